@@ -1,0 +1,1 @@
+"""Offline part: a glTF scene in, a .gsgi file out."""

@@ -1,0 +1,71 @@
+"""The record of a bake: Gaussians and how they become pixels."""
+
+from dataclasses import dataclass, field
+from enum import IntFlag
+
+import numpy as np
+
+from . import constants
+
+
+@dataclass(frozen=True)
+class Gaussians:
+    """N Gaussians in world space, activated (no logarithms, no logits).
+
+    position  (N, 3) float32, m
+    rotation  (N, 4) float32, unit quaternion xyzw; its columns are the ellipsoid's axes
+    scale     (N, 3) float32, standard deviation along each axis, m
+    opacity   (N,)   float32, [0, 1]
+    sh        (N, K, 3) float32, K = (degree + 1)^2 coefficients of linear Rec.709 demodulated indirect light
+    """
+
+    position: np.ndarray
+    rotation: np.ndarray
+    scale: np.ndarray
+    opacity: np.ndarray
+    sh: np.ndarray
+
+    def __post_init__(self):
+        n, k = len(self.position), self.sh.shape[1]
+        shapes = {"position": (n, 3), "rotation": (n, 4), "scale": (n, 3), "opacity": (n,), "sh": (n, k, 3)}
+        for name, shape in shapes.items():
+            array = getattr(self, name)
+            assert (array.shape, array.dtype) == (shape, np.float32), (name, array.shape, array.dtype, shape)
+        assert k in (1, 4, 9, 16), k
+
+    def __len__(self) -> int:
+        return len(self.position)
+
+    @property
+    def sh_degree(self) -> int:
+        """Highest SH degree: 0 to 3."""
+        return int(self.sh.shape[1] ** 0.5) - 1
+
+
+@dataclass(frozen=True)
+class Blend:
+    """Parameters of the `over` operator. Trainer and shader read the same values: they travel in the file."""
+
+    near: float  # m; Gaussians whose centre is nearer to the eye plane are not drawn
+    dilation: float = constants.DILATION  # px^2
+    alpha_min: float = constants.ALPHA_MIN
+    alpha_max: float = constants.ALPHA_MAX
+
+
+class Effects(IntFlag):
+    """What the stored light holds and how it was made: only what the scene called for."""
+
+    PUNCTUAL = 1  # bounces of point, spot and directional lights
+    EMISSIVE = 2  # emissive surfaces, their direct part included
+    ALPHA_MASK = 4  # some surfaces let light through cut-outs
+    DENOISED = 8  # the fitted views were denoised
+
+
+@dataclass(frozen=True)
+class Bake:
+    """What a .gsgi file holds. `tone_scale` is k of the loss's tone curve x / (x + k), in units of radiance."""
+
+    gaussians: Gaussians
+    blend: Blend
+    tone_scale: float = 1.0
+    effects: Effects = field(default=Effects(0))
