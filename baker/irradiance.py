@@ -1,0 +1,104 @@
+"""B, the demodulated indirect light, in camera views and at surface points.
+
+`B(x) = (1/pi) * integral of L_in(x, w) cos(theta) dw` (Kajiya 1986, "The rendering equation") without the light that
+reached x straight from a punctual light. Emissive surfaces light the scene through B completely.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from gsgi.runtime.camera import Camera
+from gsgi.runtime.scene import Scene
+
+from . import mitsuba_scene
+from .lights import PunctualLights
+
+# Samples and points of one launch. Constant, because Dr.Jit compiles anew for every other size.
+PASS_SAMPLES = 64
+LAUNCH_POINTS = 1 << 14
+
+
+@dataclass(frozen=True)
+class Surface:
+    """What a camera sees through its pixel centres, arrays (H, W, ...) float32; zeros where it sees no surface.
+
+    position (m), normal (shading normal, unit, towards the camera) and geometric_normal in world space; albedo and
+    emission linear Rec.709; depth along the camera's -Z (m); valid bool.
+    """
+
+    position: np.ndarray
+    normal: np.ndarray
+    geometric_normal: np.ndarray
+    albedo: np.ndarray
+    emission: np.ndarray
+    depth: np.ndarray
+    valid: np.ndarray
+
+
+class Tracer:
+    """Traces the light of one scene. What it returns depends on the arguments alone, not on threads or history."""
+
+    def __init__(self, scene: Scene):
+        self.scene = mitsuba_scene.build(scene)
+        self.lights = PunctualLights(scene.lights)
+        self.emitters = mitsuba_scene.has_emitters(scene)
+        self.masks = mitsuba_scene.has_masks(scene)
+
+    def surface(self, camera: Camera, width: int, height: int) -> Surface:
+        """The surfaces behind the pixel centres of an image of this size (px)."""
+        from . import paths
+
+        pinhole = camera.pinhole(width, height)
+        y, x = np.mgrid[0:height, 0:width] + 0.5
+        local = np.stack([(x - pinhole.cx) / pinhole.fx, (pinhole.cy - y) / pinhole.fy, -np.ones_like(x)], axis=-1)
+        direction = local.reshape(-1, 3) @ camera.world_from_view[:3, :3].T
+        hits = paths.first_hits(self, camera.position, direction.astype(np.float32))
+        images = {name: array.reshape(height, width, *array.shape[1:]) for name, array in hits.items()}
+        depth = (camera.position - images["position"]) @ camera.world_from_view[:3, 2]
+        return Surface(**images, depth=np.where(images["valid"], depth, 0).astype(np.float32))
+
+    def indirect(self, position, normal, geometric_normal, samples: int, seed: int, advance=None) -> np.ndarray:
+        """B at surface points: (N, 3) float32, linear Rec.709 radiance, the mean of `samples` paths per point.
+
+        position (N, 3) m, normal and geometric_normal (N, 3) unit, all float32 in world space. `samples` is rounded
+        up to whole passes of PASS_SAMPLES. `advance(points)` is called after each launch.
+        """
+        from . import paths
+
+        return self._launch(paths.mean_indirect, (position, normal, geometric_normal), samples, seed, advance)
+
+    def direct(self, position, normal, geometric_normal, samples: int, seed: int) -> np.ndarray:
+        """Light straight from the punctual lights: (N, 3) float32, such that primary = albedo * direct + emission.
+
+        Arguments as for `indirect`. With one light it is exact: the light has no extent.
+        """
+        from . import paths
+
+        if not self.lights.count:
+            return np.zeros((len(position), 3), np.float32)
+        return self._launch(paths.mean_direct, (position, normal, geometric_normal), samples, seed, None)
+
+    def _launch(self, trace: Callable, inputs: tuple, samples: int, seed: int, advance) -> np.ndarray:
+        """Mean of `trace` over whole passes, LAUNCH_POINTS points at a time."""
+        count, passes = len(inputs[0]), -(-samples // PASS_SAMPLES)
+        result = np.empty((count, 3), np.float32)
+        for first in range(0, count, LAUNCH_POINTS):
+            batch = slice(first, min(first + LAUNCH_POINTS, count))
+            padded = [_padded(array[batch]) for array in inputs]
+            total = np.zeros((LAUNCH_POINTS, 3))
+            for k in range(passes):
+                launch_seed = int(np.random.SeedSequence((seed, first, k)).generate_state(1)[0])
+                total += trace(self, *padded, PASS_SAMPLES, launch_seed)
+                if advance:
+                    advance((batch.stop - first) / passes)
+            result[batch] = (total / passes)[: batch.stop - first]
+        return result
+
+
+def _padded(array: np.ndarray) -> np.ndarray:
+    """(n, 3) -> (LAUNCH_POINTS, 3) float32; points added have normal 0, at which no path starts."""
+    result = np.zeros((LAUNCH_POINTS, 3), np.float32)
+    result[: len(array)] = array
+    return result

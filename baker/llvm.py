@@ -1,0 +1,50 @@
+"""Find the LLVM that Mitsuba compiles its kernels with: one that works, since others abort the process."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+from gsgi.runtime.errors import UnsupportedError
+
+# LLVM 15 and 16 abort in code generation (fmaximum) and 14 is refused; 17 and 18 are untested.
+VERSION_MIN = 19
+
+_FOLDERS = ("/usr/lib/x86_64-linux-gnu", "/usr/lib/aarch64-linux-gnu", "/usr/lib64", "/usr/lib", "/usr/local/lib")
+_NAME = re.compile(r"libLLVM(?:-(\d+)\.so(?:\.\d+)?|\.so\.(\d+)(?:\.\d+)*)$")
+_PROBE = "import drjit as dr; from drjit.llvm import Float; print(dr.sum(dr.maximum(Float(1, 2), 0))[0])"
+
+
+def libraries() -> list[tuple[int, Path]]:
+    """(major version, path) of each libLLVM in the system's library folders, newest first."""
+    folders = [*map(Path, _FOLDERS), *Path("/usr/lib").glob("llvm-*/lib")]
+    found = {}
+    for path in (file for folder in folders if folder.is_dir() for file in folder.glob("libLLVM*.so*")):
+        if match := _NAME.match(path.name):
+            found[path.resolve()] = int(match[1] or match[2])
+    return sorted(((version, path) for path, version in found.items()), reverse=True)
+
+
+def works(path: Path) -> bool:
+    """Whether a child process can compile and run a kernel with this libLLVM."""
+    environment = os.environ | {"DRJIT_LIBLLVM_PATH": str(path)}
+    run = subprocess.run([sys.executable, "-c", _PROBE], env=environment, capture_output=True, timeout=60)
+    return run.returncode == 0 and run.stdout.strip() == b"3.0"
+
+
+def select() -> Path:
+    """Point DRJIT_LIBLLVM_PATH at the newest LLVM that works, unless it is set; call before Mitsuba is imported.
+
+    Raises UnsupportedError when there is none.
+    """
+    if chosen := os.environ.get("DRJIT_LIBLLVM_PATH"):
+        return Path(chosen)
+    for version, path in libraries():
+        if version >= VERSION_MIN and works(path):
+            os.environ["DRJIT_LIBLLVM_PATH"] = str(path)
+            return path
+    raise UnsupportedError(
+        f"no libLLVM >= {VERSION_MIN} works here and path tracing needs one: apt-get install libllvm19 "
+        "(or set DRJIT_LIBLLVM_PATH)"
+    )
