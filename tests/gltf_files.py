@@ -1,0 +1,103 @@
+"""Small glTF files for tests of the reader."""
+
+import copy
+import json
+import struct
+import zlib
+from pathlib import Path
+
+import numpy as np
+
+POSITION = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], "<f4")
+NORMAL = np.tile(np.array([0, 0, 1], "<f4"), (4, 1))
+UV = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], "<f4")
+INDEX = np.array([0, 1, 2, 0, 2, 3], "<u2")
+
+
+def png(pixels) -> bytes:
+    """(H, W, 4) values as a PNG file."""
+    pixels = np.array(pixels, np.uint8)
+    header = b"IHDR" + struct.pack(">IIBBBBB", pixels.shape[1], pixels.shape[0], 8, 6, 0, 0, 0)
+    chunks = (header, b"IDAT" + zlib.compress(b"".join(b"\0" + row.tobytes() for row in pixels)), b"IEND")
+    body = (struct.pack(">I", len(c) - 4) + c + struct.pack(">I", zlib.crc32(c)) for c in chunks)
+    return b"\x89PNG\r\n\x1a\n" + b"".join(body)
+
+
+PIXELS = [[[255, 0, 0, 10], [0, 255, 0, 200]], [[0, 0, 255, 255], [9, 8, 7, 0]], [[1, 2, 3, 4], [5, 6, 7, 8]]]
+BLOBS = (POSITION, NORMAL, UV, INDEX, np.frombuffer(png(PIXELS), np.uint8))
+
+
+def pack(blobs) -> tuple[bytes, list[dict]]:
+    """The blobs behind each other, 4-byte aligned, and a bufferView for each."""
+    data, views = b"", []
+    for blob in blobs:
+        views.append({"buffer": 0, "byteOffset": len(data), "byteLength": blob.nbytes})
+        data += blob.tobytes() + b"\0" * (-blob.nbytes % 4)
+    return data, views
+
+
+def accessor(view: int, component: int, count: int, kind: str, **fields) -> dict:
+    return {"bufferView": view, "componentType": component, "count": count, "type": kind, **fields}
+
+
+def quad_scene(blobs=BLOBS) -> tuple[dict, bytes]:
+    """A textured unit square in the plane z = 0 that faces +Z: JSON and the BIN chunk."""
+    data, views = pack(blobs)
+    attributes = {"POSITION": 0, "NORMAL": 1, "TEXCOORD_0": 2}
+    matter = {"baseColorFactor": [0.5, 0.25, 1, 1], "baseColorTexture": {"index": 0}, "metallicFactor": 0.25}
+    return {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"name": "quad", "mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": attributes, "indices": 3, "material": 0}]}],
+        "materials": [{"name": "paint", "pbrMetallicRoughness": matter}],
+        "textures": [{"source": 0, "sampler": 0}],
+        "samplers": [{"wrapS": 33071, "wrapT": 33648}],
+        "images": [{"bufferView": 4, "mimeType": "image/png"}],
+        "accessors": [
+            accessor(0, 5126, 4, "VEC3"),
+            accessor(1, 5126, 4, "VEC3"),
+            accessor(2, 5126, 4, "VEC2"),
+            accessor(3, 5123, 6, "SCALAR"),
+        ],
+        "bufferViews": views,
+        "buffers": [{"byteLength": len(data)}],
+    }, data
+
+
+def encode(document: dict, data: bytes) -> bytes:
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(data), b"BIN\0") + data
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+def with_nodes(*entries: dict, **top) -> tuple[dict, bytes]:
+    """The quad's scene with other nodes, the first one as root."""
+    document, data = quad_scene()
+    return {**document, "nodes": list(entries), **top}, data
+
+
+def put(document: dict, pointer: str, value) -> dict:
+    """The document with the value at a JSON pointer; made where it is absent."""
+    document = copy.deepcopy(document)
+    *parents, last = pointer.strip("/").split("/")
+    place = document
+    for key in parents:
+        place = place[int(key)] if isinstance(place, list) else place.setdefault(key, {})
+    place[int(last) if isinstance(place, list) else last] = value
+    return document
+
+
+def lit(light: dict, **node) -> tuple[dict, bytes]:
+    """The quad with one light on a child of a node that is moved by (0, 0, 5) and scaled by 2."""
+    use = {"extensions": {"KHR_lights_punctual": {"light": 0}}, **node}
+    parent = {"mesh": 0, "translation": [0, 0, 5], "scale": [2, 2, 2], "children": [1]}
+    return with_nodes(parent, use, extensions={"KHR_lights_punctual": {"lights": [light]}})
+
+
+def write(path: Path, document: dict | bytes, data: bytes = b"") -> Path:
+    """Write JSON and BIN chunk as a GLB, or ready bytes."""
+    path.write_bytes(document if isinstance(document, bytes) else encode(document, data))
+    return path
