@@ -1,0 +1,151 @@
+"""Write the sample scenes of samples/scenes/. The same bytes on every run: a test compares them.
+
+python samples/make_scenes.py
+"""
+
+from pathlib import Path
+
+import numpy as np
+from glb_writer import Glb, face_normal
+
+FOLDER = Path(__file__).parent / "scenes"
+
+# The Cornell box, https://www.graphics.cornell.edu/online/box/data.html, in mm; y is up, the camera at
+# (278, 273, -800) looks along +z, where x runs to the left.
+CORNELL_WALLS = {
+    "floor": ("white", [(552.8, 0, 0), (0, 0, 0), (0, 0, 559.2), (549.6, 0, 559.2)]),
+    "ceiling": ("white", [(556, 548.8, 0), (556, 548.8, 559.2), (0, 548.8, 559.2), (0, 548.8, 0)]),
+    "back wall": ("white", [(549.6, 0, 559.2), (0, 0, 559.2), (0, 548.8, 559.2), (556, 548.8, 559.2)]),
+    "right wall": ("green", [(0, 0, 559.2), (0, 0, 0), (0, 548.8, 0), (0, 548.8, 559.2)]),
+    "left wall": ("red", [(552.8, 0, 0), (549.6, 0, 559.2), (556, 548.8, 559.2), (556, 548.8, 0)]),
+}
+CORNELL_BLOCKS = {  # corners of the base, height
+    "short block": ([(130, 65), (82, 225), (240, 272), (290, 114)], 165),
+    "tall block": ([(423, 247), (265, 296), (314, 456), (472, 406)], 330),
+}
+CORNELL_LIGHT = [(343, 548.8, 227), (343, 548.8, 332), (213, 548.8, 332), (213, 548.8, 227)]
+CORNELL_YFOV = 2 * np.arctan(0.0125 / 0.035)  # film 25 mm, focal length 35 mm
+REFLECTANCE = {"white": (0.73, 0.73, 0.73), "red": (0.65, 0.05, 0.05), "green": (0.12, 0.45, 0.15)}
+
+
+def facing(quad: np.ndarray, point: np.ndarray, away: bool = False) -> np.ndarray:
+    """The rectangle turned so that its front faces a point, or away from it."""
+    quad = np.asarray(quad, float)
+    front = ((np.asarray(point) - quad.mean(axis=0)) * face_normal(quad)).sum() > 0
+    return quad if front != away else quad[::-1]
+
+
+def box(low, high, inward: bool = False) -> list[np.ndarray]:
+    """The six sides of an axis-aligned box, facing out or in."""
+    x, y, z = np.transpose([low, high])
+    sides = [[(a, y[0], z[0]), (a, y[1], z[0]), (a, y[1], z[1]), (a, y[0], z[1])] for a in x]
+    sides += [[(x[0], a, z[0]), (x[1], a, z[0]), (x[1], a, z[1]), (x[0], a, z[1])] for a in y]
+    sides += [[(x[0], y[0], a), (x[1], y[0], a), (x[1], y[1], a), (x[0], y[1], a)] for a in z]
+    middle = np.add(low, high) / 2
+    return [facing(side, middle, away=not inward) for side in sides]
+
+
+def from_cornell(points) -> np.ndarray:
+    """Cornell's mm to metres, half a turn about y: x to the right, the room's opening at z = 0."""
+    return (np.asarray(points, float) * (-1, 1, -1) + (278, 0, 0)) / 1000
+
+
+def cornell_room(glb: Glb):
+    """Walls that face in, blocks that face out, two cameras."""
+    materials = {name: glb.material(name, color) for name, color in REFLECTANCE.items()}
+    centre = from_cornell((278, 274, 280))
+    for name, (color, corners) in CORNELL_WALLS.items():
+        glb.solid(name, [facing(from_cornell(corners), centre)], materials[color])
+    for name, (base, height) in CORNELL_BLOCKS.items():
+        low = from_cornell([(x, 0, z) for x, z in base])
+        high = from_cornell([(x, height, z) for x, z in base])
+        sides = [(low[i - 1], low[i], high[i], high[i - 1]) for i in range(4)]
+        middle = (low + high).mean(axis=0) / 2
+        quads = [facing(quad, middle, away=True) for quad in [high, *sides]]  # no bottom: it lies on the floor
+        glb.solid(name, quads, materials["white"])
+    glb.camera("front", from_cornell((278, 273, -800)), from_cornell((278, 273, 0)), CORNELL_YFOV)
+    glb.camera("corner", (-0.2, 0.46, -0.01), (0.03, 0.13, -0.38), 1.35)
+
+
+def cornell() -> Glb:
+    """Lit by one spot below the middle of the ceiling; the ceiling itself gets no direct light."""
+    glb = Glb()
+    cornell_room(glb)
+    place = from_cornell(CORNELL_LIGHT).mean(axis=0) - (0, 0.005, 0)
+    down = (-0.7071068, 0, 0, 0.7071068)  # a quarter turn about x: -Z to -Y
+    cone = {"innerConeAngle": round(np.radians(55), 7), "outerConeAngle": round(np.radians(75), 7)}
+    color = [1, 0.9, 0.75]
+    glb.light("ceiling spot", place.round(7).tolist(), down, type="spot", color=color, intensity=1.2, spot=cone)
+    return glb
+
+
+def cornell_emissive() -> Glb:
+    """Lit by the ceiling's light quad, no punctual light."""
+    glb = Glb()
+    cornell_room(glb)
+    lamp = glb.material("lamp", (0.78, 0.78, 0.78), **glb.emission(15))
+    quad = from_cornell(CORNELL_LIGHT) - (0, 0.001, 0)  # 1 mm below the ceiling: not in one plane with it
+    glb.solid("lamp", [facing(quad, from_cornell((278, 0, 280)))], lamp)
+    return glb
+
+
+def two_rooms() -> Glb:
+    """A bright and a dark room, each closed, 2 cm apart: light that shows in the dark one has leaked."""
+    glb = Glb()
+    plaster, wood = glb.material("plaster", (0.75, 0.72, 0.68)), glb.material("wood", (0.5, 0.3, 0.15))
+    bright = glb.solid("bright room", box((-4, 0, -3), (-0.01, 2.5, 0), inward=True), plaster)
+    dark = glb.solid("dark room", box((0.01, 0, -3), (4, 2.5, 0), inward=True), plaster)
+    glb.light("bulb", [-2.2, 2.0, -1.4], type="point", color=[1, 0.85, 0.65], intensity=6, range=8)
+
+    squares = np.indices((8, 8)).sum(axis=0)[..., None] % 2
+    checker = np.where(squares, [230, 220, 200], [150, 40, 30]).astype(np.uint8)
+    rug = glb.material("rug", (1, 1, 1), texture=glb.texture(checker))
+    sheet = np.array([(-0.8, 0, 0.6), (0.8, 0, 0.6), (0.8, 0, -0.6), (-0.8, 0, -0.6)])
+    on_floor = glb.node("rug", root=False, mesh=glb.mesh("rug", [sheet], rug, 2), translation=[-2.4, 0.005, -1.2])
+
+    holes = np.full((8, 8, 4), (90, 120, 160, 255), np.uint8)
+    holes[2:6, 2:6, 3] = 0
+    masked = {"alphaMode": "MASK", "alphaCutoff": 0.5, "doubleSided": True}
+    lattice = glb.material("lattice", (1, 1, 1), texture=glb.texture(holes), **masked)
+    upright = np.array([(-0.5, 0, 0), (0.5, 0, 0), (0.5, 1.6, 0), (-0.5, 1.6, 0)])
+    screen = glb.node("screen", root=False, mesh=glb.mesh("screen", [upright], lattice, 4))
+    turned = glb.node("screen place", root=False, translation=[-1.0, 0, -1.6], rotation=[0, 0.6, 0, 0.8])
+    glb.json["nodes"][turned]["children"] = [screen]
+
+    # A table that is its own mirror image: two legs and half of the top, twice, the second time with x negated.
+    half = box((0, 0.68, -0.3), (0.5, 0.72, 0.3)) + [
+        side for z in (-0.26, 0.2) for side in box((0.4, 0, z), (0.46, 0.68, z + 0.06))
+    ]
+    table_half = glb.mesh("table half", half, wood)
+    for room, place in ((bright, [-3.2, 0, -2.2]), (dark, [1.6, 0, -1.6])):
+        right = glb.node("table right half", root=False, mesh=table_half)
+        left = glb.node("table left half", root=False, mesh=table_half, scale=[-1, 1, 1])
+        table = glb.node("table", root=False, children=[right, left], translation=place)
+        glb.json["nodes"][room]["children"] = [table]
+    glb.json["nodes"][bright]["children"] += [on_floor, turned]
+
+    glb.camera("bright", (-0.4, 1.7, -0.3), (-3.0, 0.6, -2.0), 1.1)
+    glb.camera("dark", (3.6, 1.7, -0.3), (0.8, 0.7, -2.0), 1.1)
+    return glb
+
+
+def furnace() -> Glb:
+    """A closed box of albedo 0.5 whose walls emit 1: radiance 2 everywhere, 1 of it indirect light."""
+    glb = Glb()
+    wall = glb.material("wall", (0.5, 0.5, 0.5), **glb.emission(1))
+    glb.solid("walls", box((-1, -1, -1), (1, 1, 1), inward=True), wall)
+    glb.camera("inside", (0.2, 0.1, 0.7), (0, -0.2, -1), 1)
+    return glb
+
+
+def make_scenes() -> dict[str, bytes]:
+    """The file's bytes for each file name."""
+    makers = (cornell, cornell_emissive, two_rooms, furnace)
+    return {f"{maker.__name__}.glb": maker().encode() for maker in makers}
+
+
+if __name__ == "__main__":
+    FOLDER.mkdir(exist_ok=True)
+    for name, data in make_scenes().items():
+        (FOLDER / name).write_bytes(data)
+        print(f"{name}: {len(data)} bytes")
