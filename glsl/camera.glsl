@@ -1,0 +1,16 @@
+// Pinhole camera: view space looks down -Z, pixel rows go down, pixel centres lie at +0.5.
+
+// gl_FragCoord counts rows upwards; `height` in px.
+vec2 pixel_from_fragment(vec2 fragment, float height) {
+    return vec2(fragment.x, height - fragment.y);
+}
+
+// `depth` = -z in m; `focal` and `centre` in px.
+vec3 view_from_pixel(vec2 pixel, float depth, vec2 focal, vec2 centre) {
+    vec2 slope = (pixel - centre) / focal;
+    return depth * vec3(slope.x, -slope.y, -1.0);
+}
+
+vec2 pixel_from_view(vec3 position, vec2 focal, vec2 centre) {
+    return centre + focal * vec2(position.x, -position.y) / -position.z;
+}

@@ -1,0 +1,82 @@
+"""Headless OpenGL contexts: the only place that creates one."""
+
+import ctypes
+import ctypes.util
+
+import moderngl
+
+from .errors import UnsupportedError
+
+REQUIRED_VERSION = 330
+_ADVICE = "install Mesa's drivers (Debian: libegl1 libgl1-mesa-dri, or libosmesa6)"
+
+# GL/osmesa.h: FORMAT RGBA, DEPTH_BITS 0, PROFILE CORE, version 3.3, end.
+_OSMESA_ATTRIBUTES = (0x22, 0x1908, 0x30, 0, 0x33, 0x34, 0x36, REQUIRED_VERSION // 100, 0x37, 3, 0)
+_GL_UNSIGNED_BYTE = 0x1401
+
+
+class OSMesa:
+    """Mesa's off-screen context in the shape that `moderngl.create_context(context=...)` accepts.
+
+    Everything is drawn into framebuffer objects: its own buffer is one pixel that nobody reads.
+    """
+
+    def __init__(self):
+        name = ctypes.util.find_library("OSMesa") or "libOSMesa.so.8"
+        self.library = ctypes.CDLL(name)
+        pointer, integer = ctypes.c_void_p, ctypes.c_int
+        for function, result, arguments in (
+            ("OSMesaCreateContextAttribs", pointer, [ctypes.POINTER(integer), pointer]),
+            ("OSMesaMakeCurrent", ctypes.c_ubyte, [pointer, pointer, ctypes.c_uint, integer, integer]),
+            ("OSMesaGetProcAddress", pointer, [ctypes.c_char_p]),
+            ("OSMesaDestroyContext", None, [pointer]),
+        ):
+            getattr(self.library, function).restype = result
+            getattr(self.library, function).argtypes = arguments
+        attributes = (integer * len(_OSMESA_ATTRIBUTES))(*_OSMESA_ATTRIBUTES)
+        self.handle = self.library.OSMesaCreateContextAttribs(attributes, None)
+        if not self.handle:
+            raise OSError(f"{name} has no OpenGL 3.3 core profile")
+        self.pixel = (ctypes.c_ubyte * 4)()
+        self.__enter__()
+
+    def load_opengl_function(self, name: str) -> int:
+        """Address of a GL function, 0 if there is none."""
+        return self.library.OSMesaGetProcAddress(name.encode()) or 0
+
+    load = load_opengl_function
+
+    def __enter__(self):
+        assert self.library.OSMesaMakeCurrent(self.handle, self.pixel, _GL_UNSIGNED_BYTE, 1, 1)
+        return self
+
+    def __exit__(self, *_):
+        pass
+
+    def release(self):
+        """Destroy the context. Calling it twice is harmless."""
+        if self.handle:
+            self.library.OSMesaDestroyContext(self.handle)
+        self.handle = None
+
+
+def create_context(backend: str = "auto") -> moderngl.Context:
+    """OpenGL 3.3 core context without a window: `backend` "egl", "osmesa" or "auto" (EGL, then OSMesa).
+
+    The context becomes current; `with ctx:` makes it current again after another one was used. Raises
+    UnsupportedError that says what was tried and what to install.
+    """
+    names = {"auto": ("egl", "osmesa"), "egl": ("egl",), "osmesa": ("osmesa",)}[backend]
+    reasons = []
+    for name in names:
+        try:
+            source = {"backend": "egl"} if name == "egl" else {"context": OSMesa()}
+            return moderngl.create_context(standalone=True, require=REQUIRED_VERSION, **source)
+        except Exception as error:  # moderngl raises bare Exception
+            reasons.append(f"{name}: {' '.join(str(error).split())}")
+    raise UnsupportedError(f"no OpenGL 3.3 context ({'; '.join(reasons)}); {_ADVICE}")
+
+
+def renderer_string(ctx: moderngl.Context) -> str:
+    """The driver in one line, such as "llvmpipe (LLVM 15.0.6, 256 bits), 4.5 (Core Profile) Mesa 22.3.6"."""
+    return f"{ctx.info['GL_RENDERER']}, {ctx.info['GL_VERSION']}"

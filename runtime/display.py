@@ -1,0 +1,53 @@
+"""Linear light to display-referred colour: exposure, tone curve, 8 bits."""
+
+import numpy as np
+
+from . import constants
+
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear Rec.709 (ITU-R BT.709-6)
+
+
+def auto_exposure(linear: np.ndarray) -> float:
+    """Factor that brings the log-average of an image to mid-grey.
+
+    `linear` (H, W, 3), radiance. Pixels that are black or not finite do not count; an image without others gives 1.
+    Reinhard et al. 2002, "Photographic Tone Reproduction for Digital Images".
+    """
+    luminance = linear.astype(np.float64) @ _LUMINANCE
+    lit = luminance[np.isfinite(luminance) & (luminance > 0)]
+    return float(constants.MID_GREY / np.exp(np.log(lit).mean())) if lit.size else 1.0
+
+
+def tone_map(linear: np.ndarray, exposure: float) -> np.ndarray:
+    """Radiance (H, W, 3) to display-referred sRGB (H, W, 3) float32 in [0, 1].
+
+    Khronos 2024, "Khronos PBR Neutral Tone Mapper", then the sRGB transfer function; same as glsl/tonemap.glsl.
+    Negative counts as 0, infinite as the largest half float, NaN as 0.
+    """
+    color = np.clip(np.nan_to_num(np.asarray(linear, np.float64) * exposure), 0, constants.HALF_MAX)
+    return _srgb(_neutral(color)).astype(np.float32)
+
+
+def to_uint8(display: np.ndarray) -> np.ndarray:
+    """Display-referred values in [0, 1] to uint8, rounded to nearest."""
+    return (np.clip(display, 0, 1) * 255 + 0.5).astype(np.uint8)
+
+
+def _neutral(color: np.ndarray) -> np.ndarray:
+    f90 = constants.NEUTRAL_F90
+    lowest = color.min(axis=-1, keepdims=True)
+    color = color - np.where(lowest < 2 * f90, lowest - lowest**2 / (4 * f90), f90)
+    start = constants.NEUTRAL_START - f90
+    room = 1 - start
+    peak = color.max(axis=-1, keepdims=True)
+    bent = np.maximum(peak, start)
+    new_peak = 1 - room**2 / (bent + room - start)
+    white = 1 - 1 / (constants.NEUTRAL_DESATURATION * (bent - new_peak) + 1)
+    compressed = color * (new_peak / bent)
+    return np.where(peak < start, color, compressed + (new_peak - compressed) * white)
+
+
+def _srgb(color: np.ndarray) -> np.ndarray:
+    # IEC 61966-2-1:1999
+    high = 1.055 * np.maximum(color, 0.0031308) ** (1 / 2.4) - 0.055
+    return np.where(color <= 0.0031308, 12.92 * color, high)

@@ -1,0 +1,69 @@
+"""G-buffer: what is seen through each pixel."""
+
+import moderngl
+import numpy as np
+
+from .camera import Camera
+from .geometry import Batch, Geometry
+from .shader import program, set_uniforms
+
+
+class GBuffer:
+    """Targets of (width, height) px, all linear:
+
+    albedo    RGBA16F  base colour * (1 - metallic); a = 1 on surfaces
+    normal    RGBA16F  octahedral, world space: xy shading normal, zw the triangle's normal, both towards the camera
+    emission  RGBA16F  radiance; where primary light starts from
+    depth     R32F     distance along the view axis, m; 0 = no surface
+    """
+
+    def __init__(self, ctx: moderngl.Context, geometry: Geometry, size: tuple[int, int]):
+        self.ctx, self.geometry, self.size = ctx, geometry, size
+        self.albedo, self.normal, self.emission = (ctx.texture(size, 4, dtype="f2") for _ in range(3))
+        self.depth = ctx.texture(size, 1, dtype="f4")
+        self._nearest = ctx.depth_renderbuffer(size)
+        targets = [self.albedo, self.normal, self.emission, self.depth]
+        self._target = ctx.framebuffer(targets, self._nearest)
+        self._programs: dict[tuple, moderngl.Program] = {}
+        self._draws = [(batch, self._vertex_array(batch)) for batch in geometry.batches]
+
+    def draw(self, camera: Camera) -> None:
+        """Fill all targets."""
+        self._target.use()
+        self._target.clear()
+        frame = {
+            "view_from_world": camera.view_from_world,
+            "clip_from_view": camera.clip_from_view(self.size[0] / self.size[1]),
+            "eye": camera.position,
+        }
+        for batch, triangles in self._draws:
+            material = batch.material
+            culling = 0 if material.double_sided else moderngl.CULL_FACE
+            self.ctx.enable_only(moderngl.DEPTH_TEST | culling)
+            set_uniforms(triangles.program, **frame, **self._surface(batch))
+            triangles.render()
+
+    def release(self) -> None:
+        """Free the GPU memory."""
+        resources = [self.albedo, self.normal, self.emission, self.depth, self._nearest, self._target]
+        for resource in [t for _, t in self._draws] + list(self._programs.values()) + resources:
+            resource.release()
+
+    def _vertex_array(self, batch: Batch) -> moderngl.VertexArray:
+        features = batch.features()
+        key = tuple(features.values())
+        if key not in self._programs:
+            self._programs[key] = program(self.ctx, "gbuffer", **features)
+        return batch.vertex_array(self._programs[key])
+
+    def _surface(self, batch: Batch) -> dict:
+        material = batch.material
+        diffuse = np.array(material.base_color)
+        diffuse[:3] *= 1 - material.metallic
+        return {
+            "base_color": diffuse,
+            "emission": material.emission,
+            "alpha_cutoff": 0.0 if material.alpha_cutoff is None else material.alpha_cutoff,
+            **self.geometry.bind("base", material.base_color_texture, 0),
+            **self.geometry.bind("emission", material.emission_texture, 1),
+        }

@@ -1,0 +1,96 @@
+"""The deferred frame: G-buffer, primary light, splats, composite, in this order."""
+
+import moderngl
+import numpy as np
+
+from .camera import Camera
+from .composite import Composite, Display
+from .gaussians import Bake
+from .gbuffer import GBuffer
+from .geometry import Geometry
+from .primary import Primary
+from .scene import Scene
+from .shadow import Shadow
+from .splat import Splats
+
+LAYERS = ("final", "primary", "indirect", "albedo", "normal", "depth")
+
+
+class DeferredRenderer:
+    """Draws `scene` with the indirect light of `bake` into targets of `width` x `height` px of its own.
+
+    Only what the scene calls for is made: no bake, no splats and no composite; no lights, no shadows. Leaves the
+    framebuffer, blending, depth test and culling of `ctx` changed. Raises UnsupportedError for textures or Gaussians
+    that the driver cannot hold.
+    """
+
+    def __init__(self, ctx: moderngl.Context, scene: Scene, bake: Bake | None, width: int, height: int):
+        size = (width, height)
+        self.geometry = Geometry(ctx, scene)
+        self.gbuffer = GBuffer(ctx, self.geometry, size)
+        self.shadow = self.primary = self.splats = self.composite = None
+        if scene.lights and self.geometry.batches:
+            self.shadow = Shadow(ctx, self.geometry, scene.bounds())
+            self.primary = Primary(ctx, self.gbuffer, self.shadow, scene.lights)
+        if bake is not None:
+            self.splats = Splats(ctx, bake, size)
+            self.composite = Composite(ctx, self.gbuffer, self.splats.indirect)
+        # Light passes add to the G-buffer's emission: afterwards that target holds primary light.
+        self._final = self.composite.radiance if self.composite else self.gbuffer.emission
+        self._display = Display(ctx, self._final)
+
+    def render(self, camera: Camera) -> None:
+        """Draw one frame."""
+        self.gbuffer.draw(camera)
+        if self.primary:
+            self.primary.draw(camera)
+        if self.splats:
+            self.splats.draw(camera)
+            self.composite.draw()
+
+    def read(self, layer: str) -> np.ndarray:
+        """A layer of the last frame, row 0 on top, float32: "depth" (H, W), the others (H, W, 3).
+
+        "final", "primary": radiance; "indirect": B, 0 where there is no surface; "albedo"; "normal": world space,
+        unit, 0 where there is no surface; "depth": distance along the view axis, m, 0 where there is no surface.
+        """
+        assert layer in LAYERS, layer
+        depth = _pixels(self.gbuffer.depth)[..., 0]
+        if layer == "depth":
+            return depth
+        if layer == "normal":
+            return _decode_octahedral(_pixels(self.gbuffer.normal)[..., :2]) * (depth > 0)[..., None]
+        if layer == "indirect":
+            if not self.splats:
+                return np.zeros((*depth.shape, 3), np.float32)
+            return np.where(depth[..., None] > 0, _pixels(self.splats.indirect)[..., :3], np.float32(0))
+        textures = {"final": self._final, "primary": self.gbuffer.emission, "albedo": self.gbuffer.albedo}
+        return _pixels(textures[layer])[..., :3]
+
+    def display(self, exposure: float) -> np.ndarray:
+        """The last frame under `exposure` and the tone curve: (H, W, 3) uint8 sRGB, row 0 on top."""
+        self._display.draw(exposure)
+        return _pixels(self._display.color)[..., :3]
+
+    def release(self) -> None:
+        """Free the GPU memory."""
+        parts = self._display, self.composite, self.splats, self.primary, self.shadow, self.gbuffer, self.geometry
+        for part in parts:
+            if part is not None:
+                part.release()
+
+
+def _pixels(texture: moderngl.Texture) -> np.ndarray:
+    """(H, W, C) in the texture's type (halves as float32), row 0 on top."""
+    width, height = texture.size
+    raw = np.frombuffer(texture.read(alignment=1), {"f1": "u1", "f2": "f2", "f4": "f4"}[texture.dtype])
+    image = raw.reshape(height, width, texture.components)[::-1]
+    return np.ascontiguousarray(image, np.uint8 if texture.dtype == "f1" else np.float32)
+
+
+def _decode_octahedral(p: np.ndarray) -> np.ndarray:
+    """Inverse of glsl/octahedral.glsl: (..., 2) to unit (..., 3) float32."""
+    z = 1 - np.abs(p).sum(axis=-1, keepdims=True)
+    folded = (1 - np.abs(p[..., ::-1])) * np.where(p >= 0, 1, -1)
+    n = np.concatenate([np.where(z < 0, folded, p), z], axis=-1)
+    return (n / np.linalg.norm(n, axis=-1, keepdims=True)).astype(np.float32)

@@ -1,0 +1,30 @@
+"""Fixtures that need a machine: OpenGL contexts."""
+
+import subprocess
+import sys
+
+import pytest
+
+from gsgi.runtime.context import create_context
+from gsgi.runtime.errors import UnsupportedError
+
+
+@pytest.fixture(scope="session")
+def gl():
+    """A headless EGL context, current in this process. Skips where there is none."""
+    try:
+        ctx = create_context("egl")
+    except UnsupportedError as error:
+        pytest.skip(str(error))
+    yield ctx
+    ctx.release()
+
+
+@pytest.fixture(scope="session")
+def backends() -> tuple[str, ...]:
+    """Names of the backends that work here. Asked in child processes: one process should hold one kind of context."""
+    probe = "import sys; from gsgi.runtime.context import create_context; create_context(sys.argv[1])"
+    names = ("egl", "osmesa")
+    return tuple(
+        n for n in names if not subprocess.run([sys.executable, "-c", probe, n], capture_output=True).returncode
+    )

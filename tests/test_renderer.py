@@ -1,0 +1,143 @@
+"""The whole deferred frame."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import oracle
+import pytest
+import scenes
+
+from gsgi.runtime.display import to_uint8, tone_map
+from gsgi.runtime.gaussians import Bake, Blend
+from gsgi.runtime.renderer import LAYERS, DeferredRenderer
+from gsgi.runtime.scene import Light, Material, Mesh, Scene, Texture
+
+WIDTH, HEIGHT = 96, 64
+
+
+def full_scene() -> Scene:
+    """A box with a masked, textured block, a lamp, and one light of each kind: every pass has work."""
+    pixels = np.random.default_rng(0).integers(0, 256, (8, 8, 4), np.uint8)
+    materials = (
+        scenes.WHITE,
+        Material("leaf", base_color_texture=0, alpha_cutoff=0.3, double_sided=True),
+        Material("lamp", emission=(2.0, 1.5, 1.0), emission_texture=0),
+    )
+    block = [
+        Mesh(m.position - np.float32([0, 0.7, 0.4]), m.normal, m.uv, m.triangle, 1)
+        for m in scenes.box(0.3, inward=False)
+    ]
+    lamp = scenes.quad([(-0.3, 0.3, -0.99), (0.3, 0.3, -0.99), (0.3, 0.6, -0.99), (-0.3, 0.6, -0.99)], 2)
+    down = np.array([0.1, -0.99, 0.1]) / np.linalg.norm([0.1, -0.99, 0.1])
+    lights = (
+        Light("point", np.array([1.0, 0.9, 0.8]), np.array([0.5, 0.6, 0.2]), down),
+        Light("spot", np.array([2.0, 0.0, 3.0]), np.array([-0.6, 0.9, 0.3]), down, 4.0, 0.95, 0.7),
+        Light("directional", np.array([0.2, 0.3, 0.4]), np.zeros(3), down),
+    )
+    walls = [wall for wall in scenes.box() if wall.normal[0, :2].min() > -0.5]  # no ceiling, no right wall
+    return Scene((*walls, *block, lamp), materials, (Texture(pixels, ("mirror", "repeat")),), lights)
+
+
+def bake() -> Bake:
+    return Bake(oracle.random_gaussians(500, 2, seed=1), Blend(near=0.1))
+
+
+def render(ctx, scene, baked, exposure=1.0) -> dict[str, np.ndarray]:
+    renderer = DeferredRenderer(ctx, scene, baked, WIDTH, HEIGHT)
+    renderer.render(scenes.inside_camera())
+    layers = {layer: renderer.read(layer) for layer in LAYERS} | {"display": renderer.display(exposure)}
+    renderer.release()
+    return layers
+
+
+def test_layers_have_the_documented_shapes(gl):
+    layers = render(gl, full_scene(), bake())
+    assert layers["depth"].shape == (HEIGHT, WIDTH)
+    for name in set(LAYERS) - {"depth"}:
+        assert layers[name].shape == (HEIGHT, WIDTH, 3), name
+        assert layers[name].dtype == np.float32, name
+        assert np.isfinite(layers[name]).all(), name
+        assert layers[name].any(), name
+    assert layers["display"].dtype == np.uint8
+    assert layers["display"].shape == (HEIGHT, WIDTH, 3)
+
+
+def test_the_final_image_is_primary_plus_albedo_times_indirect(gl):
+    layers = render(gl, full_scene(), bake())
+    expected = layers["primary"] + layers["albedo"] * layers["indirect"]
+    assert np.allclose(layers["final"], expected, rtol=2e-3, atol=1e-5)
+
+
+def test_the_display_is_the_tone_mapped_final_image(gl):
+    layers = render(gl, full_scene(), bake(), exposure=2.5)
+    expected = to_uint8(tone_map(layers["final"], 2.5)).astype(int)
+    assert np.abs(layers["display"] - expected).max() <= 1
+
+
+def test_indirect_is_the_splat_of_the_oracle_where_there_is_a_surface(gl):
+    baked = bake()
+    layers = render(gl, full_scene(), baked)
+    expected, _ = oracle.splat(baked.gaussians, scenes.inside_camera().pinhole(WIDTH, HEIGHT), baked.blend)
+    surface = layers["depth"] > 0
+    assert not surface.all()
+    assert np.abs(layers["indirect"] - expected)[surface].max() < 2 / 255 * 2
+    assert not layers["indirect"][~surface].any()
+    assert not layers["final"][~surface].any()
+
+
+def test_what_the_scene_lacks_is_not_made(gl):
+    dark = DeferredRenderer(gl, scenes.furnace(), None, 8, 8)
+    assert (dark.shadow, dark.primary, dark.splats, dark.composite) == (None, None, None, None)
+    dark.render(scenes.inside_camera())
+    assert (dark.read("final") == 1).all()
+    assert not dark.read("indirect").any()
+    dark.release()
+
+
+def test_a_scene_without_triangles_is_black(gl):
+    layers = render(gl, Scene((), (), lights=full_scene().lights), bake())
+    for name, layer in layers.items():
+        assert not layer.any(), name
+
+
+def test_a_second_frame_does_not_see_the_first(gl):
+    first = render(gl, full_scene(), bake())
+    renderer = DeferredRenderer(gl, full_scene(), bake(), WIDTH, HEIGHT)
+    renderer.render(scenes.above_camera())
+    renderer.display(1.0)
+    renderer.render(scenes.inside_camera())
+    for name in LAYERS:
+        assert np.array_equal(renderer.read(name), first[name]), name
+    renderer.release()
+
+
+def test_size_may_be_odd(gl):
+    renderer = DeferredRenderer(gl, full_scene(), bake(), 7, 5)
+    renderer.render(scenes.inside_camera())
+    assert renderer.read("final").shape == (5, 7, 3)
+    assert renderer.display(1.0).shape == (5, 7, 3)
+    renderer.release()
+
+
+CHILD = """
+import sys
+import numpy as np
+from test_renderer import bake, full_scene, render
+from gsgi.runtime.context import create_context
+np.savez(sys.argv[2], **render(create_context(sys.argv[1]), full_scene(), bake()))
+"""
+
+
+def test_egl_and_osmesa_draw_the_same_bytes(backends, tmp_path):
+    if len(backends) < 2:
+        pytest.skip(f"needs EGL and OSMesa, found {backends}")
+    frames = []
+    for name in backends:
+        command = [sys.executable, "-c", CHILD, name, str(tmp_path / f"{name}.npz")]
+        run = subprocess.run(command, cwd=Path(__file__).parent, capture_output=True, text=True)
+        assert run.returncode == 0, run.stderr
+        frames.append(np.load(tmp_path / f"{name}.npz"))
+    for layer in frames[0].files:
+        assert np.array_equal(frames[0][layer], frames[1][layer]), layer

@@ -1,0 +1,50 @@
+"""Culling and back-to-front order."""
+
+import numpy as np
+
+from gsgi.runtime.camera import look_at
+from gsgi.runtime.gaussians import Blend
+from gsgi.runtime.sort import visible_order
+
+CAMERA = look_at(np.array([0.0, 0, 5]), np.zeros(3), np.array([0.0, 1, 0]), 0.8, 0.1)
+PINHOLE = CAMERA.pinhole(160, 120)
+
+
+def order(position, radius=0.01, near=0.1):
+    position = np.asarray(position, np.float32)
+    return visible_order(position, PINHOLE, Blend(near), np.full(len(position), radius, np.float32))
+
+
+def test_farthest_first():
+    z = np.random.default_rng(0).uniform(-5, 4, 3000)
+    position = np.stack([0 * z, 0 * z, z], axis=1)
+    sorted_z = z[order(position)]
+    assert len(sorted_z) == 3000
+    # Out of order by one step of the 16-bit key at most.
+    assert np.diff(sorted_z).min() > -1.01 * np.ptp(z) / 65535
+
+
+def test_ties_keep_the_first_in_front():
+    assert order([[0, 0, 0]] * 5 + [[0, 0, 1]]).tolist() == [4, 3, 2, 1, 0, 5]
+
+
+def test_near_is_strict():
+    assert order([[0, 0, 4.0], [0, 0, 4.01], [0, 0, 9.0]], near=1.0).tolist() == [0]
+
+
+def test_outside_the_image_is_left_out_and_touching_it_is_not():
+    edge = 5 * np.tan(0.4) * 160 / 120
+    position = [[edge + 0.3, 0, 0], [-edge - 0.3, 0, 0], [0, 30, 0], [0, 0, 0]]
+    assert order(position, radius=0.01).tolist() == [3]
+    assert sorted(order(position, radius=0.4)) == [0, 1, 3]
+
+
+def test_nothing_visible_and_nothing_at_all():
+    for position in (np.zeros((0, 3)), [[0, 0, 20.0]]):
+        result = order(position)
+        assert result.dtype == np.uint32
+        assert len(result) == 0
+
+
+def test_a_broken_gaussian_harms_nobody():
+    assert order([[np.nan, 0, 0], [0, 0, 0], [0, 0, np.nan]]).tolist() == [1]
