@@ -1,0 +1,13 @@
+// Runs a loop body on all cores.
+#pragma once
+
+#include <cstddef>
+#include <functional>
+
+// Threads for later loops; 0 means one per core (the default).
+void set_thread_count(int count);
+int thread_count();
+
+// Calls body(begin, end) for consecutive ranges of at most `grain` indices that cover [0, count), in any
+// order, on any thread. The split does not depend on the number of threads. The body must not throw.
+void parallel_for(size_t count, size_t grain, const std::function<void(size_t, size_t)>& body);

@@ -1,0 +1,125 @@
+"""Slow, obvious numpy versions of what the kernels and shaders do, in double precision."""
+
+from typing import NamedTuple
+
+import numpy as np
+import scenes
+
+from gsgi.runtime.camera import Pinhole
+from gsgi.runtime.constants import FRUSTUM_CLAMP, TRANSMITTANCE_MIN
+from gsgi.runtime.gaussians import Blend, Gaussians
+
+
+class Projected(NamedTuple):
+    """N Gaussians on the image; those that are not drawn have `drawn` False."""
+
+    depth: np.ndarray  # (N,) m
+    mean2d: np.ndarray  # (N, 2) px
+    cov2d: np.ndarray  # (N, 2, 2) px^2, dilation included
+    drawn: np.ndarray  # (N,) bool
+
+
+def sh_basis(direction: np.ndarray, degree: int) -> np.ndarray:
+    """(M, 3) unit vectors to (M, (degree + 1)^2): associated Legendre functions times sines and cosines.
+
+    From the definition (Condon-Shortley phase), not from the polynomials that kernels and shaders use.
+    """
+    x, y, z = direction.T
+    azimuth = np.arctan2(y, x)
+    columns = []
+    for band in range(degree + 1):
+        for order in range(-band, band + 1):
+            m = abs(order)
+            norm = np.sqrt((2 * band + 1) / (4 * np.pi) * _factorial(band - m) / _factorial(band + m))
+            wave = np.ones_like(z) if m == 0 else np.sqrt(2) * (np.sin if order < 0 else np.cos)(m * azimuth)
+            columns.append(norm * _legendre(band, m, z) * wave)
+    return np.stack(columns, axis=1)
+
+
+def rotation_matrix(rotation: np.ndarray) -> np.ndarray:
+    """(N, 4) unit quaternions xyzw to (N, 3, 3)."""
+    x, y, z, w = rotation.T
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    ).transpose(2, 0, 1)
+
+
+def project(gaussians: Gaussians, pinhole: Pinhole, blend: Blend) -> Projected:
+    """Zwicker et al. 2002: the ellipsoid's covariance through the projection linearised at its centre."""
+    p = pinhole
+    count = len(gaussians)
+    depth, mean2d, cov2d = np.zeros(count), np.zeros((count, 2)), np.zeros((count, 2, 2))
+    drawn = np.zeros(count, bool)
+    rotations = rotation_matrix(gaussians.rotation.astype(float))
+    for i in range(count):
+        view = p.view_from_world @ np.append(gaussians.position[i].astype(float), 1)
+        d = depth[i] = -view[2]
+        if not (d > 0 and d >= blend.near):
+            continue
+        mean2d[i] = p.cx + p.fx * view[0] / d, p.cy - p.fy * view[1] / d
+        limit = FRUSTUM_CLAMP * np.array([p.width / 2 / p.fx, p.height / 2 / p.fy])
+        x, y = np.clip(view[:2] / d, -limit, limit) * d
+        jacobian = np.array([[p.fx / d, 0, p.fx * x / d**2], [0, -p.fy / d, -p.fy * y / d**2]])
+        sigma = rotations[i] @ np.diag(gaussians.scale[i].astype(float) ** 2) @ rotations[i].T
+        to_image = jacobian @ p.view_from_world[:3, :3]
+        cov2d[i] = to_image @ sigma @ to_image.T + blend.dilation * np.eye(2)
+        drawn[i] = np.linalg.det(cov2d[i]) > 0
+    return Projected(depth, mean2d, cov2d, drawn)
+
+
+def colour(gaussians: Gaussians, pinhole: Pinhole) -> np.ndarray:
+    """(N, 3) linear radiance towards the eye."""
+    offset = gaussians.position - np.linalg.inv(pinhole.view_from_world)[:3, 3]
+    direction = offset / np.linalg.norm(offset, axis=1, keepdims=True)
+    return np.maximum(0, np.einsum("nk,nkc->nc", sh_basis(direction, gaussians.sh_degree), gaussians.sh))
+
+
+def splat(gaussians: Gaussians, pinhole: Pinhole, blend: Blend) -> tuple[np.ndarray, np.ndarray]:
+    """Image (H, W, 3) and transmittance (H, W), float64: Kerbl et al. 2023, one Gaussian after the other."""
+    columns, rows = np.meshgrid(np.arange(pinhole.width) + 0.5, np.arange(pinhole.height) + 0.5)
+    image, transmittance = np.zeros((*rows.shape, 3)), np.ones(rows.shape)
+    projected, colours = project(gaussians, pinhole, blend), colour(gaussians, pinhole)
+    for i in np.argsort(projected.depth, kind="stable"):
+        if not projected.drawn[i]:
+            continue
+        offset = np.stack([columns, rows], axis=-1) - projected.mean2d[i]
+        power = -0.5 * np.einsum("hwi,ij,hwj->hw", offset, np.linalg.inv(projected.cov2d[i]), offset)
+        alpha = np.minimum(blend.alpha_max, gaussians.opacity[i].astype(float) * np.exp(power))
+        alpha = np.where((alpha >= blend.alpha_min) & (transmittance >= TRANSMITTANCE_MIN), alpha, 0)
+        image += (transmittance * alpha)[..., None] * colours[i]
+        transmittance *= 1 - alpha
+    return image, transmittance
+
+
+def random_gaussians(n: int, degree: int, seed: int) -> Gaussians:
+    """In and a little around the view of `scenes.inside_camera()`; scales of one Gaussian differ up to 30 times."""
+    rng = np.random.default_rng(seed)
+    camera = scenes.inside_camera()
+    depth = rng.uniform(0.5, 3, n)
+    tangent = rng.uniform(-0.7, 0.7, (n, 2))
+    view = np.stack([tangent[:, 0] * depth, tangent[:, 1] * depth, -depth], axis=1)
+    rotation = rng.normal(size=(n, 4))
+    sh = rng.normal(size=(n, (degree + 1) ** 2, 3)) * 0.2
+    sh[:, 0] += 2
+    arrays = (
+        view @ camera.world_from_view[:3, :3].T + camera.position,
+        rotation / np.linalg.norm(rotation, axis=1, keepdims=True),
+        np.exp(rng.uniform(np.log(0.02), np.log(0.6), (n, 3))),
+        rng.uniform(0.05, 1, n),
+        sh,
+    )
+    return Gaussians(*(a.astype(np.float32) for a in arrays))
+
+
+def _legendre(band: int, order: int, z: np.ndarray) -> np.ndarray:
+    """P_band^order(z) = (-1)^order (1 - z^2)^(order / 2) d^order/dz^order P_band(z)."""
+    polynomial = np.polynomial.legendre.Legendre.basis(band).deriv(order)
+    return (-1) ** order * np.clip(1 - z * z, 0, 1) ** (order / 2) * polynomial(z)
+
+
+def _factorial(n: int) -> float:
+    return float(np.prod(np.arange(1, n + 1)))

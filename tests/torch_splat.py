@@ -1,0 +1,95 @@
+"""The kernel's twin in plain torch: a few lines, all pixels at once, gradients by autograd."""
+
+import torch
+from torch import Tensor
+
+from gsgi.runtime import constants as c
+from gsgi.runtime.camera import Pinhole
+from gsgi.runtime.gaussians import Blend
+
+
+def splat(
+    position: Tensor,  # (N, 3) m
+    rotation: Tensor,  # (N, 4) xyzw
+    scale: Tensor,  # (N, 3) m
+    opacity: Tensor,  # (N,)
+    sh: Tensor,  # (N, K, 3)
+    pinhole: Pinhole,
+    blend: Blend,
+) -> tuple[Tensor, Tensor]:
+    """Image (H, W, 3) and transmittance (H, W). Memory: some ten floats per pixel and Gaussian."""
+    view_from_world = torch.as_tensor(pinhole.view_from_world, dtype=position.dtype)
+    view = position @ view_from_world[:3, :3].T + view_from_world[:3, 3]  # (N, 3)
+    depth = -view[:, 2]
+    order = torch.argsort(depth, stable=True)
+    order = order[depth[order] >= blend.near]
+    view, rotation, scale, opacity = view[order], rotation[order], scale[order], opacity[order]
+
+    mean2d, cov2d = _project(view, rotation, scale, view_from_world[:3, :3], pinhole, blend)
+    eye = torch.linalg.inv(view_from_world)[:3, 3]
+    direction = torch.nn.functional.normalize(position[order] - eye, dim=1)
+    colour = torch.einsum("nk,nkc->nc", sh_basis(direction, sh.shape[1]), sh[order]).clamp(min=0)  # (N, 3)
+
+    columns = torch.arange(pinhole.width, dtype=position.dtype) + 0.5
+    rows = torch.arange(pinhole.height, dtype=position.dtype) + 0.5
+    pixel = torch.stack(torch.meshgrid(columns, rows, indexing="xy"), dim=-1)  # (H, W, 2)
+    offset = pixel - mean2d[:, None, None]  # (N, H, W, 2)
+    power = -0.5 * torch.einsum("nhwi,nij,nhwj->nhw", offset, torch.linalg.inv(cov2d), offset)
+    alpha = (opacity[:, None, None] * power.exp()).clamp(max=blend.alpha_max)
+    alpha = torch.where(alpha >= blend.alpha_min, alpha, 0)  # (N, H, W)
+    return _blend(alpha, colour)
+
+
+def _project(
+    view: Tensor, rotation: Tensor, scale: Tensor, rotation_of_view: Tensor, p: Pinhole, blend: Blend
+) -> tuple[Tensor, Tensor]:
+    """Means (N, 2) px and covariances (N, 2, 2) px^2: Zwicker et al. 2002."""
+    depth = -view[:, 2]
+    tangent_x, tangent_y = view[:, 0] / depth, view[:, 1] / depth
+    mean2d = torch.stack([p.cx + p.fx * tangent_x, p.cy - p.fy * tangent_y], dim=1)
+    limit_x, limit_y = c.FRUSTUM_CLAMP * p.width / 2 / p.fx, c.FRUSTUM_CLAMP * p.height / 2 / p.fy
+    x, y = tangent_x.clamp(-limit_x, limit_x), tangent_y.clamp(-limit_y, limit_y)
+    zero = torch.zeros_like(depth)
+    jacobian = torch.stack(
+        [
+            torch.stack([p.fx / depth, zero, p.fx * x / depth], dim=1),
+            torch.stack([zero, -p.fy / depth, -p.fy * y / depth], dim=1),
+        ],
+        dim=1,
+    )  # (N, 2, 3)
+    axes = jacobian @ rotation_of_view @ _rotation_matrix(rotation) * scale[:, None]  # (N, 2, 3)
+    return mean2d, axes @ axes.mT + blend.dilation * torch.eye(2, dtype=view.dtype)
+
+
+def _blend(alpha: Tensor, colour: Tensor) -> tuple[Tensor, Tensor]:
+    """Front to back; a pixel ends after the Gaussian that took its transmittance below the minimum."""
+    before = torch.cumprod(torch.cat([torch.ones_like(alpha[:1]), 1 - alpha]), dim=0)  # (N + 1, H, W)
+    alpha = torch.where(before[:-1] >= c.TRANSMITTANCE_MIN, alpha, 0)
+    transmittance = torch.cumprod(torch.cat([torch.ones_like(alpha[:1]), 1 - alpha]), dim=0)
+    return torch.einsum("nhw,nc->hwc", transmittance[:-1] * alpha, colour), transmittance[-1]
+
+
+def _rotation_matrix(rotation: Tensor) -> Tensor:
+    x, y, z, w = rotation.unbind(dim=1)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    return torch.stack([torch.stack(row, dim=1) for row in rows], dim=1)  # (N, 3, 3)
+
+
+def sh_basis(direction: Tensor, count: int) -> Tensor:
+    """The first `count` basis functions of unit vectors (N, 3), as (N, count)."""
+    x, y, z = direction.unbind(dim=1)
+    xx, yy, zz = x * x, y * y, z * z
+    basis = [
+        torch.full_like(x, c.SH_C0),
+        *(-c.SH_C1 * y, c.SH_C1 * z, -c.SH_C1 * x),
+        *(c.SH_C2_0 * x * y, -c.SH_C2_0 * y * z, c.SH_C2_1 * (2 * zz - xx - yy)),
+        *(-c.SH_C2_0 * x * z, c.SH_C2_2 * (xx - yy)),
+        *(-c.SH_C3_0 * y * (3 * xx - yy), c.SH_C3_1 * x * y * z, -c.SH_C3_2 * y * (4 * zz - xx - yy)),
+        *(c.SH_C3_3 * z * (2 * zz - 3 * xx - 3 * yy), -c.SH_C3_2 * x * (4 * zz - xx - yy)),
+        *(c.SH_C3_4 * z * (xx - yy), -c.SH_C3_0 * x * (xx - 3 * yy)),
+    ]
+    return torch.stack(basis[:count], dim=1)
