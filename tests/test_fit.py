@@ -1,0 +1,98 @@
+"""The fit: it finds light that is known, repeats itself exactly, and survives odd input."""
+
+import numpy as np
+import pytest
+import scenes
+import torch
+
+from gsgi.baker.fit import View, fit, view_loss
+from gsgi.baker.initialise import from_surface
+from gsgi.baker.splat import rasterise
+from gsgi.baker.surface_points import Triangles
+from gsgi.runtime.camera import look_at
+from gsgi.runtime.gaussians import Blend, Gaussians
+
+BLEND = Blend(near=0.01)
+SIZE = 48
+
+
+@pytest.fixture(scope="module")
+def start() -> Gaussians:
+    points = Triangles(scenes.furnace()).sample(300, seed=0)
+    return from_surface(points, np.full((300, 3), 0.5, np.float32), sh_degree=0)
+
+
+def cameras(count: int):
+    rng = np.random.default_rng(3)
+    eyes, targets = rng.uniform(-0.5, 0.5, (2, count, 3))
+    return [
+        look_at(eye, target, np.array([0.0, 1.0, 0.0]), 1.2, 0.01) for eye, target in zip(eyes, targets, strict=True)
+    ]
+
+
+@pytest.fixture(scope="module")
+def views(start) -> list[View]:
+    """Images of Gaussians that differ from the start in everything."""
+    rng = np.random.default_rng(4)
+    truth = Gaussians(
+        start.position + rng.normal(0, 0.02, start.position.shape).astype(np.float32),
+        start.rotation,
+        (start.scale * rng.uniform(0.8, 1.4, start.scale.shape)).astype(np.float32),
+        np.full(len(start), 0.9, np.float32),
+        (start.sh * rng.uniform(0.3, 2.0, (len(start), 1, 3))).astype(np.float32),
+    )
+    everywhere = np.ones((SIZE, SIZE), bool)
+    return [View(c, rasterise(truth, c.pinhole(SIZE, SIZE), BLEND), everywhere) for c in cameras(8)]
+
+
+def test_the_fit_finds_the_light_of_known_gaussians(start, views):
+    fitted = fit(start, views[:6], BLEND, tone_scale=0.5, iterations=240, seed=0)
+    before, after = (view_loss(g, views[6:], BLEND, 0.5) for g in (start, fitted))
+    assert after < 0.35 * before
+    norms = np.linalg.norm(fitted.rotation, axis=1)
+    np.testing.assert_allclose(norms, 1, rtol=1e-5)
+
+
+def test_the_same_seed_gives_the_same_bits_on_one_and_two_threads(start, views):
+    first = fit(start, views, BLEND, 0.5, iterations=20, seed=1)
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        second = fit(start, views, BLEND, 0.5, iterations=20, seed=1)
+    finally:
+        torch.set_num_threads(threads)
+    for name in ("position", "rotation", "scale", "opacity", "sh"):
+        np.testing.assert_array_equal(getattr(first, name), getattr(second, name))
+
+
+def test_no_iterations_return_the_start(start, views):
+    same = fit(start, views, BLEND, 0.5, iterations=0, seed=0)
+    np.testing.assert_allclose(same.opacity, start.opacity, rtol=1e-5)
+    np.testing.assert_array_equal(same.position, start.position)
+
+
+def test_what_is_masked_out_leaves_the_gaussians_alone(start, views):
+    nothing = [View(v.camera, v.indirect, np.zeros((SIZE, SIZE), bool)) for v in views]
+    same = fit(start, nothing, BLEND, 0.5, iterations=5, seed=0)
+    np.testing.assert_array_equal(same.position, start.position)
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_almost_no_gaussians_still_fit(start, views, count):
+    few = Gaussians(
+        start.position[:count], start.rotation[:count], start.scale[:count], start.opacity[:count], start.sh[:count]
+    )
+    assert len(fit(few, views, BLEND, 0.5, iterations=3, seed=0)) == count
+
+
+def test_black_is_data(start, views):
+    dark = [View(v.camera, np.zeros_like(v.indirect), v.valid) for v in views]
+    fitted = fit(start, dark, BLEND, 0.5, iterations=300, seed=0)
+    image = rasterise(fitted, views[0].camera.pinhole(SIZE, SIZE), BLEND)
+    assert image.mean() < 0.1 * rasterise(start, views[0].camera.pinhole(SIZE, SIZE), BLEND).mean()
+
+
+def test_a_loss_that_is_not_finite_stops_with_iteration_and_view(start, views):
+    broken = [View(views[0].camera, np.full_like(views[0].indirect, np.nan), views[0].valid)]
+    with pytest.raises(FloatingPointError, match="iteration 0, view 0"):
+        fit(start, broken, BLEND, 0.5, iterations=3, seed=0)
