@@ -1,0 +1,204 @@
+"""The command line `gsgi`: parses, calls `commands`, turns errors into one line and an exit code."""
+
+import argparse
+import os
+import sys
+
+from gsgi.runtime.errors import GsgiError
+
+EXIT_CODES = """\
+exit codes: 0 ok, 1 command line, 2 file cannot be read or written, 3 invalid input, 4 failure while running,
+            5 unsupported here, 130 interrupted"""
+
+LAYERS = ("final", "primary", "indirect", "albedo", "normal", "depth")
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the command line and exit with its code."""
+    sys.exit(run(arguments))
+
+
+def run(arguments: list[str] | None = None) -> int:
+    """Run the command line; returns the exit code. Errors a user can mend take one line on stderr."""
+    try:
+        options = parser().parse_args(arguments)
+        from . import commands
+
+        return getattr(commands, options.command)(options) or 0
+    except GsgiError as error:
+        print(f"gsgi: {error}", file=sys.stderr)
+        return error.exit_code
+    except FloatingPointError as error:
+        print(f"gsgi: {error}", file=sys.stderr)
+        return 4
+    except KeyboardInterrupt:
+        print("gsgi: interrupted, nothing was written", file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        # The reader of stdout went away (`gsgi inspect FILE | head`): that is its right.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+
+
+class _Parser(argparse.ArgumentParser):
+    """argparse with our exit code for a wrong command line."""
+
+    def error(self, message: str) -> None:
+        self.print_usage(sys.stderr)
+        self.exit(1, f"gsgi: {message}\n")
+
+
+def parser() -> argparse.ArgumentParser:
+    """The whole command line, without anything heavy imported."""
+    top = _Parser(prog="gsgi", description="Global illumination for real-time engines, stored as 3D Gaussians.",
+                  epilog=EXIT_CODES, formatter_class=argparse.RawDescriptionHelpFormatter)  # fmt: skip
+    commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True, parser_class=_Parser)
+    _add_bake(commands)
+    _add_render(commands)
+    _add_reference(commands)
+    _add_compare(commands)
+    _add_inspect(commands)
+    _add_doctor(commands)
+    return top
+
+
+def _command(commands, name: str, summary: str, examples: str) -> argparse.ArgumentParser:
+    return commands.add_parser(
+        name,
+        help=summary,
+        description=summary,
+        epilog=f"examples:\n{examples}\n\n{EXIT_CODES}",
+        formatter_class=_HelpFormatter,
+    )
+
+
+class _HelpFormatter(argparse.RawDescriptionHelpFormatter, argparse.ArgumentDefaultsHelpFormatter):
+    pass
+
+
+def _add_bake(commands) -> None:
+    bake = _command(
+        commands,
+        "bake",
+        "Trace the indirect light of a glTF scene and fit Gaussians to it.",
+        "  gsgi bake room.glb -o room.gsgi\n"
+        "  gsgi bake room.glb -o room.gsgi --gaussians 8192 --iterations 3000   # closer, larger, slower\n"
+        "  gsgi bake room.glb -o room.gsgi --quiet --json > room.json           # in a build",
+    )
+    bake.add_argument("scene", metavar="SCENE", help="glTF 2.0 file: .glb or .gltf")
+    bake.add_argument("-o", "--output", metavar="FILE", required=True, help="the .gsgi file to write")
+    count = _at_least(1)
+    bake.add_argument("--gaussians", type=count, default=4096, metavar="N", help="Gaussians to fit")
+    bake.add_argument("--iterations", type=_at_least(0), default=1500, metavar="N", help="steps of the fit")
+    bake.add_argument("--views", type=count, default=32, metavar="N", help="views to fit, placed in free space")
+    bake.add_argument("--view-size", type=_at_least(16), default=192, metavar="PX", help="edge of a fitted view")
+    bake.add_argument("--samples", type=count, default=64, metavar="N", help="paths per pixel, in passes of 64")
+    bake.add_argument("--denoise", choices=("auto", "off"), default="auto", help="denoise the fitted views")
+    bake.add_argument("--seed", type=_at_least(0), default=0, metavar="N", help="the same seed gives the same bytes")
+    _add_verbosity(bake)
+    bake.add_argument("--json", action="store_true", help="print what was reached as JSON on stdout")
+
+
+def _add_render(commands) -> None:
+    render = _command(
+        commands,
+        "render",
+        "Draw a scene with its baked light: headless, deferred, OpenGL.",
+        "  gsgi render room.glb --gi room.gsgi -o room.png\n"
+        "  gsgi render room.glb --gi room.gsgi -o b.exr --layer indirect --camera kitchen --size 1280x720",
+    )
+    render.add_argument("scene", metavar="SCENE", help="glTF 2.0 file: .glb or .gltf")
+    render.add_argument("--gi", metavar="FILE", help="baked light (.gsgi); without it, primary light only")
+    _add_picture(render)
+    render.add_argument("--backend", choices=("egl", "osmesa", "auto"), default="auto", help="OpenGL without a display")
+
+
+def _add_reference(commands) -> None:
+    reference = _command(
+        commands,
+        "reference",
+        "Path-trace what `gsgi render` approximates: same cameras, sizes and layers, by Mitsuba.",
+        "  gsgi reference room.glb -o truth.exr --samples 4096\n"
+        "  gsgi reference room.glb -o truth.png --camera kitchen --size 1280x720",
+    )
+    reference.add_argument("scene", metavar="SCENE", help="glTF 2.0 file: .glb or .gltf")
+    _add_picture(reference)
+    reference.add_argument("--samples", type=_at_least(2), default=1024, metavar="N", help="paths per pixel")
+    reference.add_argument("--denoise", action="store_true", help="denoise B; leave it out to measure")
+    reference.add_argument("--seed", type=_at_least(0), default=0, metavar="N", help="seed of the paths")
+    _add_verbosity(reference)
+
+
+def _add_compare(commands) -> None:
+    compare = _command(
+        commands,
+        "compare",
+        "PSNR, SSIM and FLIP between two images of one size. EXR is linear light, exposed as the reference asks.",
+        "  gsgi compare frame.exr truth.exr\n  gsgi compare frame.png golden.png --json",
+    )
+    compare.add_argument("image", metavar="A", help="the image to judge: .exr or .png")
+    compare.add_argument("reference", metavar="B", help="the reference, of the same kind and size")
+    compare.add_argument("--json", action="store_true", help="print JSON")
+
+
+def _add_inspect(commands) -> None:
+    inspect = _command(
+        commands,
+        "inspect",
+        "Say what a .gsgi file holds.",
+        "  gsgi inspect room.gsgi\n  gsgi inspect room.gsgi --json",
+    )
+    inspect.add_argument("file", metavar="FILE", help="a .gsgi file")
+    inspect.add_argument("--json", action="store_true", help="print JSON")
+
+
+def _add_doctor(commands) -> None:
+    doctor = _command(
+        commands,
+        "doctor",
+        "Say what works on this machine, and what to do about what does not.",
+        "  gsgi doctor\n  gsgi doctor --json",
+    )
+    doctor.add_argument("--json", action="store_true", help="print JSON")
+
+
+def _add_picture(command: argparse.ArgumentParser) -> None:
+    """Options of the commands that make an image."""
+    command.add_argument("-o", "--output", metavar="IMAGE", required=True, help=".png to look at, .exr to measure")
+    command.add_argument("--camera", metavar="NAME", help="a camera of the scene (default: its first, or a placed one)")
+    command.add_argument("--size", type=_size, default=(512, 512), metavar="WxH", help="image size in pixels")
+    command.add_argument(
+        "--layer", choices=LAYERS, default="final", help="what to write; indirect is B, not yet albedo * B"
+    )
+    command.add_argument("--exposure", type=_positive, metavar="X",
+                         help="factor before the tone curve of a .png (default: log-average to mid-grey)")  # fmt: skip
+
+
+def _add_verbosity(command: argparse.ArgumentParser) -> None:
+    command.add_argument("-q", "--quiet", action="store_true", help="no progress on stderr")
+
+
+def _at_least(lowest: int):
+    def integer(text: str) -> int:
+        if not text.lstrip("-").isdecimal() or int(text) < lowest:
+            raise argparse.ArgumentTypeError(f"expected a whole number of at least {lowest}, got {text!r}")
+        return int(text)
+
+    return integer
+
+
+def _positive(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"expected a number above 0, got {text!r}")
+    return value
+
+
+def _size(text: str) -> tuple[int, int]:
+    width, _, height = text.lower().partition("x")
+    if not (width.isdecimal() and height.isdecimal() and 0 < int(width) <= 16384 and 0 < int(height) <= 16384):
+        raise argparse.ArgumentTypeError(f"expected WxH with 1 to 16384 pixels each, such as 1280x720, got {text!r}")
+    return int(width), int(height)

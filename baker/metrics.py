@@ -1,0 +1,68 @@
+"""How far an image is from path tracing: PSNR, SSIM, FLIP, one definition each.
+
+A reference is two independent halves `a` and `b`: their noise is independent, so `mean((x - a) (x - b))` is the squared
+error of x free of it. SSIM and FLIP compare with the mean of the halves (denoised by the caller, where it is noisy).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gsgi.runtime.display import auto_exposure, tone_map
+
+# Squared error below which an image counts as exact: PSNR 100 dB.
+SQUARED_ERROR_MIN = 1e-10
+
+
+@dataclass(frozen=True)
+class Difference:
+    """PSNR (dB, higher is better), SSIM (1 is equal), FLIP (0 is equal)."""
+
+    psnr: float
+    ssim: float
+    flip: float
+
+
+def compare_linear(image, a, b, clean, exposure: float | None = None) -> Difference:
+    """Compare linear images (H, W, 3) float32 with a reference.
+
+    `a` and `b` are its halves, `clean` their denoised mean (pass the same image three times for an exact reference).
+    PSNR is of exposed linear light with peak 1; SSIM and FLIP are display-referred. The exposure comes from `clean`
+    alone: its log-average goes to mid-grey.
+    """
+    exposure = auto_exposure(clean) if exposure is None else exposure
+    shown, expected = tone_map(image, exposure), tone_map(clean, exposure)
+    error = float(np.mean((image - a).astype(np.float64) * (image - b))) * exposure**2
+    return Difference(psnr(error), ssim(shown, expected), flip(shown, expected))
+
+
+def compare_display(image, reference) -> Difference:
+    """Compare display-referred images (H, W, 3) float32 in [0, 1] (what a PNG holds)."""
+    error = float(np.mean((image - reference).astype(np.float64) ** 2))
+    return Difference(psnr(error), ssim(image, reference), flip(image, reference))
+
+
+def psnr(squared_error: float) -> float:
+    """Peak signal-to-noise ratio, dB, of a mean squared error for peak 1; at most 100."""
+    return float(-10 * np.log10(max(squared_error, SQUARED_ERROR_MIN)))
+
+
+def ssim(image: np.ndarray, reference: np.ndarray) -> float:
+    """Structural similarity (Wang et al. 2004): 11 x 11 Gaussian window, sigma 1.5, range 1, mean of channels."""
+    from skimage.metrics import structural_similarity
+
+    return float(
+        structural_similarity(
+            reference, image, channel_axis=-1, data_range=1.0, gaussian_weights=True, sigma=1.5,
+            use_sample_covariance=False,
+        )
+    )  # fmt: skip
+
+
+def flip(image: np.ndarray, reference: np.ndarray) -> float:
+    """Mean FLIP error (Andersson et al. 2020) of display-referred images at NVIDIA's default 67 pixels per degree."""
+    import flip_evaluator
+
+    reference, image = (np.ascontiguousarray(x, np.float32) for x in (reference, image))
+    _, mean, _ = flip_evaluator.evaluate(reference, image, "LDR", applyMagma=False)
+    return float(mean)

@@ -1,0 +1,45 @@
+"""Layers as image files, and pictures of several panels."""
+
+from pathlib import Path
+
+import numpy as np
+
+from gsgi.runtime.display import auto_exposure, to_uint8, tone_map
+from gsgi.runtime.image import write_image
+
+MARGIN = 6  # px between panels
+CAPTION = 22  # px above a panel
+
+
+def write_layer(path: str, layer: str, values: np.ndarray, exposure: float | None) -> None:
+    """Write a layer, (H, W, 3) or (H, W) float32: as it is to .exr, made visible to .png."""
+    if Path(path).suffix.lower() == ".png":
+        write_image(path, to_uint8(_visible(layer, values, exposure)))
+    else:
+        write_image(path, values if values.ndim == 3 else values[..., None])
+
+
+def panels(images: dict[str, np.ndarray]) -> np.ndarray:
+    """Pictures (H, W, 3) in [0, 1] side by side under their captions: (H', W', 3) uint8."""
+    from PIL import Image, ImageDraw, ImageFont
+
+    height, width = next(iter(images.values())).shape[:2]
+    canvas = Image.new("RGB", (len(images) * (width + MARGIN) - MARGIN, height + CAPTION), "white")
+    draw, font = ImageDraw.Draw(canvas), ImageFont.load_default(size=14)
+    for i, (caption, image) in enumerate(images.items()):
+        left = i * (width + MARGIN)
+        draw.text((left + 2, 2), caption, fill="black", font=font)
+        canvas.paste(Image.fromarray(to_uint8(image)), (left, CAPTION))
+    return np.asarray(canvas)
+
+
+def _visible(layer: str, values: np.ndarray, exposure: float | None) -> np.ndarray:
+    """A layer as display-referred values in [0, 1], (H, W, 3)."""
+    if layer == "depth":
+        far = float(values.max()) or 1.0
+        return np.repeat((values / far)[..., None], 3, axis=2)
+    if layer == "normal":
+        return np.where(values.any(axis=2, keepdims=True), values * 0.5 + 0.5, 0)
+    if layer == "albedo":
+        return tone_map(values, 1.0)
+    return tone_map(values, auto_exposure(values) if exposure is None else exposure)

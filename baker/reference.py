@@ -1,0 +1,92 @@
+"""Path-traced references: a camera's full light as two independent halves, and a deferred frame's distance to it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gsgi.runtime.camera import Camera
+from gsgi.runtime.display import auto_exposure, tone_map
+
+from . import denoise
+from .irradiance import PASS_SAMPLES, Surface, Tracer
+from .metrics import Difference, compare_linear, ssim
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What path tracing sees through the pixel centres of a camera; images (H, W, 3) float32, linear Rec.709.
+
+    `indirect_a` and `indirect_b` are B from independent halves of the samples, undenoised, 0 where no surface is.
+    `primary` is emission and punctual light: it has no noise to speak of.
+    """
+
+    surface: Surface
+    primary: np.ndarray
+    indirect_a: np.ndarray
+    indirect_b: np.ndarray
+
+    @property
+    def indirect(self) -> np.ndarray:
+        """B from all samples, undenoised."""
+        return (self.indirect_a + self.indirect_b) / 2
+
+    @property
+    def final(self) -> np.ndarray:
+        """Primary light + albedo * B from all samples, undenoised."""
+        return self.lit(self.indirect)
+
+    def lit(self, indirect: np.ndarray) -> np.ndarray:
+        """The full light that a B (H, W, 3) makes."""
+        return self.primary + self.surface.albedo * indirect
+
+    def clean(self, indirect: np.ndarray) -> np.ndarray:
+        """`indirect` (H, W, 3) denoised; as it is where no denoiser is installed."""
+        if not denoise.available():
+            return indirect
+        return denoise.denoise(indirect, self.surface.normal, self.surface.valid)
+
+
+def trace(tracer: Tracer, camera: Camera, width: int, height: int, samples: int, seed: int, advance=None) -> Reference:
+    """Trace a reference of `samples` paths per pixel, half of them for each half.
+
+    `advance(points)` is called as pixels are done, with `2 * width * height` points in all.
+    """
+    surface = tracer.surface(camera, width, height)
+    points = [array[surface.valid] for array in (surface.position, surface.normal, surface.geometric_normal)]
+    half = -(-samples // 2)
+
+    def image(values: np.ndarray) -> np.ndarray:
+        result = np.zeros((height, width, 3), np.float32)
+        result[surface.valid] = values
+        return result
+
+    direct = image(tracer.direct(*points, PASS_SAMPLES, seed))
+    a, b = (image(tracer.indirect(*points, half, 2 * seed + k, advance)) for k in (0, 1))
+    return Reference(surface, surface.emission + surface.albedo * direct, a, b)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A picture's distance to a reference, and the SSIM between the reference's own halves: nothing can pass it."""
+
+    difference: Difference
+    ceiling: float
+
+
+def judge_frame(frame: np.ndarray, reference: Reference) -> Verdict:
+    """How far a linear frame (H, W, 3) is from the full light of the reference."""
+    return _judge(frame, reference, reference.lit)
+
+
+def judge_indirect(indirect: np.ndarray, reference: Reference) -> Verdict:
+    """How far a B (H, W, 3) is from the reference's, over the pixels that show a surface."""
+    masked = np.where(reference.surface.valid[..., None], indirect, 0)
+    return _judge(masked, reference, lambda b: b)
+
+
+def _judge(image: np.ndarray, reference: Reference, lit) -> Verdict:
+    clean = lit(reference.clean(reference.indirect))
+    difference = compare_linear(image, lit(reference.indirect_a), lit(reference.indirect_b), clean)
+    exposure = auto_exposure(clean)
+    halves = [tone_map(lit(reference.clean(half)), exposure) for half in (reference.indirect_a, reference.indirect_b)]
+    return Verdict(difference, ssim(*halves))

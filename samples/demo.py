@@ -1,0 +1,81 @@
+"""The whole path in one run: scene -> bake -> file -> frame, compared with path tracing. Run by `./dev demo`.
+
+Leaves cornell.gsgi, report.json and panels.png in build/demo/.
+"""
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from gsgi.baker import reference
+from gsgi.baker.bake import Settings, bake
+from gsgi.baker.commands import draw, read_bake
+from gsgi.baker.irradiance import Tracer
+from gsgi.baker.pictures import panels
+from gsgi.baker.progress import Progress
+from gsgi.runtime.atomic import write_atomic
+from gsgi.runtime.display import auto_exposure, tone_map
+from gsgi.runtime.gltf import read_gltf
+from gsgi.runtime.image import write_image
+
+ROOT = Path(__file__).resolve().parents[1]
+SCENE = ROOT / "samples" / "scenes" / "cornell.glb"
+OUT = ROOT / "build" / "demo"
+CAMERA = "front"  # like all cameras of a scene, never fitted
+SIZE = 256  # px
+SAMPLES = 1024  # per pixel of the reference, in two halves
+
+
+def main() -> None:
+    """Run every stage, print one table."""
+    OUT.mkdir(parents=True, exist_ok=True)
+    progress = Progress()
+    with progress.stage("scene"):
+        scene = read_gltf(SCENE)
+    result = bake(scene, Settings(), progress)
+    write_atomic(OUT / "cornell.gsgi", result.data)
+
+    camera = scene.cameras[CAMERA]
+    with progress.stage("render"):
+        layers = draw(scene, read_bake(OUT / "cornell.gsgi"), camera, SIZE, SIZE, "auto")
+    with progress.stage("reference", 2 * SIZE**2, "points") as advance:
+        truth = reference.trace(Tracer(scene), camera, SIZE, SIZE, SAMPLES, seed=7, advance=advance)
+        verdict = reference.judge_frame(layers["final"], truth)
+
+    exposure = auto_exposure(truth.final)
+    lit = {
+        "primary only": layers["primary"],
+        "indirect only (albedo * B)": layers["albedo"] * layers["indirect"],
+        "final": layers["final"],
+        f"path traced, {SAMPLES} samples": truth.final,
+    }
+    pictures = {name: tone_map(image.astype(np.float32), exposure) for name, image in lit.items()}
+    write_image(OUT / "panels.png", panels(pictures))
+    report(result, verdict, progress)
+
+
+def report(result, verdict: reference.Verdict, progress: Progress) -> None:
+    """Print the table and write the same as report.json."""
+    difference = verdict.difference
+    rows = [{"stage": name, "seconds": round(seconds, 2)} for name, seconds in progress.seconds.items()]
+    figures = {
+        "gaussians": len(result.bake.gaussians),
+        "bytes": len(result.data),
+        "ssim": round(difference.ssim, 4),
+        "ssim_ceiling": round(verdict.ceiling, 4),
+        "psnr": round(difference.psnr, 2),
+        "flip": round(difference.flip, 4),
+    }
+    write_atomic(OUT / "report.json", (json.dumps({"stages": rows} | figures, indent=2) + "\n").encode())
+    print(f"\n{'stage':<12} {'seconds':>8}")
+    for row in rows:
+        print(f"{row['stage']:<12} {row['seconds']:>8.2f}")
+    print(f"{'all':<12} {sum(row['seconds'] for row in rows):>8.2f}\n")
+    for name, value in figures.items():
+        print(f"{name.replace('_', ' '):<12} {value:>8}")
+    print(f"\nfinal image against path tracing, camera {CAMERA!r}; pictures: {(OUT / 'panels.png').relative_to(ROOT)}")
+
+
+if __name__ == "__main__":
+    main()

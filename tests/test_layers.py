@@ -1,0 +1,86 @@
+"""The rules between the parts: who may import what, and where shared things stand."""
+
+import ast
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+RUNTIME = sorted((ROOT / "runtime").glob("*.py"))
+BAKER = sorted((ROOT / "baker").glob("*.py"))
+GL_MODULES = {"context", "shader", "geometry", "gbuffer", "shadow", "primary", "splat", "composite", "renderer"}
+DATA_MODULES = sorted({path.stem for path in RUNTIME} - GL_MODULES - {"__init__"})
+
+
+def imports(path: Path, module_level: bool = False) -> set[str]:
+    """Absolute names of the modules that a file imports, relative ones resolved within gsgi."""
+    package = f"gsgi.{path.parent.name}"
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    nodes = tree.body if module_level else ast.walk(tree)
+    found = set()
+    for node in nodes:
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            base = package if node.level else ""
+            module = ".".join(filter(None, [base, node.module]))
+            found |= {module} | {f"{module}.{alias.name}" for alias in node.names}
+    return found
+
+
+@pytest.mark.parametrize("path", RUNTIME, ids=lambda path: path.name)
+def test_the_runtime_imports_no_baker_no_torch_nothing_compiled(path):
+    for name in imports(path):
+        assert not name.startswith("gsgi.baker"), name
+        assert name.split(".")[0] not in {"torch", "mitsuba", "drjit", "open3d"}, name
+        assert "_kernels" not in name
+
+
+@pytest.mark.parametrize("path", BAKER, ids=lambda path: path.name)
+def test_the_baker_imports_gl_modules_lazily_only(path):
+    gl = {f"gsgi.runtime.{module}" for module in GL_MODULES}
+    assert not imports(path, module_level=True) & gl
+
+
+def loaded_by(code: str) -> set[str]:
+    """Top-level packages outside the standard library that a fresh interpreter holds after `code`."""
+    listing = "; import sys; print(*{name.split('.')[0] for name in sys.modules} - set(sys.stdlib_module_names))"
+    run = subprocess.run([sys.executable, "-c", code + listing], capture_output=True, text=True, check=True)
+    return set(run.stdout.split())
+
+
+@pytest.mark.parametrize("module", DATA_MODULES)
+def test_a_data_module_loads_numpy_alone(module):
+    started = loaded_by("pass")
+    assert loaded_by(f"import gsgi.runtime.{module}") - started <= {"gsgi", "numpy"}
+
+
+def test_help_loads_nothing_heavy():
+    started = loaded_by("pass")
+    assert loaded_by("from gsgi.baker import cli; cli.parser().format_help()") - started <= {"gsgi"}
+
+
+def test_only_the_codec_knows_the_bytes_of_a_file():
+    for path in [*RUNTIME, *BAKER]:
+        if path.stem != "codec":
+            assert "GSGI" not in path.read_text(encoding="utf-8"), path
+
+
+def test_shared_numbers_stand_once():
+    text = (ROOT / "glsl" / "constants.glsl").read_text(encoding="utf-8")
+    literals = re.findall(r"^#define\s+\w+\s+(\d+\.\d{4,}|\d+\.\d+e-?\d+)", text, re.MULTILINE)
+    assert len(literals) > 5
+    sources = [*RUNTIME, *BAKER, *(ROOT / "baker" / "kernels").iterdir(), *(ROOT / "glsl").iterdir()]
+    for path in sources:
+        if path.name != "constants.glsl" and path.is_file():
+            content = path.read_text(encoding="utf-8")
+            for literal in literals:
+                assert literal[:8] not in content, (path, literal)
+
+
+def test_every_constant_is_a_literal_with_a_reason():
+    for line in (ROOT / "glsl" / "constants.glsl").read_text(encoding="utf-8").splitlines():
+        assert not line.startswith("#") or re.match(r"#define \w+ +-?[\d.e-]+ +// \S", line) or "PI" in line, line
