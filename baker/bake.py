@@ -27,8 +27,8 @@ class Settings:
     """What a bake may cost. `size` is the edge of a fitted view (px), `samples` its paths per pixel."""
 
     gaussians: int = 4096
-    views: int = 32
-    size: int = 192
+    views: int = 64
+    size: int = 128
     samples: int = 64
     iterations: int = 1500
     denoise: bool = True

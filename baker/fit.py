@@ -9,12 +9,13 @@ import torch
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.gaussians import Blend, Gaussians
 
+from .adam import Adam
 from .loss import image_loss
 from .splat import splat
 
 # Adam's steps per parameter; lengths in units of the mean scale, light in units of the tone scale. They fall to
 # RATE_END of themselves, exponentially.
-RATES = {"position": 0.02, "log_scale": 0.02, "rotation": 0.01, "logit_opacity": 0.05, "sh": 0.02}
+RATES = {"position": 0.03, "log_scale": 0.05, "rotation": 0.004, "logit_opacity": 0.05, "sh": 0.02}
 RATE_END = 0.1
 OPACITY_RANGE = (1e-4, 1 - 1e-4)  # what a logit can hold without vanishing gradients
 
@@ -43,22 +44,18 @@ def fit(
     the number of threads. Raises FloatingPointError at the first loss that is not finite, naming iteration and view.
     """
     parameters = _raw(start)
-    unit = {"position": float(start.scale.mean()), "sh": tone_scale}
-    groups = [{"params": [p], "lr": RATES[n] * unit.get(n, 1.0)} for n, p in parameters.items()]
-    optimiser = torch.optim.Adam(groups, eps=1e-15)
-    decay = torch.optim.lr_scheduler.ExponentialLR(optimiser, RATE_END ** (1 / max(iterations, 1)))
+    unit = {"position": float(start.scale.mean()) if len(start) else 0.0, "sh": tone_scale}
+    adam = Adam(parameters, {name: rate * unit.get(name, 1.0) for name, rate in RATES.items()})
     targets = [(torch.from_numpy(v.indirect), torch.from_numpy(v.valid)) for v in views]
     pinholes = [v.camera.pinhole(v.indirect.shape[1], v.indirect.shape[0]) for v in views]
     smoothed = None
     for iteration, k in enumerate(_order(len(views), iterations, seed)):
-        optimiser.zero_grad()
         image, _ = splat(*_activated(parameters), pinholes[k], blend)
         loss = image_loss(image, *targets[k], tone_scale)
         if not torch.isfinite(loss):
             raise FloatingPointError(f"the loss is {loss.item()} at iteration {iteration}, view {k}")
         loss.backward()
-        optimiser.step()
-        decay.step()
+        adam.step(RATE_END ** (iteration / iterations))
         smoothed = loss.item() if smoothed is None else 0.98 * smoothed + 0.02 * loss.item()
         if advance:
             advance(1, f"loss {smoothed:.4f}")

@@ -9,7 +9,7 @@ from .surface_points import SurfacePoints
 
 NEIGHBOURS = 3
 FLATNESS = 0.1  # scale along the normal over that in the surface
-OPACITY = 0.7
+OPACITY = 0.9
 
 
 def from_surface(points: SurfacePoints, indirect: np.ndarray, sh_degree: int) -> Gaussians:

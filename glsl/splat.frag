@@ -6,7 +6,7 @@ uniform float alpha_min;
 uniform float alpha_max;
 
 flat in vec2 v_mean2d;
-flat in vec3 v_conic;
+flat in vec3 v_whiten;  // see whiten()
 flat in vec4 v_color;
 
 layout(location = 0) out vec4 out_indirect;  // B, 1 - transmittance
@@ -14,8 +14,8 @@ layout(location = 0) out vec4 out_indirect;  // B, 1 - transmittance
 void main() {
     // Kerbl et al. 2023, "3D Gaussian Splatting for Real-Time Radiance Field Rendering"
     vec2 d = pixel_from_fragment(gl_FragCoord.xy, size.y) - v_mean2d;
-    float q = v_conic.x * d.x * d.x + 2.0 * v_conic.y * d.x * d.y + v_conic.z * d.y * d.y;
-    float alpha = min(alpha_max, v_color.a * exp(-0.5 * q));
+    vec2 e = vec2(v_whiten.x * (d.x - v_whiten.y * d.y), v_whiten.z * d.y);
+    float alpha = min(alpha_max, v_color.a * exp(-dot(e, e)));
     if (!(alpha >= alpha_min)) discard;
     out_indirect = vec4(v_color.rgb * alpha, alpha);
 }

@@ -41,9 +41,9 @@ def replacing(path: str | Path) -> Iterator[Path]:
 def check_writable(path: str | Path) -> None:
     """Raise the FileError that writing `path` would end in, as far as can be told before the work is done."""
 
-    class OnlyChecking(Exception):
+    class OnlyCheckingError(Exception):
         pass
 
-    with suppress(OnlyChecking), replacing(path) as temporary:
+    with suppress(OnlyCheckingError), replacing(path) as temporary:
         temporary.touch()
-        raise OnlyChecking  # leaves `replacing` before it replaces anything
+        raise OnlyCheckingError  # leaves `replacing` before it replaces anything

@@ -6,15 +6,12 @@ from . import constants
 from .camera import Pinhole
 from .gaussians import Blend
 
-_GREATEST_KEY = np.float32(2**16 - 1)  # numpy's stable argsort is a radix sort for 16-bit keys: 0.4 ms per 100,000
-
 
 def visible_order(position: np.ndarray, pinhole: Pinhole, blend: Blend, radius: np.ndarray) -> np.ndarray:
     """Indices (M,) uint32 of the Gaussians that may show in the image, farthest first.
 
     `position` (N, 3) float32, world space, m; `radius` (N,) float32: distance from the centre, m, beyond which alpha
-    is below `blend.alpha_min`. Depth is quantised to 65,536 even steps between the nearest and the farthest one that
-    shows (0.5 mm in 30 m); within a step the file's order decides, earlier ones in front.
+    is below `blend.alpha_min`. At equal depth the file's order decides, earlier ones in front.
     """
     # Row by row: for three columns this is faster than a matrix product, and the same on every machine.
     rows = pinhole.view_from_world[:3].astype(np.float32)
@@ -23,13 +20,18 @@ def visible_order(position: np.ndarray, pinhole: Pinhole, blend: Blend, radius: 
     with np.errstate(divide="ignore", invalid="ignore"):  # behind the eye or broken: the comparisons leave them out
         shown = (depth >= np.float32(blend.near)) & _overlaps_image(x / depth, y / depth, depth, pinhole, blend, radius)
     index = np.flatnonzero(shown)
-    depth = depth[index]
-    if not len(index):
-        return np.zeros(0, np.uint32)
-    nearest = depth.min()
-    step = max((depth.max() - nearest) / _GREATEST_KEY, np.finfo(np.float32).tiny)
-    key = np.minimum((depth - nearest) / step, _GREATEST_KEY).astype(np.uint16)
-    return index[np.argsort(key, kind="stable")[::-1]].astype(np.uint32)
+    return index[_ascending(depth[index])[::-1]].astype(np.uint32)
+
+
+def _ascending(depth: np.ndarray) -> np.ndarray:
+    """Stable order (M,) of depths (M,) float32 >= 0.
+
+    The bits of such floats sort as integers do, and numpy's stable argsort is a radix sort for 16-bit keys: two rounds
+    of it take less than half the time of any sort of 32 bits. One round leaves ties, which swap neighbours on a wall.
+    """
+    bits = np.ascontiguousarray(depth).view(np.uint32)
+    order = np.argsort(bits.astype(np.uint16), kind="stable")
+    return order[np.argsort((bits >> 16).astype(np.uint16)[order], kind="stable")]
 
 
 def _overlaps_image(

@@ -7,9 +7,9 @@ import torch
 
 from gsgi.baker.fit import View, fit, view_loss
 from gsgi.baker.initialise import from_surface
-from gsgi.baker.splat import rasterise
+from gsgi.baker.splat import rasterise, set_thread_count
 from gsgi.baker.surface_points import Triangles
-from gsgi.runtime.camera import look_at
+from gsgi.baker.views import place
 from gsgi.runtime.gaussians import Blend, Gaussians
 
 BLEND = Blend(near=0.01)
@@ -17,21 +17,18 @@ SIZE = 48
 
 
 @pytest.fixture(scope="module")
-def start() -> Gaussians:
-    points = Triangles(scenes.furnace()).sample(300, seed=0)
-    return from_surface(points, np.full((300, 3), 0.5, np.float32), sh_degree=0)
-
-
-def cameras(count: int):
-    rng = np.random.default_rng(3)
-    eyes, targets = rng.uniform(-0.5, 0.5, (2, count, 3))
-    return [
-        look_at(eye, target, np.array([0.0, 1.0, 0.0]), 1.2, 0.01) for eye, target in zip(eyes, targets, strict=True)
-    ]
+def room() -> Triangles:
+    return Triangles(scenes.furnace())
 
 
 @pytest.fixture(scope="module")
-def views(start) -> list[View]:
+def start(room) -> Gaussians:
+    points = room.sample(300, seed=0)
+    return from_surface(points, np.full((300, 3), 0.5, np.float32), sh_degree=0)
+
+
+@pytest.fixture(scope="module")
+def views(room, start) -> list[View]:
     """Images of Gaussians that differ from the start in everything."""
     rng = np.random.default_rng(4)
     truth = Gaussians(
@@ -42,13 +39,17 @@ def views(start) -> list[View]:
         (start.sh * rng.uniform(0.3, 2.0, (len(start), 1, 3))).astype(np.float32),
     )
     everywhere = np.ones((SIZE, SIZE), bool)
-    return [View(c, rasterise(truth, c.pinhole(SIZE, SIZE), BLEND), everywhere) for c in cameras(8)]
+    cameras = place(room, np.sqrt(12), 32, seed=3)
+    return [View(c, rasterise(truth, c.pinhole(SIZE, SIZE), BLEND), everywhere) for c in cameras]
 
 
 def test_the_fit_finds_the_light_of_known_gaussians(start, views):
-    fitted = fit(start, views[:6], BLEND, tone_scale=0.5, iterations=240, seed=0)
-    before, after = (view_loss(g, views[6:], BLEND, 0.5) for g in (start, fitted))
-    assert after < 0.35 * before
+    fitted = fit(start, views[:24], BLEND, tone_scale=0.5, iterations=600, seed=0)
+    before, after = (view_loss(g, views[:24], BLEND, 0.5) for g in (start, fitted))
+    assert after < before / 4
+    # Which Gaussian lies over which is not wholly fixed by 24 small images: views that were not fitted gain less.
+    before, after = (view_loss(g, views[24:], BLEND, 0.5) for g in (start, fitted))
+    assert after < 0.7 * before
     norms = np.linalg.norm(fitted.rotation, axis=1)
     np.testing.assert_allclose(norms, 1, rtol=1e-5)
 
@@ -57,10 +58,12 @@ def test_the_same_seed_gives_the_same_bits_on_one_and_two_threads(start, views):
     first = fit(start, views, BLEND, 0.5, iterations=20, seed=1)
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
+    set_thread_count(1)
     try:
         second = fit(start, views, BLEND, 0.5, iterations=20, seed=1)
     finally:
         torch.set_num_threads(threads)
+        set_thread_count(0)
     for name in ("position", "rotation", "scale", "opacity", "sh"):
         np.testing.assert_array_equal(getattr(first, name), getattr(second, name))
 

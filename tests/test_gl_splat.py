@@ -7,6 +7,9 @@ import oracle
 import pytest
 import scenes
 
+from gsgi.baker.initialise import from_surface
+from gsgi.baker.splat import rasterise
+from gsgi.baker.surface_points import Triangles
 from gsgi.runtime.camera import look_at
 from gsgi.runtime.gaussians import Bake, Blend, Gaussians
 from gsgi.runtime.splat import Splats, visible_radius
@@ -131,3 +134,12 @@ def test_visible_radius_is_where_alpha_falls_to_the_threshold():
     radius = float(visible_radius(gaussians, BLEND.alpha_min)[0])
     assert 0.5 * np.exp(-0.5 * (radius / 0.3) ** 2) == pytest.approx(BLEND.alpha_min, rel=1e-4)
     assert visible_radius(one(opacity=0.0), BLEND.alpha_min) == 0
+
+
+def test_gl_equals_the_cpp_rasteriser_on_surfaces(gl):
+    """What a bake makes: thousands of opaque, flat Gaussians side by side on walls, seen close and at a slant."""
+    points = Triangles(scenes.furnace()).sample(3000, seed=0)
+    light = np.random.default_rng(1).uniform(0, 1, (3000, 3)).astype(np.float32)
+    gaussians = from_surface(points, light, sh_degree=0)
+    image, _ = draw(gl, gaussians)
+    assert np.abs(image - rasterise(gaussians, CAMERA.pinhole(*SIZE), BLEND)).max() < TOLERANCE

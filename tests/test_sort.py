@@ -20,8 +20,7 @@ def test_farthest_first():
     position = np.stack([0 * z, 0 * z, z], axis=1)
     sorted_z = z[order(position)]
     assert len(sorted_z) == 3000
-    # Out of order by one step of the 16-bit key at most.
-    assert np.diff(sorted_z).min() > -1.01 * np.ptp(z) / 65535
+    assert np.diff(sorted_z).min() > -1e-6  # float32 rounding of depths up to 10 m
 
 
 def test_ties_keep_the_first_in_front():
