@@ -28,8 +28,8 @@ class Settings:
 
     gaussians: int = 4096
     views: int = 64
-    size: int = 128
-    samples: int = 64
+    size: int = 192
+    samples: int = 32
     iterations: int = 1500
     denoise: bool = True
     seed: int = 0

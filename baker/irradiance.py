@@ -16,8 +16,8 @@ from . import mitsuba_scene
 from .lights import PunctualLights
 
 # Samples and points of one launch. Constant, because Dr.Jit compiles anew for every other size.
-PASS_SAMPLES = 64
-LAUNCH_POINTS = 1 << 14
+PASS_SAMPLES = 32
+LAUNCH_POINTS = 1 << 15
 
 
 @dataclass(frozen=True)
