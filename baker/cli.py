@@ -10,12 +10,19 @@ EXIT_CODES = """\
 exit codes: 0 ok, 1 command line, 2 file cannot be read or written, 3 invalid input, 4 failure while running,
             5 unsupported here, 130 interrupted"""
 
+INTERRUPTED = 130
+
 LAYERS = ("final", "primary", "indirect", "albedo", "normal", "depth")
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line and exit with its code."""
-    sys.exit(run(arguments))
+    code = run(arguments)
+    if code == INTERRUPTED:
+        # Past the interpreter's own end, which can turn the code into a death by SIGINT.
+        sys.stdout.flush()
+        os._exit(code)
+    sys.exit(code)
 
 
 def run(arguments: list[str] | None = None) -> int:
@@ -33,7 +40,7 @@ def run(arguments: list[str] | None = None) -> int:
         return 4
     except KeyboardInterrupt:
         print("gsgi: interrupted, nothing was written", file=sys.stderr)
-        return 130
+        return INTERRUPTED
     except BrokenPipeError:
         # The reader of stdout went away (`gsgi inspect FILE | head`): that is its right.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

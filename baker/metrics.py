@@ -27,8 +27,8 @@ def compare_linear(image, a, b, clean, exposure: float | None = None) -> Differe
     """Compare linear images (H, W, 3) float32 with a reference.
 
     `a` and `b` are its halves, `clean` their denoised mean (pass the same image three times for an exact reference).
-    PSNR is of exposed linear light with peak 1; SSIM and FLIP are display-referred. The exposure comes from `clean`
-    alone: its log-average goes to mid-grey.
+    PSNR is of exposed linear light with peak 1; SSIM and FLIP are display-referred. The exposure comes from the
+    reference alone: by default it takes the log-average of `clean` to mid-grey.
     """
     exposure = auto_exposure(clean) if exposure is None else exposure
     shown, expected = tone_map(image, exposure), tone_map(clean, exposure)

@@ -86,7 +86,8 @@ def _indirect(tracer, sampler, p, n, ng):
                 vertex, mi.DirectionSample3f(tracer.scene, hit, vertex), active
             )
             emission = hit.emitter(tracer.scene).eval(hit, active)
-            result += dr.select(active, throughput * emission * pdf / (pdf + light_pdf), 0)
+            # pdf is 0 for a direction exactly in the tangent plane, and 0 / 0 would poison the pixel.
+            result += dr.select(active & (pdf > 0), throughput * emission * pdf / (pdf + light_pdf), 0)
         throughput *= _reflectance(hit)
         n, ng = _facing_normals(hit)
         p = hit.p
@@ -122,7 +123,7 @@ def _sample_emitter(tracer, sampler, vertex, active):
     active = active & (sample.pdf > 0) & (cosine > 0) & (dr.dot(sample.d, vertex.n) > 0)
     active = active & _unoccluded(tracer, vertex, sample.d, sample.dist, active)
     pdf = cosine * dr.inv_pi
-    return dr.select(active, radiance * pdf * sample.pdf / (sample.pdf + pdf), 0)
+    return dr.select(active, radiance * pdf / (1 + pdf / sample.pdf), 0)  # in this form sample.pdf may be infinite
 
 
 def _vertex(p, n, ng):

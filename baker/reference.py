@@ -85,8 +85,9 @@ def judge_indirect(indirect: np.ndarray, reference: Reference) -> Verdict:
 
 
 def _judge(image: np.ndarray, reference: Reference, lit) -> Verdict:
+    # Not from the denoised image: the denoiser leaves traces of light where there is none.
+    exposure = auto_exposure(lit(reference.indirect))
     clean = lit(reference.clean(reference.indirect))
-    difference = compare_linear(image, lit(reference.indirect_a), lit(reference.indirect_b), clean)
-    exposure = auto_exposure(clean)
+    difference = compare_linear(image, lit(reference.indirect_a), lit(reference.indirect_b), clean, exposure)
     halves = [tone_map(lit(reference.clean(half)), exposure) for half in (reference.indirect_a, reference.indirect_b)]
     return Verdict(difference, ssim(*halves))
