@@ -4,7 +4,6 @@
 reached x straight from a punctual light. Emissive surfaces light the scene through B completely.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,7 +42,9 @@ class Tracer:
     def __init__(self, scene: Scene):
         self.scene = mitsuba_scene.build(scene)
         self.lights = PunctualLights(scene.lights)
+        materials = mitsuba_scene.used_materials(scene)
         self.emitters = mitsuba_scene.has_emitters(scene)
+        self.samples_emitters = any(mitsuba_scene.samples_light(material, scene) for material in materials)
         self.masks = mitsuba_scene.has_masks(scene)
 
     def surface(self, camera: Camera, width: int, height: int) -> Surface:
@@ -54,10 +55,13 @@ class Tracer:
         y, x = np.mgrid[0:height, 0:width] + 0.5
         local = np.stack([(x - pinhole.cx) / pinhole.fx, (pinhole.cy - y) / pinhole.fy, -np.ones_like(x)], axis=-1)
         direction = local.reshape(-1, 3) @ camera.world_from_view[:3, :3].T
-        hits = paths.first_hits(self, camera.position, direction.astype(np.float32))
-        images = {name: array.reshape(height, width, *array.shape[1:]) for name, array in hits.items()}
-        depth = (camera.position - images["position"]) @ camera.world_from_view[:3, 2]
-        return Surface(**images, depth=np.where(images["valid"], depth, 0).astype(np.float32))
+        origin = camera.position + camera.znear * direction
+        hits = paths.first_hits(self, origin.astype(np.float32), direction.astype(np.float32))
+        depth = (camera.position - hits["position"]) @ camera.world_from_view[:3, 2]
+        valid = hits.pop("valid") & (depth <= camera.zfar)
+        columns = {name: np.where(valid[:, None], column, 0) for name, column in hits.items()}
+        columns |= {"depth": np.where(valid, depth, 0).astype(np.float32), "valid": valid}
+        return Surface(**{name: column.reshape(height, width, *column.shape[1:]) for name, column in columns.items()})
 
     def indirect(self, position, normal, geometric_normal, samples: int, seed: int, advance=None) -> np.ndarray:
         """B at surface points: (N, 3) float32, linear Rec.709 radiance, the mean of `samples` paths per point.
@@ -67,22 +71,8 @@ class Tracer:
         """
         from . import paths
 
-        return self._launch(paths.mean_indirect, (position, normal, geometric_normal), samples, seed, advance)
-
-    def direct(self, position, normal, geometric_normal, samples: int, seed: int) -> np.ndarray:
-        """Light straight from the punctual lights: (N, 3) float32, such that primary = albedo * direct + emission.
-
-        Arguments as for `indirect`. With one light it is exact: the light has no extent.
-        """
-        from . import paths
-
-        if not self.lights.count:
-            return np.zeros((len(position), 3), np.float32)
-        return self._launch(paths.mean_direct, (position, normal, geometric_normal), samples, seed, None)
-
-    def _launch(self, trace: Callable, inputs: tuple, samples: int, seed: int, advance) -> np.ndarray:
-        """Mean of `trace` over whole passes, LAUNCH_POINTS points at a time."""
-        count, passes = len(inputs[0]), -(-samples // PASS_SAMPLES)
+        inputs = position, normal, geometric_normal
+        count, passes = len(position), -(-samples // PASS_SAMPLES)
         result = np.empty((count, 3), np.float32)
         for first in range(0, count, LAUNCH_POINTS):
             batch = slice(first, min(first + LAUNCH_POINTS, count))
@@ -90,10 +80,25 @@ class Tracer:
             total = np.zeros((LAUNCH_POINTS, 3))
             for k in range(passes):
                 launch_seed = int(np.random.SeedSequence((seed, first, k)).generate_state(1)[0])
-                total += trace(self, *padded, PASS_SAMPLES, launch_seed)
+                total += paths.mean_indirect(self, *padded, PASS_SAMPLES, launch_seed)
                 if advance:
                     advance((batch.stop - first) / passes)
             result[batch] = (total / passes)[: batch.stop - first]
+        return result
+
+    def direct(self, position, normal, geometric_normal) -> np.ndarray:
+        """Light straight from the punctual lights: (N, 3) float32, such that primary = albedo * direct + emission.
+
+        Arguments as for `indirect`. Exact: a shadow ray to every light, and the lights have no extent.
+        """
+        from . import paths
+
+        inputs = position, normal, geometric_normal
+        batches = range(0, len(position) if self.lights.count else 0, LAUNCH_POINTS)
+        result = np.zeros((len(position), 3), np.float32)
+        for first in batches:
+            padded = [_padded(array[first : first + LAUNCH_POINTS]) for array in inputs]
+            result[first : first + LAUNCH_POINTS] = paths.direct(self, *padded)[: len(position) - first]
         return result
 
 

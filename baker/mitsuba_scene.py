@@ -1,5 +1,7 @@
 """A `Scene` as a Mitsuba scene: one mesh per material, Lambertian surfaces, emissive surfaces as area lights."""
 
+import sys
+
 import numpy as np
 
 from gsgi.runtime.scene import Material, Mesh, Scene
@@ -18,7 +20,8 @@ EMITTER_GAP = 1e-5
 
 def load_mitsuba():
     """The mitsuba module with our variant set. The first call takes about a second."""
-    llvm.select()
+    if "mitsuba" not in sys.modules:
+        llvm.select()
     import mitsuba as mi
 
     if mi.variant() is None:
@@ -40,19 +43,35 @@ def build(scene: Scene):
             continue
         merged = _merge(meshes)
         parts[f"material{index}"] = _mesh(mi, merged, material, scene, material.double_sided)
-        if material.double_sided and any(material.emission):
+        if material.double_sided and emits(material, scene):
             parts[f"material{index}_back"] = _mesh(mi, _flip(merged, gap), material, scene, double_sided=False)
     return mi.load_dict(parts)
 
 
+def emits(material: Material, scene: Scene) -> bool:
+    """Whether a surface of this material gives off light somewhere."""
+    return bool(_emission(material, scene).any())
+
+
+def samples_light(material: Material, scene: Scene) -> bool:
+    """Whether light sampling may pick points of an emitter: Mitsuba picks those of a textured one in UV space, which
+    misses light where UVs overlap or tile, and knows no holes. Such emitters are found by bounces alone."""
+    return emits(material, scene) and material.emission_texture is None and material.alpha_cutoff is None
+
+
+def used_materials(scene: Scene) -> list[Material]:
+    """The materials that some triangle has."""
+    return [scene.materials[index] for index in sorted({mesh.material for mesh in scene.meshes})]
+
+
 def has_emitters(scene: Scene) -> bool:
     """Whether any triangle emits light."""
-    return any(any(scene.materials[mesh.material].emission) for mesh in scene.meshes)
+    return any(emits(material, scene) for material in used_materials(scene))
 
 
 def has_masks(scene: Scene) -> bool:
     """Whether any triangle has alpha-tested holes."""
-    return any(scene.materials[mesh.material].alpha_cutoff is not None for mesh in scene.meshes)
+    return any(material.alpha_cutoff is not None for material in used_materials(scene))
 
 
 def _merge(meshes: list[Mesh]) -> Mesh:
@@ -75,9 +94,9 @@ def _flip(mesh: Mesh, gap: float) -> Mesh:
 def _mesh(mi, mesh: Mesh, material: Material, scene: Scene, double_sided: bool):
     properties = mi.Properties()
     properties["bsdf"] = mi.load_dict(_bsdf(mi, material, scene, double_sided))
-    if any(material.emission):
+    if emits(material, scene):
         radiance = _texture(mi, _emission(material, scene), scene, material.emission_texture)
-        emitter = {"type": "area", "radiance": radiance, "sampling_weight": _power(mesh, material, scene)}
+        emitter = {"type": "area", "radiance": radiance, "sampling_weight": _sampling_weight(mesh, material, scene)}
         properties["emitter"] = mi.load_dict(emitter)
     shape = mi.Mesh(
         f"material{mesh.material}",
@@ -146,8 +165,12 @@ def _opacity(material: Material, scene: Scene) -> np.ndarray:
     return np.atleast_1d(alpha + shift) if texels is None else texels[..., 3:] * alpha + shift
 
 
-def _power(mesh: Mesh, material: Material, scene: Scene) -> float:
-    """Area (m^2) times mean radiance: how often light sampling picks this mesh."""
+def _sampling_weight(mesh: Mesh, material: Material, scene: Scene) -> float:
+    """How often light sampling picks this mesh: area (m^2) times mean radiance, or never."""
+    if not any(samples_light(other, scene) for other in used_materials(scene)):
+        return 1.0  # Mitsuba refuses zeros alone; the integrator does not sample lights then
+    if not samples_light(material, scene):
+        return 0.0
     a, b, c = (mesh.position[mesh.triangle[:, i]].astype(np.float64) for i in range(3))
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
-    return float(area * _emission(material, scene).mean())
+    return float(area * np.mean(material.emission))

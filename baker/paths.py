@@ -19,8 +19,8 @@ ROULETTE_MAX = 0.95
 
 
 def first_hits(tracer, origin: np.ndarray, direction: np.ndarray) -> dict[str, np.ndarray]:
-    """Surfaces that rays from `origin` (3,) along `direction` (M, 3) see: arrays (M, 3) float32 and `valid` (M,)."""
-    ray = mi.Ray3f(mi.Point3f(*map(float, origin)), dr.normalize(mi.Vector3f(direction.T)))
+    """Surfaces that rays from `origin` (M, 3) along `direction` (M, 3) see: arrays (M, 3) float32 and `valid` (M,)."""
+    ray = mi.Ray3f(mi.Point3f(origin.T), dr.normalize(mi.Vector3f(direction.T)))
     hit = _intersect(tracer, ray, mi.Bool(True), cull=True)
     valid = hit.is_valid()
     normal, geometric_normal = _facing_normals(hit)
@@ -44,22 +44,24 @@ def first_hits(tracer, origin: np.ndarray, direction: np.ndarray) -> dict[str, n
 
 def mean_indirect(tracer, position, normal, geometric_normal, samples: int, seed: int) -> np.ndarray:
     """Mean over `samples` paths of the light arriving at each point, (N, 3) float64; arguments (N, 3) float32."""
-    return _mean(_indirect, tracer, position, normal, geometric_normal, samples, seed)
-
-
-def mean_direct(tracer, position, normal, geometric_normal, samples: int, seed: int) -> np.ndarray:
-    """Mean over `samples` shadow rays of the punctual light at each point over pi, (N, 3) float64."""
-    return _mean(_direct, tracer, position, normal, geometric_normal, samples, seed)
-
-
-def _mean(trace, tracer, position, normal, geometric_normal, samples: int, seed: int) -> np.ndarray:
     paths = len(position) * samples
     index = dr.arange(mi.UInt32, paths) // samples
     sampler = mi.load_dict({"type": "independent"})
     sampler.seed(seed, paths)
     p, n, ng = (dr.gather(mi.Point3f, mi.Point3f(a.T), index) for a in (position, normal, geometric_normal))
-    light = trace(tracer, sampler, p, mi.Normal3f(n), mi.Normal3f(ng))
+    light = _indirect(tracer, sampler, p, mi.Normal3f(n), mi.Normal3f(ng))
     return np.stack([np.array(dr.block_sum(c, samples), np.float64) for c in light], axis=-1) / samples
+
+
+def direct(tracer, position, normal, geometric_normal) -> np.ndarray:
+    """Light of all punctual lights at each point over pi, (N, 3) float32; arguments (N, 3) float32."""
+    vertex = _vertex(mi.Point3f(position.T), mi.Normal3f(normal.T), mi.Normal3f(geometric_normal.T))
+    active = dr.squared_norm(vertex.n) > 0
+    result = mi.Color3f(0)
+    for index in range(tracer.lights.count):
+        # Opaque: one kernel serves all lights.
+        result += _punctual(tracer, vertex, dr.opaque(mi.UInt32, index), active)
+    return np.array(result).T
 
 
 @dr.syntax
@@ -70,8 +72,9 @@ def _indirect(tracer, sampler, p, n, ng):
     while active:
         vertex = _vertex(p, n, ng)
         if tracer.lights.count > 0:
-            result += throughput * _sample_punctual(tracer, sampler, vertex, active & (bounce > 0))
-        if tracer.emitters:
+            index, weight = tracer.lights.sample(sampler.next_1d(active))
+            result += throughput * weight * _punctual(tracer, vertex, index, active & (bounce > 0))
+        if tracer.samples_emitters:
             result += throughput * _sample_emitter(tracer, sampler, vertex, active)
 
         # Follow a direction of the cosine lobe to the next surface.
@@ -82,9 +85,10 @@ def _indirect(tracer, sampler, p, n, ng):
         active &= hit.is_valid()
         if tracer.emitters:
             pdf = local.z * dr.inv_pi
-            light_pdf = tracer.scene.pdf_emitter_direction(
-                vertex, mi.DirectionSample3f(tracer.scene, hit, vertex), active
-            )
+            light_pdf = mi.Float(0)
+            if tracer.samples_emitters:
+                sample = mi.DirectionSample3f(tracer.scene, hit, vertex)
+                light_pdf = tracer.scene.pdf_emitter_direction(vertex, sample, active)
             emission = hit.emitter(tracer.scene).eval(hit, active)
             # pdf is 0 for a direction exactly in the tangent plane, and 0 / 0 would poison the pixel.
             result += dr.select(active & (pdf > 0), throughput * emission * pdf / (pdf + light_pdf), 0)
@@ -100,20 +104,14 @@ def _indirect(tracer, sampler, p, n, ng):
     return result
 
 
-def _direct(tracer, sampler, p, n, ng):
-    """One shadow ray per lane, to a light chosen by intensity."""
-    return _sample_punctual(tracer, sampler, _vertex(p, n, ng), dr.squared_norm(n) > 0)
-
-
-def _sample_punctual(tracer, sampler, vertex, active):
-    """Light of one punctual light that a white Lambertian surface at `vertex` would send on."""
+def _punctual(tracer, vertex, index, active):
+    """Light of punctual light `index` that a white Lambertian surface at `vertex` would send on."""
     # `active = active & ...`: the augmented form would write into the caller's array.
-    index, weight = tracer.lights.sample(sampler.next_1d(active))
     wi, distance, color = tracer.lights.arriving(index, vertex.p)
     cosine = dr.dot(wi, vertex.sh_frame.n)
     active = active & (cosine > 0) & (dr.dot(wi, vertex.n) > 0) & (dr.max(color) > 0)
     active = active & _unoccluded(tracer, vertex, wi, distance, active)
-    return dr.select(active, color * cosine * weight * dr.inv_pi, 0)
+    return dr.select(active, color * cosine * dr.inv_pi, 0)
 
 
 def _sample_emitter(tracer, sampler, vertex, active):

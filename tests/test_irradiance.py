@@ -22,7 +22,7 @@ def light(kind: str, **values) -> Light:
 def direct_at(lamp: Light, x: float = 0.0) -> np.ndarray:
     """Irradiance (3,) on an upward surface at (x, 0, 0)."""
     point = np.array([[x, 0, 0]], np.float32)
-    return Tracer(scenes.lit_floor(lamp)).direct(point, UP, UP, PASS_SAMPLES, seed=0)[0] * np.pi
+    return Tracer(scenes.lit_floor(lamp)).direct(point, UP, UP)[0] * np.pi
 
 
 @pytest.mark.parametrize("albedo", [0.0, 0.5, 0.8])
@@ -49,7 +49,7 @@ def test_a_punctual_light_in_a_box_leaves_only_its_bounces_in_b():
     normal = np.concatenate(walls)
     uv = rng.uniform(-1, 1, (len(normal), 3)).astype(np.float32)
     position = np.where(normal != 0, -normal, uv).astype(np.float32)
-    direct = tracer.direct(position, normal, normal, PASS_SAMPLES, seed=0).mean()
+    direct = tracer.direct(position, normal, normal).mean()
     assert direct == pytest.approx(4 * np.pi / 24 / np.pi, rel=0.02)
     assert tracer.indirect(position, normal, normal, 128, seed=2).mean() == pytest.approx(direct, rel=0.02)
     assert np.isfinite(tracer.indirect(*points, PASS_SAMPLES, seed=3)).all()
@@ -103,7 +103,7 @@ def test_the_back_of_a_single_sided_surface_is_invisible_black_and_stops_light()
         scene = Scene((scenes.floor(50.0), lid), (floor, replace(floor, double_sided=double_sided)), lights=(sun,))
         tracer = Tracer(scene)
         origin = np.array([[0, 0, 0]], np.float32)
-        assert tracer.direct(origin, UP, UP, PASS_SAMPLES, 0).max() == 0
+        assert tracer.direct(origin, UP, UP).max() == 0
         below = look_at(np.array([0.0, 0.5, 0.0]), np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0]), 0.5, 0.01)
         surface = tracer.surface(below, 3, 3)
         assert surface.valid.all() == surface.valid.any() == double_sided
@@ -125,7 +125,7 @@ def test_light_passes_the_holes_of_an_alpha_mask():
     tracer = Tracer(scene)
     points = np.array([[-0.5, 0, 0], [0.5, 0, 0], [-2, 0, 0]], np.float32)
     up = np.repeat(UP, 3, axis=0)
-    lit = tracer.direct(points, up, up, PASS_SAMPLES, 0)[:, 0] * np.pi
+    lit = tracer.direct(points, up, up)[:, 0] * np.pi
     np.testing.assert_allclose(lit, [1, 0, 1], atol=1e-6)
     above = look_at(np.array([0.0, 3.0, 0.0]), np.zeros(3), np.array([0.0, 0.0, -1.0]), 0.3, 0.01)
     depth = tracer.surface(above, 5, 1).depth[0]
@@ -182,7 +182,7 @@ def test_primary_plus_albedo_times_b_is_what_mitsuba_path_traces():
     surface = tracer.surface(scenes.inside_camera(), 32, 32)
     points = [a.reshape(-1, 3) for a in (surface.position, surface.normal, surface.geometric_normal)]
     b = tracer.indirect(*points, 1024, seed=0).reshape(32, 32, 3)
-    direct = tracer.direct(*points, PASS_SAMPLES, seed=0).reshape(32, 32, 3)
+    direct = tracer.direct(*points).reshape(32, 32, 3)
     ours = surface.emission + surface.albedo * (direct + b)
 
     intensity = {"type": "rgb", "value": lamp.color.tolist()}
@@ -200,3 +200,51 @@ def test_primary_plus_albedo_times_b_is_what_mitsuba_path_traces():
     # 1024 samples a pixel on either side: pixels agree within noise of about 2 %, the whole picture within 0.5 %.
     np.testing.assert_allclose(ours.mean(axis=(0, 1)), theirs.mean(axis=(0, 1)), rtol=0.005)
     assert np.quantile(np.abs(ours - theirs) / theirs, 0.95) < 0.1
+
+
+def test_direct_light_of_several_lights_is_their_sum_without_noise():
+    lamps = [light("point"), light("directional", color=np.array([0.5, 0.25, 1.0]))]
+    scene = replace(scenes.lit_floor(lamps[0]), lights=tuple(lamps))
+    points = np.zeros((50, 3), np.float32)
+    up = np.repeat(UP, 50, axis=0)
+    direct = Tracer(scene).direct(points, up, up)
+    np.testing.assert_allclose(direct, np.tile((np.array([3, 2, 1]) / 4 + lamps[1].color) / np.pi, (50, 1)), rtol=1e-5)
+
+
+@pytest.mark.parametrize(("uv_scale", "textured"), [(1, False), (1, True), (3, True)])
+def test_an_emissive_texture_lights_as_a_constant_does_however_it_is_mapped(uv_scale, textured):
+    lid = scenes.floor(half=1.0, height=1.0, material=1)
+    lid = replace(lid, triangle=lid.triangle[:, ::-1].copy(), normal=-lid.normal, uv=lid.uv * np.float32(uv_scale))
+    twin = replace(lid, position=lid.position + np.float32([100, 0, 0]))  # the same texels once more
+    lamp = Material("lamp", (0, 0, 0, 1), emission=(1, 1, 1), emission_texture=0 if textured else None)
+    pixels = np.full((4, 4, 4), 255, np.uint8)
+    tracer = Tracer(Scene((scenes.floor(0.5), lid, twin), (scenes.WHITE, lamp), textures=(Texture(pixels),)))
+    b = tracer.indirect(np.zeros((64, 3), np.float32), *[np.repeat(UP, 64, axis=0)] * 2, 512, seed=0)
+    # View factor of a square of half edge 1 seen from 1 below its middle (Howell, configuration B-3).
+    r = 1 / np.sqrt(2)
+    assert b.mean() == pytest.approx(4 / np.pi * r * np.arctan(r), rel=0.01)
+
+
+def test_holes_of_an_emitter_give_no_light():
+    pixels = np.full((2, 2, 4), 255, np.uint8)
+    pixels[..., 3] = 0
+    lamp = Material("lamp", emission=(1, 1, 1), base_color_texture=0, alpha_cutoff=0.5, double_sided=True)
+    lid = scenes.floor(half=1.0, height=1.0, material=1)
+    tracer = Tracer(Scene((scenes.floor(), lid), (scenes.WHITE, lamp), textures=(Texture(pixels),)))
+    assert tracer.indirect(np.zeros((1, 3), np.float32), UP, UP, 256, seed=0).max() == 0
+
+
+def test_a_black_emission_texture_is_no_light():
+    lamp = Material("lamp", emission=(1, 1, 1), emission_texture=0)
+    black = Scene((scenes.floor(),), (lamp,), textures=(Texture(np.zeros((2, 2, 4), np.uint8)),))
+    tracer = Tracer(black)
+    assert not tracer.emitters
+    assert tracer.indirect(np.array([[0, 1, 0]], np.float32), DOWN, DOWN, 64, seed=0).max() == 0
+
+
+def test_cameras_see_between_their_near_and_far_plane():
+    scene = scenes.lit_floor(light("point"))
+    camera = scenes.above_camera(3.0)
+    for znear, zfar, seen in ((0.01, 2.9, False), (0.01, 3.1, True), (2.9, np.inf, True), (3.1, np.inf, False)):
+        surface = Tracer(scene).surface(replace(camera, znear=znear, zfar=zfar), 4, 4)
+        assert surface.valid.all() == surface.valid.any() == seen
