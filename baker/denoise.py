@@ -2,8 +2,11 @@
 
 import numpy as np
 
-# Times the 99th percentile: brighter pixels are fireflies. One of 1e30 would poison its whole neighbourhood.
-FIREFLY = 8.0
+from gsgi.runtime.display import auto_exposure
+
+# Times the second brightest of a pixel's 3 x 3 neighbourhood: what stands out further is a firefly, and one of 1e30
+# would poison everything around it. An area of light, however small in the image, has neighbours as bright.
+FIREFLY = 2.0
 
 
 def available() -> bool:
@@ -16,15 +19,18 @@ def available() -> bool:
 def denoise(indirect: np.ndarray, normal: np.ndarray, valid: np.ndarray) -> np.ndarray:
     """B (H, W, 3) float32 without its noise; `normal` (H, W, 3) guides it; pixels outside `valid` (H, W) become 0.
 
-    Non-finite pixels count as 0 and fireflies are clamped first.
+    Non-finite pixels count as 0 and fireflies are clamped first. The same bits for any number of threads.
     """
     import mitsuba_oidn
+    from scipy.ndimage import rank_filter
 
     clean = np.where(valid[..., None] & np.isfinite(indirect), indirect, 0).astype(np.float32)
-    if valid.any():
-        clean = np.minimum(clean, FIREFLY * np.quantile(clean[valid], 0.99))
+    second = np.stack([rank_filter(clean[..., c], rank=-2, size=3) for c in range(3)], axis=-1)
+    clean = np.minimum(clean, np.float32(FIREFLY) * second)
     # Normals are accepted only together with an albedo; B has none, so it is 1.
     white = np.ones_like(clean)
     guide = np.ascontiguousarray(normal, np.float32)
-    result = mitsuba_oidn.denoise(np.ascontiguousarray(clean), white, guide, hdr=True, clean_aux=True)
+    # Open Image Denoise's own estimate of the scale depends on the number of threads.
+    scale = auto_exposure(clean)
+    result = mitsuba_oidn.denoise(clean, white, guide, hdr=True, clean_aux=True, input_scale=scale)
     return np.where(valid[..., None], result, 0)

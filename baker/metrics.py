@@ -10,6 +10,8 @@ import numpy as np
 
 from gsgi.runtime.display import auto_exposure, tone_map
 
+WINDOW = 11  # px, of SSIM
+
 # Squared error below which an image counts as exact: PSNR 100 dB.
 SQUARED_ERROR_MIN = 1e-10
 
@@ -23,17 +25,18 @@ class Difference:
     flip: float
 
 
-def compare_linear(image, a, b, clean, exposure: float | None = None) -> Difference:
+def compare_linear(image, a, b, clean, exposure: float | None = None, valid=None) -> Difference:
     """Compare linear images (H, W, 3) float32 with a reference.
 
     `a` and `b` are its halves, `clean` their denoised mean (pass the same image three times for an exact reference).
     PSNR is of exposed linear light with peak 1; SSIM and FLIP are display-referred. The exposure comes from the
-    reference alone: by default it takes the log-average of `clean` to mid-grey.
+    reference alone: by default it takes the log-average of `clean` to mid-grey. Only pixels in `valid` (H, W) bool
+    count, all where it is None.
     """
     exposure = auto_exposure(clean) if exposure is None else exposure
     shown, expected = tone_map(image, exposure), tone_map(clean, exposure)
-    error = float(np.mean((image - a).astype(np.float64) * (image - b))) * exposure**2
-    return Difference(psnr(error), ssim(shown, expected), flip(shown, expected))
+    squared = (image - a).astype(np.float64) * (image - b) * exposure**2
+    return Difference(psnr(_mean(squared, valid)), ssim(shown, expected, valid), flip(shown, expected, valid))
 
 
 def compare_display(image, reference) -> Difference:
@@ -47,22 +50,31 @@ def psnr(squared_error: float) -> float:
     return float(-10 * np.log10(max(squared_error, SQUARED_ERROR_MIN)))
 
 
-def ssim(image: np.ndarray, reference: np.ndarray) -> float:
-    """Structural similarity (Wang et al. 2004): 11 x 11 Gaussian window, sigma 1.5, range 1, mean of channels."""
+def ssim(image: np.ndarray, reference: np.ndarray, valid: np.ndarray | None = None) -> float:
+    """Structural similarity (Wang et al. 2004): 11 x 11 Gaussian window, sigma 1.5, range 1, mean of channels.
+
+    The mean is over the windows that lie inside the image and whose centre is in `valid` (H, W).
+    """
     from skimage.metrics import structural_similarity
 
-    return float(
-        structural_similarity(
-            reference, image, channel_axis=-1, data_range=1.0, gaussian_weights=True, sigma=1.5,
-            use_sample_covariance=False,
-        )
+    _, similarity = structural_similarity(
+        reference, image, channel_axis=-1, data_range=1.0, gaussian_weights=True, sigma=1.5,
+        use_sample_covariance=False, full=True,
     )  # fmt: skip
+    inside = slice(WINDOW // 2, -(WINDOW // 2))
+    return _mean(similarity[inside, inside], None if valid is None else valid[inside, inside])
 
 
-def flip(image: np.ndarray, reference: np.ndarray) -> float:
+def flip(image: np.ndarray, reference: np.ndarray, valid: np.ndarray | None = None) -> float:
     """Mean FLIP error (Andersson et al. 2020) of display-referred images at NVIDIA's default 67 pixels per degree."""
     import flip_evaluator
 
     reference, image = (np.ascontiguousarray(x, np.float32) for x in (reference, image))
-    _, mean, _ = flip_evaluator.evaluate(reference, image, "LDR", applyMagma=False)
-    return float(mean)
+    errors, _, _ = flip_evaluator.evaluate(reference, image, "LDR", applyMagma=False)
+    return _mean(errors, valid)
+
+
+def _mean(values: np.ndarray, valid: np.ndarray | None) -> float:
+    """Mean of an image over the pixels in `valid` (H, W); 0 where there are none."""
+    counted = values if valid is None else values[valid]
+    return float(np.mean(counted, dtype=np.float64)) if counted.size else 0.0

@@ -8,7 +8,7 @@ from gsgi.runtime.camera import Camera
 from gsgi.runtime.display import auto_exposure, tone_map
 
 from . import denoise
-from .irradiance import PASS_SAMPLES, Surface, Tracer
+from .irradiance import Surface, Tracer
 from .metrics import Difference, compare_linear, ssim
 
 
@@ -60,8 +60,10 @@ def trace(tracer: Tracer, camera: Camera, width: int, height: int, samples: int,
         result[surface.valid] = values
         return result
 
-    direct = image(tracer.direct(*points, PASS_SAMPLES, seed))
+    direct = image(tracer.direct(*points))
     a, b = (image(tracer.indirect(*points, half, 2 * seed + k, advance)) for k in (0, 1))
+    if advance:
+        advance(2 * float((~surface.valid).sum()))
     return Reference(surface, surface.emission + surface.albedo * direct, a, b)
 
 
@@ -80,14 +82,14 @@ def judge_frame(frame: np.ndarray, reference: Reference) -> Verdict:
 
 def judge_indirect(indirect: np.ndarray, reference: Reference) -> Verdict:
     """How far a B (H, W, 3) is from the reference's, over the pixels that show a surface."""
-    masked = np.where(reference.surface.valid[..., None], indirect, 0)
-    return _judge(masked, reference, lambda b: b)
+    valid = reference.surface.valid
+    return _judge(np.where(valid[..., None], indirect, 0), reference, lambda b: b, valid)
 
 
-def _judge(image: np.ndarray, reference: Reference, lit) -> Verdict:
+def _judge(image: np.ndarray, reference: Reference, lit, valid: np.ndarray | None = None) -> Verdict:
     # Not from the denoised image: the denoiser leaves traces of light where there is none.
     exposure = auto_exposure(lit(reference.indirect))
     clean = lit(reference.clean(reference.indirect))
-    difference = compare_linear(image, lit(reference.indirect_a), lit(reference.indirect_b), clean, exposure)
+    difference = compare_linear(image, lit(reference.indirect_a), lit(reference.indirect_b), clean, exposure, valid)
     halves = [tone_map(lit(reference.clean(half)), exposure) for half in (reference.indirect_a, reference.indirect_b)]
-    return Verdict(difference, ssim(*halves))
+    return Verdict(difference, ssim(*halves, valid))

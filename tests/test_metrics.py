@@ -69,3 +69,15 @@ def test_flip_grows_with_the_difference():
     image = picture()
     small, large = (metrics.flip(np.clip(image + d, 0, 1).astype(np.float32), image) for d in (0.02, 0.2))
     assert 0 < small < large < 1
+
+
+def test_pixels_outside_the_mask_do_not_count():
+    truth = picture()
+    valid = np.zeros(truth.shape[:2], bool)
+    valid[8:40, 8:40] = True
+    spoilt = np.where(valid[..., None], truth + np.float32(0.1), np.float32(0))
+    inside = metrics.compare_linear(spoilt, truth, truth, truth, exposure=1.0, valid=valid)
+    assert inside.psnr == pytest.approx(20, abs=1e-3)
+    everywhere = metrics.compare_linear(spoilt, truth, truth, truth, exposure=1.0)
+    assert everywhere.psnr < 15
+    assert everywhere.flip > inside.flip
