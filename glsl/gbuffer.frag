@@ -43,9 +43,11 @@ void main() {
 #if ALPHA_MASK
     if (color.a < alpha_cutoff) discard;
 #endif
-    vec3 shading = normalize(v_normal) * (gl_FrontFacing ? 1.0 : -1.0);
+    // Both face the camera; the interpolated normal goes by the triangle's side, whatever the file says.
+    vec3 shading = normalize(v_normal);
     face = dot(face, face) > 0.0 ? normalize(face) : shading;
     face *= dot(face, v_offset) > 0.0 ? -1.0 : 1.0;
+    shading *= dot(shading, face) < 0.0 ? -1.0 : 1.0;
     out_albedo = vec4(color.rgb, 1.0);
     out_normal = vec4(octahedral_from_normal(shading), octahedral_from_normal(face));
     out_emission = vec4(min(radiance, vec3(HALF_MAX)), 1.0);

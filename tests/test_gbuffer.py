@@ -131,3 +131,12 @@ def test_row_zero_is_the_top(gl):
     (depth,) = draw(gl, Scene((quad,), (scenes.WHITE,)), layers=("depth",))
     assert (depth[: SIZE // 4] > 0).all()
     assert not depth[SIZE // 4 :].any()
+
+
+def test_a_normal_against_the_winding_is_turned_to_the_camera(gl):
+    floor = scenes.floor(5.0)
+    scene = Scene((replace(floor, normal=-floor.normal),), (scenes.WHITE,))
+    renderer = DeferredRenderer(gl, scene, None, 8, 8)
+    renderer.render(scenes.above_camera())
+    np.testing.assert_allclose(renderer.read("normal")[4, 4], [0, 1, 0], atol=1e-3)
+    renderer.release()
