@@ -11,6 +11,7 @@ from gsgi.runtime.gaussians import Bake, Blend, Effects, Gaussians
 from gsgi.runtime.scene import Scene
 
 from .progress import Progress
+from .settings import Settings
 
 # Of the scene's diagonal: Gaussians nearer to the eye plane than this are not drawn.
 NEAR = 2e-3
@@ -20,19 +21,6 @@ START_SAMPLES = 256
 HELD_OUT_SAMPLES = 1024
 HELD_OUT_SIZE = 128
 HELD_OUT_VIEWS = 3
-
-
-@dataclass(frozen=True)
-class Settings:
-    """What a bake may cost. `size` is the edge of a fitted view (px), `samples` its paths per pixel."""
-
-    gaussians: int = 4096
-    views: int = 64
-    size: int = 192
-    samples: int = 32
-    iterations: int = 1500
-    denoise: bool = True
-    seed: int = 0
 
 
 @dataclass(frozen=True)
@@ -122,9 +110,10 @@ def _held_out_cameras(scene: Scene, triangles, diagonal: float, seed: int) -> di
     from . import views
 
     placed = views.place(triangles, diagonal, HELD_OUT_VIEWS, seed + 1)
-    names = [f"placed {i + 1}" for i in range(len(placed))]
-    cameras = scene.cameras | dict(zip(names, placed, strict=True))
-    return dict(list(cameras.items())[: max(HELD_OUT_VIEWS, 1)])
+    cameras = dict(scene.cameras)
+    for i, camera in enumerate(placed):
+        cameras.setdefault(f"placed {i + 1}", camera)
+    return dict(list(cameras.items())[:HELD_OUT_VIEWS])
 
 
 def _trace_views(tracer, cameras: list[Camera], settings: Settings, advance) -> list:

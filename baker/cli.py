@@ -5,14 +5,15 @@ import os
 import sys
 
 from gsgi.runtime.errors import GsgiError
+from gsgi.runtime.layers import LAYERS
+
+from .settings import Settings
 
 EXIT_CODES = """\
 exit codes: 0 ok, 1 command line, 2 file cannot be read or written, 3 invalid input, 4 failure while running,
             5 unsupported here, 130 interrupted"""
 
 INTERRUPTED = 130
-
-LAYERS = ("final", "primary", "indirect", "albedo", "normal", "depth")
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -38,6 +39,9 @@ def run(arguments: list[str] | None = None) -> int:
     except FloatingPointError as error:
         print(f"gsgi: {error}", file=sys.stderr)
         return 4
+    except ModuleNotFoundError as error:
+        print(f"gsgi: {error.name} is not installed: pip install 'gsgi[bake]'", file=sys.stderr)
+        return 5
     except KeyboardInterrupt:
         print("gsgi: interrupted, nothing was written", file=sys.stderr)
         return INTERRUPTED
@@ -80,7 +84,10 @@ def _command(commands, name: str, summary: str, examples: str) -> argparse.Argum
 
 
 class _HelpFormatter(argparse.RawDescriptionHelpFormatter, argparse.ArgumentDefaultsHelpFormatter):
-    pass
+    """Examples as they are written; a default only where there is one to tell."""
+
+    def _get_help_string(self, action: argparse.Action) -> str | None:
+        return super()._get_help_string(action) if action.default not in (None, False) else action.help
 
 
 def _add_bake(commands) -> None:
@@ -94,14 +101,16 @@ def _add_bake(commands) -> None:
     )
     bake.add_argument("scene", metavar="SCENE", help="glTF 2.0 file: .glb or .gltf")
     bake.add_argument("-o", "--output", metavar="FILE", required=True, help="the .gsgi file to write")
-    count = _at_least(1)
-    bake.add_argument("--gaussians", type=count, default=4096, metavar="N", help="Gaussians to fit")
-    bake.add_argument("--iterations", type=_at_least(0), default=1500, metavar="N", help="steps of the fit")
-    bake.add_argument("--views", type=count, default=64, metavar="N", help="views to fit, placed in free space")
-    bake.add_argument("--view-size", type=_at_least(16), default=192, metavar="PX", help="edge of a fitted view")
-    bake.add_argument("--samples", type=count, default=32, metavar="N", help="paths per pixel, in passes of 32")
+    for flag, lowest, highest, default, unit, what in (
+        ("--gaussians", 1, 2**24, Settings.gaussians, "N", "Gaussians to fit"),
+        ("--iterations", 0, 2**30, Settings.iterations, "N", "steps of the fit"),
+        ("--views", 1, 2**16, Settings.views, "N", "views to fit, placed in free space"),
+        ("--view-size", 16, 4096, Settings.size, "PX", "edge of a fitted view"),
+        ("--samples", 1, 2**20, Settings.samples, "N", "paths per pixel, in passes of 32"),
+        ("--seed", 0, 2**30, Settings.seed, "N", "the same seed gives the same bytes"),
+    ):
+        bake.add_argument(flag, type=_whole(lowest, highest), default=default, metavar=unit, help=what)
     bake.add_argument("--denoise", choices=("auto", "off"), default="auto", help="denoise the fitted views")
-    bake.add_argument("--seed", type=_at_least(0), default=0, metavar="N", help="the same seed gives the same bytes")
     _add_verbosity(bake)
     bake.add_argument("--json", action="store_true", help="print what was reached as JSON on stdout")
 
@@ -130,9 +139,9 @@ def _add_reference(commands) -> None:
     )
     reference.add_argument("scene", metavar="SCENE", help="glTF 2.0 file: .glb or .gltf")
     _add_picture(reference)
-    reference.add_argument("--samples", type=_at_least(2), default=1024, metavar="N", help="paths per pixel")
+    reference.add_argument("--samples", type=_whole(2, 2**20), default=1024, metavar="N", help="paths per pixel")
     reference.add_argument("--denoise", action="store_true", help="denoise B; leave it out to measure")
-    reference.add_argument("--seed", type=_at_least(0), default=0, metavar="N", help="seed of the paths")
+    reference.add_argument("--seed", type=_whole(0, 2**30), default=0, metavar="N", help="seed of the paths")
     _add_verbosity(reference)
 
 
@@ -173,22 +182,22 @@ def _add_picture(command: argparse.ArgumentParser) -> None:
     """Options of the commands that make an image."""
     command.add_argument("-o", "--output", metavar="IMAGE", required=True, help=".png to look at, .exr to measure")
     command.add_argument("--camera", metavar="NAME", help="a camera of the scene (default: its first, or a placed one)")
-    command.add_argument("--size", type=_size, default=(512, 512), metavar="WxH", help="image size in pixels")
+    command.add_argument("--size", type=_size, default="512x512", metavar="WxH", help="image size in pixels")
     command.add_argument(
         "--layer", choices=LAYERS, default="final", help="what to write; indirect is B, not yet albedo * B"
     )
     command.add_argument("--exposure", type=_positive, metavar="X",
-                         help="factor before the tone curve of a .png (default: log-average to mid-grey)")  # fmt: skip
+                         help="factor on light in a .png (default: takes its log-average to mid-grey)")  # fmt: skip
 
 
 def _add_verbosity(command: argparse.ArgumentParser) -> None:
     command.add_argument("-q", "--quiet", action="store_true", help="no progress on stderr")
 
 
-def _at_least(lowest: int):
+def _whole(lowest: int, highest: int):
     def integer(text: str) -> int:
-        if not text.lstrip("-").isdecimal() or int(text) < lowest:
-            raise argparse.ArgumentTypeError(f"expected a whole number of at least {lowest}, got {text!r}")
+        if not text.isdecimal() or not lowest <= int(text) <= highest:
+            raise argparse.ArgumentTypeError(f"expected a whole number from {lowest} to {highest}, got {text!r}")
         return int(text)
 
     return integer

@@ -11,14 +11,16 @@ from gsgi.runtime.atomic import check_writable, write_atomic
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.errors import FileError, FormatError, SceneError, UsageError
 from gsgi.runtime.gaussians import Bake, Effects
+from gsgi.runtime.image import check_image_path
+from gsgi.runtime.layers import LAYERS
 from gsgi.runtime.scene import Scene
 
 from .progress import Progress
+from .settings import Settings
 
 
 def bake(options: argparse.Namespace) -> None:
     """Bake a scene to a .gsgi file."""
-    from .bake import Settings
     from .bake import bake as run
 
     check_writable(options.output)
@@ -56,6 +58,7 @@ def render(options: argparse.Namespace) -> None:
     """Draw one layer of one frame."""
     from .pictures import write_layer
 
+    check_image_path(options.output)
     check_writable(options.output)
     scene = _read_scene(options.scene, Progress())
     baked = read_bake(options.gi) if options.gi else None
@@ -69,6 +72,7 @@ def reference(options: argparse.Namespace) -> None:
     from .irradiance import Tracer
     from .pictures import write_layer
 
+    check_image_path(options.output)
     check_writable(options.output)
     progress = Progress(options.quiet)
     with progress.stage("scene"):
@@ -93,7 +97,7 @@ def compare(options: argparse.Namespace) -> None:
     """Print the difference between two images."""
     from gsgi.runtime.image import read_image
 
-    from .metrics import compare_display, compare_linear
+    from .metrics import WINDOW, compare_display, compare_linear
 
     kinds = {Path(path).suffix.lower() for path in (options.image, options.reference)}
     if len(kinds) > 1:
@@ -102,8 +106,8 @@ def compare(options: argparse.Namespace) -> None:
     if image.shape != truth.shape:
         sizes = [f"{a.shape[1]}x{a.shape[0]}" for a in (image, truth)]
         raise UsageError(f"images differ in size: {options.image} is {sizes[0]}, {options.reference} is {sizes[1]}")
-    if min(image.shape[:2]) < 11:
-        raise UsageError(f"{options.image}: SSIM needs 11 x 11 pixels, got {image.shape[1]}x{image.shape[0]}")
+    if min(image.shape[:2]) < WINDOW:
+        raise UsageError(f"{options.image}: SSIM needs an image of at least {WINDOW}x{WINDOW} pixels")
     linear = kinds == {".exr"}
     difference = compare_linear(image, truth, truth, truth) if linear else compare_display(image, truth)
     if options.json:
@@ -114,10 +118,12 @@ def compare(options: argparse.Namespace) -> None:
 
 def inspect(options: argparse.Namespace) -> None:
     """Print what a .gsgi file holds."""
+    from gsgi.runtime import codec
+
     baked = read_bake(options.file)
     gaussians = baked.gaussians
     facts = {
-        "version": 1,
+        "version": codec.VERSION,
         "gaussians": len(gaussians),
         "bytes": Path(options.file).stat().st_size,
         "sh_degree": gaussians.sh_degree,
@@ -172,8 +178,6 @@ def draw(scene: Scene, baked: Bake | None, camera: Camera, width: int, height: i
     """Every layer of one deferred frame: name -> (H, W, 3) float32, depth (H, W)."""
     from gsgi.runtime.context import create_context
     from gsgi.runtime.renderer import DeferredRenderer
-
-    from .cli import LAYERS
 
     context = create_context(backend)
     renderer = DeferredRenderer(context, scene, baked, width, height)

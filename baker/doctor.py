@@ -38,7 +38,7 @@ class Check:
 
 
 def examine() -> list[Check]:
-    """Try every part. A frame needs one of the two GL back-ends, so the first that works marks both as not needed."""
+    """Try every part. A frame needs one of the two GL back-ends: where neither works, a last check says so."""
     checks = [_check(*part) for part in _PARTS]
     if not any(check.works for check in checks if check.name in ("EGL", "OSMesa")):
         checks.append(Check("OpenGL", False, True, "no back-end works", "install one of the two above"))

@@ -62,18 +62,6 @@ def fit(
     return _record(parameters)
 
 
-def view_loss(gaussians: Gaussians, views: Sequence[View], blend: Blend, tone_scale: float) -> float:
-    """Mean loss of the Gaussians over views; 0 for no views."""
-    from .splat import rasterise
-
-    losses = []
-    for view in views:
-        pinhole = view.camera.pinhole(view.indirect.shape[1], view.indirect.shape[0])
-        image = torch.from_numpy(rasterise(gaussians, pinhole, blend))
-        losses.append(image_loss(image, torch.from_numpy(view.indirect), torch.from_numpy(view.valid), tone_scale))
-    return float(sum(losses) / len(losses)) if losses else 0.0
-
-
 def _order(views: int, iterations: int, seed: int) -> list[int]:
     """View of each iteration: every view once in each round, in shuffled order."""
     rng = np.random.default_rng(seed)

@@ -29,16 +29,21 @@ def libraries() -> list[tuple[int, Path]]:
 def works(path: Path) -> bool:
     """Whether a child process can compile and run a kernel with this libLLVM."""
     environment = os.environ | {"DRJIT_LIBLLVM_PATH": str(path)}
-    run = subprocess.run([sys.executable, "-c", _PROBE], env=environment, capture_output=True, timeout=60)
+    try:
+        run = subprocess.run([sys.executable, "-c", _PROBE], env=environment, capture_output=True, timeout=60)
+    except subprocess.TimeoutExpired:
+        return False
     return run.returncode == 0 and run.stdout.strip() == b"3.0"
 
 
 def select() -> Path:
     """Point DRJIT_LIBLLVM_PATH at the newest LLVM that works, unless it is set; call before Mitsuba is imported.
 
-    Raises UnsupportedError when there is none.
+    Raises UnsupportedError when there is none, or the one that is set does not work.
     """
     if chosen := os.environ.get("DRJIT_LIBLLVM_PATH"):
+        if not works(Path(chosen)):
+            raise UnsupportedError(f"{chosen} (DRJIT_LIBLLVM_PATH) is no LLVM that works here; install libllvm19")
         return Path(chosen)
     for version, path in libraries():
         if version >= VERSION_MIN and works(path):

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gsgi.runtime.display import auto_exposure, to_uint8, tone_map
+from gsgi.runtime.display import auto_exposure, encode_srgb, to_uint8, tone_map
 from gsgi.runtime.image import write_image
 
 MARGIN = 6  # px between panels
@@ -12,7 +12,8 @@ CAPTION = 22  # px above a panel
 
 
 def write_layer(path: str, layer: str, values: np.ndarray, exposure: float | None) -> None:
-    """Write a layer, (H, W, 3) or (H, W) float32: as it is to .exr, made visible to .png."""
+    """Write a layer, (H, W, 3) or (H, W) float32: as it is to .exr, made visible to .png: light exposed
+    and tone-mapped, albedo sRGB-encoded, normals halved and shifted, depth over the farthest."""
     if Path(path).suffix.lower() == ".png":
         write_image(path, to_uint8(_visible(layer, values, exposure)))
     else:
@@ -41,5 +42,5 @@ def _visible(layer: str, values: np.ndarray, exposure: float | None) -> np.ndarr
     if layer == "normal":
         return np.where(values.any(axis=2, keepdims=True), values * 0.5 + 0.5, 0)
     if layer == "albedo":
-        return tone_map(values, 1.0)
+        return encode_srgb(np.clip(values, 0, 1))
     return tone_map(values, auto_exposure(values) if exposure is None else exposure)

@@ -23,9 +23,12 @@ class Progress:
         bar = self._bar(name, total, unit)
         try:
             yield bar.advance
-        finally:
-            self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
-            bar.close(time.perf_counter() - start)
+        except BaseException:
+            bar.stop()
+            raise
+        seconds = time.perf_counter() - start
+        self.seconds[name] = self.seconds.get(name, 0.0) + seconds
+        bar.finish(seconds)
 
     def say(self, line: str) -> None:
         """Print one line of the log on stderr."""
@@ -42,7 +45,10 @@ class _Silent:
     def advance(self, amount: float = 1, note: str = "") -> None:
         """Nothing to show."""
 
-    def close(self, seconds: float) -> None:
+    def stop(self) -> None:
+        """Nothing to show."""
+
+    def finish(self, seconds: float) -> None:
         """Nothing to show."""
 
 
@@ -60,7 +66,11 @@ class _Terminal:
         if note:
             self.bar.set_postfix_str(note, refresh=False)
 
-    def close(self, seconds: float) -> None:
+    def stop(self) -> None:
+        self.bar.leave = False
+        self.bar.close()
+
+    def finish(self, seconds: float) -> None:
         self.bar.close()
 
 
@@ -76,6 +86,9 @@ class _Lines:
             of = f"{self.done:.0f}/{self.total:.0f} {self.unit}" if self.total else ""
             print(f"{self.name:<11} {of} {self.note}".rstrip(), file=sys.stderr, flush=True)
 
-    def close(self, seconds: float) -> None:
+    def stop(self) -> None:
+        """A stage that did not end has no line: the error has its own."""
+
+    def finish(self, seconds: float) -> None:
         what = f"{self.total:.0f} {self.unit}, " if self.total else ""
         print(f"{self.name:<11} {what}{seconds:.1f} s {self.note}".rstrip(), file=sys.stderr, flush=True)

@@ -4,8 +4,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ..runtime.camera import Pinhole
-from ..runtime.gaussians import Blend, Gaussians
+from gsgi.runtime.camera import Pinhole
+from gsgi.runtime.gaussians import Blend, Gaussians
+
 from . import _kernels
 
 set_thread_count = _kernels.set_thread_count

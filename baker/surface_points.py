@@ -33,7 +33,6 @@ class Triangles:
         a, b, c = (position[triangle[:, i]].astype(np.float64) for i in range(3))
         cross = np.cross(b - a, c - a)
         length = np.linalg.norm(cross, axis=1)
-        self.area = float(length.sum() / 2)
         self.normal = (cross / np.maximum(length, np.finfo(np.float64).tiny)[:, None]).astype(np.float32)
         self._mesh = o3d.geometry.TriangleMesh(
             o3d.utility.Vector3dVector(position.astype(np.float64)),

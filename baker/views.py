@@ -21,8 +21,8 @@ REPEAT_WORTH = 0.5
 def place(triangles: Triangles, diagonal: float, count: int, seed: int) -> list[Camera]:
     """`count` cameras, greedily chosen to see what few of the cameras before saw; the same for the same seed.
 
-    Every camera stands on the front side of some surface with nothing in between, at least CLEARANCE_MIN away from
-    all surfaces. `diagonal` (m) is that of the scene's bounding box.
+    Every camera stands on the front side of some surface with nothing in between, and at least CLEARANCE_MIN away from
+    all surfaces where any place is. `diagonal` (m) is that of the scene's bounding box.
     """
     rng = np.random.default_rng(seed)
     witnesses = triangles.sample(WITNESSES, seed)

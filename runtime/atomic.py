@@ -24,7 +24,10 @@ def replacing(path: str | Path) -> Iterator[Path]:
 
     If the block raises, `path` stays as it was. An OSError becomes a FileError with the path.
     """
-    target = Path(path).resolve()  # through links, which stay
+    try:
+        target = Path(path).resolve()  # through links, which stay
+    except RuntimeError:  # Python's word for a loop of links
+        raise FileError(f"{path}: cannot write: too many levels of symbolic links") from None
     temporary = target.with_name(f".gsgi-{uuid.uuid4().hex}.tmp")
     try:
         if target.exists() and not target.is_file():  # a folder, or a device like /dev/null

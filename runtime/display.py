@@ -25,7 +25,7 @@ def tone_map(linear: np.ndarray, exposure: float) -> np.ndarray:
     Negative counts as 0, infinite as the largest half float, NaN as 0.
     """
     color = np.clip(np.nan_to_num(np.asarray(linear, np.float64) * exposure), 0, constants.HALF_MAX)
-    return _srgb(_neutral(color)).astype(np.float32)
+    return encode_srgb(_neutral(color)).astype(np.float32)
 
 
 def to_uint8(display: np.ndarray) -> np.ndarray:
@@ -47,7 +47,7 @@ def _neutral(color: np.ndarray) -> np.ndarray:
     return np.where(peak < start, color, compressed + (new_peak - compressed) * white)
 
 
-def _srgb(color: np.ndarray) -> np.ndarray:
-    # IEC 61966-2-1:1999
+def encode_srgb(color: np.ndarray) -> np.ndarray:
+    """Linear values in [0, 1], any shape, to sRGB (IEC 61966-2-1:1999)."""
     high = 1.055 * np.maximum(color, 0.0031308) ** (1 / 2.4) - 0.055
     return np.where(color <= 0.0031308, 12.92 * color, high)

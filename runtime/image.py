@@ -38,7 +38,7 @@ def read_image(path: str | Path) -> np.ndarray:
 
     One channel counts for all three, alpha is left out. Raises UsageError for other extensions, FileError.
     """
-    _check_suffix(path)
+    check_image_path(path)
     try:
         with open(path, "rb"):
             pixels = _read(Path(path), "float", MAX_IMAGE_PIXELS)
@@ -56,7 +56,7 @@ def write_image(path: str | Path, pixels: np.ndarray) -> None:
     """
     import OpenImageIO as oiio  # noqa: N813
 
-    suffix = _check_suffix(path)
+    suffix = check_image_path(path)
     expected = np.float32 if suffix == ".exr" else np.uint8
     assert (pixels.ndim, pixels.dtype) == (3, expected), (suffix, pixels.shape, pixels.dtype)
     height, width, channels = pixels.shape
@@ -98,7 +98,7 @@ def _rgba(pixels: np.ndarray) -> np.ndarray:
     return np.concatenate([color, alpha], axis=2)
 
 
-def _check_suffix(path: str | Path) -> str:
+def check_image_path(path: str | Path) -> str:
     suffix = Path(path).suffix.lower()
     if suffix not in SUFFIXES:
         raise UsageError(f"{path}: expected a file name in {' or '.join(SUFFIXES)}, got {suffix or 'none'}")

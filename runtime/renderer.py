@@ -8,12 +8,11 @@ from .composite import Composite, Display
 from .gaussians import Bake
 from .gbuffer import GBuffer
 from .geometry import Geometry
+from .layers import LAYERS
 from .primary import Primary
 from .scene import Scene
 from .shadow import Shadow
 from .splat import Splats
-
-LAYERS = ("final", "primary", "indirect", "albedo", "normal", "depth")
 
 
 class DeferredRenderer:

@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from gsgi.baker import reference
-from gsgi.baker.bake import Settings, bake
+from gsgi.baker.bake import bake
 from gsgi.baker.commands import draw, read_bake
 from gsgi.baker.irradiance import Tracer
 from gsgi.baker.pictures import panels
 from gsgi.baker.progress import Progress
+from gsgi.baker.settings import Settings
 from gsgi.runtime.atomic import write_atomic
 from gsgi.runtime.display import auto_exposure, tone_map
 from gsgi.runtime.gltf import read_gltf

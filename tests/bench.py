@@ -7,10 +7,11 @@ import platform
 import subprocess
 from pathlib import Path
 
-from gsgi.baker.bake import Settings, bake
+from gsgi.baker.bake import bake
 from gsgi.baker.commands import draw
 from gsgi.baker.progress import Progress
-from gsgi.runtime.atomic import write_atomic
+from gsgi.baker.settings import Settings
+from gsgi.runtime.atomic import check_writable, write_atomic
 from gsgi.runtime.gltf import read_gltf
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -69,6 +70,8 @@ def main() -> None:
     parser.add_argument("name", nargs="?", choices=[*BENCHES], help="one benchmark (default: all)")
     parser.add_argument("--json", metavar="FILE", help="also write the rows to FILE")
     options = parser.parse_args()
+    if options.json:
+        check_writable(options.json)
     names = [options.name] if options.name else list(BENCHES)
     results = {name: BENCHES[name]() for name in names}
     about = machine()

@@ -17,7 +17,7 @@ DATA_MODULES = sorted({path.stem for path in RUNTIME} - GL_MODULES - {"__init__"
 
 def imports(path: Path, module_level: bool = False) -> set[str]:
     """Absolute names of the modules that a file imports, relative ones resolved within gsgi."""
-    package = f"gsgi.{path.parent.name}"
+    package = ["gsgi", path.parent.name]
     tree = ast.parse(path.read_text(encoding="utf-8"))
     nodes = tree.body if module_level else ast.walk(tree)
     found = set()
@@ -25,8 +25,8 @@ def imports(path: Path, module_level: bool = False) -> set[str]:
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
-            base = package if node.level else ""
-            module = ".".join(filter(None, [base, node.module]))
+            base = package[: len(package) - node.level + 1] if node.level else []
+            module = ".".join([*base, *([node.module] if node.module else [])])
             found |= {module} | {f"{module}.{alias.name}" for alias in node.names}
     return found
 
