@@ -1,7 +1,5 @@
 """The bake, stage by stage: scene -> views -> irradiance -> fit -> encode."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from gsgi.runtime import codec
@@ -16,35 +14,11 @@ from .settings import Settings
 # Of the scene's diagonal: Gaussians nearer to the eye plane than this are not drawn.
 NEAR = 2e-3
 
-# Samples per starting point and per pixel of a held-out view (two halves), and that view's edge (px).
-START_SAMPLES = 256
-HELD_OUT_SAMPLES = 1024
-HELD_OUT_SIZE = 128
-HELD_OUT_VIEWS = 3
+START_SAMPLES = 256  # paths per starting point
 
 
-@dataclass(frozen=True)
-class HeldOut:
-    """How well B is met in one view that was not fitted."""
-
-    name: str
-    psnr: float
-    ssim: float
-    ssim_ceiling: float
-    flip: float
-
-
-@dataclass(frozen=True)
-class Result:
-    """A finished bake: what the file holds once decoded, the file's bytes, and what was reached."""
-
-    bake: Bake
-    data: bytes
-    held_out: list[HeldOut]
-
-
-def bake(scene: Scene, settings: Settings, progress: Progress) -> Result:
-    """Bake the indirect light of `scene`. The same scene and settings give the same bytes.
+def bake(scene: Scene, settings: Settings, progress: Progress) -> bytes:
+    """Bake the indirect light of `scene` to the bytes of a .gsgi file. The same scene and settings give the same bytes.
 
     Raises SceneError when nothing in the scene emits light.
     """
@@ -59,7 +33,6 @@ def bake(scene: Scene, settings: Settings, progress: Progress) -> Result:
     with progress.stage("views"):
         triangles = Triangles(scene)
         cameras = view_placement.place(triangles, diagonal, settings.views, settings.seed)
-        held_out = _held_out_cameras(scene, triangles, diagonal, settings.seed)
 
     pixels = len(cameras) * settings.size**2 + settings.gaussians
     with progress.stage("irradiance", pixels, "points") as advance:
@@ -75,12 +48,7 @@ def bake(scene: Scene, settings: Settings, progress: Progress) -> Result:
         gaussians = fit(start, views, blend, tone_scale, settings.iterations, settings.seed, advance)
 
     with progress.stage("encode"):
-        data = codec.encode(Bake(_visible(gaussians), blend, tone_scale, _effects(scene, settings)))
-        baked = codec.decode(data)
-
-    with progress.stage("held-out", 2 * len(held_out) * HELD_OUT_SIZE**2, "points") as advance:
-        reached = _judge(baked, tracer, held_out, settings.seed, advance)
-    return Result(baked, data, reached)
+        return codec.encode(Bake(_visible(gaussians), blend, tone_scale, _effects(scene, settings)))
 
 
 def _require_light(scene: Scene) -> None:
@@ -103,17 +71,6 @@ def _effects(scene: Scene, settings: Settings) -> Effects:
         Effects.DENOISED: settings.denoise and denoise.available(),
     }
     return Effects(sum(effect for effect, is_there in present.items() if is_there))
-
-
-def _held_out_cameras(scene: Scene, triangles, diagonal: float, seed: int) -> dict[str, Camera]:
-    """The scene's own cameras are the exam and never fitted; placed ones make up the number."""
-    from . import views
-
-    placed = views.place(triangles, diagonal, HELD_OUT_VIEWS, seed + 1)
-    cameras = dict(scene.cameras)
-    for i, camera in enumerate(placed):
-        cameras.setdefault(f"placed {i + 1}", camera)
-    return dict(list(cameras.items())[:HELD_OUT_VIEWS])
 
 
 def _trace_views(tracer, cameras: list[Camera], settings: Settings, advance) -> list:
@@ -149,20 +106,3 @@ def _visible(gaussians: Gaussians) -> Gaussians:
     keep = np.rint(gaussians.opacity * 255) >= 1
     fields = ("position", "rotation", "scale", "opacity", "sh")
     return Gaussians(*(getattr(gaussians, name)[keep] for name in fields))
-
-
-def _judge(baked: Bake, tracer, cameras: dict[str, Camera], seed: int, advance) -> list[HeldOut]:
-    """B of the decoded file against undenoised path tracing in views that were not fitted."""
-    from . import reference
-    from .splat import rasterise
-
-    results = []
-    for i, (name, camera) in enumerate(cameras.items()):
-        truth = reference.trace(
-            tracer, camera, HELD_OUT_SIZE, HELD_OUT_SIZE, HELD_OUT_SAMPLES, seed + 1000 + i, advance
-        )
-        image = rasterise(baked.gaussians, camera.pinhole(HELD_OUT_SIZE, HELD_OUT_SIZE), baked.blend)
-        verdict = reference.judge_indirect(image, truth)
-        difference = verdict.difference
-        results.append(HeldOut(name, difference.psnr, difference.ssim, verdict.ceiling, difference.flip))
-    return results

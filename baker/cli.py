@@ -43,7 +43,7 @@ def run(arguments: list[str] | None = None) -> int:
         print(f"gsgi: {error.name} is not installed: pip install 'gsgi[bake]'", file=sys.stderr)
         return 5
     except KeyboardInterrupt:
-        print("gsgi: interrupted, nothing was written", file=sys.stderr)
+        print("gsgi: interrupted", file=sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:
         # The reader of stdout went away (`gsgi inspect FILE | head`): that is its right.

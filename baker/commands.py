@@ -21,7 +21,10 @@ from .settings import Settings
 
 def bake(options: argparse.Namespace) -> None:
     """Bake a scene to a .gsgi file."""
+    from gsgi.runtime import codec
+
     from .bake import bake as run
+    from .held_out import judge
 
     check_writable(options.output)
     progress = Progress(options.quiet)
@@ -37,21 +40,23 @@ def bake(options: argparse.Namespace) -> None:
         seed=options.seed,
     )
     try:
-        result = run(scene, settings, progress)
+        data = run(scene, settings, progress)
     except SceneError as error:
         raise SceneError(f"{options.scene}: {error}") from error
-    write_atomic(options.output, result.data)
-    count, size = len(result.bake.gaussians), len(result.data)
-    progress.say(f"wrote {options.output}: {count} Gaussians, {size} bytes; views that were not fitted:")
-    for view in result.held_out:
+    write_atomic(options.output, data)
+    baked = codec.decode(data)
+    count = len(baked.gaussians)
+    progress.say(f"wrote {options.output}: {count} Gaussians, {len(data)} bytes")
+    held_out = judge(scene, baked, settings.seed, progress)
+    for view in held_out:
         progress.say(
             f"  {view.name}: B at PSNR {view.psnr:.2f} dB, SSIM {view.ssim:.4f} "
             f"(ceiling {view.ssim_ceiling:.4f}), FLIP {view.flip:.4f}"
         )
     if options.json:
         seconds = [{"stage": name, "seconds": round(value, 3)} for name, value in progress.seconds.items()]
-        held_out = [dataclasses.asdict(view) for view in result.held_out]
-        _print_json({"gaussians": count, "bytes": size, "stages": seconds, "held_out": held_out})
+        views = [dataclasses.asdict(view) for view in held_out]
+        _print_json({"gaussians": count, "bytes": len(data), "stages": seconds, "held_out": views})
 
 
 def render(options: argparse.Namespace) -> None:

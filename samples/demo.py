@@ -34,12 +34,12 @@ def main() -> None:
     progress = Progress()
     with progress.stage("scene"):
         scene = read_gltf(SCENE)
-    result = bake(scene, Settings(), progress)
-    write_atomic(OUT / "cornell.gsgi", result.data)
+    write_atomic(OUT / "cornell.gsgi", bake(scene, Settings(), progress))
+    baked = read_bake(OUT / "cornell.gsgi")
 
     camera = scene.cameras[CAMERA]
     with progress.stage("render"):
-        layers = draw(scene, read_bake(OUT / "cornell.gsgi"), camera, SIZE, SIZE, "auto")
+        layers = draw(scene, baked, camera, SIZE, SIZE, "auto")
     with progress.stage("reference", 2 * SIZE**2, "points") as advance:
         truth = reference.trace(Tracer(scene), camera, SIZE, SIZE, SAMPLES, seed=7, advance=advance)
         verdict = reference.judge_frame(layers["final"], truth)
@@ -53,16 +53,16 @@ def main() -> None:
     }
     pictures = {name: tone_map(image.astype(np.float32), exposure) for name, image in lit.items()}
     write_image(OUT / "panels.png", panels(pictures))
-    report(result, verdict, progress)
+    report(len(baked.gaussians), verdict, progress)
 
 
-def report(result, verdict: reference.Verdict, progress: Progress) -> None:
+def report(gaussians: int, verdict: reference.Verdict, progress: Progress) -> None:
     """Print the table and write the same as report.json."""
     difference = verdict.difference
     rows = [{"stage": name, "seconds": round(seconds, 2)} for name, seconds in progress.seconds.items()]
     figures = {
-        "gaussians": len(result.bake.gaussians),
-        "bytes": len(result.data),
+        "gaussians": gaussians,
+        "bytes": (OUT / "cornell.gsgi").stat().st_size,
         "ssim": round(difference.ssim, 4),
         "ssim_ceiling": round(verdict.ceiling, 4),
         "psnr": round(difference.psnr, 2),

@@ -9,8 +9,10 @@ from pathlib import Path
 
 from gsgi.baker.bake import bake
 from gsgi.baker.commands import draw
+from gsgi.baker.held_out import judge
 from gsgi.baker.progress import Progress
 from gsgi.baker.settings import Settings
+from gsgi.runtime import codec
 from gsgi.runtime.atomic import check_writable, write_atomic
 from gsgi.runtime.gltf import read_gltf
 
@@ -26,15 +28,17 @@ def stages() -> list[dict]:
         progress.say(f"bench: stages of {name}")
         with progress.stage("scene"):
             scene = read_gltf(SCENES / f"{name}.glb")
-        result = bake(scene, Settings(), progress)
+        data = bake(scene, Settings(), progress)
+        baked = codec.decode(data)
         with progress.stage("render"):
-            draw(scene, result.bake, next(iter(scene.cameras.values())), 512, 512, "auto")
+            draw(scene, baked, next(iter(scene.cameras.values())), 512, 512, "auto")
+        held_out = judge(scene, baked, Settings().seed, progress)
         total = sum(progress.seconds.values())
         for stage, seconds in progress.seconds.items():
             share = seconds / total
             rows.append({"scene": name, "stage": stage, "seconds": round(seconds, 2), "share": round(share, 3)})
-        count, size = len(result.bake.gaussians), len(result.data)
-        worst = min(view.ssim for view in result.held_out)
+        count, size = len(baked.gaussians), len(data)
+        worst = min(view.ssim for view in held_out)
         rows.append({"scene": name, "stage": "all", "seconds": round(total, 2), "share": 1.0,
                      "gaussians": count, "bytes": size, "ssim": round(worst, 4)})  # fmt: skip
     return rows
