@@ -4,6 +4,7 @@ import os
 import re
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 from gsgi.runtime.errors import UnsupportedError
@@ -39,8 +40,10 @@ def works(path: Path) -> bool:
 def select() -> Path:
     """Point DRJIT_LIBLLVM_PATH at the newest LLVM that works, unless it is set; call before Mitsuba is imported.
 
-    Raises UnsupportedError when there is none, or the one that is set does not work.
+    Raises UnsupportedError when there is none, or the one that is set does not work, or Mitsuba is not installed.
     """
+    if find_spec("drjit") is None:
+        raise UnsupportedError("Mitsuba is not installed: pip install 'gsgi[bake]'")
     if chosen := os.environ.get("DRJIT_LIBLLVM_PATH"):
         if not works(Path(chosen)):
             raise UnsupportedError(f"{chosen} (DRJIT_LIBLLVM_PATH) is no LLVM that works here; install libllvm19")
