@@ -12,7 +12,8 @@ def test_what_is_chosen_works(monkeypatch):
     monkeypatch.delenv("DRJIT_LIBLLVM_PATH", raising=False)
     chosen = llvm.select()
     assert chosen.exists()
-    assert dict((path, version) for version, path in llvm.libraries())[chosen] >= llvm.VERSION_MIN
+    versions = {path: version for version, path in llvm.libraries()}
+    assert versions[chosen] >= llvm.VERSION_MIN
 
 
 def test_a_library_that_is_none_does_not_work():
