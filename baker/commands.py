@@ -67,7 +67,7 @@ def render(options: argparse.Namespace) -> None:
     check_writable(options.output)
     scene = _read_scene(options.scene, Progress())
     baked = read_bake(options.gi) if options.gi else None
-    frame = draw(scene, baked, _camera(scene, options.camera), *options.size, options.backend)
+    frame = draw(scene, baked, _camera(scene, options), *options.size, options.backend)
     write_layer(options.output, options.layer, frame[options.layer], options.exposure)
 
 
@@ -82,7 +82,7 @@ def reference(options: argparse.Namespace) -> None:
     progress = Progress(options.quiet)
     with progress.stage("scene"):
         scene = _read_scene(options.scene, progress)
-        camera = _camera(scene, options.camera)
+        camera = _camera(scene, options)
     width, height = options.size
     with progress.stage("trace", 2 * width * height, "points") as advance:
         truth = references.trace(Tracer(scene), camera, width, height, options.samples, options.seed, advance)
@@ -203,13 +203,13 @@ def _read_scene(path: str, progress: Progress) -> Scene:
     return scene
 
 
-def _camera(scene: Scene, name: str | None) -> Camera:
-    """The camera called `name`; without a name the scene's first, or one placed where it sees much."""
-    if name is not None:
-        if name not in scene.cameras:
+def _camera(scene: Scene, options: argparse.Namespace) -> Camera:
+    """The camera that is asked for; without a name the scene's first, or one placed where it sees much."""
+    if options.camera is not None:
+        if options.camera not in scene.cameras:
             known = ", ".join(scene.cameras) or "none"
-            raise UsageError(f"the scene has no camera {name!r}; it has: {known}")
-        return scene.cameras[name]
+            raise UsageError(f"{options.scene}: expected the name of a camera ({known}), got {options.camera!r}")
+        return scene.cameras[options.camera]
     if scene.cameras:
         return next(iter(scene.cameras.values()))
     from .surface_points import Triangles
