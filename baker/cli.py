@@ -2,6 +2,7 @@
 
 import argparse
 import os
+import signal
 import sys
 
 from gsgi.runtime.errors import GsgiError
@@ -18,8 +19,22 @@ INTERRUPTED = 130
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line and exit with its code."""
-    code = run(arguments)
+    interrupts = []
+
+    def interrupt(*_):
+        interrupts.append(True)
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGINT, interrupt)
+    try:
+        code = run(arguments)
+    except Exception:
+        # A library can turn the interrupt into an error of its own, as Open3D's import does.
+        if not interrupts:
+            raise
+        code = INTERRUPTED
     if code == INTERRUPTED:
+        print("gsgi: interrupted", file=sys.stderr, flush=True)
         # Past the interpreter's own end, which can turn the code into a death by SIGINT.
         sys.stdout.flush()
         os._exit(code)
@@ -43,7 +58,6 @@ def run(arguments: list[str] | None = None) -> int:
         print(f"gsgi: {error.name} is not installed: pip install 'gsgi[bake]'", file=sys.stderr)
         return 5
     except KeyboardInterrupt:
-        print("gsgi: interrupted", file=sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:
         # The reader of stdout went away (`gsgi inspect FILE | head`): that is its right.
