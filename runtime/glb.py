@@ -12,6 +12,7 @@ from .errors import FileError, SceneError
 from .json_value import Json, parse
 
 MAX_JSON_BYTES = 64 << 20  # Python's objects take up to 20 times the text; room for embedded buffers
+JSON_SPACE = b" \t\r\n\xef\xbb\xbf"  # white space of JSON, and a UTF-8 byte order mark
 MAX_FILE_BYTES = 4 << 30  # a GLB states its length in 32 bits; a buffer larger than that is a mistake
 GLB_HEADER = struct.Struct("<4sII")  # magic, version, length of the file
 CHUNK_HEADER = struct.Struct("<I4s")  # length of the payload, type
@@ -91,6 +92,8 @@ def open_document(path: Path) -> Document:
     """Read the container and its JSON. Raises FileError, SceneError."""
     data = read_file(path)
     if data[:4] != b"glTF":
+        if not data.lstrip(JSON_SPACE).startswith(b"{"):
+            raise SceneError(f"{path}: byte 0: expected glTF (a GLB, or JSON that starts with {{), got {data[:4]!r}")
         return Document(path, _json(data, path), None)
     chunks = _chunks(data, path)
     if not chunks or chunks[0][0] != b"JSON":

@@ -274,3 +274,11 @@ def test_damaged_bytes_load_or_are_refused(read):
         for _ in range(rng.randint(1, 4)):
             data[rng.randrange(len(data))] = rng.randrange(256)
         is_refused(read, bytes(data))
+
+
+@pytest.mark.parametrize("data", [b"", b"hello", b"GSGI\x01\x00", b"\x89PNG"])
+def test_a_file_that_is_no_gltf_is_named_by_its_first_bytes(tmp_path, data):
+    path = tmp_path / "scene.glb"
+    path.write_bytes(data)
+    with pytest.raises(SceneError, match=r"scene\.glb: byte 0: expected glTF"):
+        read_gltf(path)
