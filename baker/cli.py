@@ -47,22 +47,38 @@ def run(arguments: list[str] | None = None) -> int:
         options = parser().parse_args(arguments)
         from . import commands
 
-        return getattr(commands, options.command)(options) or 0
+        code = getattr(commands, options.command)(options) or 0
+        sys.stdout.flush()
+        return code
     except GsgiError as error:
         print(f"gsgi: {error}", file=sys.stderr)
         return error.exit_code
-    except FloatingPointError as error:
-        print(f"gsgi: {error}", file=sys.stderr)
-        return 4
-    except ModuleNotFoundError as error:
-        print(f"gsgi: {error.name} is not installed: pip install 'gsgi[bake]'", file=sys.stderr)
-        return 5
-    except KeyboardInterrupt:
-        return INTERRUPTED
     except BrokenPipeError:
         # The reader of stdout went away (`gsgi inspect FILE | head`): that is its right.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    except OSError as error:
+        # Files that a command names raise FileError; what is left is stdout: a full disk behind `> FILE`.
+        print(f"gsgi: cannot write the output: {error.strerror or error}", file=sys.stderr)
+        return 2
+    except FloatingPointError as error:
+        print(f"gsgi: {error}", file=sys.stderr)
+        return 4
+    except ModuleNotFoundError as error:
+        print(f"gsgi: {error.name} is not installed: install gsgi with its extra 'bake'", file=sys.stderr)
+        return 5
+    except KeyboardInterrupt:
+        return INTERRUPTED
+
+
+class _Version(argparse.Action):
+    """Look the version up only when it is asked for: the package's metadata is slow to read."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_) -> None:
+        from importlib.metadata import version
+
+        print(f"gsgi {version('gsgi')}")
+        parser.exit()
 
 
 class _Parser(argparse.ArgumentParser):
@@ -77,6 +93,7 @@ def parser() -> argparse.ArgumentParser:
     """The whole command line, without anything heavy imported."""
     top = _Parser(prog="gsgi", description="Global illumination for real-time engines, stored as 3D Gaussians.",
                   epilog=EXIT_CODES, formatter_class=argparse.RawDescriptionHelpFormatter)  # fmt: skip
+    top.add_argument("--version", action=_Version, nargs=0, help="print the version")
     commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True, parser_class=_Parser)
     _add_bake(commands)
     _add_render(commands)

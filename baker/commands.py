@@ -27,6 +27,8 @@ def bake(options: argparse.Namespace) -> None:
     from .held_out import judge
 
     check_writable(options.output)
+    if Path(options.output).resolve() == Path(options.scene).resolve():
+        raise UsageError(f"{options.output}: the output would overwrite the scene")
     progress = Progress(options.quiet)
     with progress.stage("scene"):
         scene = _read_scene(options.scene, progress)
@@ -47,6 +49,8 @@ def bake(options: argparse.Namespace) -> None:
     baked = codec.decode(data)
     count = len(baked.gaussians)
     progress.say(f"wrote {options.output}: {count} Gaussians, {len(data)} bytes")
+    if options.quiet and not options.json:
+        return  # nobody would see what it reached
     held_out = judge(scene, baked, settings.seed, progress)
     for view in held_out:
         progress.say(
@@ -65,8 +69,10 @@ def render(options: argparse.Namespace) -> None:
 
     check_image_path(options.output)
     check_writable(options.output)
+    if options.gi is None and options.layer == "indirect":
+        raise UsageError("--layer indirect needs baked light: --gi FILE")
     scene = _read_scene(options.scene, Progress())
-    baked = read_bake(options.gi) if options.gi else None
+    baked = None if options.gi is None else read_bake(options.gi)
     frame = draw(scene, baked, _camera(scene, options), *options.size, options.backend)
     write_layer(options.output, options.layer, frame[options.layer], options.exposure)
 
@@ -172,7 +178,7 @@ def read_bake(path: str) -> Bake:
     try:
         data = Path(path).read_bytes()
     except OSError as error:
-        raise FileError(f"{path}: {error.strerror}") from error
+        raise FileError(f"{path}: cannot read: {error.strerror}") from error
     try:
         return codec.decode(data)
     except FormatError as error:

@@ -18,10 +18,15 @@ _PARTS = (
     ("EGL", _GL.format("egl"), False, "apt-get install libegl1 libgl1-mesa-dri"),
     ("OSMesa", _GL.format("osmesa"), False, "apt-get install libosmesa6"),
     ("LLVM", _LLVM, True, "apt-get install libllvm19, or set DRJIT_LIBLLVM_PATH"),
-    ("Mitsuba", _MITSUBA, True, "pip install 'gsgi[bake]'"),
-    ("Open3D", _OPEN3D, True, "pip install 'gsgi[bake]' and apt-get install libusb-1.0-0 libgl1 libx11-6 libgomp1"),
+    ("Mitsuba", _MITSUBA, True, "install gsgi with its extra 'bake'"),
+    (
+        "Open3D",
+        _OPEN3D,
+        True,
+        "install gsgi with its extra 'bake'; apt-get install libusb-1.0-0 libgl1 libx11-6 libgomp1",
+    ),
     ("kernels", _KERNELS, True, "build the package: ./dev demo, or pip install ."),
-    ("denoiser", _DENOISER, False, "pip install 'gsgi[bake]'; without it, bakes need more samples"),
+    ("denoiser", _DENOISER, False, "install gsgi with its extra 'bake'; without it, bakes need more samples"),
     ("CUDA", _CUDA, False, "not needed: this version computes on the CPU"),
 )
 

@@ -43,7 +43,7 @@ def select() -> Path:
     Raises UnsupportedError when there is none, or the one that is set does not work, or Mitsuba is not installed.
     """
     if find_spec("drjit") is None:
-        raise UnsupportedError("Mitsuba is not installed: pip install 'gsgi[bake]'")
+        raise UnsupportedError("Mitsuba is not installed: install gsgi with its extra 'bake'")
     if chosen := os.environ.get("DRJIT_LIBLLVM_PATH"):
         if not works(Path(chosen)):
             raise UnsupportedError(f"{chosen} (DRJIT_LIBLLVM_PATH) is no LLVM that works here; install libllvm19")

@@ -217,6 +217,31 @@ def test_an_unknown_image_type_is_refused(capsys, tmp_path):
     assert time.perf_counter() - start < 5  # before any work
 
 
+def test_a_bake_never_overwrites_its_scene(capsys, tmp_path):
+    scene = tmp_path / "room.glb"
+    scene.write_bytes(Path(CORNELL).read_bytes())
+    assert "overwrite" in refused(capsys, 1, "bake", scene, "-o", scene)
+    assert scene.read_bytes() == Path(CORNELL).read_bytes()
+
+
+def test_baked_light_that_is_asked_for_must_exist(capsys, tmp_path):
+    refused(capsys, 2, "render", CORNELL, "--gi", "", "-o", tmp_path / "x.png")
+    assert "--gi" in refused(capsys, 1, "render", CORNELL, "--layer", "indirect", "-o", tmp_path / "x.png")
+
+
+def test_a_full_disk_behind_stdout_is_no_traceback(baked):
+    with open("/dev/full", "w") as full:
+        command = [sys.executable, "-m", "gsgi.baker", "inspect", str(baked / "c.gsgi")]
+        run = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60, check=False)
+    assert run.returncode == 2
+    assert run.stderr.startswith("gsgi: cannot write the output: No space left")
+    assert run.stderr.count("\n") == 1
+
+
+def test_the_version_is_told():
+    assert gsgi("--version").stdout.startswith("gsgi 0.")
+
+
 def test_an_llvm_that_does_not_work_is_named(tmp_path):
     environment = os.environ | {"DRJIT_LIBLLVM_PATH": "/nonexistent.so"}
     run = gsgi("reference", CORNELL, "-o", tmp_path / "x.png", "-q", env=environment)
