@@ -82,15 +82,12 @@ def _trace_views(tracer, cameras: list[Camera], settings: Settings, advance) -> 
     views = []
     for i, camera in enumerate(cameras):
         surface = tracer.surface(camera, settings.size, settings.size)
-        valid = surface.valid
-        points = (array[valid] for array in (surface.position, surface.normal, surface.geometric_normal))
-        indirect = np.zeros((settings.size, settings.size, 3), np.float32)
-        seed = settings.seed + 1 + i
-        indirect[valid] = tracer.indirect(*points, settings.samples, seed, advance)
-        advance(float((~valid).sum()), f"view {i + 1}/{len(cameras)}")
+        light = tracer.indirect(*surface.points(), settings.samples, settings.seed + 1 + i, advance)
+        indirect = surface.image(light)
+        advance(float((~surface.valid).sum()), f"view {i + 1}/{len(cameras)}")
         if clean:
-            indirect = denoise.denoise(indirect, surface.normal, valid)
-        views.append(View(camera, indirect, valid))
+            indirect = denoise.denoise(indirect, surface.normal, surface.valid)
+        views.append(View(camera, indirect, surface.valid))
     return views
 
 

@@ -35,6 +35,16 @@ class Surface:
     depth: np.ndarray
     valid: np.ndarray
 
+    def points(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """position, normal and geometric_normal (N, 3) of the pixels that see a surface."""
+        return tuple(array[self.valid] for array in (self.position, self.normal, self.geometric_normal))
+
+    def image(self, values: np.ndarray) -> np.ndarray:
+        """Values (N, 3) at `points()` as an image (H, W, 3) float32, 0 where no surface is."""
+        result = np.zeros(self.position.shape, np.float32)
+        result[self.valid] = values
+        return result
+
 
 class Tracer:
     """Traces the light of one scene. What it returns depends on the arguments alone, not on threads or history."""

@@ -52,16 +52,9 @@ def trace(tracer: Tracer, camera: Camera, width: int, height: int, samples: int,
     `advance(points)` is called as pixels are done, with `2 * width * height` points in all.
     """
     surface = tracer.surface(camera, width, height)
-    points = [array[surface.valid] for array in (surface.position, surface.normal, surface.geometric_normal)]
-    half = -(-samples // 2)
-
-    def image(values: np.ndarray) -> np.ndarray:
-        result = np.zeros((height, width, 3), np.float32)
-        result[surface.valid] = values
-        return result
-
-    direct = image(tracer.direct(*points))
-    a, b = (image(tracer.indirect(*points, half, 2 * seed + k, advance)) for k in (0, 1))
+    points, half = surface.points(), -(-samples // 2)
+    direct = surface.image(tracer.direct(*points))
+    a, b = (surface.image(tracer.indirect(*points, half, 2 * seed + k, advance)) for k in (0, 1))
     if advance:
         advance(2 * float((~surface.valid).sum()))
     return Reference(surface, surface.emission + surface.albedo * direct, a, b)
