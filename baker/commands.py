@@ -9,7 +9,7 @@ import numpy as np
 
 from gsgi.runtime.atomic import check_writable, write_atomic
 from gsgi.runtime.camera import Camera
-from gsgi.runtime.errors import FileError, FormatError, SceneError, UsageError
+from gsgi.runtime.errors import FormatError, SceneError, UsageError
 from gsgi.runtime.gaussians import Bake, Effects
 from gsgi.runtime.image import check_image_path
 from gsgi.runtime.layers import LAYERS
@@ -174,13 +174,10 @@ def doctor(options: argparse.Namespace) -> int:
 def read_bake(path: str) -> Bake:
     """The bake in a .gsgi file. Raises FileError or FormatError, both naming the file."""
     from gsgi.runtime import codec
+    from gsgi.runtime.glb import read_file
 
     try:
-        data = Path(path).read_bytes()
-    except OSError as error:
-        raise FileError(f"{path}: cannot read: {error.strerror}") from error
-    try:
-        return codec.decode(data)
+        return codec.decode(read_file(Path(path)))
     except FormatError as error:
         raise FormatError(f"{path}: {error}") from error
 

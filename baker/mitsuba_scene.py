@@ -50,13 +50,16 @@ def build(scene: Scene):
 
 def emits(material: Material, scene: Scene) -> bool:
     """Whether a surface of this material gives off light somewhere."""
-    return bool(_emission(material, scene).any())
+    factor = np.array(material.emission) > 0
+    if material.emission_texture is not None and factor.any():
+        factor &= scene.textures[material.emission_texture].pixels[..., :3].any(axis=(0, 1))
+    return bool(factor.any())
 
 
 def samples_light(material: Material, scene: Scene) -> bool:
     """Whether light sampling may pick points of an emitter: Mitsuba picks those of a textured one in UV space, which
     misses light where UVs overlap or tile, and knows no holes. Such emitters are found by bounces alone."""
-    return emits(material, scene) and material.emission_texture is None and material.alpha_cutoff is None
+    return material.emission_texture is None and material.alpha_cutoff is None and emits(material, scene)
 
 
 def used_materials(scene: Scene) -> list[Material]:

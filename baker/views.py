@@ -47,10 +47,10 @@ def _candidates(triangles: Triangles, points: SurfacePoints, diagonal: float, rn
     start = points.position[index] + 1e-4 * diagonal * normal
     free = np.minimum(triangles.distance_along(start, away), diagonal)
     eye = start + away * (free * rng.uniform(0.3, 0.9, len(free)))[:, None]
-    apart = triangles.clearance(eye) >= CLEARANCE_MIN * diagonal
-    keep = np.flatnonzero(apart)[:CANDIDATES]
+    clearance = triangles.clearance(eye)
+    keep = np.flatnonzero(clearance >= CLEARANCE_MIN * diagonal)[:CANDIDATES]
     if not len(keep):
-        keep = np.argsort(-triangles.clearance(eye))[:CANDIDATES]
+        keep = np.argsort(-clearance)[:CANDIDATES]
     up = np.where(np.abs(away[:, 1:2]) < 0.99, [[0.0, 1.0, 0.0]], [[0.0, 0.0, 1.0]])
     return [look_at(eye[i], points.position[index[i]], up[i], YFOV, NEAR * diagonal) for i in keep]
 
