@@ -9,39 +9,63 @@ from .camera import Camera
 
 @dataclass(frozen=True)
 class Texture:
-    """`pixels` (H, W, 4) uint8 as stored in the file (colour is sRGB, alpha linear), row 0 on top.
+    """`pixels` (H, W, 4) uint8 as stored in the file, row 0 on top; the slot of a material says what they mean.
 
-    `wrap` per axis (u, v): "repeat", "mirror" or "clamp". v = 0 is the top row. Filtered bilinearly.
+    `wrap` per axis (u, v): "repeat", "mirror" or "clamp". v = 0 is the top row. Filtered bilinearly, without
+    mip levels, or not at all where `nearest`.
     """
 
     pixels: np.ndarray
     wrap: tuple[str, str] = ("repeat", "repeat")
+    nearest: bool = False
+
+
+@dataclass(frozen=True)
+class TextureSlot:
+    """A texture as a material uses it: index into `Scene.textures` and channel of `Mesh.uv`."""
+
+    texture: int
+    uv: int = 0
 
 
 @dataclass(frozen=True)
 class Material:
     """A Lambertian surface: albedo = base colour * (1 - metallic).
 
-    Textures are indices into `Scene.textures` or None. `alpha_cutoff` None means opaque; else a point whose alpha
-    (factor * texture) is below it is a hole. A single-sided surface (not `double_sided`) is not drawn from behind,
-    reflects and emits nothing there, yet still stops light.
+    base colour = factor * texture (sRGB) * vertex colour; metallic = factor * texture's blue (linear). `alpha_cutoff`
+    None means opaque; else a point whose alpha (factor * texture * vertex colour) is below it is a hole. A single-sided
+    surface (not `double_sided`) is not drawn from behind, reflects and emits nothing there, yet still stops light.
+    The normal texture (linear, tangent space, xy times `normal_scale`) shapes primary light; B belongs to the
+    interpolated normal. An `unlit` surface shows its base colour as radiance, has albedo 0 and lights nothing.
     """
 
     name: str = ""
     base_color: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)  # linear
-    base_color_texture: int | None = None
+    base_color_texture: TextureSlot | None = None
     metallic: float = 0.0
+    metallic_texture: TextureSlot | None = None
+    normal_texture: TextureSlot | None = None
+    normal_scale: float = 1.0
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)  # radiance: factor * strength
-    emission_texture: int | None = None
+    emission_texture: TextureSlot | None = None  # sRGB
     alpha_cutoff: float | None = None
     double_sided: bool = False
+    unlit: bool = False
+
+    def slots(self) -> tuple[TextureSlot, ...]:
+        """The textures that it uses."""
+        slots = self.base_color_texture, self.metallic_texture, self.normal_texture, self.emission_texture
+        return tuple(slot for slot in slots if slot is not None)
 
 
 @dataclass(frozen=True)
 class Mesh:
     """Triangles of one material, in world space, counter-clockwise seen from the front.
 
-    position (V, 3) float32, m; normal (V, 3) float32, unit; uv (V, 2) float32; triangle (F, 3) uint32.
+    position (V, 3) float32, m; normal (V, 3) float32, unit; triangle (F, 3) uint32. uv (V, C, 2) float32: one channel
+    for each set and transform of texture coordinates that the material uses, transforms applied; C = 0 without
+    textures. color (V, 4) float32, linear, or None for white. tangent (V, 4) float32, xyz unit and in the surface, or
+    None where the material has no normal texture: bitangent = w * cross(normal, xyz), w = 1 or -1.
     """
 
     position: np.ndarray
@@ -49,6 +73,8 @@ class Mesh:
     uv: np.ndarray
     triangle: np.ndarray
     material: int
+    color: np.ndarray | None = None
+    tangent: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -67,23 +93,46 @@ class Light:
 
 
 @dataclass(frozen=True)
+class Environment:
+    """Light from infinitely far away, all around: `radiance` (H, W, 3) float32, linear Rec.709, equirectangular.
+
+    Row 0 is up (+Y). The middle column lies towards -Z, columns to its right towards +X; then the whole is turned by
+    `rotation` (rad) about +Y, counter-clockwise seen from above. Constant within a texel. (1, 1, 3) is one colour.
+    """
+
+    radiance: np.ndarray
+    rotation: float = 0.0
+
+
+@dataclass(frozen=True)
 class Scene:
-    """Everything that the baker and the renderer read of a glTF file. `warnings` are one line each."""
+    """Everything that the baker and the renderer read of a glTF file.
+
+    `warnings` are one line each; those in `transparent`, among them, say what became of partly transparent materials.
+    """
 
     meshes: tuple[Mesh, ...]
     materials: tuple[Material, ...]
     textures: tuple[Texture, ...] = ()
     lights: tuple[Light, ...] = ()
+    environment: Environment | None = None
     cameras: dict[str, Camera] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+    transparent: tuple[str, ...] = ()
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Lowest and highest corner of all triangles: two (3,) float64, m."""
-        used = [mesh.position[np.unique(mesh.triangle)] for mesh in self.meshes]
-        points = np.concatenate(used).astype(np.float64)
-        return points.min(axis=0), points.max(axis=0)
+        corners = np.array([_bounds(mesh) for mesh in self.meshes], np.float64)
+        return corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)
 
     def diagonal(self) -> float:
         """Length of the bounding box's diagonal, m."""
         low, high = self.bounds()
         return float(np.linalg.norm(high - low))
+
+
+def _bounds(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest corner (3,) of a mesh's triangles: vertices that none of them uses do not count."""
+    used = np.zeros(len(mesh.position), bool)
+    used[mesh.triangle] = True
+    return mesh.position[used].min(axis=0), mesh.position[used].max(axis=0)

@@ -13,7 +13,7 @@ def quad(corners, material: int = 0) -> Mesh:
     position = np.asarray(corners, np.float32)
     normal = np.cross(position[1] - position[0], position[3] - position[0])
     normal = np.tile(normal / np.linalg.norm(normal), (4, 1)).astype(np.float32)
-    uv = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], np.float32)
+    uv = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], np.float32)[:, None]
     return Mesh(position, normal, uv, np.array([[0, 1, 2], [0, 2, 3]], np.uint32), material)
 
 
