@@ -1,70 +1,129 @@
 """Accessors of a glTF file as numpy arrays; every length is checked before an array is made."""
 
+import json
+from dataclasses import dataclass
+
 import numpy as np
 
-from .glb import Document
+from .document import Document
+from .draco import DracoMesh
 from .json_value import Json
+from .problems import Code
 
 COMPONENT = {
     5120: np.dtype("i1"), 5121: np.dtype("u1"), 5122: np.dtype("<i2"),
     5123: np.dtype("<u2"), 5125: np.dtype("<u4"), 5126: np.dtype("<f4"),
 }  # fmt: skip
 WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
-FLOAT, BYTE, SHORT, INT = 5126, 5121, 5123, 5125
+FLOAT = 5126
+UNSIGNED, SIGNED = (5121, 5123), (5120, 5122)  # 8 and 16 bits
+INDEX = (5121, 5123, 5125)
 MAX_STRIDE = 252  # bytes; the specification's
 
 
-def floats(document: Document, index: Json, kind: str, normalized: tuple[int, ...] = ()) -> np.ndarray:
-    """An accessor of type `kind` ("VEC3", ...) as (count, width) float32, finite.
+@dataclass(frozen=True)
+class Layout:
+    """What an accessor may hold: its types, and the integers that may stand for float32, plain or normalized."""
 
-    Component types in `normalized` are taken too and mapped to [0, 1]. Raises SceneError, UnsupportedError.
+    kinds: tuple[str, ...]
+    plain: tuple[int, ...] = ()
+    normalized: tuple[int, ...] = ()
+
+
+def floats(document: Document, index: Json, layout: Layout, draco: tuple[DracoMesh, str] | None = None) -> np.ndarray:
+    """An accessor as (count, width) float32, finite; normalized integers become [0, 1] or [-1, 1].
+
+    `draco` is a mesh and the name of its attribute, where that holds the values. Raises SceneError, UnsupportedError.
     """
     accessor = document.lookup("accessors", index)
+    accessor.get("type").choice(*layout.kinds)
+    component = accessor.get("componentType").choice(FLOAT, *sorted({*layout.plain, *layout.normalized}))
+    normalized = accessor.get("normalized", False).boolean()
+    if component != FLOAT and component not in (layout.normalized if normalized else layout.plain):
+        raise accessor.get("normalized", False).refuse(json.dumps(not normalized), json.dumps(normalized))
+    values = elements(document, accessor) if draco is None else draco_elements(accessor, *draco)
+    if component == FLOAT:
+        check_finite(accessor, values)
+        return np.ascontiguousarray(values, np.float32)
+    result = values.astype(np.float32)
+    if normalized:
+        result /= np.iinfo(values.dtype).max
+        np.maximum(result, -1, out=result)  # -128 counts as -127
+    return result
+
+
+def integers(document: Document, index: Json, kind: str, draco: tuple[DracoMesh, str] | None = None) -> np.ndarray:
+    """An accessor of plain unsigned integers of 8 or 16 bits as (count, width). Raises SceneError."""
+    accessor = document.lookup("accessors", index)
     accessor.get("type").choice(kind)
-    component = accessor.get("componentType").choice(FLOAT, *normalized)
-    if component != FLOAT and not accessor.get("normalized", False).boolean():
-        raise accessor.refuse("normalized integers", "plain ones")
-    values = _decode(document, accessor)
-    if component != FLOAT:
-        return values.astype(np.float32) / np.iinfo(values.dtype).max
-    if not np.isfinite(values).all():
-        raise accessor.refuse("finite numbers", "NaN or infinity")
-    return np.ascontiguousarray(values, np.float32)
+    accessor.get("componentType").choice(*UNSIGNED)
+    return elements(document, accessor) if draco is None else draco_elements(accessor, *draco)
 
 
 def indices(document: Document, index: Json, vertex_count: int) -> np.ndarray:
-    """Vertex indices (count,) uint32, all below `vertex_count`. Raises SceneError, UnsupportedError."""
+    """Vertex indices (count,) uint32, all below `vertex_count`. Raises SceneError."""
     accessor = document.lookup("accessors", index)
     accessor.get("type").choice("SCALAR")
-    accessor.get("componentType").choice(BYTE, SHORT, INT)
-    values = _decode(document, accessor)[:, 0]
+    accessor.get("componentType").choice(*INDEX)
+    values = elements(document, accessor)[:, 0]
     # The type's greatest value restarts a primitive and never names a vertex.
     limit = min(vertex_count, np.iinfo(values.dtype).max)
     if values.max() >= limit:
-        raise accessor.refuse(f"indices below {limit}", str(values.max()))
+        raise accessor.refuse(f"indices below {limit}", str(values.max()), Code.INDEX_RANGE)
     return values.astype(np.uint32)
 
 
-def _decode(document: Document, accessor: Json) -> np.ndarray:
-    """View (count, width) of the accessor's bytes, in its own component type."""
-    if "sparse" in accessor:
-        raise accessor.get("sparse").unsupported("sparse accessors are not supported")
-    if "bufferView" not in accessor:
-        raise accessor.unsupported("accessors without a bufferView are not supported")
+def elements(document: Document, accessor: Json) -> np.ndarray:
+    """The accessor's values (count, width) in its own component type, sparse ones put in. Not to be written to."""
+    dtype, shape = _type(accessor)
+    if "bufferView" in accessor:
+        values = _strided(document, accessor, dtype, shape)
+    else:
+        document.limits.check("elements", shape[0] * shape[1], accessor.where(), accessor.pointer)
+        values = np.zeros(shape, dtype)
+    return _substituted(document, accessor.get("sparse"), values) if "sparse" in accessor else values
+
+
+def check_finite(accessor: Json, values: np.ndarray) -> None:
+    """Raise SceneError where a value is NaN or infinite."""
+    if not np.isfinite(values).all():
+        raise accessor.refuse("finite numbers", "NaN or infinity", Code.NON_FINITE)
+
+
+def draco_elements(accessor: Json, mesh: DracoMesh, name: str) -> np.ndarray:
+    """The same for an attribute of a Draco mesh."""
+    dtype, shape = _type(accessor)
+    return mesh.elements(name, accessor, dtype, shape[1])
+
+
+def _type(accessor: Json) -> tuple[np.dtype, tuple[int, int]]:
     dtype = COMPONENT[accessor.get("componentType").choice(*COMPONENT)]
-    shape = accessor.get("count").integer(low=1), WIDTH[accessor.get("type").choice(*WIDTH)]
+    return dtype, (accessor.get("count").integer(low=1), WIDTH[accessor.get("type").choice(*WIDTH)])
+
+
+def _strided(document: Document, place: Json, dtype: np.dtype, shape: tuple[int, int]) -> np.ndarray:
+    """View (count, width) of the bytes at bufferView and byteOffset of `place`."""
     element = shape[1] * dtype.itemsize
-    view = document.view(accessor.get("bufferView"))
-    stride = _stride(document, accessor, element)
-    offset = accessor.get("byteOffset", 0).integer()
+    view = document.view(place.get("bufferView"))
+    stride = document.lookup("bufferViews", place.get("bufferView")).get("byteStride", element)
+    stride = stride.integer(low=element, high=max(element, MAX_STRIDE))
+    offset = place.get("byteOffset", 0).integer()
     if offset % dtype.itemsize or stride % dtype.itemsize:
-        raise accessor.refuse(f"elements aligned to {dtype.itemsize} bytes", f"{offset} and {stride}")
+        raise place.refuse(f"elements aligned to {dtype.itemsize} bytes", f"{offset} and {stride}", Code.ALIGNMENT)
     end = offset + (shape[0] - 1) * stride + element
     if end > len(view):
-        raise accessor.refuse(f"elements within a bufferView of {len(view)} bytes", f"{end} bytes")
+        raise place.refuse(f"elements within a bufferView of {len(view)} bytes", f"{end} bytes", Code.BOUNDS)
     return np.ndarray(shape, dtype, view, offset, (stride, dtype.itemsize))
 
 
-def _stride(document: Document, accessor: Json, element: int) -> int:
-    view = document.lookup("bufferViews", accessor.get("bufferView"))
-    return view.get("byteStride", element).integer(low=element, high=max(element, MAX_STRIDE))
+def _substituted(document: Document, sparse: Json, values: np.ndarray) -> np.ndarray:
+    """A copy in which the elements that `sparse` names are replaced."""
+    count = sparse.get("count").integer(low=1, high=len(values))
+    where = sparse.get("indices")
+    dtype = COMPONENT[where.get("componentType").choice(*INDEX)]
+    index = _strided(document, where, dtype, (count, 1))[:, 0].astype(np.int64)
+    if index[-1] >= len(values) or (np.diff(index) <= 0).any():
+        raise where.refuse(f"rising indices below {len(values)}", "others", Code.INDEX_RANGE)
+    values = values.copy()
+    values[index] = _strided(document, sparse.get("values"), values.dtype, (count, values.shape[1]))
+    return values

@@ -2,9 +2,16 @@
 
 
 class GsgiError(Exception):
-    """Base of the errors that a user can cause and mend. One line of text; `exit_code` is documented in README."""
+    """Base of the errors that a user can cause and mend. One line of text; `exit_code` is documented in README.
+
+    What the glTF reader raises names its kind by a `code` (see problems.py) and its place by a JSON `pointer`.
+    """
 
     exit_code = 4
+
+    def __init__(self, message: str = "", code: str = "", pointer: str = ""):
+        super().__init__(message)
+        self.code, self.pointer = code, pointer
 
 
 class UsageError(GsgiError):

@@ -1,183 +1,135 @@
 """Read a glTF 2.0 scene as arrays in world space."""
 
-import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from . import primitives
-from .camera import Camera
+from .document import Document
 from .errors import SceneError
-from .glb import Document, open_document
+from .extensions import check_header
+from .glb import open_document
+from .instancing import instances
 from .json_value import Json
-from .materials import EMISSIVE_STRENGTH, MAX_LIGHT, Materials
+from .limits import Limits
+from .materials import Materials, Paint
 from .nodes import Node, flatten
-from .primitives import unit
-from .scene import Light, Mesh, Scene
+from .placement import finished, placed, skinned
+from .primitives import Primitive
+from .problems import Code
+from .prune import prune
+from .punctual import light
+from .scene import Mesh, Scene
+from .skins import joint_matrices
+from .transparency import MODES
+from .viewpoints import cameras
 
-LIGHTS = "KHR_lights_punctual"
-KNOWN_EXTENSIONS = {LIGHTS, EMISSIVE_STRENGTH}
-MAX_ELEMENTS = 2**28  # vertices and indices of all meshes in world space, about 5 GiB; instances multiply
-HALF_PI = np.pi / 2 + 1e-6  # rad; float32 rounds pi / 2 up
+MAX_WEIGHT = 1e6  # of a morph target: anything larger is a mistake
 
 
-def read_gltf(path: str | Path) -> Scene:
+def read_gltf(path: str | Path, limits: Limits = Limits(), transparency: str = "cutout") -> Scene:  # noqa: B008 (frozen)
     """The default scene of a .gltf or .glb file, in world space (m, +Y up).
 
-    Materials and textures are those in use. Point, spot and directional lights and perspective cameras are read;
-    what is left out without changing the shape of the scene is listed in `Scene.warnings`.
-    Raises FileError (unreadable), SceneError (broken, or without triangles), UnsupportedError (valid, but beyond
-    this reader).
+    Materials and textures are those in use. Skins, morph targets and animations stand at their rest pose; what is
+    partly transparent becomes a hole ("cutout"), "opaque" or "absent". What counts as less than the file says is
+    listed in `Scene.warnings`. Raises FileError (unreadable), SceneError (broken, larger than the limits, or without
+    triangles), UnsupportedError (valid, but beyond this reader), each with `code` and `pointer`.
     """
-    document = open_document(Path(path))
-    warnings = _check_header(document.root)
+    return read_document(open_document(Path(path), limits), transparency)
+
+
+def read_document(document: Document, transparency: str) -> Scene:
+    """The same for an open document."""
+    assert transparency in MODES, transparency
+    check_header(document)
+    _warn_of_animations(document)
     nodes = list(flatten(document))
-    materials = Materials(document)
-    meshes = tuple(_meshes(document, nodes, materials, warnings))
-    if not meshes:
-        raise SceneError(f"{path}: expected a scene with triangles, got none")
-    lights = tuple(_light(document, node) for node in nodes if LIGHTS in node.json.get("extensions", {}))
-    cameras = _cameras(document, nodes, warnings)
-    return Scene(
+    materials = Materials(document, transparency)
+    meshes = tuple(_meshes(document, nodes, materials))
+    lights = [light(document, node) for node in nodes]
+    scene = Scene(
         meshes,
-        tuple(materials.materials),
-        tuple(materials.textures),
-        lights,
-        cameras,
-        tuple(warnings + materials.warnings),
+        tuple(materials.records),
+        materials.textures.decode(),
+        tuple(entry for entry in lights if entry is not None),
+        cameras=cameras(document, nodes),
+        warnings=document.warnings(),
+        transparent=tuple(problem.message for problem in document.problems if problem.code == Code.TRANSPARENT),
     )
+    scene = prune(scene)
+    if not scene.meshes:
+        # A scene of glass alone is no scene, and its warnings would go unsaid.
+        got = f"none that can be seen: {scene.transparent[0]}" if scene.transparent else "none"
+        raise SceneError(f"{document.path}: expected a scene with triangles, got {got}", Code.NO_TRIANGLES)
+    return scene
 
 
-def _check_header(root: Json) -> list[str]:
-    """Refuse other versions and extensions that must be understood; warn of the others."""
-    asset = root.get("asset")
-    version = asset.get("version")
-    if version.string().split(".")[0] != "2":
-        raise version.refuse('version "2.0"')
-    if asset.get("minVersion", "2.0").string() != "2.0":
-        raise asset.get("minVersion").unsupported("only glTF 2.0 is supported")
-    for name in root.get("extensionsRequired", []).items():
-        if name.string() not in KNOWN_EXTENSIONS:
-            raise name.unsupported(f"extension {json.dumps(name.string())} is required and not supported")
-    return [
-        f"{name.file}: {name.pointer}: extension {json.dumps(name.string())} is ignored"
-        for name in root.get("extensionsUsed", []).items()
-        if name.string() not in KNOWN_EXTENSIONS
-    ]
+def _warn_of_animations(document: Document) -> None:
+    animations = document.root.get("animations", [])
+    if animations.array():
+        document.warn(animations, Code.FROZEN, "animations are left out: the scene stands as its nodes have it")
 
 
-def _meshes(document: Document, nodes: list[Node], materials: Materials, warnings: list[str]) -> Iterator[Mesh]:
-    """A mesh for each primitive of each node; a primitive is decoded once."""
-    decoded, total = {}, 0
+def _meshes(document: Document, nodes: list[Node], materials: Materials) -> Iterator[Mesh]:
+    """A mesh for each primitive of each instance of each node; a primitive is decoded once for each set of weights."""
+    decoded: dict[tuple, Primitive] = {}
+    instance_count, element_count = len(nodes), 0
+    worlds = {node.json.pointer: node.world_from_node for node in nodes}
     for node in nodes:
         if "mesh" not in node.json:
             continue
-        for primitive in _primitives(document, node.json):
-            if primitive.pointer not in decoded:
-                decoded[primitive.pointer] = primitives.decode(document, primitive)
-                warnings += _ignored(primitive)
-            total += len(decoded[primitive.pointer])
-            if total > MAX_ELEMENTS:
-                raise node.json.refuse(f"at most {MAX_ELEMENTS} vertices and indices in the scene", "more")
-            material = materials.index(primitive)
-            mesh = primitives.place(decoded[primitive.pointer], node.world_from_node, material)
-            if mesh is not None:
-                yield mesh
+        where = node.json.where(), node.json.pointer
+        places = _places(document, node, worlds)
+        instance_count += len(places) - 1
+        document.limits.check("nodes", instance_count, *where)
+        for primitive, paint, weights in _painted(document, node, materials):
+            key = primitive.pointer, weights
+            if key not in decoded:
+                decoded[key] = primitives.decode(document, primitive, paint, weights)
+            element_count += len(decoded[key]) * len(places)
+            document.limits.check("elements", element_count, *where)
+            meshes = (finished(place(decoded[key]), paint) for place in places)
+            yield from (mesh for mesh in meshes if mesh is not None)
 
 
-def _primitives(document: Document, node: Json) -> Iterator[Json]:
-    return document.lookup("meshes", node.get("mesh")).get("primitives").items()
+def _places(document: Document, node: Node, worlds: dict[str, np.ndarray]) -> list[Callable[[Primitive], Primitive]]:
+    """What takes the node's primitives to world space, one function for each instance."""
+    if "skin" not in node.json:
+        return [partial(placed, world_from_node=matrix) for matrix in instances(document, node)]
+    document.warn(document.root.get("skins", []), Code.FROZEN, "skins stand at the rest pose of their joints")
+    matrices = joint_matrices(document, node.json.get("skin"), worlds)
+
+    def place(primitive: Primitive) -> Primitive:
+        if primitive.joints is None:
+            return placed(primitive, node.world_from_node)
+        return skinned(primitive, matrices)
+
+    return [place]
 
 
-def _ignored(primitive: Json) -> list[str]:
-    """A warning for each part of a primitive that would change what is seen."""
-    where = f"{primitive.file}: {primitive.pointer}"
-    notes = []
-    if "COLOR_0" in primitive.get("attributes"):
-        notes.append(f"{where}: vertex colours are ignored")
-    if "JOINTS_0" in primitive.get("attributes"):
-        notes.append(f"{where}: the skin is ignored")
-    if "targets" in primitive:
-        notes.append(f"{where}: morph targets are ignored")
-    return notes
+def _painted(document: Document, node: Node, materials: Materials) -> Iterator[tuple[Json, Paint, tuple[float, ...]]]:
+    """The primitives of a node that are to be seen, with their materials and the weights of their morph targets."""
+    mesh = document.lookup("meshes", node.json.get("mesh"))
+    for primitive in mesh.get("primitives").items():
+        if primitives.has_triangles(document, primitive):
+            paint = materials.paint(primitive)
+            if paint is not None:
+                yield primitive, paint, morph_weights(document, primitive, mesh, node.json)
 
 
-def _light(document: Document, node: Node) -> Light:
-    """The punctual light of a node."""
-    index = node.json.get("extensions").get(LIGHTS).get("light")
-    light = document.lookup_extension(LIGHTS, "lights", index)
-    kind = light.get("type").choice("point", "spot", "directional")
-    color = light.get("color", [1, 1, 1]).vector(3, 0, MAX_LIGHT)
-    intensity = light.get("intensity", 1).number(0, MAX_LIGHT)
-    reach = light.get("range").number(low=0) if "range" in light and kind != "directional" else np.inf
-    if reach == 0:
-        raise light.get("range").refuse("a number above 0")
-    inner, outer = _cone(light.get("spot")) if kind == "spot" else (0.0, HALF_PI)
-    return Light(
-        kind,
-        color * intensity,
-        position=node.world_from_node[:3, 3],
-        direction=-_rigid(node)[:3, 2],
-        range=reach,
-        cos_inner=float(np.cos(inner)),
-        cos_outer=max(float(np.cos(outer)), 0.0),
-        name=node.json.get("name", "").string() or light.get("name", "").string(),
-    )
-
-
-def _cone(spot: Json) -> tuple[float, float]:
-    """Inner and outer cone angle, rad from the axis."""
-    outer = spot.get("outerConeAngle", np.pi / 4).number(0, HALF_PI)
-    inner = spot.get("innerConeAngle", 0).number(0, HALF_PI)
-    if not inner <= outer or outer == 0:
-        raise spot.refuse("innerConeAngle <= outerConeAngle, outerConeAngle > 0", f"{inner:g} and {outer:g}")
-    return inner, outer
-
-
-def _cameras(document: Document, nodes: list[Node], warnings: list[str]) -> dict[str, Camera]:
-    """Perspective cameras by name: the node's, else the camera's, else "camera" and its index."""
-    cameras = {}
-    for node in nodes:
-        if "camera" not in node.json:
-            continue
-        camera = document.lookup("cameras", node.json.get("camera"))
-        if camera.get("type").choice("perspective", "orthographic") == "orthographic":
-            warnings.append(f"{camera.file}: {camera.pointer}: orthographic cameras are left out")
-            continue
-        names = node.json.get("name", "").string(), camera.get("name", "").string()
-        name = names[0] or names[1] or "camera" + camera.pointer.rpartition("/")[2]
-        cameras[_unused(name, cameras)] = _camera(camera.get("perspective"), node)
-    return cameras
-
-
-def _camera(perspective: Json, node: Node) -> Camera:
-    yfov = perspective.get("yfov").number(0, np.pi)
-    znear = perspective.get("znear").number(low=0)
-    zfar = perspective.get("zfar").number(low=0) if "zfar" in perspective else np.inf
-    if not 0 < yfov < np.pi:
-        raise perspective.get("yfov").refuse("an angle between 0 and pi")
-    if not 0 < znear < zfar:
-        raise perspective.refuse("0 < znear < zfar", f"{znear:g} and {zfar:g}")
-    return Camera(_rigid(node), yfov, znear, zfar)
-
-
-def _unused(name: str, taken: dict) -> str:
-    """The name, with a number behind it where it is taken."""
-    number, candidate = 1, name
-    while candidate in taken:
-        number += 1
-        candidate = f"{name}_{number}"
-    return candidate
-
-
-def _rigid(node: Node) -> np.ndarray:
-    """The pose of a node without its scale (4, 4): the view axis -Z is kept, then the up axis."""
-    _, up, back = node.world_from_node[:3, :3].T
-    right = np.cross(unit(up), unit(back)) if up.any() and back.any() else np.zeros(3)
-    if not right.any():
-        raise node.json.refuse("a node with an orientation", "a scale of 0")
-    right, back = unit(right), unit(back)
-    pose = np.eye(4)
-    pose[:3, :4] = np.stack([right, np.cross(back, right), back, node.world_from_node[:3, 3]], axis=1)
-    return pose
+def morph_weights(document: Document, primitive: Json, mesh: Json, node: Json) -> tuple[float, ...]:
+    """The weight of each morph target of a primitive: the node's, else the mesh's, else 0. Raises SceneError."""
+    count = len(primitive.get("targets", []).array())
+    if not count:
+        return ()
+    document.warn(document.root.get("meshes"), Code.FROZEN, "morph targets stand at their default weights")
+    owner = next((owner for owner in (node, mesh) if "weights" in owner), None)
+    if owner is None:
+        return (0.0,) * count
+    weights = owner.get("weights")
+    if len(weights.array()) != count:
+        text = f"{count} weights, one for each morph target"
+        raise weights.refuse(text, str(len(weights.array())), Code.COUNT_MISMATCH)
+    return tuple(weight.number(-MAX_WEIGHT, MAX_WEIGHT) for weight in weights.items())

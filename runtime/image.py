@@ -1,36 +1,78 @@
 """Images in and out, all through OpenImageIO. Row 0 is the top."""
 
+import os
+import re
 import tempfile
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from .atomic import replacing
 from .errors import FileError, SceneError, UsageError
+from .limits import Limits
+from .problems import Code
 
 MAX_IMAGE_PIXELS = 2**28  # 16384 x 16384, 4 GiB as RGBA float: larger is a mistake or an attack
-SIGNATURE = {b"\x89PNG\r\n\x1a\n": "png", b"\xff\xd8\xff": "jpg"}
+SIGNATURE = {
+    "png": re.compile(rb"\x89PNG\r\n\x1a\n"),
+    "jpg": re.compile(rb"\xff\xd8\xff"),
+    "webp": re.compile(rb"RIFF....WEBP", re.DOTALL),
+}
 SUFFIXES = (".exr", ".png")
 
 
-def decode_texture(data: bytes, where: str, max_pixels: int = MAX_IMAGE_PIXELS) -> np.ndarray:
-    """Decode a PNG or JPEG to (H, W, 4) uint8, values as stored, alpha not multiplied in.
+class Encoded(NamedTuple):
+    """The bytes of an image file, and its place in a scene: as errors begin, and its JSON pointer alone."""
 
-    The declared size is held against `max_pixels` before a pixel is decoded. Raises SceneError that starts with
-    `where`.
+    data: bytes
+    where: str
+    pointer: str = ""
+
+
+def decode_textures(files: Sequence[Encoded], limits: Limits) -> list[np.ndarray]:
+    """Decode PNG, JPEG and WebP files to (H, W, 4) uint8 each, values as stored, alpha not multiplied in.
+
+    The declared sizes are held against the limit before a pixel is decoded. Raises SceneError.
     """
-    kind = next((kind for start, kind in SIGNATURE.items() if data.startswith(start)), None)
-    if kind is None:
-        raise SceneError(f"{where}: expected a PNG or JPEG image, got bytes {data[:8].hex(' ') or 'none'}")
     # OpenImageIO's Python module reads files only.
-    with tempfile.TemporaryDirectory(prefix="gsgi-") as folder:
-        file = Path(folder, f"texture.{kind}")
-        file.write_bytes(data)
-        try:
-            pixels = _read(file, "uint8", max_pixels)
-        except ValueError as error:
-            raise SceneError(f"{where}: expected a {kind.upper()} image, got {error}") from None
-    return _rgba(pixels)
+    with tempfile.TemporaryDirectory(prefix="gsgi-") as folder, ThreadPoolExecutor(os.cpu_count()) as pool:
+        paths = [Path(folder, f"{number}.{_kind(file)}") for number, file in enumerate(files)]
+        texels = 0
+        for file, path in zip(files, paths, strict=True):
+            path.write_bytes(file.data)
+            texels += _declared_size(file, path)
+            limits.check("texels", texels, file.where, file.pointer)
+        return list(pool.map(_decode_texture, files, paths))
+
+
+def _kind(file: Encoded) -> str:
+    for kind, start in SIGNATURE.items():
+        if start.match(file.data):
+            return kind
+    got = f"bytes {file.data[:8].hex(' ') or 'none'}"
+    raise SceneError(f"{file.where}: expected a PNG, JPEG or WebP image, got {got}", Code.IMAGE, file.pointer)
+
+
+def _declared_size(file: Encoded, path: Path) -> int:
+    try:
+        spec = _open(path).spec()
+    except ValueError as error:
+        raise _broken(file, error) from None
+    return spec.width * spec.height
+
+
+def _decode_texture(file: Encoded, path: Path) -> np.ndarray:
+    try:
+        return _rgba(_pixels(_open(path), "uint8"))
+    except ValueError as error:
+        raise _broken(file, error) from None
+
+
+def _broken(file: Encoded, error: ValueError) -> SceneError:
+    return SceneError(f"{file.where}: expected an image, got an error: {error}", Code.IMAGE, file.pointer)
 
 
 def read_image(path: str | Path) -> np.ndarray:
@@ -41,7 +83,11 @@ def read_image(path: str | Path) -> np.ndarray:
     check_image_path(path)
     try:
         with open(path, "rb"):
-            pixels = _read(Path(path), "float", MAX_IMAGE_PIXELS)
+            source = _open(Path(path))
+        spec = source.spec()
+        if spec.width * spec.height > MAX_IMAGE_PIXELS:
+            raise ValueError(f"{spec.width} x {spec.height} pixels where {MAX_IMAGE_PIXELS} are allowed")
+        pixels = _pixels(source, "float")
     except OSError as error:
         raise FileError(f"{path}: cannot read: {error.strerror or error}") from None
     except ValueError as error:
@@ -71,18 +117,20 @@ def write_image(path: str | Path, pixels: np.ndarray) -> None:
             raise FileError(f"{path}: cannot write: {_one_line(output.geterror())}")
 
 
-def _read(file: Path, dtype: str, max_pixels: int) -> np.ndarray:
-    """Pixels (H, W, C) of the first image in a file. Raises ValueError with a reason."""
+def _open(path: Path):
+    """The OpenImageIO input of a file's first image. Raises ValueError with a reason."""
     import OpenImageIO as oiio  # noqa: N813
 
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
-    source = oiio.ImageInput.open(str(file), config)
+    source = oiio.ImageInput.open(str(path), config)
     if source is None:
         raise ValueError(_one_line(oiio.geterror()))
-    spec = source.spec()
-    if spec.width * spec.height > max_pixels:
-        raise ValueError(f"{spec.width} x {spec.height} pixels where {max_pixels} are allowed")
+    return source
+
+
+def _pixels(source, dtype: str) -> np.ndarray:
+    """Pixels (H, W, C) of an open image. Raises ValueError with a reason."""
     pixels = source.read_image(dtype)
     if pixels is None:
         raise ValueError(_one_line(source.geterror()))

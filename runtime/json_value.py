@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .errors import SceneError, UnsupportedError
+from .problems import Code
 
 MAX_INTEGER = 2**53  # JSON's own: beyond it a double no longer holds every integer
 REQUIRED = object()
@@ -22,15 +23,17 @@ class Json:
     pointer: str
     data: object
 
-    def refuse(self, expected: str, got: str | None = None) -> SceneError:
+    def refuse(self, expected: str, got: str | None = None, code: Code = Code.VALUE_RANGE) -> SceneError:
         """The error that names this place; `got` describes the value unless told."""
-        return SceneError(f"{self._where()}: expected {expected}, got {got or _describe(self.data)}")
+        text = f"{self.where()}: expected {expected}, got {got or _describe(self.data)}"
+        return SceneError(text, code, self.pointer)
 
-    def unsupported(self, what: str) -> UnsupportedError:
+    def unsupported(self, what: str, code: Code = Code.UNSUPPORTED) -> UnsupportedError:
         """The error for valid input at this place that the reader cannot handle."""
-        return UnsupportedError(f"{self._where()}: {what}")
+        return UnsupportedError(f"{self.where()}: {what}", code, self.pointer)
 
-    def _where(self) -> str:
+    def where(self) -> str:
+        """File and pointer, as errors begin."""
         return f"{self.file}: {self.pointer or '/'}"
 
     def __contains__(self, key: str) -> bool:
@@ -40,8 +43,13 @@ class Json:
         """Member `key` of this object; where it is absent, the default at the same pointer."""
         value = self.object().get(key, default)
         if value is REQUIRED:
-            raise self.refuse(f"a member {json.dumps(key)}", "none")
+            raise self.refuse(f"a member {json.dumps(key)}", "none", Code.MISSING)
         return Json(self.file, f"{self.pointer}/{_escape(key)}", value)
+
+    def extension(self, name: str) -> "Json | None":
+        """The extension `name` of this object; None where it has none."""
+        extensions = self.get("extensions", {})
+        return extensions.get(name) if name in extensions else None
 
     def item(self, index: int) -> "Json":
         """Element `index` of this array, which must hold it."""
@@ -53,23 +61,23 @@ class Json:
 
     def object(self) -> dict:
         if not isinstance(self.data, dict):
-            raise self.refuse("an object")
+            raise self.refuse("an object", code=Code.JSON_TYPE)
         return self.data
 
     def array(self) -> list:
         if not isinstance(self.data, list):
-            raise self.refuse("an array")
+            raise self.refuse("an array", code=Code.JSON_TYPE)
         return self.data
 
     def boolean(self) -> bool:
         if not isinstance(self.data, bool):
-            raise self.refuse("true or false")
+            raise self.refuse("true or false", code=Code.JSON_TYPE)
         return self.data
 
     def string(self) -> str:
         """The text; lone surrogates are refused, for no file name or terminal takes them."""
         if not isinstance(self.data, str):
-            raise self.refuse("a string")
+            raise self.refuse("a string", code=Code.JSON_TYPE)
         try:
             self.data.encode()
         except UnicodeEncodeError:
@@ -81,14 +89,17 @@ class Json:
         value = self.data
         if isinstance(value, float) and value.is_integer():
             value = int(value)
-        if not isinstance(value, int) or isinstance(value, bool) or not low <= value <= high:
-            raise self.refuse(f"an integer from {low} to {high}")
+        whole = isinstance(value, int) and not isinstance(value, bool)
+        if not whole or not low <= value <= high:
+            code = Code.VALUE_RANGE if whole else Code.JSON_TYPE
+            raise self.refuse(f"an integer from {low} to {high}", code=code)
         return value
 
     def choice(self, *allowed: int | str) -> int | str:
         """One of the allowed values."""
         if isinstance(self.data, bool | list | dict) or self.data not in allowed:
-            raise self.refuse(f"one of {', '.join(map(json.dumps, allowed))}")
+            code = Code.VALUE_RANGE if isinstance(self.data, type(allowed[0])) else Code.JSON_TYPE
+            raise self.refuse(f"one of {', '.join(map(json.dumps, allowed))}", code=code)
         return self.data
 
     def number(self, low: float = -math.inf, high: float = math.inf) -> float:
@@ -98,7 +109,7 @@ class Json:
         # Python's integers may be larger than any float.
         if not valid or not -sys.float_info.max <= value <= sys.float_info.max or not low <= value <= high:
             limits = "" if (low, high) == (-math.inf, math.inf) else f" in [{low:g}, {high:g}]"
-            raise self.refuse(f"a finite number{limits}")
+            raise self.refuse(f"a finite number{limits}", code=Code.VALUE_RANGE if valid else Code.JSON_TYPE)
         return float(value)
 
     def vector(self, length: int, low: float = -math.inf, high: float = math.inf) -> np.ndarray:
@@ -114,7 +125,7 @@ def parse(text: bytes, file: str) -> Json:
         data = json.loads(text.decode(), parse_constant=_refuse_constant)
     except (ValueError, RecursionError) as error:  # ValueError: not UTF-8, not JSON, 4,300 digits and more
         reason = "JSON nested too deeply" if isinstance(error, RecursionError) else error
-        raise SceneError(f"{file}: expected JSON, got an error: {reason}") from None
+        raise SceneError(f"{file}: expected JSON, got an error: {reason}", Code.JSON_SYNTAX) from None
     root = Json(file, "", data)
     root.object()
     return root

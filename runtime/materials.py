@@ -1,118 +1,123 @@
-"""Materials of a glTF file and the textures they use, each decoded once and only when used."""
+"""Materials of a glTF file, each read once and only when used."""
 
-import numpy as np
+from dataclasses import dataclass
 
-from . import image
-from .glb import Document
+from . import transparency
+from .document import Document
 from .json_value import Json
-from .scene import Material, Texture
+from .problems import Code
+from .scene import Material, TextureSlot
+from .textures import Textures, UvChannel
 
 MAX_LIGHT = 1e15  # cd, lx or radiance: float32 holds the product of two
-MAX_TEXTURE_PIXELS = 2**29  # all textures of a scene: 2 GiB as RGBA, 32 of 4096 x 4096
-METALLIC_DEVIATION = 25  # of 255; a texture that varies more mixes metal and other matter
-WRAP = {10497: "repeat", 33648: "mirror", 33071: "clamp"}
-EMISSIVE_STRENGTH = "KHR_materials_emissive_strength"
+EMISSIVE_STRENGTH, UNLIT = "KHR_materials_emissive_strength", "KHR_materials_unlit"
+SPECULAR_GLOSSINESS = "KHR_materials_pbrSpecularGlossiness"
+
+
+@dataclass(frozen=True)
+class Paint:
+    """A material as primitives use it: its index, and the texture coordinates that its slots count through."""
+
+    index: int
+    material: Material
+    channels: tuple[UvChannel, ...]
+
+    @property
+    def normal_channel(self) -> int | None:
+        """The channel of the normal texture."""
+        slot = self.material.normal_texture
+        return None if slot is None else slot.uv
 
 
 class Materials:
-    """Hands out indices into `materials` and `textures`, which grow as materials are asked for."""
+    """Hands out paints; their materials in the order of their indices are `records`."""
 
-    def __init__(self, document: Document):
-        self.materials: list[Material] = []
-        self.textures: list[Texture] = []
-        self.warnings: list[str] = []
+    def __init__(self, document: Document, mode: str):
+        self.records: list[Material] = []
+        self.textures = Textures(document)
         self._document = document
-        self._pixels: dict[str, np.ndarray] = {}
-        self._texture_index: dict[tuple, int] = {}
-        self._material_index: dict[str, int] = {}
+        self._mode = mode
+        self._paints: dict[str, Paint | None] = {}
 
-    def index(self, primitive: Json) -> int:
-        """Index of the material of a mesh primitive; glTF's default one if it names none."""
+    def paint(self, primitive: Json) -> Paint | None:
+        """The material of a mesh primitive, glTF's default one if it names none; None if it is not to be seen."""
         if "material" in primitive:
             material = self._document.lookup("materials", primitive.get("material"))
+            key = material.pointer
         else:
-            material = Json(primitive.file, f"{primitive.pointer}/material", {})
-        key = material.pointer if "material" in primitive else "default"
-        if key not in self._material_index:
-            self._material_index[key] = len(self.materials)
-            self.materials.append(self._material(material))
-        return self._material_index[key]
+            material, key = Json(primitive.file, f"{primitive.pointer}/material", {}), ""
+        if key not in self._paints:
+            self._paints[key] = self.read(material)
+        return self._paints[key]
 
-    def _material(self, material: Json) -> Material:
-        pbr = material.get("pbrMetallicRoughness", {})
-        emission = material.get("emissiveFactor", [0, 0, 0]).vector(3, 0, 1)
-        extension = material.get("extensions", {}).get(EMISSIVE_STRENGTH, {})
-        emission = emission * extension.get("emissiveStrength", 1).number(0, MAX_LIGHT)
-        return Material(
-            name=material.get("name", "").string(),
-            base_color=tuple(pbr.get("baseColorFactor", [1, 1, 1, 1]).vector(4, 0, 1).tolist()),
-            base_color_texture=self._texture(pbr, "baseColorTexture"),
-            metallic=self._metallic(pbr),
-            emission=tuple(emission.tolist()),
-            emission_texture=self._texture(material, "emissiveTexture") if emission.any() else None,
-            alpha_cutoff=self._alpha_cutoff(material),
-            double_sided=material.get("doubleSided", False).boolean(),
-        )
-
-    def _alpha_cutoff(self, material: Json) -> float | None:
-        mode = material.get("alphaMode", "OPAQUE").choice("OPAQUE", "MASK", "BLEND")
-        if mode == "BLEND":
-            self._warn(material.get("alphaMode"), "BLEND is drawn as OPAQUE")
-        return material.get("alphaCutoff", 0.5).number(low=0) if mode == "MASK" else None
-
-    def _metallic(self, pbr: Json) -> float:
-        """The factor times the texture's mean: the record holds one value per material."""
-        factor = pbr.get("metallicFactor", 1).number(0, 1)
-        if factor and "metallicRoughnessTexture" in pbr:
-            texture = self._lookup(pbr.get("metallicRoughnessTexture"))
-            blue = self._decoded(texture)[..., 2]
-            if blue.std() > METALLIC_DEVIATION:
-                self._warn(pbr.get("metallicRoughnessTexture"), "the metallic texture counts by its mean")
-            factor *= float(blue.mean()) / 255
-        elif "metallicFactor" not in pbr:
-            self._warn(pbr, "metallicFactor is absent and counts as 1: a metal has no diffuse light")
-        return factor
-
-    def _texture(self, parent: Json, key: str) -> int | None:
-        """Index of the texture that a textureInfo names; None where there is none."""
-        if key not in parent:
+    def read(self, material: Json) -> Paint | None:
+        """An entry of /materials; None if it is not to be seen. Raises SceneError, UnsupportedError."""
+        channels: list[UvChannel] = []
+        opacity = transparency.read(self._document, material, self._mode)
+        if opacity is None:
             return None
-        info = parent.get(key)
-        if info.get("texCoord", 0).integer() != 0:
-            raise info.get("texCoord").unsupported("only texture coordinate set 0 is supported")
-        texture = self._lookup(info)
-        pixels, wrap = self._decoded(texture), self._wrap(texture)
-        shared = texture.get("source").integer(), wrap
-        if shared not in self._texture_index:
-            self._texture_index[shared] = len(self.textures)
-            self.textures.append(Texture(pixels, wrap))
-        return self._texture_index[shared]
+        factor, base_texture = self._base_color(material)
+        factor = (*factor[:3], factor[3] * opacity.factor if opacity.cutoff is not None else 1.0)
+        unlit = material.extension(UNLIT) is not None
+        metallic, metallic_texture = (0.0, None) if unlit else self._metallic(material)
+        # Textures that cannot change a picture are not decoded.
+        colored = any(factor[:3]) and (metallic < 1 or metallic_texture is not None)
+        emission = (0.0, 0.0, 0.0) if unlit else _emission(material)
+        normal = material.get("normalTexture") if "normalTexture" in material and colored and not unlit else None
+        record = Material(
+            name=material.get("name", "").string(),
+            base_color=factor,
+            base_color_texture=self._slot(base_texture if colored or opacity.cutoff is not None else None, channels),
+            metallic=metallic,
+            metallic_texture=self._slot(metallic_texture if colored else None, channels),
+            normal_texture=self._slot(normal, channels),
+            normal_scale=1.0 if normal is None else normal.get("scale", 1).number(-MAX_LIGHT, MAX_LIGHT),
+            emission=emission,
+            emission_texture=self._slot(_member(material, "emissiveTexture") if any(emission) else None, channels),
+            alpha_cutoff=opacity.cutoff,
+            double_sided=material.get("doubleSided", False).boolean(),
+            unlit=unlit,
+        )
+        self.records.append(record)
+        return Paint(len(self.records) - 1, record, tuple(channels))
 
-    def _lookup(self, info: Json) -> Json:
-        return self._document.lookup("textures", info.get("index"))
+    def _base_color(self, material: Json) -> tuple[tuple[float, ...], Json | None]:
+        """Factor (RGBA) and textureInfo of the colour of diffuse reflection."""
+        glossy = material.extension(SPECULAR_GLOSSINESS)
+        if glossy is not None:
+            place = self._document.root.get("materials")
+            self._document.warn(
+                place, Code.SIMPLIFIED, f"{SPECULAR_GLOSSINESS}: only diffuse factors and textures count"
+            )
+            factor = glossy.get("diffuseFactor", [1, 1, 1, 1]).vector(4, 0, 1)
+            return tuple(factor.tolist()), _member(glossy, "diffuseTexture")
+        pbr = material.get("pbrMetallicRoughness", {})
+        factor = pbr.get("baseColorFactor", [1, 1, 1, 1]).vector(4, 0, 1)
+        return tuple(factor.tolist()), _member(pbr, "baseColorTexture")
 
-    def _wrap(self, texture: Json) -> tuple[str, str]:
-        if "sampler" not in texture:
-            return "repeat", "repeat"
-        sampler = self._document.lookup("samplers", texture.get("sampler"))
-        return tuple(WRAP[sampler.get(key, 10497).choice(*WRAP)] for key in ("wrapS", "wrapT"))
+    def _metallic(self, material: Json) -> tuple[float, Json | None]:
+        """Factor and textureInfo."""
+        if material.extension(SPECULAR_GLOSSINESS) is not None:
+            return 0.0, None
+        pbr = material.get("pbrMetallicRoughness", {})
+        factor = pbr.get("metallicFactor", 1).number(0, 1)
+        texture = _member(pbr, "metallicRoughnessTexture") if factor else None
+        if "metallicFactor" not in pbr and texture is None:
+            text = "metallicFactor is absent and counts as 1: a metal has no diffuse light"
+            self._document.warn(pbr, Code.SIMPLIFIED, text)
+        return factor, texture
 
-    def _decoded(self, texture: Json) -> np.ndarray:
-        """Pixels (H, W, 4) uint8 of a texture's image."""
-        if "source" not in texture:
-            raise texture.unsupported("a texture without a PNG or JPEG source is not supported")
-        source = self._document.lookup("images", texture.get("source"))
-        if source.pointer not in self._pixels:
-            data = self._image_bytes(source)
-            used = sum(pixels.size // 4 for pixels in self._pixels.values())
-            where = f"{source.file}: {source.pointer}"
-            self._pixels[source.pointer] = image.decode_texture(data, where, MAX_TEXTURE_PIXELS - used)
-        return self._pixels[source.pointer]
+    def _slot(self, info: Json | None, channels: list[UvChannel]) -> TextureSlot | None:
+        return None if info is None else self.textures.slot(info, channels)
 
-    def _image_bytes(self, source: Json) -> bytes:
-        if "uri" in source:
-            return self._document.uri(source.get("uri"))
-        return bytes(self._document.view(source.get("bufferView")))
 
-    def _warn(self, value: Json, what: str):
-        self.warnings.append(f"{value.file}: {value.pointer}: {what}")
+def _member(parent: Json, key: str) -> Json | None:
+    return parent.get(key) if key in parent else None
+
+
+def _emission(material: Json) -> tuple[float, ...]:
+    """Radiance: factor * strength."""
+    factor = material.get("emissiveFactor", [0, 0, 0]).vector(3, 0, 1)
+    extension = material.extension(EMISSIVE_STRENGTH)
+    strength = 1.0 if extension is None else extension.get("emissiveStrength", 1).number(0, MAX_LIGHT)
+    return tuple((factor * strength).tolist())

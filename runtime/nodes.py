@@ -5,8 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .glb import Document
+from .document import Document
 from .json_value import Json
+from .problems import Code
+from .vectors import unit
 
 MAX_NODE_DEPTH = 256  # levels; rounding adds up along the product of matrices
 
@@ -20,18 +22,20 @@ class Node(NamedTuple):
 
 def flatten(document: Document) -> Iterator[Node]:
     """The nodes of the default scene with their world matrices, parents first, in the file's order."""
+    entries = document.root.get("nodes", [])
+    document.limits.check("nodes", len(entries.array()), entries.where(), entries.pointer)
     children = _children(document)
-    nodes = list(document.root.get("nodes", []).items())
+    nodes = list(entries.items())
     stack = [(root, np.eye(4), 1) for root in reversed(_roots(document, children))]
     while stack:
         index, world_from_parent, depth = stack.pop()
         node = nodes[index]
         if depth > MAX_NODE_DEPTH:
-            raise node.refuse(f"at most {MAX_NODE_DEPTH} levels of nodes", "more")
+            raise node.refuse(f"at most {MAX_NODE_DEPTH} levels of nodes", "more", Code.LIMIT)
         with np.errstate(over="ignore", invalid="ignore"):
-            world_from_node = world_from_parent @ _local_matrix(node)
+            world_from_node = world_from_parent @ local_matrix(node)
         if not np.isfinite(world_from_node).all():
-            raise node.refuse("a finite world matrix", "an overflow")
+            raise node.refuse("a finite world matrix", "an overflow", Code.OVERFLOW)
         yield Node(node, world_from_node)
         stack += [(child, world_from_node, depth + 1) for child in reversed(children[index])]
 
@@ -46,7 +50,8 @@ def _children(document: Document) -> list[list[int]]:
             document.lookup("nodes", child)
             number = child.integer()
             if number in parent:
-                raise child.refuse("a node without another parent", f"node {number} of /nodes/{parent[number]}")
+                got = f"node {number} of /nodes/{parent[number]}"
+                raise child.refuse("a node without another parent", got, Code.NODE_PARENT)
             parent[number] = index
             children[index].append(number)
     # With one parent each, what no root reaches is a cycle.
@@ -55,7 +60,7 @@ def _children(document: Document) -> list[list[int]]:
         reached += children[index]
     if len(reached) < len(nodes):
         cycle = min(set(range(len(nodes))) - set(reached))
-        raise nodes[cycle].refuse("a tree of nodes", "a cycle")
+        raise nodes[cycle].refuse("a tree of nodes", "a cycle", Code.NODE_CYCLE)
     return children
 
 
@@ -73,13 +78,13 @@ def _roots(document: Document, children: list[list[int]]) -> list[int]:
     for value in scene.get("nodes", []).items():
         document.lookup("nodes", value)
         if value.integer() in inner or value.integer() in roots:
-            raise value.refuse("a root node, named once", f"node {value.integer()}")
+            raise value.refuse("a root node, named once", f"node {value.integer()}", Code.NODE_PARENT)
         roots.append(value.integer())
     return roots
 
 
-def _local_matrix(node: Json) -> np.ndarray:
-    """parent_from_node (4, 4) float64."""
+def local_matrix(node: Json) -> np.ndarray:
+    """parent_from_node (4, 4) float64. Raises SceneError."""
     if "matrix" in node:
         matrix = node.get("matrix").vector(16).reshape(4, 4, order="F")
         if any(key in node for key in ("translation", "rotation", "scale")):
@@ -87,18 +92,34 @@ def _local_matrix(node: Json) -> np.ndarray:
         if not np.array_equal(matrix[3], (0, 0, 0, 1)):
             raise node.get("matrix").refuse("an affine matrix", f"the last row {matrix[3].tolist()}")
         return matrix
-    matrix = np.eye(4)
-    scale = node.get("scale", [1, 1, 1]).vector(3)
-    matrix[:3, :3] = _rotation(node.get("rotation", [0, 0, 0, 1])) * scale
-    matrix[:3, 3] = node.get("translation", [0, 0, 0]).vector(3)
+    rotation = node.get("rotation", [0, 0, 0, 1])
+    quaternion = rotation.vector(4, -2, 2)
+    if quaternion @ quaternion < 1e-6:
+        raise rotation.refuse("a unit quaternion", "one of length 0")
+    translation, scale = node.get("translation", [0, 0, 0]).vector(3), node.get("scale", [1, 1, 1]).vector(3)
+    return compose(translation[None], quaternion[None], scale[None])[0]
+
+
+def compose(translation: np.ndarray, quaternion: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """Matrices (N, 4, 4) float64 of translations (N, 3), quaternions xyzw (N, 4) of any length, and scales (N, 3)."""
+    x, y, z, w = quaternion.T
+    zero = np.zeros_like(x)
+    skew = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
+    norm = (quaternion * quaternion).sum(axis=1)[:, None, None]
+    rotation = np.eye(3) + 2 / norm * (w[:, None, None] * skew + skew @ skew)
+    matrix = np.tile(np.eye(4), (len(x), 1, 1))
+    matrix[:, :3, :3] = rotation * scale[:, None, :]
+    matrix[:, :3, 3] = translation
     return matrix
 
 
-def _rotation(quaternion: Json) -> np.ndarray:
-    """Rotation matrix (3, 3) of a quaternion xyzw, normalised first."""
-    x, y, z, w = quaternion.vector(4, -2, 2)
-    norm = x * x + y * y + z * z + w * w
-    if norm < 1e-6:
-        raise quaternion.refuse("a unit quaternion", "one of length 0")
-    skew = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.eye(3) + 2 / norm * (w * skew + skew @ skew)
+def rigid(node: Node) -> np.ndarray:
+    """The pose of a node without its scale (4, 4): the view axis -Z is kept, then the up axis. Raises SceneError."""
+    _, up, back = node.world_from_node[:3, :3].T
+    right = np.cross(unit(up), unit(back)) if up.any() and back.any() else np.zeros(3)
+    if not right.any():
+        raise node.json.refuse("a node with an orientation", "a scale of 0")
+    right, back = unit(right), unit(back)
+    pose = np.eye(4)
+    pose[:3, :4] = np.stack([right, np.cross(back, right), back, node.world_from_node[:3, 3]], axis=1)
+    return pose

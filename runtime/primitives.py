@@ -1,124 +1,200 @@
-"""Mesh primitives of a glTF file: triangles in their node's space, then placed in the world."""
+"""Mesh primitives of a glTF file as arrays in their node's space, morph targets applied."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from . import accessors
-from .glb import Document
+from . import accessors, draco
+from .accessors import SIGNED, UNSIGNED, Layout
+from .document import Document
 from .json_value import Json
-from .scene import Mesh
+from .materials import Paint
+from .problems import Code
+from .textures import UvChannel
+from .triangles import MODES, TRIANGLES, leftover, triangles
 
-TRIANGLES = 4
-MODES = ("points", "lines", "line loops", "line strips", "triangles", "triangle strips", "triangle fans")
-UV_TYPES = (accessors.BYTE, accessors.SHORT)
+ANY = (*UNSIGNED, *SIGNED)
+# The integers of KHR_mesh_quantization are taken whether it is declared or not.
+LAYOUT = {
+    "POSITION": Layout(("VEC3",), ANY, ANY),
+    "NORMAL": Layout(("VEC3",), (), SIGNED),
+    "TANGENT": Layout(("VEC4",), (), SIGNED),
+    "TEXCOORD": Layout(("VEC2",), ANY, ANY),
+    "COLOR": Layout(("VEC3", "VEC4"), (), UNSIGNED),
+    "WEIGHTS": Layout(("VEC4",), (), UNSIGNED),
+}
+DELTA = Layout(("VEC3",), ANY, ANY)  # of a morph target, tangents too
 
 
 @dataclass(frozen=True)
 class Primitive:
-    """position (V, 3), normal (V, 3) or None, uv (V, 2): float32; triangle (F, 3) uint32; its JSON."""
+    """Triangles of one material.
 
-    position: np.ndarray
-    normal: np.ndarray | None
-    uv: np.ndarray
-    triangle: np.ndarray
+    position (V, 3), normal (V, 3), uv (V, C, 2), color (V, 4), tangent (V, 4), weights (V, J): float32; joints (V, J)
+    unsigned; triangle (F, 3) uint32. None for what is absent; without normals no two triangles share a vertex.
+    """
+
     json: Json
+    position: np.ndarray
+    triangle: np.ndarray
+    uv: np.ndarray
+    normal: np.ndarray | None = None
+    tangent: np.ndarray | None = None
+    color: np.ndarray | None = None
+    joints: np.ndarray | None = None
+    weights: np.ndarray | None = None
 
     def __len__(self) -> int:
         """Vertices plus indices: what one copy costs."""
         return len(self.position) + self.triangle.size
 
 
-def decode(document: Document, primitive: Json) -> Primitive:
-    """The triangles of one primitive. Raises SceneError, UnsupportedError for other modes than triangles."""
-    mode = primitive.get("mode", TRIANGLES).integer(high=len(MODES) - 1)
-    if mode != TRIANGLES:
-        raise primitive.get("mode").unsupported(f"{MODES[mode]} are not supported, only triangles")
-    attributes = primitive.get("attributes")
-    position = accessors.floats(document, attributes.get("POSITION"), "VEC3")
-    normal, uv = None, np.zeros((len(position), 2), np.float32)
-    if "NORMAL" in attributes:
-        normal = accessors.floats(document, attributes.get("NORMAL"), "VEC3")
-    if "TEXCOORD_0" in attributes:
-        uv = accessors.floats(document, attributes.get("TEXCOORD_0"), "VEC2", UV_TYPES)
-    for name, values in (("NORMAL", normal), ("TEXCOORD_0", uv)):
-        if values is not None and len(values) != len(position):
-            raise attributes.get(name).refuse(f"{len(position)} elements, as POSITION", str(len(values)))
-    return Primitive(position, normal, uv, _triangles(document, primitive, len(position)), primitive)
+class Attributes:
+    """Reads the attributes of one primitive, each as long as POSITION."""
+
+    def __init__(self, document: Document, primitive: Json):
+        self._document = document
+        self._json = primitive.get("attributes")
+        compressed = primitive.extension(draco.NAME)
+        self.draco = draco.DracoMesh(document, primitive, compressed) if compressed is not None else None
+        self.count = None
+        self.count = len(self.floats("POSITION"))
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._json
+
+    def floats(self, name: str) -> np.ndarray:
+        layout = LAYOUT[name.partition("_")[0]]
+        index = self._json.get(name)
+        return self._checked(index, accessors.floats(self._document, index, layout, self._source(name)))
+
+    def joints(self, name: str) -> np.ndarray:
+        index = self._json.get(name)
+        return self._checked(index, accessors.integers(self._document, index, "VEC4", self._source(name)))
+
+    def deltas(self, target: Json, name: str) -> np.ndarray:
+        index = target.get(name)
+        return self._checked(index, accessors.floats(self._document, index, DELTA))
+
+    def _source(self, name: str):
+        return (self.draco, name) if self.draco is not None and name in self.draco else None
+
+    def _checked(self, index: Json, values: np.ndarray) -> np.ndarray:
+        if self.count is not None and len(values) != self.count:
+            raise index.refuse(f"{self.count} elements, as POSITION", str(len(values)), Code.COUNT_MISMATCH)
+        return values
 
 
-def _triangles(document: Document, primitive: Json, vertex_count: int) -> np.ndarray:
-    if "indices" in primitive:
-        index = accessors.indices(document, primitive.get("indices"), vertex_count)
+def has_triangles(document: Document, primitive: Json) -> bool:
+    """Whether the primitive is made of triangles; warns of points and lines."""
+    mode = _mode(primitive)
+    if mode < TRIANGLES:
+        document.warn(primitive, Code.NOT_TRIANGLES, f"{MODES[mode]} are left out")
+    return mode >= TRIANGLES
+
+
+def decode(document: Document, primitive: Json, paint: Paint, weights: tuple[float, ...]) -> Primitive:
+    """One primitive with the texture coordinates that its material needs, morphed by `weights`, one for each target.
+
+    Raises SceneError, UnsupportedError.
+    """
+    attributes = Attributes(document, primitive)
+    normal = _morphed(attributes, primitive, "NORMAL", weights) if "NORMAL" in attributes else None
+    tangent = None
+    if paint.normal_channel is not None and normal is not None and "TANGENT" in attributes:
+        tangent = _morphed(attributes, primitive, "TANGENT", weights)
+    joints, joint_weights = _influences(attributes)
+    decoded = Primitive(
+        primitive,
+        _morphed(attributes, primitive, "POSITION", weights),
+        _triangles(document, primitive, attributes),
+        _uv(document, primitive, attributes, paint.channels),
+        normal,
+        tangent,
+        _color(attributes),
+        joints,
+        joint_weights,
+    )
+    return decoded if normal is not None else _unshared(decoded)
+
+
+def _mode(primitive: Json) -> int:
+    return primitive.get("mode", TRIANGLES).integer(high=len(MODES) - 1)
+
+
+def _triangles(document: Document, primitive: Json, attributes: Attributes) -> np.ndarray:
+    mode = _mode(primitive)
+    if attributes.draco is not None:
+        if mode != TRIANGLES:
+            raise primitive.get("mode").unsupported(f"{MODES[mode]} compressed by Draco are not supported")
+        index = attributes.draco.index
+        if index.max() >= attributes.count:
+            raise primitive.refuse(f"indices below {attributes.count}", str(index.max()), Code.INDEX_RANGE)
+    elif "indices" in primitive:
+        index = accessors.indices(document, primitive.get("indices"), attributes.count)
     else:
-        index = np.arange(vertex_count, dtype=np.uint32)
-    if len(index) % 3:
-        raise primitive.refuse("a multiple of 3 indices", str(len(index)))
-    return index.reshape(-1, 3)
+        index = np.arange(attributes.count, dtype=np.uint32)
+    rest = leftover(mode, len(index))
+    if rest:
+        text = f"{len(index)} indices or vertices: the last {rest} form no whole triangle and are left out"
+        document.warn(primitive, Code.INCOMPLETE, text)
+    return triangles(mode, index)
 
 
-def place(primitive: Primitive, world_from_node: np.ndarray, material: int) -> Mesh | None:
-    """The primitive in world space; triangles without area are left out. None where none is left.
+def _morphed(attributes: Attributes, primitive: Json, name: str, weights: tuple[float, ...]) -> np.ndarray:
+    """An attribute with the weighted sum of its morph targets added; a tangent's w stays."""
+    values = attributes.floats(name)
+    if not any(weights):
+        return values
+    values = values.astype(np.float64)
+    for target, weight in zip(primitive.get("targets").items(), weights, strict=True):
+        if weight and name in target:
+            values[:, :3] += weight * attributes.deltas(target, name)
+    if not np.abs(values).max() <= np.finfo(np.float32).max:
+        raise primitive.get("targets").refuse("a sum that float32 holds", "an overflow", Code.OVERFLOW)
+    return values.astype(np.float32)
 
-    A mirroring matrix (4, 4) turns the winding around, so that the front stays the front.
-    """
-    linear = world_from_node[:3, :3]
-    with np.errstate(over="ignore", invalid="ignore"):
-        position = (primitive.position @ linear.T + world_from_node[:3, 3]).astype(np.float32)
-    if not np.isfinite(position).all():
-        raise primitive.json.refuse("positions that float32 holds", "an overflow in world space")
-    cofactor, mirrored = _cofactor(linear)
-    triangle = primitive.triangle[:, ::-1] if mirrored else primitive.triangle
-    face = _face_vectors(position, triangle)
-    keep = face.any(axis=1)
-    triangle, face = triangle[keep], face[keep]
-    if not len(triangle):
+
+def _uv(document: Document, primitive: Json, attributes: Attributes, channels: tuple[UvChannel, ...]) -> np.ndarray:
+    """Texture coordinates (V, C, 2) float32 of each channel; zero where the primitive lacks the set."""
+    uv = np.zeros((attributes.count, len(channels), 2))
+    for number, channel in enumerate(channels):
+        name = f"TEXCOORD_{channel.set}"
+        if name not in attributes:
+            document.warn(primitive, Code.NO_UV, f"{name} is absent and counts as 0, though the material uses it")
+            continue
+        uv[:, number] = channel.transformed(attributes.floats(name))
+    if uv.size and np.abs(uv).max() > np.finfo(np.float32).max:
+        raise primitive.refuse("texture coordinates that float32 holds", "an overflow", Code.OVERFLOW)
+    return uv.astype(np.float32)
+
+
+def _color(attributes: Attributes) -> np.ndarray | None:
+    """Vertex colours (V, 4) in [0, 1]."""
+    if "COLOR_0" not in attributes:
         return None
-    if primitive.normal is None:
-        return _flat(position, primitive.uv, triangle, face, material)
-    normal = _normals(primitive.normal @ cofactor.T, triangle, face)
-    return Mesh(position, normal, primitive.uv, np.ascontiguousarray(triangle), material)
+    color = np.ones((attributes.count, 4), np.float32)
+    values = attributes.floats("COLOR_0")
+    color[:, : values.shape[1]] = np.clip(values, 0, 1)
+    return color
 
 
-def _cofactor(linear: np.ndarray) -> tuple[np.ndarray, bool]:
-    """The matrix (3, 3) that turns normals, up to their length, and whether the linear map mirrors.
-
-    It is |det| * inverse transpose, and exists for nodes scaled to 0 along an axis too.
-    """
-    linear = linear / max(np.abs(linear).max(), np.finfo(float).tiny)  # products stay finite
-    mirrored = bool(np.linalg.det(linear) < 0)
-    return np.cross(linear[[1, 2, 0]], linear[[2, 0, 1]]) * (-1 if mirrored else 1), mirrored
-
-
-def _face_vectors(position: np.ndarray, triangle: np.ndarray) -> np.ndarray:
-    """(F, 3) float64 normal of each triangle, twice its area long."""
-    a, b, c = (position[corner].astype(np.float64) for corner in triangle.T)
-    return np.cross(b - a, c - a)
+def _influences(attributes: Attributes) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """Joints and weights of all sets, side by side."""
+    sets = 0
+    while f"JOINTS_{sets}" in attributes and f"WEIGHTS_{sets}" in attributes:
+        sets += 1
+    if not sets:
+        return None, None
+    joints = [attributes.joints(f"JOINTS_{number}") for number in range(sets)]
+    weights = [attributes.floats(f"WEIGHTS_{number}") for number in range(sets)]
+    return np.concatenate(joints, axis=1), np.concatenate(weights, axis=1)
 
 
-def _flat(position, uv, triangle, face, material: int) -> Mesh:
-    """A mesh whose triangles share no vertices, each with its own normal."""
-    corners = triangle.reshape(-1)
-    normal = np.repeat(unit(face), 3, axis=0).astype(np.float32)
-    own = np.arange(len(corners), dtype=np.uint32).reshape(-1, 3)
-    return Mesh(position[corners], normal, uv[corners], own, material)
-
-
-def _normals(normal: np.ndarray, triangle: np.ndarray, face: np.ndarray) -> np.ndarray:
-    """Unit normals (V, 3) float32; a null one is replaced by the mean of the faces around it."""
-    null = ~normal.any(axis=1)
-    if null.any():
-        corner, faces = triangle.reshape(-1), np.repeat(face, 3, axis=0)
-        normal = normal.copy()
-        for axis in range(3):
-            around = np.bincount(corner, weights=faces[:, axis], minlength=len(normal))
-            normal[null, axis] = around[null]
-        normal[~normal.any(axis=1)] = (0, 1, 0)  # a vertex of no triangle
-    return unit(normal).astype(np.float32)
-
-
-def unit(vectors: np.ndarray) -> np.ndarray:
-    """Vectors (..., 3), none of them null, at length 1."""
-    # By the largest component first: squares of tiny or huge vectors leave the range of floats.
-    vectors = vectors / np.abs(vectors).max(axis=-1, keepdims=True)
-    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+def _unshared(primitive: Primitive) -> Primitive:
+    """The primitive with three vertices for each triangle: flat normals need them."""
+    corner = primitive.triangle.reshape(-1)
+    names = ("position", "uv", "color", "joints", "weights")
+    arrays = {name: getattr(primitive, name) for name in names}
+    arrays = {name: values if values is None else values[corner] for name, values in arrays.items()}
+    return replace(primitive, **arrays, triangle=np.arange(len(corner), dtype=np.uint32).reshape(-1, 3))

@@ -8,6 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
+from gsgi.runtime.errors import GsgiError
+from gsgi.runtime.problems import Code
+
 POSITION = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], "<f4")
 NORMAL = np.tile(np.array([0, 0, 1], "<f4"), (4, 1))
 UV = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], "<f4")
@@ -66,6 +69,30 @@ def quad_scene(blobs=BLOBS) -> tuple[dict, bytes]:
     }, data
 
 
+COMPONENT = {"i1": 5120, "u1": 5121, "i2": 5122, "u2": 5123, "u4": 5125, "f4": 5126}
+KIND = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
+
+
+def add(scene: tuple[dict, bytes], values: np.ndarray, **fields) -> tuple[tuple[dict, bytes], int]:
+    """The scene with one accessor more, and its index; its type follows from the array's."""
+    document, data = copy.deepcopy(scene[0]), scene[1] + b"\0" * (-len(scene[1]) % 4)
+    values = np.ascontiguousarray(values).reshape(len(values), -1)
+    document["bufferViews"].append({"buffer": 0, "byteOffset": len(data), "byteLength": values.nbytes})
+    view, component = len(document["bufferViews"]) - 1, COMPONENT[values.dtype.str[1:]]
+    document["accessors"].append(accessor(view, component, len(values), KIND[values.shape[1]], **fields))
+    document["buffers"][0]["byteLength"] = len(data) + values.nbytes
+    return (document, data + values.tobytes()), len(document["accessors"]) - 1
+
+
+def with_attributes(attributes: dict[str, np.ndarray], normalized: tuple[str, ...] = ()) -> tuple[dict, bytes]:
+    """The quad with these attributes instead of its own ones of that name."""
+    scene = quad_scene()
+    for name, values in attributes.items():
+        scene, index = add(scene, values, normalized=name in normalized)
+        scene[0]["meshes"][0]["primitives"][0]["attributes"][name] = index
+    return scene
+
+
 def encode(document: dict, data: bytes) -> bytes:
     text = json.dumps(document).encode()
     text += b" " * (-len(text) % 4)
@@ -101,3 +128,23 @@ def write(path: Path, document: dict | bytes, data: bytes = b"") -> Path:
     """Write JSON and BIN chunk as a GLB, or ready bytes."""
     path.write_bytes(document if isinstance(document, bytes) else encode(document, data))
     return path
+
+
+JUNK = (None, True, -1, 0, 1, 3, 5126, 2**31, 10**30, 0.5, -1e300, "", "a", "\ud800", [], [0], [[]], {}, {"a": 1})
+
+
+def pointers(value, prefix: str = "") -> list[str]:
+    """JSON pointers of all values below this one."""
+    pairs = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    return [p for key, item in pairs for p in (f"{prefix}/{key}", *pointers(item, f"{prefix}/{key}"))]
+
+
+def is_refused(read, *content) -> bool:
+    """Whether the reader refuses the file, as it must: by a line of text and a code."""
+    refused = None
+    try:
+        read(*content)
+    except GsgiError as error:
+        refused = error
+    assert refused is None or (refused.code in set(Code) and "\n" not in str(refused)), repr(refused)
+    return refused is not None

@@ -6,11 +6,25 @@ import struct
 
 import numpy as np
 import pytest
-from gltf_files import BLOBS, INDEX, POSITION, encode, lit, put, quad_scene, with_nodes, write
+from gltf_files import (
+    BLOBS,
+    INDEX,
+    JUNK,
+    POSITION,
+    encode,
+    is_refused,
+    lit,
+    pointers,
+    put,
+    quad_scene,
+    with_nodes,
+    write,
+)
 
-from gsgi.runtime import glb, gltf, materials, nodes
-from gsgi.runtime.errors import FileError, GsgiError, SceneError, UnsupportedError
+from gsgi.runtime import nodes
+from gsgi.runtime.errors import FileError, SceneError, UnsupportedError, UsageError
 from gsgi.runtime.gltf import read_gltf
+from gsgi.runtime.limits import Limits, parse_limits
 
 
 @pytest.fixture
@@ -25,7 +39,6 @@ INVALID = {
     "/accessors/0/byteOffset": (4, "/accessors/0: expected elements within"),
     "/accessors/1/count": (3, "/NORMAL: expected 4 elements, as POSITION, got 3"),
     "/accessors/2/type": ("VEC3", '/accessors/2/type: expected one of "VEC2", got "VEC3"'),
-    "/accessors/3/count": (5, "expected a multiple of 3 indices, got 5"),
     "/accessors/3/byteOffset": (1, "/accessors/3: expected elements aligned to 2 bytes"),
     "/bufferViews/0/byteStride": (8, "/bufferViews/0/byteStride: expected an integer from 12"),
     "/bufferViews/0/byteOffset": (10**6, "/bufferViews/0: expected bytes within a buffer"),
@@ -38,7 +51,7 @@ INVALID = {
     "/materials/0/doubleSided": (1, "/doubleSided: expected true or false, got 1"),
     "/materials/0/name": ("\ud800", "/materials/0/name: expected valid Unicode"),
     "/samplers/0/wrapS": (True, "/samplers/0/wrapS: expected one of"),
-    "/images/0/bufferView": (0, "/images/0: expected a PNG or JPEG image"),
+    "/images/0/bufferView": (0, "/images/0: expected a PNG, JPEG or WebP image"),
     "/nodes/0/children": ([0], "/nodes/0: expected a tree of nodes, got a cycle"),
     "/nodes/0/scale": ([1, 10**400, 1], "/nodes/0/scale/1: expected a finite number, got an integer beyond 2"),
     "/nodes/0/rotation": ([0, 0, 0, 0], "/nodes/0/rotation: expected a unit quaternion"),
@@ -62,30 +75,51 @@ def test_invalid(read, pointer):
 
 
 UNSUPPORTED = {
-    "/extensionsRequired": (["KHR_draco_mesh_compression"], '"KHR_draco_mesh_compression" is required'),
-    "/meshes/0/primitives/0/mode": (5, "/mode: triangle strips are not supported"),
-    "/accessors/0/sparse": ({"count": 1}, "/accessors/0/sparse: sparse accessors"),
-    "/materials/0/pbrMetallicRoughness/baseColorTexture/texCoord": (1, "/texCoord: only texture coordinate set 0"),
-    "/asset/minVersion": ("2.1", "/asset/minVersion: only glTF 2.0"),
+    "/extensionsRequired": (["EXT_of_the_future"], '"EXT_of_the_future" is required', "UNSUPPORTED_EXTENSION"),
+    "/asset/minVersion": ("2.1", "/asset/minVersion: only glTF 2.0", "VERSION"),
+    "/textures/0": (
+        {"extensions": {"KHR_texture_basisu": {"source": 0}}},
+        "without a PNG, JPEG or WebP",
+        "UNSUPPORTED",
+    ),
 }
 
 
 @pytest.mark.parametrize("pointer", UNSUPPORTED)
 def test_unsupported(read, pointer):
     document, data = quad_scene()
-    value, message = UNSUPPORTED[pointer]
+    value, message, code = UNSUPPORTED[pointer]
     with pytest.raises(UnsupportedError) as refused:
         read(put(document, pointer, value), data)
     assert message in str(refused.value)
+    assert refused.value.code == code
+    assert refused.value.pointer.startswith(pointer)
+
+
+@pytest.mark.parametrize("name", ["KHR_texture_basisu", "KHR_materials_diffuse_transmission"])
+def test_extensions_that_cannot_be_ignored_when_required(read, name):
+    document, data = quad_scene()
+    document["extensionsUsed"] = [name]
+    assert "is ignored: " in read(document, data).warnings[0]
+    document["extensionsRequired"] = [name]
+    with pytest.raises(UnsupportedError, match=r"/extensionsRequired/0: .* is required and not supported"):
+        read(document, data)
+
+
+@pytest.mark.parametrize("name", ["KHR_materials_ior", "KHR_materials_clearcoat", "KHR_materials_variants"])
+def test_extensions_that_may_be_required(read, name):
+    document, data = quad_scene()
+    document["extensionsUsed"] = document["extensionsRequired"] = [name]
+    (warning,) = read(document, data).warnings
+    assert f'/extensionsUsed/0: extension "{name}" is ignored: ' in warning
 
 
 @pytest.mark.parametrize(
     ("pointer", "value", "message"),
     [
         ("/extensionsUsed", ["EXT_of_the_future"], '"EXT_of_the_future" is ignored'),
-        ("/materials/0/alphaMode", "BLEND", "/materials/0/alphaMode: BLEND is drawn as OPAQUE"),
-        ("/meshes/0/primitives/0/attributes/COLOR_0", 0, "vertex colours are ignored"),
-        ("/meshes/0/primitives/0/targets", [], "morph targets are ignored"),
+        ("/animations", [{}], "/animations: animations are left out"),
+        ("/accessors/3/count", 5, "5 indices or vertices: the last 2 form no whole triangle"),
     ],
 )
 def test_warnings(read, pointer, value, message):
@@ -120,16 +154,32 @@ def test_nodes_nested_too_deeply(read):
         read(*with_nodes(*entries, {"mesh": 0}))
 
 
-def test_instances_that_multiply(read, monkeypatch):
-    monkeypatch.setattr(gltf, "MAX_ELEMENTS", 25)  # the quad counts 4 + 6
-    with pytest.raises(SceneError, match="/nodes/3: expected at most 25 vertices and indices"):
-        read(*with_nodes({"children": [1, 2, 3]}, {"mesh": 0}, {"mesh": 0}, {"mesh": 0}))
+LIMITS = {
+    "elements": (25, r"/nodes/3: expected at most 25 vertices and indices .*, got 30"),  # the quad counts 4 + 6
+    "texels": (5, "/images/0: expected at most 5 texels in all images .*, got 6"),
+    "nodes": (3, "/nodes: expected at most 3 nodes and instances .*, got 4"),
+    "json_bytes": (100, "scene.glb: expected at most 100 bytes of JSON"),
+    "file_bytes": (1000, "scene.glb: expected at most 1000 bytes in a file"),
+}
 
 
-def test_textures_that_are_too_large(read, monkeypatch):
-    monkeypatch.setattr(materials, "MAX_TEXTURE_PIXELS", 5)
-    with pytest.raises(SceneError, match=r"/images/0: .*2 x 3 pixels where 5 are allowed"):
-        read(*quad_scene())
+@pytest.mark.parametrize("name", LIMITS)
+def test_limits(tmp_path, name):
+    limit, message = LIMITS[name]
+    scene = with_nodes({"children": [1, 2, 3]}, {"mesh": 0}, {"mesh": 0}, {"mesh": 0})
+    path = write(tmp_path / "scene.glb", *scene)
+    with pytest.raises(SceneError, match=message) as refused:
+        read_gltf(path, Limits(**{name: limit}))
+    assert f"--limit {name}=N" in str(refused.value)
+    assert refused.value.code == "LIMIT"
+
+
+def test_limits_of_a_command_line():
+    assert parse_limits([]) == Limits()
+    assert parse_limits(["texels=7", "json-bytes=9"]) == Limits(texels=7, json_bytes=9)
+    for wrong in ("texels", "texels=", "texels=-1", "texels=0", "pixels=5", "texels=1e3"):
+        with pytest.raises(UsageError, match="--limit: expected NAME=N with a NAME of elements, "):
+            parse_limits([wrong])
 
 
 @pytest.mark.parametrize(
@@ -157,12 +207,6 @@ def test_not_a_gltf(read, text):
     with pytest.raises(SceneError) as refused:
         read(text)
     assert "\n" not in str(refused.value)
-
-
-def test_json_too_long(read, monkeypatch):
-    monkeypatch.setattr(glb, "MAX_JSON_BYTES", 100)
-    with pytest.raises(SceneError, match="expected JSON of at most 100 bytes"):
-        read(*quad_scene())
 
 
 def test_files_that_cannot_be_read(tmp_path):
@@ -204,7 +248,7 @@ def test_every_prefix_is_refused(read):
         "a%0Ab",
         "%ff",
         "data:;base64,@@@",
-        "data:text/plain,abc",
+        "data:text/plain",
         7,
     ],
 )
@@ -233,23 +277,6 @@ def test_absolute_and_missing_addresses(tmp_path):
 
 
 # Anything at all
-
-JUNK = (None, True, -1, 0, 1, 3, 5126, 2**31, 10**30, 0.5, -1e300, "", "a", "\ud800", [], [0], [[]], {}, {"a": 1})
-
-
-def pointers(value, prefix: str = "") -> list[str]:
-    """JSON pointers of all values below this one."""
-    pairs = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
-    return [p for key, item in pairs for p in (f"{prefix}/{key}", *pointers(item, f"{prefix}/{key}"))]
-
-
-def is_refused(read, *content) -> bool:
-    """Whether the reader refuses the file, as it must: by a line of text."""
-    try:
-        read(*content)
-    except GsgiError as error:
-        return "\n" not in str(error) or pytest.fail(str(error))
-    return False
 
 
 def test_mutants_load_or_are_refused(read):

@@ -9,12 +9,17 @@ import pytest
 
 from gsgi.runtime.atomic import replacing, write_atomic
 from gsgi.runtime.errors import FileError, SceneError, UsageError
-from gsgi.runtime.image import decode_texture, read_image, write_image
+from gsgi.runtime.image import Encoded, decode_textures, read_image, write_image
+from gsgi.runtime.limits import Limits
 
 RNG = np.random.default_rng(3)
 COLOR = RNG.integers(0, 256, (5, 7, 3), dtype=np.uint8)
 COLOR_ALPHA = RNG.integers(0, 256, (5, 7, 4), dtype=np.uint8)
 RADIANCE = RNG.exponential(3, (6, 9, 3)).astype(np.float32)
+
+
+def decode_texture(data: bytes, **limits) -> np.ndarray:
+    return decode_textures([Encoded(data, "x")], Limits(**limits))[0]
 
 
 def encoded(tmp_path, pixels) -> bytes:
@@ -45,7 +50,7 @@ def test_exr_is_exact(tmp_path):
 def test_row_0_is_the_top(tmp_path):
     data = png(1, 2, b"\0\x10\x20\x30\0\x40\x50\x60")
     (tmp_path / "a.png").write_bytes(data)
-    assert decode_texture(data, "x").tolist() == [[[16, 32, 48, 255]], [[64, 80, 96, 255]]]
+    assert decode_texture(data).tolist() == [[[16, 32, 48, 255]], [[64, 80, 96, 255]]]
     np.testing.assert_allclose(read_image(tmp_path / "a.png")[0, 0] * 255, [16, 32, 48], rtol=1e-6)
 
 
@@ -69,13 +74,13 @@ def test_bytes_depend_on_the_pixels_alone(tmp_path, pixels):
 def test_textures_keep_color_under_zero_alpha(tmp_path):
     pixels = COLOR_ALPHA.copy()
     pixels[..., 3] //= 64
-    np.testing.assert_array_equal(decode_texture(encoded(tmp_path, pixels), "x"), pixels)
+    np.testing.assert_array_equal(decode_texture(encoded(tmp_path, pixels)), pixels)
 
 
 @pytest.mark.parametrize("channels", [1, 2, 3])
 def test_textures_become_rgba(tmp_path, channels):
     pixels = COLOR[..., :channels]
-    result = decode_texture(encoded(tmp_path, pixels), "x")
+    result = decode_texture(encoded(tmp_path, pixels))
     assert result.shape == (5, 7, 4)
     np.testing.assert_array_equal(result[..., 0], pixels[..., 0])
     np.testing.assert_array_equal(result[..., 2], pixels[..., 2 if channels == 3 else 0])
@@ -83,8 +88,30 @@ def test_textures_become_rgba(tmp_path, channels):
 
 
 def test_a_declared_size_is_checked_first(tmp_path):
-    with pytest.raises(SceneError, match=r"^x: .*20 x 10 pixels where 199 are allowed"):
-        decode_texture(png(20, 10, b"\0"), "x", max_pixels=199)
+    with pytest.raises(SceneError, match=r"^x: expected at most 199 texels in all images .*--limit texels=N.*got 200"):
+        decode_texture(png(20, 10, b"\0"), texels=199)
+    with pytest.raises(SceneError, match=r"^y: expected at most 399 texels .*got 400"):
+        decode_textures([Encoded(png(20, 10, b"\0"), "x"), Encoded(png(20, 10, b"\0"), "y")], Limits(texels=399))
+
+
+def test_many_textures_keep_their_order(tmp_path):
+    images = [np.full((9, 4, 3), value, np.uint8) for value in range(40)]
+    files = [Encoded(encoded(tmp_path, image), "x") for image in images]
+    for image, pixels in zip(images, decode_textures(files, Limits()), strict=True):
+        np.testing.assert_array_equal(pixels[..., :3], image)
+
+
+def test_webp_is_not_multiplied_by_alpha(tmp_path):
+    oiio = pytest.importorskip("OpenImageIO")
+    pixels = np.maximum(COLOR_ALPHA, np.uint8([0, 0, 0, 1]))  # the encoder itself drops colour under no alpha
+    spec = oiio.ImageSpec(7, 5, 4, "uint8")
+    spec.attribute("compression", "lossless")
+    spec.attribute("oiio:UnassociatedAlpha", 1)
+    output = oiio.ImageOutput.create("webp")
+    assert output.open(str(tmp_path / "a.webp"), spec)
+    assert output.write_image(pixels)
+    output.close()
+    np.testing.assert_allclose(decode_texture((tmp_path / "a.webp").read_bytes()), pixels, atol=1)
 
 
 @pytest.mark.parametrize(
@@ -93,7 +120,7 @@ def test_a_declared_size_is_checked_first(tmp_path):
 )
 def test_broken_textures(data):
     with pytest.raises(SceneError, match=r"^x: expected") as refused:
-        decode_texture(data, "x")
+        decode_texture(data)
     assert "\n" not in str(refused.value)
 
 

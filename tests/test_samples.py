@@ -96,9 +96,9 @@ def test_two_rooms():
     assert bulb.position[0] < -0.02
     lattice = next(material for material in scene.materials if material.name == "lattice")
     assert (lattice.alpha_cutoff, lattice.double_sided) == (0.5, True)
-    assert set(np.unique(scene.textures[lattice.base_color_texture].pixels[..., 3])) == {0, 255}
+    assert set(np.unique(scene.textures[lattice.base_color_texture.texture].pixels[..., 3])) == {0, 255}
     rug = next(material for material in scene.materials if material.name == "rug")
-    assert scene.textures[rug.base_color_texture].pixels[0, :2, 0].tolist() == [150, 230]
+    assert scene.textures[rug.base_color_texture.texture].pixels[0, :2, 0].tolist() == [150, 230]
 
 
 def test_the_table_mirrors_its_half():

@@ -1,0 +1,85 @@
+"""An open glTF file: its JSON, the bytes that it refers to, and what was noticed on the way."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from . import meshopt
+from .json_value import Json
+from .limits import Limits
+from .problems import Code, Problem
+from .uri import Files
+
+
+@dataclass(frozen=True)
+class Document:
+    """`binary` is a GLB's BIN payload, `problems` the warnings so far, each once."""
+
+    path: Path
+    root: Json
+    binary: bytes | None
+    limits: Limits
+    files: Files
+    problems: dict[Problem, None] = field(default_factory=dict)
+    _decompressed: dict[str, memoryview] = field(default_factory=dict)
+
+    def warn(self, value: Json, code: Code, what: str) -> None:
+        """Note a warning at the place of a value."""
+        self.problems[Problem("warning", code, value.pointer, what)] = None
+
+    def warnings(self) -> tuple[str, ...]:
+        """The warnings so far, one line each."""
+        return tuple(f"{self.path}: {problem.pointer or '/'}: {problem.message}" for problem in self.problems)
+
+    def lookup(self, kind: str, index: Json) -> Json:
+        """The element of the top-level array `kind` that `index` points at; raises SceneError."""
+        return _entry(self.root.get(kind, []), kind, index)
+
+    def lookup_extension(self, name: str, kind: str, index: Json) -> Json:
+        """The same for the array `kind` of the top-level extension `name`."""
+        return _entry(self.root.get("extensions", {}).get(name, {}).get(kind, []), kind, index)
+
+    def view(self, index: Json) -> memoryview:
+        """The bytes of a bufferView, decompressed; raises SceneError where it leaves its buffer."""
+        view = self.lookup("bufferViews", index)
+        compressed = meshopt.extension(view)
+        if compressed is None:
+            return self.slice(view)
+        if view.pointer not in self._decompressed:
+            self._decompressed[view.pointer] = memoryview(meshopt.decode(view, compressed, self))
+        return self._decompressed[view.pointer]
+
+    def slice(self, place: Json) -> memoryview:
+        """The bytes that `buffer`, `byteOffset` and `byteLength` of an object name; raises SceneError."""
+        data = self.buffer(place.get("buffer"))
+        start = place.get("byteOffset", 0).integer()
+        length = place.get("byteLength").integer(low=1)
+        if start + length > len(data):
+            got = f"bytes {start} to {start + length}"
+            raise place.refuse(f"bytes within a buffer of {len(data)}", got, Code.BOUNDS)
+        return data[start : start + length]
+
+    def uri(self, uri: Json) -> bytes:
+        """The bytes behind a URI. Raises SceneError, FileError."""
+        return self.files.read(uri)
+
+    def buffer(self, index: Json) -> memoryview:
+        """The bytes of a buffer; raises SceneError, FileError."""
+        buffer = self.lookup("buffers", index)
+        length = buffer.get("byteLength").integer(low=1)
+        if "uri" in buffer:
+            data = self.uri(buffer.get("uri"))
+        elif self.binary is not None and buffer.pointer == "/buffers/0":
+            data = self.binary
+        else:
+            raise buffer.refuse("a uri, or the first buffer of a GLB with a BIN chunk", "neither", Code.MISSING)
+        if length > len(data):
+            raise buffer.refuse(f"{length} bytes", f"{len(data)}", Code.BOUNDS)
+        return memoryview(data)[:length]
+
+
+def _entry(entries: Json, kind: str, index: Json) -> Json:
+    count = len(entries.array())
+    position = index.integer()
+    if position >= count:
+        raise index.refuse(f"an index into {count} {kind}", code=Code.INDEX_RANGE)
+    return entries.item(position)

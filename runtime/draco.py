@@ -1,0 +1,102 @@
+"""Primitives compressed by Draco: KHR_draco_mesh_compression."""
+
+import struct
+
+import numpy as np
+
+from .document import Document
+from .json_value import Json
+from .problems import Code
+
+NAME = "KHR_draco_mesh_compression"
+MAGIC = struct.Struct("<5sBBBBH")  # "DRACO", version, subversion, geometry, method, flags
+MESH, EDGEBREAKER, METADATA = 1, 1, 0x8000
+
+
+class DracoMesh:
+    """The decoded triangles and attributes of one primitive."""
+
+    def __init__(self, document: Document, primitive: Json, compressed: Json):
+        self._document = document
+        self._ids = compressed.get("attributes")
+        self._json = compressed
+        count = self._count(primitive.get("indices"))
+        data = bytes(document.view(compressed.get("bufferView")))
+        vertices, faces = self._declared(data)
+        if 3 * faces != count:
+            raise compressed.refuse(f"{count} indices, as the accessor's", str(3 * faces), Code.COUNT_MISMATCH)
+        most = self._count(primitive.get("attributes").get("POSITION"))
+        if vertices > most:
+            raise compressed.refuse(f"at most {most} vertices, as POSITION", str(vertices), Code.COUNT_MISMATCH)
+        mesh = self._decoded(data)
+        self.index = mesh.faces.reshape(-1)
+        if len(self.index) != count:
+            raise compressed.refuse(f"{faces} triangles", str(len(self.index) // 3), Code.DECODE)
+        self._attributes = {attribute["unique_id"]: attribute["data"] for attribute in mesh.attributes}
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._ids
+
+    def elements(self, name: str, accessor: Json, dtype: np.dtype, width: int) -> np.ndarray:
+        """An attribute (count, width) in the accessor's component type. Raises SceneError."""
+        unique_id = self._ids.get(name)
+        values = self._attributes.get(unique_id.integer())
+        if values is None:
+            raise unique_id.refuse(f"an id among {sorted(self._attributes)}", code=Code.INDEX_RANGE)
+        values = values.reshape(len(values), -1)
+        shape = accessor.get("count").integer(low=1), width
+        if values.shape != shape:
+            raise accessor.refuse(f"{values.shape} values, as Draco's", str(shape), Code.COUNT_MISMATCH)
+        # DracoPy widens integers; those of another size would lose their meaning in the cast.
+        with np.errstate(invalid="ignore"):
+            cast = values.astype(dtype)
+        if values.dtype.kind == "f" != dtype.kind or (dtype.kind != "f" and not np.array_equal(cast, values)):
+            raise accessor.refuse(f"components as Draco's {values.dtype}", code=Code.COUNT_MISMATCH)
+        return cast
+
+    def _count(self, index: Json) -> int:
+        accessor = self._document.lookup("accessors", index)
+        count = accessor.get("count").integer(low=1)
+        self._document.limits.check("elements", count, accessor.where(), accessor.pointer)
+        return count
+
+    def _declared(self, data: bytes) -> tuple[int, int]:
+        """Vertices and triangles that the stream states, read before the decoder allocates for them.
+
+        Source: Draco bitstream specification, sections "Header" and "Connectivity".
+        """
+        try:
+            magic, major, minor, geometry, method, flags = MAGIC.unpack_from(data)
+            if magic != b"DRACO" or geometry != MESH or method > EDGEBREAKER:
+                raise self._json.refuse("a Draco mesh", repr(data[: MAGIC.size]), Code.DECODE)
+            if (major, minor) != (2, 2) or flags & METADATA:
+                raise self._json.unsupported("a Draco mesh of another version than 2.2, or with metadata")
+            # The edgebreaker's kind of traversal stands before the counts.
+            first, start = _varint(data, MAGIC.size + (method == EDGEBREAKER))
+            second, _ = _varint(data, start)
+        except (struct.error, IndexError):
+            raise self._json.refuse("a Draco mesh", f"{len(data)} bytes", Code.DECODE) from None
+        return (first, second) if method == EDGEBREAKER else (second, first)
+
+    def _decoded(self, data: bytes):
+        try:
+            import DracoPy
+        except ImportError:
+            raise self._json.unsupported("needs the Python package DracoPy", Code.NOT_INSTALLED) from None
+        try:
+            return DracoPy.decode(data)
+        except Exception as error:  # DracoPy's own derive from nothing narrower
+            reason = " ".join(str(error).split()) or type(error).__name__
+            raise self._json.refuse("data that Draco decodes", f"an error: {reason}", Code.DECODE) from None
+
+
+def _varint(data: bytes, start: int) -> tuple[int, int]:
+    """A LEB128 number of at most 32 bits, and the place behind it. Raises IndexError at the end of the data."""
+    value = 0
+    for shift in range(0, 35, 7):
+        byte = data[start]
+        start += 1
+        value |= (byte & 127) << shift
+        if byte < 128:
+            break
+    return value, start
