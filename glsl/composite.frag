@@ -1,7 +1,7 @@
-// L = primary + albedo * B on surfaces, 0 elsewhere.
+// L = primary + albedo * B; no albedo where no surface is seen.
+#include "constants.glsl"
 
 uniform highp sampler2D albedo;
-uniform highp sampler2D depth;
 uniform highp sampler2D primary;
 uniform highp sampler2D indirect;
 
@@ -9,7 +9,6 @@ layout(location = 0) out vec4 out_radiance;
 
 void main() {
     ivec2 texel = ivec2(gl_FragCoord.xy);
-    if (texelFetch(depth, texel, 0).r <= 0.0) discard;
     vec3 reflected = texelFetch(albedo, texel, 0).rgb * texelFetch(indirect, texel, 0).rgb;
-    out_radiance = vec4(texelFetch(primary, texel, 0).rgb + reflected, 1.0);
+    out_radiance = vec4(min(texelFetch(primary, texel, 0).rgb + reflected, vec3(HALF_MAX)), 1.0);
 }

@@ -1,27 +1,42 @@
 // What primary light and composite need to know of the nearest surface.
 #include "constants.glsl"
+#include "normal_map.glsl"
 #include "octahedral.glsl"
 #include "texture.glsl"
 
-uniform vec4 base_color;  // linear, times 1 - metallic; alpha
-uniform vec3 emission;    // radiance
+uniform vec4 base_color;  // linear; alpha
+uniform float metallic;
+uniform vec3 emission;  // radiance
+in vec3 v_offset;
+in vec3 v_normal;
+in float v_depth;
+#if ALPHA_MASK
+uniform float alpha_cutoff;
+#endif
+#if VERTEX_COLOR
+in vec4 v_color;
+#endif
 #if BASE_TEXTURE
 uniform highp sampler2D base_texture;
 uniform vec2 base_mirror;
+in vec2 v_base_uv;
+#endif
+#if METALLIC_TEXTURE
+uniform highp sampler2D metallic_texture;
+uniform vec2 metallic_mirror;
+in vec2 v_metallic_uv;
+#endif
+#if NORMAL_TEXTURE
+uniform highp sampler2D normal_texture;
+uniform vec2 normal_mirror;
+uniform float normal_scale;
+in vec2 v_normal_uv;
+in vec4 v_tangent;
 #endif
 #if EMISSION_TEXTURE
 uniform highp sampler2D emission_texture;
 uniform vec2 emission_mirror;
-#endif
-#if ALPHA_MASK
-uniform float alpha_cutoff;
-#endif
-
-in vec3 v_offset;
-in vec3 v_normal;
-in float v_depth;
-#if BASE_TEXTURE || EMISSION_TEXTURE
-in vec2 v_uv;
+in vec2 v_emission_uv;
 #endif
 
 layout(location = 0) out vec4 out_albedo;
@@ -33,22 +48,43 @@ void main() {
     // Derivatives come before any discard.
     vec3 face = cross(dFdx(v_offset), dFdy(v_offset));
     vec4 color = base_color;
+#if VERTEX_COLOR
+    color *= v_color;
+#endif
 #if BASE_TEXTURE
-    color *= texture(base_texture, mirrored(v_uv, base_mirror));
+    color *= texture(base_texture, mirrored(v_base_uv, base_mirror));
+#endif
+    float metal = metallic;
+#if METALLIC_TEXTURE
+    metal *= texture(metallic_texture, mirrored(v_metallic_uv, metallic_mirror)).b;
 #endif
     vec3 radiance = emission;
 #if EMISSION_TEXTURE
-    radiance *= texture(emission_texture, mirrored(v_uv, emission_mirror)).rgb;
+    radiance *= texture(emission_texture, mirrored(v_emission_uv, emission_mirror)).rgb;
 #endif
+    vec3 albedo = color.rgb * (1.0 - metal);
+#if UNLIT
+    radiance = color.rgb;
+    albedo = vec3(0.0);
+#endif
+
+    // Turn all normals to the camera's side, which is that of the triangle, whatever the file says. The mapped normal
+    // is turned with the interpolated one. It may then still lie below the triangle and stays as it is: light arrives
+    // from where both dot(wi, shading) > 0 and dot(wi, face) > 0.
+    vec3 interpolated = unit_or(v_normal, normalize(-v_offset));
+    face = unit_or(face, interpolated);
+    face *= dot(face, v_offset) > 0.0 ? -1.0 : 1.0;
+    vec3 shading = interpolated;
+#if NORMAL_TEXTURE
+    vec3 texel = texture(normal_texture, mirrored(v_normal_uv, normal_mirror)).xyz;
+    shading = mapped_normal(interpolated, v_tangent, texel, normal_scale);
+#endif
+    shading *= dot(interpolated, face) < 0.0 ? -1.0 : 1.0;
+
 #if ALPHA_MASK
     if (color.a < alpha_cutoff) discard;
 #endif
-    // Both face the camera; the interpolated normal goes by the triangle's side, whatever the file says.
-    vec3 shading = normalize(v_normal);
-    face = dot(face, face) > 0.0 ? normalize(face) : shading;
-    face *= dot(face, v_offset) > 0.0 ? -1.0 : 1.0;
-    shading *= dot(shading, face) < 0.0 ? -1.0 : 1.0;
-    out_albedo = vec4(color.rgb, 1.0);
+    out_albedo = vec4(albedo, 1.0);
     out_normal = vec4(octahedral_from_normal(shading), octahedral_from_normal(face));
     out_emission = vec4(min(radiance, vec3(HALF_MAX)), 1.0);
     out_depth = vec4(v_depth, 0.0, 0.0, 1.0);

@@ -6,13 +6,31 @@ uniform vec3 eye;
 
 in vec3 position;  // world space, m
 in vec3 normal;    // world space, unit
-#if BASE_TEXTURE || EMISSION_TEXTURE
-in vec2 uv;
-out vec2 v_uv;
-#endif
 out vec3 v_offset;  // from the eye, world space, m: small numbers, so that derivatives keep their digits
 out vec3 v_normal;
 out float v_depth;  // -z in view space, m
+#if VERTEX_COLOR
+in vec4 color;  // linear
+out vec4 v_color;
+#endif
+#if BASE_TEXTURE
+in vec2 base_uv;
+out vec2 v_base_uv;
+#endif
+#if METALLIC_TEXTURE
+in vec2 metallic_uv;
+out vec2 v_metallic_uv;
+#endif
+#if NORMAL_TEXTURE
+in vec2 normal_uv;
+in vec4 tangent;  // world space, unit; w is 1, or -1 where the texture is mirrored
+out vec2 v_normal_uv;
+out vec4 v_tangent;
+#endif
+#if EMISSION_TEXTURE
+in vec2 emission_uv;
+out vec2 v_emission_uv;
+#endif
 
 void main() {
     vec4 view = view_from_world * vec4(position, 1.0);
@@ -20,7 +38,20 @@ void main() {
     v_offset = position - eye;
     v_normal = normal;
     v_depth = -view.z;
-#if BASE_TEXTURE || EMISSION_TEXTURE
-    v_uv = uv;
+#if VERTEX_COLOR
+    v_color = color;
+#endif
+#if BASE_TEXTURE
+    v_base_uv = base_uv;
+#endif
+#if METALLIC_TEXTURE
+    v_metallic_uv = metallic_uv;
+#endif
+#if NORMAL_TEXTURE
+    v_normal_uv = normal_uv;
+    v_tangent = tangent;
+#endif
+#if EMISSION_TEXTURE
+    v_emission_uv = emission_uv;
 #endif
 }

@@ -60,9 +60,10 @@ void main() {
     attenuation *= cone_attenuation(dot(-wi, light_direction), light_cone.x, light_cone.y);
 #endif
     float n_dot_l = dot(normal_from_octahedral(normals.xy), wi);
+    vec3 face_normal = normal_from_octahedral(normals.zw);
     // Written so that a NaN (a light on the surface) counts as dark.
-    if (!(n_dot_l * attenuation > 0.0)) discard;
-    float lit = visibility(position, wi, normal_from_octahedral(normals.zw), view_depth);
+    if (!(n_dot_l * attenuation > 0.0 && dot(face_normal, wi) > 0.0)) discard;
+    float lit = visibility(position, wi, face_normal, view_depth);
     vec3 radiance = texelFetch(albedo, texel, 0).rgb / PI * light_color * (attenuation * n_dot_l * lit);
     out_radiance = vec4(min(radiance, vec3(HALF_MAX)), 0.0);
 }

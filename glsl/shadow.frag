@@ -4,10 +4,13 @@
 #if ALPHA_MASK
 uniform float base_alpha;
 uniform float alpha_cutoff;
+#if VERTEX_COLOR
+in float v_alpha;
+#endif
 #if BASE_TEXTURE
 uniform highp sampler2D base_texture;
 uniform vec2 base_mirror;
-in vec2 v_uv;
+in vec2 v_base_uv;
 #endif
 #endif
 
@@ -16,8 +19,11 @@ in float v_depth;
 void main() {
 #if ALPHA_MASK
     float alpha = base_alpha;
+#if VERTEX_COLOR
+    alpha *= v_alpha;
+#endif
 #if BASE_TEXTURE
-    alpha *= texture(base_texture, mirrored(v_uv, base_mirror)).a;
+    alpha *= texture(base_texture, mirrored(v_base_uv, base_mirror)).a;
 #endif
     if (alpha < alpha_cutoff) discard;
 #endif

@@ -1,7 +1,6 @@
 """G-buffer: what is seen through each pixel."""
 
 import moderngl
-import numpy as np
 
 from .camera import Camera
 from .geometry import Batch, Geometry
@@ -12,8 +11,9 @@ class GBuffer:
     """Targets of (width, height) px, all linear:
 
     albedo    RGBA16F  base colour * (1 - metallic); a = 1 on surfaces
-    normal    RGBA16F  octahedral, world space: xy shading normal, zw the triangle's normal, both towards the camera
-    emission  RGBA16F  radiance; where primary light starts from
+    normal    RGBA16F  octahedral, world space: zw the triangle's normal, towards the camera; xy shading normal, that is
+                       the interpolated one on the same side, bent by the normal map
+    emission  RGBA16F  radiance, an unlit surface's base colour; where primary light starts from
     depth     R32F     distance along the view axis, m; 0 = no surface
     """
 
@@ -43,6 +43,16 @@ class GBuffer:
             set_uniforms(triangles.program, **frame, **self._surface(batch))
             triangles.render()
 
+    def pixel_uniforms(self, camera: Camera) -> dict:
+        """What glsl/camera.glsl needs to take a pixel of the targets back to world space."""
+        pinhole = camera.pinhole(*self.size)
+        return {
+            "world_from_view": camera.world_from_view,
+            "focal": (pinhole.fx, pinhole.fy),
+            "centre": (pinhole.cx, pinhole.cy),
+            "height": float(pinhole.height),
+        }
+
     def release(self) -> None:
         """Free the GPU memory."""
         resources = [self.albedo, self.normal, self.emission, self.depth, self._nearest, self._target]
@@ -58,12 +68,11 @@ class GBuffer:
 
     def _surface(self, batch: Batch) -> dict:
         material = batch.material
-        diffuse = np.array(material.base_color)
-        diffuse[:3] *= 1 - material.metallic
         return {
-            "base_color": diffuse,
+            "base_color": material.base_color,
+            "metallic": material.metallic,
             "emission": material.emission,
             "alpha_cutoff": 0.0 if material.alpha_cutoff is None else material.alpha_cutoff,
-            **self.geometry.bind("base", material.base_color_texture, 0),
-            **self.geometry.bind("emission", material.emission_texture, 1),
+            "normal_scale": material.normal_scale,
+            **self.geometry.bind(material, "base", "metallic", "normal", "emission"),
         }

@@ -13,7 +13,10 @@ from .shadow import Shadow, face_count
 
 
 class Primary:
-    """Adds `albedo / pi * color * attenuation * max(0, n.l) * visibility` of each light to the G-buffer's emission."""
+    """Adds `albedo / pi * color * attenuation * max(0, n.l) * visibility` of each light to the G-buffer's emission.
+
+    n is the shading normal; no light arrives from behind the triangle.
+    """
 
     def __init__(self, ctx: moderngl.Context, gbuffer: GBuffer, shadow: Shadow, lights: Sequence[Light]):
         self.ctx, self.gbuffer, self.shadow, self.lights = ctx, gbuffer, shadow, lights
@@ -23,13 +26,7 @@ class Primary:
 
     def draw(self, camera: Camera) -> None:
         """Light the surfaces of the G-buffer. One shadow atlas and one full-screen pass per light."""
-        pinhole = camera.pinhole(*self.gbuffer.size)
-        frame = {
-            "world_from_view": camera.world_from_view,
-            "focal": (pinhole.fx, pinhole.fy),
-            "centre": (pinhole.cx, pinhole.cy),
-            "height": float(pinhole.height),
-        }
+        frame = self.gbuffer.pixel_uniforms(camera)
         for light in self.lights:
             shadow = self.shadow.draw(light)
             features = _features(light)

@@ -1,8 +1,9 @@
-"""The deferred frame: G-buffer, primary light, splats, composite, in this order."""
+"""The deferred frame: G-buffer, background, primary light, splats, composite, in this order."""
 
 import moderngl
 import numpy as np
 
+from .background import Background
 from .camera import Camera
 from .composite import Composite, Display
 from .gaussians import Bake
@@ -18,29 +19,33 @@ from .splat import Splats
 class DeferredRenderer:
     """Draws `scene` with the indirect light of `bake` into targets of `width` x `height` px of its own.
 
-    Only what the scene calls for is made: no bake, no splats and no composite; no lights, no shadows. Leaves the
-    framebuffer, blending, depth test and culling of `ctx` changed. Raises UnsupportedError for textures or Gaussians
-    that the driver cannot hold.
+    Only what the scene calls for is made: no bake, no splats and no composite; no lights, no shadows; no environment,
+    no background. Leaves the framebuffer, blending, depth test and culling of `ctx` changed. Raises UnsupportedError
+    for textures or Gaussians that the driver cannot hold.
     """
 
     def __init__(self, ctx: moderngl.Context, scene: Scene, bake: Bake | None, width: int, height: int):
         size = (width, height)
         self.geometry = Geometry(ctx, scene)
         self.gbuffer = GBuffer(ctx, self.geometry, size)
-        self.shadow = self.primary = self.splats = self.composite = None
+        self.background = self.shadow = self.primary = self.splats = self.composite = None
+        if scene.environment is not None:
+            self.background = Background(ctx, self.gbuffer, scene.environment)
         if scene.lights and self.geometry.batches:
             self.shadow = Shadow(ctx, self.geometry, scene.bounds())
             self.primary = Primary(ctx, self.gbuffer, self.shadow, scene.lights)
         if bake is not None:
             self.splats = Splats(ctx, bake, size)
             self.composite = Composite(ctx, self.gbuffer, self.splats.indirect)
-        # Light passes add to the G-buffer's emission: afterwards that target holds primary light.
+        # Background and light passes write to the G-buffer's emission: afterwards that target holds primary light.
         self._final = self.composite.radiance if self.composite else self.gbuffer.emission
         self._display = Display(ctx, self._final)
 
     def render(self, camera: Camera) -> None:
         """Draw one frame."""
         self.gbuffer.draw(camera)
+        if self.background:
+            self.background.draw(camera)
         if self.primary:
             self.primary.draw(camera)
         if self.splats:
@@ -50,8 +55,9 @@ class DeferredRenderer:
     def read(self, layer: str) -> np.ndarray:
         """A layer of the last frame, row 0 on top, float32: "depth" (H, W), the others (H, W, 3).
 
-        "final", "primary": radiance; "indirect": B, 0 where there is no surface; "albedo"; "normal": world space,
-        unit, 0 where there is no surface; "depth": distance along the view axis, m, 0 where there is no surface.
+        "final", "primary": radiance, the environment's where there is no surface. The others are 0 there: "indirect":
+        B; "albedo"; "normal": shading normal, as the normal map bends it, world space, unit; "depth": distance along
+        the view axis, m.
         """
         assert layer in LAYERS, layer
         depth = _pixels(self.gbuffer.depth)[..., 0]
@@ -73,8 +79,8 @@ class DeferredRenderer:
 
     def release(self) -> None:
         """Free the GPU memory."""
-        parts = self._display, self.composite, self.splats, self.primary, self.shadow, self.gbuffer, self.geometry
-        for part in parts:
+        light = self.background, self.shadow, self.primary, self.splats, self.composite
+        for part in (self._display, *light, self.gbuffer, self.geometry):
             if part is not None:
                 part.release()
 

@@ -137,8 +137,8 @@ class Shadow:
 
     def _vertex_array(self, batch: Batch) -> moderngl.VertexArray:
         features = batch.features()
-        features["BASE_TEXTURE"] &= features["ALPHA_MASK"]
-        del features["EMISSION_TEXTURE"]
+        masked = features["ALPHA_MASK"]
+        features = {name: masked and features[name] for name in ("BASE_TEXTURE", "VERTEX_COLOR", "ALPHA_MASK")}
         key = tuple(features.values())
         if key not in self._programs:
             self._programs[key] = program(self.ctx, "shadow", **features)
@@ -151,5 +151,5 @@ class Shadow:
         return {
             "base_alpha": material.base_color[3],
             "alpha_cutoff": material.alpha_cutoff,
-            **self.geometry.bind("base", material.base_color_texture, 0),
+            **self.geometry.bind(material, "base"),
         }

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,27 +10,31 @@ import oracle
 import pytest
 import scenes
 
+from gsgi.runtime.constants import HALF_MAX
 from gsgi.runtime.display import to_uint8, tone_map
 from gsgi.runtime.gaussians import Bake, Blend
 from gsgi.runtime.renderer import LAYERS, DeferredRenderer
-from gsgi.runtime.scene import Light, Material, Mesh, Scene, Texture
+from gsgi.runtime.scene import Environment, Light, Material, Mesh, Scene, Texture, TextureSlot
 
 WIDTH, HEIGHT = 96, 64
 
 
 def full_scene() -> Scene:
-    """A box with a masked, textured block, a lamp, and one light of each kind: every pass has work."""
+    """A box with a masked, bumpy, textured block, a lamp, a sign, one light of each kind and a sky: work for all."""
     pixels = np.random.default_rng(0).integers(0, 256, (8, 8, 4), np.uint8)
+    slot = TextureSlot(0)
     materials = (
         scenes.WHITE,
-        Material("leaf", base_color_texture=0, alpha_cutoff=0.3, double_sided=True),
-        Material("lamp", emission=(2.0, 1.5, 1.0), emission_texture=0),
+        Material("leaf", (1.0, 1.0, 1.0, 1.0), slot, 0.5, slot, slot, alpha_cutoff=0.3, double_sided=True),
+        Material("lamp", emission=(2.0, 1.5, 1.0), emission_texture=slot),
+        Material("sign", unlit=True),
     )
     block = [
-        Mesh(m.position - np.float32([0, 0.7, 0.4]), m.normal, m.uv, m.triangle, 1)
+        replace(m, position=m.position - np.float32([0, 0.7, 0.4]), material=1, tangent=tangent_of(m))
         for m in scenes.box(0.3, inward=False)
     ]
     lamp = scenes.quad([(-0.3, 0.3, -0.99), (0.3, 0.3, -0.99), (0.3, 0.6, -0.99), (-0.3, 0.6, -0.99)], 2)
+    sign = replace(lamp, position=lamp.position - np.float32([0, 0.4, 0]), material=3, color=np.eye(4, dtype="f4"))
     down = np.array([0.1, -0.99, 0.1]) / np.linalg.norm([0.1, -0.99, 0.1])
     lights = (
         Light("point", np.array([1.0, 0.9, 0.8]), np.array([0.5, 0.6, 0.2]), down),
@@ -37,7 +42,14 @@ def full_scene() -> Scene:
         Light("directional", np.array([0.2, 0.3, 0.4]), np.zeros(3), down),
     )
     walls = [wall for wall in scenes.box() if wall.normal[0, :2].min() > -0.5]  # no ceiling, no right wall
-    return Scene((*walls, *block, lamp), materials, (Texture(pixels, ("mirror", "repeat")),), lights)
+    sky = Environment(np.random.default_rng(1).random((8, 16, 3), np.float32), 0.5)
+    return Scene((*walls, *block, lamp, sign), materials, (Texture(pixels, ("mirror", "repeat")),), lights, sky)
+
+
+def tangent_of(mesh: Mesh) -> np.ndarray:
+    """(4, 4) of a quad: along its first edge."""
+    edge = mesh.position[1] - mesh.position[0]
+    return np.tile(np.float32([*edge / np.linalg.norm(edge), 1]), (4, 1))
 
 
 def bake() -> Bake:
@@ -84,16 +96,26 @@ def test_indirect_is_the_splat_of_the_oracle_where_there_is_a_surface(gl):
     assert not surface.all()
     assert np.abs(layers["indirect"] - expected)[surface].max() < 2 / 255 * 2
     assert not layers["indirect"][~surface].any()
-    assert not layers["final"][~surface].any()
+    assert np.array_equal(layers["final"][~surface], layers["primary"][~surface])
 
 
 def test_what_the_scene_lacks_is_not_made(gl):
     dark = DeferredRenderer(gl, scenes.furnace(), None, 8, 8)
-    assert (dark.shadow, dark.primary, dark.splats, dark.composite) == (None, None, None, None)
+    for part in ("background", "shadow", "primary", "splats", "composite"):
+        assert getattr(dark, part) is None, part
     dark.render(scenes.inside_camera())
     assert (dark.read("final") == 1).all()
     assert not dark.read("indirect").any()
     dark.release()
+
+
+def test_the_sum_stays_finite(gl):
+    lamp = Material("lamp", emission=(1e9, 1e9, 1e9))
+    baked = bake()
+    bright = replace(baked, gaussians=replace(baked.gaussians, sh=baked.gaussians.sh * np.float32(1e4)))
+    layers = render(gl, Scene(tuple(scenes.box()), (lamp,)), bright)
+    assert (layers["albedo"] * layers["indirect"]).max() > 100
+    assert layers["final"].max() == HALF_MAX
 
 
 def test_a_scene_without_triangles_is_black(gl):

@@ -10,19 +10,39 @@ from gsgi.runtime.constants import GLSL_FOLDER
 
 BOOLS = (0, 1)
 PERMUTATIONS = {
-    "gbuffer": {"BASE_TEXTURE": BOOLS, "EMISSION_TEXTURE": BOOLS, "ALPHA_MASK": BOOLS},
-    "shadow": {"BASE_TEXTURE": BOOLS, "ALPHA_MASK": BOOLS},
+    "gbuffer": {
+        "BASE_TEXTURE": BOOLS,
+        "METALLIC_TEXTURE": BOOLS,
+        "NORMAL_TEXTURE": BOOLS,
+        "EMISSION_TEXTURE": BOOLS,
+        "VERTEX_COLOR": BOOLS,
+        "ALPHA_MASK": BOOLS,
+        "UNLIT": BOOLS,
+    },
+    "shadow": {"BASE_TEXTURE": BOOLS, "VERTEX_COLOR": BOOLS, "ALPHA_MASK": BOOLS},
+    "background": {},
     "primary": {"SPOT": BOOLS, "DIRECTIONAL": BOOLS, "FACES": (1, 6)},
     "splat": {"SH_DEGREE": (0, 1, 2, 3)},
     "composite": {},
     "display": {},
 }
-CASES = [
+
+
+def happens(name: str, defines: dict[str, int]) -> bool:
+    """Whether a scene can call for this permutation."""
+    if name == "gbuffer" and defines["UNLIT"]:
+        return not (defines["METALLIC_TEXTURE"] or defines["NORMAL_TEXTURE"] or defines["EMISSION_TEXTURE"])
+    if name == "shadow" and not defines["ALPHA_MASK"]:
+        return not any(defines.values())
+    return not (name == "primary" and defines["SPOT"] and defines["DIRECTIONAL"])
+
+
+PRODUCT = [
     (name, dict(zip(table, values, strict=True)))
     for name, table in PERMUTATIONS.items()
     for values in itertools.product(*table.values())
-    if not (name == "shadow" and values == (1, 0)) and not (name == "primary" and values[:2] == (1, 1))
 ]
+CASES = [(name, defines) for name, defines in PRODUCT if happens(name, defines)]
 
 
 @pytest.mark.parametrize("header", [shader.CORE, shader.ES], ids=["330", "300es"])

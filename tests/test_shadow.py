@@ -1,12 +1,14 @@
 """Shadows against closed forms: whole where a blocker stands, none where nothing does, at every scale."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scenes
 
 from gsgi.runtime.camera import look_at
 from gsgi.runtime.renderer import DeferredRenderer
-from gsgi.runtime.scene import Light, Material, Mesh, Scene, Texture
+from gsgi.runtime.scene import Light, Material, Mesh, Scene, Texture, TextureSlot
 
 SIZE = 128
 SCALES = [0.005, 0.5, 30.0, 1000.0]
@@ -115,11 +117,23 @@ def test_a_single_sided_wall_stops_light_from_behind(gl):
 def test_light_falls_through_the_holes_of_a_mask(gl):
     pixels = np.full((1, 2, 4), 255, np.uint8)
     pixels[0, 0, 3] = 0
-    materials = scenes.WHITE, Material(base_color_texture=0, alpha_cutoff=0.5)
+    materials = scenes.WHITE, Material(base_color_texture=TextureSlot(0), alpha_cutoff=0.5)
+    textures = (Texture(pixels, ("clamp", "clamp")),)
+    assert_the_left_half_is_a_hole(gl, blocker_above_floor(1.0, 0.5, 2), materials, textures)
+
+
+def test_light_falls_through_where_vertex_colors_are_transparent(gl):
+    floor, blocker = blocker_above_floor(1.0, 0.5, 2)
+    color = np.ones((4, 4), np.float32)
+    color[:, 3] = blocker.position[:, 0] > 0
+    meshes = floor, replace(blocker, color=color)
+    assert_the_left_half_is_a_hole(gl, meshes, (scenes.WHITE, Material(alpha_cutoff=0.5)))
+
+
+def assert_the_left_half_is_a_hole(gl, meshes, materials, textures=()):
     light = Light("directional", np.ones(3), np.zeros(3), DOWN)
     camera = above(1.0)
-    meshes = blocker_above_floor(1.0, 0.5, 2)
-    primary, normal, depth = draw(gl, meshes, light, camera, materials, (Texture(pixels, ("clamp", "clamp")),))
+    primary, normal, depth = draw(gl, meshes, light, camera, materials, textures)
     points = points_of(depth, camera)
     under = (np.abs(points[..., 1]) < 1e-3) & (normal[..., 1] > 0.9) & (np.abs(points[..., 2]) < 0.19)
     hole, solid = under & (np.abs(points[..., 0] + 0.1) < 0.09), under & (np.abs(points[..., 0] - 0.1) < 0.09)
