@@ -10,10 +10,10 @@ from .errors import FormatError
 from .gaussians import Bake, Blend, Effects, Gaussians
 
 MAGIC = b"GSGI"
-VERSION = 1
+VERSION = 2
 OPERATOR_OVER = 0
 
-HEADER = np.dtype(
+HEADER_1 = np.dtype(
     [
         ("magic", "S4"),
         ("version", "<u2"),
@@ -35,6 +35,10 @@ HEADER = np.dtype(
         ("sh_rest_step", "<f4"),
     ]
 )
+HEADER = np.dtype([*HEADER_1.descr, ("bounces", "<u2"), ("reserved", "<u2"), ("scene", "<u8")])
+
+HEADERS = {1: HEADER_1, 2: HEADER}
+EFFECT_BITS = {1: 0x0F, 2: 0xFF}  # that each version knows
 
 # Counts up to here fit the addressing of a 32-bit reader (18 bytes each) and bound what a hostile file can ask for.
 GAUSSIAN_COUNT_MAX = 1 << 24
@@ -63,13 +67,16 @@ def encode(bake: Bake) -> bytes:
     gaussians, blend = bake.gaussians, bake.blend
     assert len(gaussians) <= GAUSSIAN_COUNT_MAX, len(gaussians)
     assert all(np.isfinite(getattr(gaussians, name)).all() for name in ("position", "scale", "opacity", "sh"))
+    assert int(bake.effects) | EFFECT_BITS[VERSION] == EFFECT_BITS[VERSION], bake.effects
+    assert 0 <= bake.bounces < 1 << 16, bake.bounces
+    assert 0 <= bake.scene < 1 << 64, bake.scene
     header = np.zeros((), HEADER)
     header["magic"], header["version"], header["header_bytes"] = MAGIC, VERSION, HEADER.itemsize
     header["gaussian_count"], header["sh_degree"] = len(gaussians), gaussians.sh_degree
     header["operator"], header["effects"] = OPERATOR_OVER, int(bake.effects)
     for name in ("near", "dilation", "alpha_min", "alpha_max"):
         header[name] = getattr(blend, name)
-    header["tone_scale"] = bake.tone_scale
+    header["tone_scale"], header["bounces"], header["scene"] = bake.tone_scale, bake.bounces, bake.scene
 
     body = np.zeros((), planes(len(gaussians), gaussians.sh_degree))
     body["rotation"] = _pack_rotation(gaussians.rotation)
@@ -84,11 +91,11 @@ def encode(bake: Bake) -> bytes:
 
 
 def decode(data: bytes) -> Bake:
-    """The bake in the bytes of a .gsgi file. Raises FormatError for anything that `encode` does not write."""
+    """The bake in the bytes of a .gsgi file of any version. Raises FormatError for anything that none of them wrote."""
     header = _read_header(data)
     count, degree = int(header["gaussian_count"]), int(header["sh_degree"])
     layout = planes(count, degree)
-    body = np.frombuffer(data, layout, count=1, offset=HEADER.itemsize)[0]
+    body = np.frombuffer(data, layout, count=1, offset=int(header["header_bytes"]))[0]
     position = header["position_min"] + body["position"].astype(np.float32) * header["position_step"]
     scale = np.exp(header["log_scale_min"] + body["scale"].astype(np.float32) * header["log_scale_step"])
     dc = _unpack_rgb9e5(body["sh_dc"]) / np.float32(constants.SH_C0)
@@ -102,30 +109,53 @@ def decode(data: bytes) -> Bake:
         sh=np.concatenate([dc[:, None, :], rest], axis=1).astype(np.float32),
     )
     blend = Blend(*(float(header[name]) for name in ("near", "dilation", "alpha_min", "alpha_max")))
-    return Bake(gaussians, blend, float(header["tone_scale"]), Effects(int(header["effects"])))
+    return Bake(
+        gaussians,
+        blend,
+        tone_scale=float(header["tone_scale"]),
+        effects=Effects(int(header["effects"])),
+        bounces=int(header["bounces"]),
+        scene=int(header["scene"]),
+    )
+
+
+def version(data: bytes) -> int:
+    """The format version that the bytes of a .gsgi file state."""
+    return int.from_bytes(data[4:6], "little")
+
+
+def _parse_header(data: bytes) -> np.void:
+    """The header, not checked, as a record of HEADER: fields that the file's version lacks are 0."""
+    layout = HEADERS.get(version(data), HEADER)
+    if len(data) < layout.itemsize:
+        raise FormatError(f"byte {len(data)}: expected a header of {layout.itemsize} bytes, the file ends here")
+    stated = np.frombuffer(data, layout, count=1)[0]
+    header = np.zeros(1, HEADER)[0]
+    for name in layout.names:
+        header[name] = stated[name]
+    return header
 
 
 def _read_header(data: bytes) -> np.void:
-    """The header, every field of it checked, and the length and checksum of what follows."""
+    """The same, every field of it checked, and the length and checksum of what follows."""
 
     def expect(condition: bool, field: str, expected: str, got) -> None:
         if not condition:
             offset = HEADER.fields[field][1]
             raise FormatError(f"byte {offset} ({field}): expected {expected}, got {got}")
 
-    if len(data) < HEADER.itemsize:
-        raise FormatError(f"byte {len(data)}: expected a header of {HEADER.itemsize} bytes, the file ends here")
-    header = np.frombuffer(data, HEADER, count=1)[0]
+    header = _parse_header(data)
     expect(bytes(header["magic"]) == MAGIC, "magic", repr(MAGIC), repr(bytes(header["magic"])))
-    expect(header["version"] == VERSION, "version", f"{VERSION}", header["version"])
-    expect(header["header_bytes"] == HEADER.itemsize, "header_bytes", f"{HEADER.itemsize}", header["header_bytes"])
+    expect(header["version"] in HEADERS, "version", " or ".join(map(str, HEADERS)), header["version"])
+    header_bytes, known = HEADERS[int(header["version"])].itemsize, EFFECT_BITS[int(header["version"])]
+    expect(header["header_bytes"] == header_bytes, "header_bytes", f"{header_bytes}", header["header_bytes"])
     count, degree = int(header["gaussian_count"]), int(header["sh_degree"])
     expect(count <= GAUSSIAN_COUNT_MAX, "gaussian_count", f"at most {GAUSSIAN_COUNT_MAX}", count)
     expect(degree <= 3, "sh_degree", "0 to 3", degree)
     expect(header["operator"] == OPERATOR_OVER, "operator", f"{OPERATOR_OVER} (over)", header["operator"])
-    known = sum(Effects)
     expect(header["effects"] | known == known, "effects", f"bits of {known:#x}", hex(header["effects"]))
-    size = HEADER.itemsize + planes(count, degree).itemsize
+    expect(header["reserved"] == 0, "reserved", "0", header["reserved"])
+    size = header_bytes + planes(count, degree).itemsize
     if len(data) != size:
         raise FormatError(f"byte {min(len(data), size)}: expected {size} bytes for {count} Gaussians, got {len(data)}")
     at = HEADER.fields["crc32"][1]

@@ -59,13 +59,24 @@ class Effects(IntFlag):
     EMISSIVE = 2  # emissive surfaces, their direct part included
     ALPHA_MASK = 4  # some surfaces let light through cut-outs
     DENOISED = 8  # the fitted views were denoised
+    ENVIRONMENT = 16  # light from infinitely far away, its direct part included
+    DOUBLE_SIDED = 32  # some surfaces are lit from both sides
+    NORMAL_MAP = 64  # some surfaces have normal textures, which B ignores: it belongs to the interpolated normal
+    UNLIT = 128  # some surfaces show their colour unlit and have no B
 
 
 @dataclass(frozen=True)
 class Bake:
-    """What a .gsgi file holds. `tone_scale` is k of the loss's tone curve x / (x + k), in units of radiance."""
+    """What a .gsgi file holds.
+
+    `tone_scale` is k of the loss's tone curve x / (x + k), in units of radiance. `bounces`: how many surfaces a traced
+    path may visit after the point whose light it brings, below 2^16; 0 is unknown. `scene`: the `fingerprint` of the
+    scene, 64 bits; 0 is unknown.
+    """
 
     gaussians: Gaussians
     blend: Blend
     tone_scale: float = 1.0
     effects: Effects = field(default=Effects(0))
+    bounces: int = 0
+    scene: int = 0

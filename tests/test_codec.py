@@ -3,6 +3,7 @@
 import re
 import struct
 import zlib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -30,13 +31,27 @@ def example(count: int = 200, degree: int = 0, seed: int = 7) -> Bake:
         opacity=rng.uniform(0, 1, count).astype(np.float32),
         sh=sh.astype(np.float32),
     )
-    return Bake(gaussians, Blend(near=0.01), tone_scale=0.7, effects=Effects.PUNCTUAL | Effects.DENOISED)
+    effects = Effects.PUNCTUAL | Effects.DENOISED | Effects.UNLIT
+    return Bake(gaussians, Blend(near=0.01), tone_scale=0.7, effects=effects, bounces=300, scene=0xFEDC_BA98_7654_3210)
 
 
 def reseal(data: bytes) -> bytes:
     """The same bytes with a fitting checksum."""
     data = data[:8] + bytes(4) + data[12:]
     return data[:8] + struct.pack("<I", zlib.crc32(data)) + data[12:]
+
+
+def stored(version: int) -> bytes:
+    """The file of `version`: three Gaussians of degree 1."""
+    return (DATA / f"v{version}.gsgi").read_bytes()
+
+
+def changed(data: bytes, field: str, value) -> bytes:
+    """The same file with another value in its header, resealed."""
+    layout = codec.HEADERS[codec.version(data)]
+    header = np.frombuffer(data, layout, 1).copy()
+    header[field] = value
+    return reseal(header.tobytes() + data[layout.itemsize :])
 
 
 @pytest.mark.parametrize("degree", [0, 1, 2, 3])
@@ -60,6 +75,7 @@ def test_round_trip_stays_within_the_quantisation_steps(degree):
     alignment = np.abs((after.rotation * before.rotation).sum(axis=1))
     assert (2 * np.arccos(np.clip(alignment, 0, 1)) < 0.004).all()
     assert (decoded.tone_scale, decoded.effects) == (np.float32(0.7), bake.effects)
+    assert (decoded.bounces, decoded.scene) == (bake.bounces, bake.scene)
     assert decoded.blend.near == np.float32(0.01)
 
 
@@ -94,8 +110,9 @@ def test_degenerate_values_survive():
     assert after.sh[0].max() == 0
 
 
-def test_every_prefix_is_refused():
-    data = codec.encode(example(3, degree=1))
+@pytest.mark.parametrize("version", codec.HEADERS)
+def test_every_prefix_is_refused(version):
+    data = stored(version)
     for length in range(len(data)):
         with pytest.raises(FormatError, match="byte"):
             codec.decode(data[:length])
@@ -103,8 +120,9 @@ def test_every_prefix_is_refused():
         codec.decode(data + b"\0")
 
 
-def test_every_damaged_byte_is_noticed():
-    data = codec.encode(example(2))
+@pytest.mark.parametrize("version", codec.HEADERS)
+def test_every_damaged_byte_is_noticed(version):
+    data = stored(version)
     for i in range(len(data)):
         with pytest.raises(FormatError):
             codec.decode(data[:i] + bytes([data[i] ^ 0x55]) + data[i + 1 :])
@@ -113,23 +131,32 @@ def test_every_damaged_byte_is_noticed():
 @pytest.mark.parametrize(
     ("field", "value"),
     [
-        *[("version", 2), ("operator", 9), ("sh_degree", 4), ("effects", 0x8000), ("gaussian_count", 2**31)],
+        *[("version", 0), ("version", 1), ("version", 3), ("header_bytes", 76), ("header_bytes", 90), ("reserved", 1)],
+        *[("operator", 9), ("sh_degree", 4), ("effects", 0x100), ("effects", 0x8000), ("gaussian_count", 2**31)],
         *[("near", np.nan), ("near", -1), ("dilation", np.inf), ("alpha_min", 0), ("alpha_max", 1)],
         *[("tone_scale", 0), ("position_step", 3e38), ("log_scale_min", 60), ("log_scale_step", -1)],
     ],
 )
-def test_resealed_nonsense_is_refused_by_field(field, value):
-    header = np.frombuffer(codec.encode(example(2)), codec.HEADER, 1).copy()
-    header[field] = value
+def test_resealed_nonsense_is_refused(field, value):
     with pytest.raises(FormatError, match="expected"):
-        codec.decode(reseal(header.tobytes() + codec.encode(example(2))[codec.HEADER.itemsize :]))
+        codec.decode(changed(codec.encode(example(2)), field, value))
+
+
+@pytest.mark.parametrize(("field", "value"), [("header_bytes", 88), ("effects", 0x10), ("version", 2)])
+def test_version_1_has_no_part_of_version_2(field, value):
+    with pytest.raises(FormatError, match="expected"):
+        codec.decode(changed(stored(1), field, value))
+
+
+@pytest.mark.parametrize("change", [{"bounces": -1}, {"bounces": 1 << 16}, {"scene": 1 << 64}, {"effects": 0x100}])
+def test_what_the_header_cannot_hold_is_not_written(change):
+    with pytest.raises(AssertionError):
+        codec.encode(replace(example(1), **change))
 
 
 def test_a_hostile_count_allocates_nothing():
-    header = np.frombuffer(codec.encode(example(0)), codec.HEADER, 1).copy()
-    header["gaussian_count"] = codec.GAUSSIAN_COUNT_MAX
-    with pytest.raises(FormatError, match="expected 301989964 bytes"):
-        codec.decode(reseal(header.tobytes()))
+    with pytest.raises(FormatError, match="expected 301989976 bytes"):
+        codec.decode(changed(codec.encode(example(0)), "gaussian_count", codec.GAUSSIAN_COUNT_MAX))
 
 
 def test_rgb9e5_matches_its_definition():
@@ -152,6 +179,18 @@ def test_format_md_states_the_header_that_the_codec_uses():
     assert stated == actual
 
 
+def test_format_md_states_the_effects():
+    rows = re.findall(r"^\| (\d+) \| (\w+) \| ", FORMAT.split("| bit |")[1].split("\n\n")[0], re.MULTILINE)
+    assert rows == [(str(effect.value), effect.name.lower()) for effect in Effects]
+    assert sum(Effects) == codec.EFFECT_BITS[codec.VERSION]
+
+
+def test_format_md_states_the_size_of_a_header_of_version_1():
+    size = re.search(r"\*\*Version 1\*\* has a header of (\d+) bytes", FORMAT)[1]
+    assert int(size) == codec.HEADER_1.itemsize
+    assert codec.HEADER_1.names == codec.HEADER.names[: codec.HEADER.names.index("sh_rest_step") + 1]
+
+
 def test_format_md_states_the_arrays_in_order_and_the_size():
     section = FORMAT.split("## Arrays")[1].split("**rotation**")[0]
     names = [name for _, name in re.findall(r"^\| ([iu]\d[^|]*) \| (\w+) \|", section, re.MULTILINE)]
@@ -162,10 +201,19 @@ def test_format_md_states_the_arrays_in_order_and_the_size():
         assert len(codec.encode(example(5, degree))) == size
 
 
-def test_files_of_version_1_stay_readable():
-    bake = codec.decode((DATA / "v1.gsgi").read_bytes())
+@pytest.mark.parametrize("version", codec.HEADERS)
+def test_files_of_all_versions_stay_readable(version):
+    assert codec.version(stored(version)) == version
+    bake = codec.decode(stored(version))
     assert (len(bake.gaussians), bake.gaussians.sh_degree) == (3, 1)
     np.testing.assert_allclose(bake.gaussians.position, example(3, 1).gaussians.position, atol=1e-3)
     expected = example(3, 1).gaussians.sh[:, 0]
     assert (np.abs(bake.gaussians.sh[:, 0] - expected) <= expected.max(axis=1, keepdims=True) / 511).all()
     assert bake.blend.dilation == np.float32(constants.DILATION)
+
+
+def test_what_a_file_lacks_is_unknown():
+    old, new = (codec.decode(stored(version)) for version in (1, 2))
+    assert (old.bounces, old.scene, old.effects) == (0, 0, Effects.PUNCTUAL | Effects.DENOISED)
+    assert (new.bounces, new.scene, new.effects) == (300, 0xFEDC_BA98_7654_3210, old.effects | Effects.UNLIT)
+    assert codec.version(codec.encode(old)) == codec.VERSION
