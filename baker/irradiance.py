@@ -13,22 +13,30 @@ from gsgi.runtime.scene import Scene
 
 from . import mitsuba_scene
 from .lights import PunctualLights
+from .surfaces import tabulate
 
-# Samples and points of one launch. Constant, because Dr.Jit compiles anew for every other size.
+# Paths per point and points of one launch. Points are constant, because Dr.Jit compiles anew for every other number.
 PASS_SAMPLES = 32
-LAUNCH_POINTS = 1 << 15
+LAUNCH_POINTS = 1 << 14
+
+PRIOR_SAMPLES = 16
+
+# Bounces where none are asked for: at albedo 0.75 the light cut off is below 1e-7.
+BOUNCES_MAX = 64
 
 
 @dataclass(frozen=True)
 class Surface:
     """What a camera sees through its pixel centres, arrays (H, W, ...) float32; zeros where it sees no surface.
 
-    position (m), normal (shading normal, unit, towards the camera) and geometric_normal in world space; albedo and
-    emission linear Rec.709; depth along the camera's -Z (m); valid bool.
+    position (m), normal (interpolated, unit, towards the camera), shading_normal (as a normal texture bends it: primary
+    light goes by it) and geometric_normal in world space; albedo and emission linear Rec.709; depth along the camera's
+    -Z (m); valid bool. Where there is no surface, emission is the environment's radiance.
     """
 
     position: np.ndarray
     normal: np.ndarray
+    shading_normal: np.ndarray
     geometric_normal: np.ndarray
     albedo: np.ndarray
     emission: np.ndarray
@@ -36,8 +44,12 @@ class Surface:
     valid: np.ndarray
 
     def points(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """position, normal and geometric_normal (N, 3) of the pixels that see a surface."""
+        """position, normal and geometric_normal (N, 3) of the pixels that see a surface: where B is."""
         return tuple(array[self.valid] for array in (self.position, self.normal, self.geometric_normal))
+
+    def shading_points(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The same with the shading normal: where primary light falls."""
+        return tuple(array[self.valid] for array in (self.position, self.shading_normal, self.geometric_normal))
 
     def image(self, values: np.ndarray) -> np.ndarray:
         """Values (N, 3) at `points()` as an image (H, W, 3) float32, 0 where no surface is."""
@@ -46,16 +58,49 @@ class Surface:
         return result
 
 
+@dataclass(frozen=True)
+class Sampling:
+    """How long points are traced: at most `samples` paths (in passes of PASS_SAMPLES) of at most `bounces` surfaces.
+
+    A point is done earlier once its standard error is below `error` * (B + `scale`), scale in radiance: relative where
+    it is bright, absolute where it is dark. `error` 0: never earlier.
+    """
+
+    samples: int
+    bounces: int = BOUNCES_MAX
+    error: float = 0.0
+    scale: float = 1.0
+
+
+@dataclass(frozen=True)
+class Light:
+    """B at N points: mean (N, 3) float32, linear Rec.709 radiance; error (N,) float32, its standard error (mean of the
+    channels); samples (N,) int64 paths; invalid: how many paths of all gave no finite number, and were left out."""
+
+    mean: np.ndarray
+    error: np.ndarray
+    samples: np.ndarray
+    invalid: int
+
+
 class Tracer:
     """Traces the light of one scene. What it returns depends on the arguments alone, not on threads or history."""
 
     def __init__(self, scene: Scene):
-        self.scene = mitsuba_scene.build(scene)
+        from .emitters import Emitters
+        from .environment import EnvironmentLight
+        from .shading import Shading
+
+        surfaces = tabulate(scene)
+        count = self.opaque_count = surfaces.opaque
+        parts = surfaces.triangle[:count], surfaces.triangle[count:]
+        self.opaque, self.masked = (mitsuba_scene.build(surfaces.position, p) if len(p) else None for p in parts)
+        self.diagonal = scene.diagonal()
+        self.unlit = any(material.unlit for material in scene.materials)
+        self.shading = Shading(surfaces)
         self.lights = PunctualLights(scene.lights)
-        materials = mitsuba_scene.used_materials(scene)
-        self.emitters = mitsuba_scene.has_emitters(scene)
-        self.samples_emitters = any(mitsuba_scene.samples_light(material, scene) for material in materials)
-        self.masks = mitsuba_scene.has_masks(scene)
+        self.emitters = Emitters(scene, surfaces)
+        self.environment = None if scene.environment is None else EnvironmentLight(scene.environment)
 
     def surface(self, camera: Camera, width: int, height: int) -> Surface:
         """The surfaces behind the pixel centres of an image of this size (px)."""
@@ -66,40 +111,38 @@ class Tracer:
         local = np.stack([(x - pinhole.cx) / pinhole.fx, (pinhole.cy - y) / pinhole.fy, -np.ones_like(x)], axis=-1)
         direction = local.reshape(-1, 3) @ camera.world_from_view[:3, :3].T
         origin = camera.position + camera.znear * direction
+        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
         hits = paths.first_hits(self, origin.astype(np.float32), direction.astype(np.float32))
         depth = (camera.position - hits["position"]) @ camera.world_from_view[:3, 2]
         valid = hits.pop("valid") & (depth <= camera.zfar)
+        background = hits.pop("background")
         columns = {name: np.where(valid[:, None], column, 0) for name, column in hits.items()}
+        columns["emission"] = np.where(valid[:, None], hits["emission"], background)
         columns |= {"depth": np.where(valid, depth, 0).astype(np.float32), "valid": valid}
         return Surface(**{name: column.reshape(height, width, *column.shape[1:]) for name, column in columns.items()})
 
-    def indirect(self, position, normal, geometric_normal, samples: int, seed: int, advance=None) -> np.ndarray:
-        """B at surface points: (N, 3) float32, linear Rec.709 radiance, the mean of `samples` paths per point.
+    def indirect(self, position, normal, geometric_normal, sampling: Sampling, seed: int, advance=None) -> Light:
+        """B at surface points: position (N, 3) m, normal and geometric_normal (N, 3) unit, all float32, world space.
 
-        position (N, 3) m, normal and geometric_normal (N, 3) unit, all float32 in world space. `samples` is rounded
-        up to whole passes of PASS_SAMPLES. `advance(points)` is called after each launch.
+        The same arguments give the same bits. `advance(points)` is called as points are done, with N in all.
         """
-        from . import paths
-
-        inputs = position, normal, geometric_normal
-        count, passes = len(position), -(-samples // PASS_SAMPLES)
-        result = np.empty((count, 3), np.float32)
-        for first in range(0, count, LAUNCH_POINTS):
-            batch = slice(first, min(first + LAUNCH_POINTS, count))
-            padded = [_padded(array[batch]) for array in inputs]
-            total = np.zeros((LAUNCH_POINTS, 3))
-            for k in range(passes):
-                launch_seed = int(np.random.SeedSequence((seed, first, k)).generate_state(1)[0])
-                total += paths.mean_indirect(self, *padded, PASS_SAMPLES, launch_seed)
-                if advance:
-                    advance((batch.stop - first) / passes)
-            result[batch] = (total / passes)[: batch.stop - first]
-        return result
+        points = position, normal, geometric_normal
+        passes = -(-sampling.samples // PASS_SAMPLES)
+        sums = _Sums.empty(len(position))
+        active = np.arange(len(position))
+        for k in range(passes):
+            self._pass(points, active, sums, sampling.bounces, (seed, k), advance and (lambda n: advance(n / passes)))
+            going = active[sums.error()[active] > sampling.error * (sums.brightness()[active] + sampling.scale)]
+            if advance:
+                advance((len(active) - len(going)) * (passes - 1 - k) / passes)
+            active = going if sampling.error else active
+        return sums.light()
 
     def direct(self, position, normal, geometric_normal) -> np.ndarray:
         """Light straight from the punctual lights: (N, 3) float32, such that primary = albedo * direct + emission.
 
-        Arguments as for `indirect`. Exact: a shadow ray to every light, and the lights have no extent.
+        Arguments as for `indirect`, with the shading normal. Exact: a shadow ray to every light, and the lights have no
+        extent.
         """
         from . import paths
 
@@ -110,6 +153,60 @@ class Tracer:
             padded = [_padded(array[first : first + LAUNCH_POINTS]) for array in inputs]
             result[first : first + LAUNCH_POINTS] = paths.direct(self, *padded)[: len(position) - first]
         return result
+
+    def _pass(self, points, active: np.ndarray, sums: "_Sums", bounces: int, seed: tuple, advance) -> None:
+        """PASS_SAMPLES more paths for the points `active`."""
+        from . import paths
+
+        for first in range(0, len(active), LAUNCH_POINTS):
+            at = active[first : first + LAUNCH_POINTS]
+            padded = [_padded(array[at]) for array in points]
+            launch_seed = int(np.random.SeedSequence((*seed, first)).generate_state(1)[0])
+            sums.add(at, paths.indirect(self, *padded, PASS_SAMPLES, bounces, launch_seed))
+            if advance:
+                advance(len(at))
+
+
+@dataclass(frozen=True)
+class _Sums:
+    """Running sums over the paths of N points."""
+
+    total: np.ndarray  # (N, 3)
+    squared: np.ndarray  # (N,) of the mean of the channels
+    samples: np.ndarray  # (N,)
+    invalid: np.ndarray  # (N,)
+
+    @staticmethod
+    def empty(count: int) -> "_Sums":
+        return _Sums(np.zeros((count, 3)), np.zeros(count), np.zeros(count, np.int64), np.zeros(count, np.int64))
+
+    def add(self, at: np.ndarray, launch) -> None:
+        """The first len(at) points of a launch belong to the points `at`."""
+        invalid = launch.invalid[: len(at)]
+        self.total[at] += launch.light[: len(at)]
+        self.squared[at] += launch.squared[: len(at)]
+        self.samples[at] += PASS_SAMPLES - invalid
+        self.invalid[at] += invalid
+
+    def brightness(self) -> np.ndarray:
+        """Mean of the channels (N,)."""
+        return self.total.mean(axis=1) / np.maximum(self.samples, 1)
+
+    def error(self) -> np.ndarray:
+        """Standard error of the brightness (N,).
+
+        The variance leans on that of all points as PRIOR_SAMPLES paths would: few paths that all missed a small light
+        know nothing of it.
+        """
+        n = np.maximum(self.samples, 1)
+        variance = np.maximum(self.squared / n - self.brightness() ** 2, 0)
+        pooled = (variance * n + variance.mean() * PRIOR_SAMPLES) / (n + PRIOR_SAMPLES) if len(n) else variance
+        return np.sqrt(pooled / n)
+
+    def light(self) -> Light:
+        mean = self.total / np.maximum(self.samples, 1)[:, None]
+        counts = self.samples, int(self.invalid.sum())
+        return Light(mean.astype(np.float32), self.error().astype(np.float32), *counts)
 
 
 def _padded(array: np.ndarray) -> np.ndarray:

@@ -1,193 +1,325 @@
 """Dr.Jit kernels of the path tracer. Imported inside the tracing stage only: importing it starts Mitsuba.
 
 A surface is one-sided or two-sided; the back of a one-sided surface reflects and emits nothing, is invisible to camera
-rays, and stops all other light. Alpha-tested holes stop nothing.
+rays, and stops all other light. Alpha-tested holes stop nothing. What a scene does not have is not compiled.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 
-from .mitsuba_scene import ALPHA_HOLE, load_mitsuba
+from gsgi.runtime import constants
+
+from .mitsuba_scene import load_mitsuba
+from .sampling import Draws, hashed
 
 mi = load_mitsuba()
 
 import drjit as dr  # noqa: E402  (needs the LLVM that load_mitsuba chose)
 
-# Bounces end here: at albedo 0.75 the light cut off is below 1e-7. Russian roulette ends most paths far earlier.
-BOUNCES_MAX = 64
 ROULETTE_BOUNCE = 3
 ROULETTE_MAX = 0.95
 
+# Of the largest coordinate plus the distance travelled: 64 times what float32 rounds off. Rays start this far off their
+# surface, so that they do not meet it again.
+OFFSET = 2.0**-18
+
+# Of the distance to a light: a shadow ray stops short of the emitter by this.
+SHORT = 1e-4
+
+# Dimensions of `Draws`: which number each choice takes.
+DIRECTION, ROULETTE, LIGHT, EMITTER, EMITTER_POINT, ENVIRONMENT, TEXTURE = 0, 2, 3, 4, 5, 7, 9
+_JITTER = {"base_color_texture": 0, "metallic_texture": 2, "emission_texture": 4}
+
+
+class Hit(NamedTuple):
+    """Where a ray ends: distance t (infinite: nowhere), triangle, barycentric coordinates of its corners 1 and 2."""
+
+    t: "mi.Float"
+    prim: "mi.UInt32"
+    b: "mi.Point2f"
+
+
+class Sums(NamedTuple):
+    """Sums over the paths of each point: light (N, 3), its squared mean of channels (N,), paths that gave no number."""
+
+    light: np.ndarray
+    squared: np.ndarray
+    invalid: np.ndarray
+
 
 def first_hits(tracer, origin: np.ndarray, direction: np.ndarray) -> dict[str, np.ndarray]:
-    """Surfaces that rays from `origin` (M, 3) along `direction` (M, 3) see: arrays (M, 3) float32 and `valid` (M,)."""
-    ray = mi.Ray3f(mi.Point3f(origin.T), dr.normalize(mi.Vector3f(direction.T)))
-    hit = _intersect(tracer, ray, mi.Bool(True), cull=True)
-    valid = hit.is_valid()
-    normal, geometric_normal = _facing_normals(hit)
-    emission = hit.emitter(tracer.scene).eval(hit, valid) if tracer.emitters else mi.Color3f(0)
-    albedo = hit.bsdf().eval_diffuse_reflectance(hit, valid)
+    """What rays from `origin` (M, 3) along unit `direction` (M, 3) see: columns of `irradiance.Surface`, `background`.
+
+    The background is the environment's radiance, as far as the G-buffer's half floats hold it.
+    """
+    o, d = mi.Point3f(origin.T), mi.Vector3f(direction.T)
+    hit = _closest_front(tracer, o, d, mi.Bool(True))
+    valid = dr.isfinite(hit.t)
+    ng, material, front = _side(tracer, hit, d, valid)
+    n = tracer.shading.shading_normal(hit.prim, hit.b, ng, valid)
+    mapped = n
+    if "normal_texture" in tracer.shading.slots:
+        mapped = tracer.shading.mapped_normal(material, hit.prim, hit.b, n, dr.select(front, 1, -1), valid)
+    albedo, emission = tracer.shading.shown(material, hit.prim, hit.b, valid)
     mask = np.array(valid).astype(bool)
 
     def rows(vector) -> np.ndarray:
         array = np.broadcast_to(np.array(vector).T, (len(direction), 3))
         return np.where(mask[:, None], array, 0).astype(np.float32)
 
-    return {
-        "position": rows(hit.p),
-        "normal": rows(normal),
-        "geometric_normal": rows(geometric_normal),
-        "albedo": rows(albedo),
-        "emission": rows(emission),
-        "valid": mask,
-    }
+    names = "position", "normal", "shading_normal", "geometric_normal", "albedo", "emission"
+    vectors = o + d * dr.select(valid, hit.t, 0), n, mapped, ng, albedo, emission
+    columns = {name: rows(vector) for name, vector in zip(names, vectors, strict=True)}
+    background = np.zeros((len(direction), 3), np.float32)
+    if tracer.environment is not None:
+        radiance, _ = tracer.environment.eval(d, mi.Bool(True))
+        background = np.array(dr.minimum(radiance, constants.HALF_MAX)).T
+    return columns | {"background": background, "valid": mask}
 
 
-def mean_indirect(tracer, position, normal, geometric_normal, samples: int, seed: int) -> np.ndarray:
-    """Mean over `samples` paths of the light arriving at each point, (N, 3) float64; arguments (N, 3) float32."""
-    paths = len(position) * samples
-    index = dr.arange(mi.UInt32, paths) // samples
-    sampler = mi.load_dict({"type": "independent"})
-    sampler.seed(seed, paths)
-    p, n, ng = (dr.gather(mi.Point3f, mi.Point3f(a.T), index) for a in (position, normal, geometric_normal))
-    light = _indirect(tracer, sampler, p, mi.Normal3f(n), mi.Normal3f(ng))
-    return np.stack([np.array(dr.block_sum(c, samples), np.float64) for c in light], axis=-1) / samples
+def indirect(tracer, position, normal, geometric_normal, samples: int, bounces: int, seed: int) -> Sums:
+    """Sums over `samples` paths of the light arriving at each point; arguments (N, 3) float32.
+
+    Every lane follows the paths of one point, one after the other: short and long paths even out.
+    """
+    p, n, ng = mi.Point3f(position.T), mi.Normal3f(normal.T), mi.Normal3f(geometric_normal.T)
+    key = hashed(dr.arange(mi.UInt32, len(position)) + hashed(dr.opaque(mi.UInt32, seed)))
+    limits = dr.opaque(mi.UInt32, samples), dr.opaque(mi.UInt32, bounces)
+    light, squared, invalid = _paths(tracer, key, p, n, ng, *limits)
+    dr.eval(light, squared, invalid)
+    return Sums(np.array(light, np.float64).T, np.array(squared, np.float64), np.array(invalid, np.int64))
 
 
 def direct(tracer, position, normal, geometric_normal) -> np.ndarray:
     """Light of all punctual lights at each point over pi, (N, 3) float32; arguments (N, 3) float32."""
-    vertex = _vertex(mi.Point3f(position.T), mi.Normal3f(normal.T), mi.Normal3f(geometric_normal.T))
-    active = dr.squared_norm(vertex.n) > 0
+    p, n, ng = mi.Point3f(position.T), mi.Normal3f(normal.T), mi.Normal3f(geometric_normal.T)
+    active = dr.squared_norm(n) > 0
     result = mi.Color3f(0)
     for index in range(tracer.lights.count):
         # Opaque: one kernel serves all lights.
-        result += _punctual(tracer, vertex, dr.opaque(mi.UInt32, index), active)
+        result += _punctual(tracer, p, n, ng, dr.opaque(mi.UInt32, index), active)
+        dr.eval(result)
     return np.array(result).T
 
 
 @dr.syntax
-def _indirect(tracer, sampler, p, n, ng):
-    """One path per lane: light that arrives at p, cosine-weighted, without the direct light of punctual lights."""
-    active = dr.squared_norm(n) > 0
-    throughput, result, bounce = mi.Color3f(1), mi.Color3f(0), mi.UInt32(0)
+def _paths(tracer, key, start, start_n, start_ng, samples, bounces):
+    """Sums over the paths of each lane's point: cosine-weighted light without the direct light of punctual lights."""
+    p, n, ng = mi.Point3f(start), mi.Normal3f(start_n), mi.Normal3f(start_ng)
+    throughput, light = mi.Color3f(1), mi.Color3f(0)
+    total, squared, invalid = mi.Color3f(0), mi.Float(0), mi.UInt32(0)
+    sample, bounce = mi.UInt32(0), mi.UInt32(0)
+    active = (dr.squared_norm(start_n) > 0) & (samples > 0)
     while active:
-        vertex = _vertex(p, n, ng)
-        if tracer.lights.count > 0:
-            index, weight = tracer.lights.sample(sampler.next_1d(active))
-            result += throughput * weight * _punctual(tracer, vertex, index, active & (bounce > 0))
-        if tracer.samples_emitters:
-            result += throughput * _sample_emitter(tracer, sampler, vertex, active)
-
-        # Follow a direction of the cosine lobe to the next surface.
-        local = mi.warp.square_to_cosine_hemisphere(sampler.next_2d(active))
-        ray = vertex.spawn_ray(vertex.to_world(local))
-        active &= dr.dot(ray.d, ng) > 0
-        hit = _intersect(tracer, ray, active, cull=False)
-        active &= hit.is_valid()
-        if tracer.emitters:
-            pdf = local.z * dr.inv_pi
-            light_pdf = mi.Float(0)
-            if tracer.samples_emitters:
-                sample = mi.DirectionSample3f(tracer.scene, hit, vertex)
-                light_pdf = tracer.scene.pdf_emitter_direction(vertex, sample, active)
-            emission = hit.emitter(tracer.scene).eval(hit, active)
-            # pdf is 0 for a direction exactly in the tangent plane, and 0 / 0 would poison the pixel.
-            result += dr.select(active & (pdf > 0), throughput * emission * pdf / (pdf + light_pdf), 0)
-        throughput *= _reflectance(hit)
-        n, ng = _facing_normals(hit)
-        p = hit.p
+        draws = Draws(key, sample, bounce)
+        light += throughput * _arriving_at_vertex(tracer, draws, p, n, ng, bounce, active)
+        light_there, alive, p, n, ng, reflectance = _next_vertex(tracer, draws, p, n, ng, bounce < bounces, active)
+        light += throughput * light_there
+        throughput *= reflectance
+        # Russian roulette (Arvo and Kirk 1990).
+        survival = dr.select(bounce + 1 >= ROULETTE_BOUNCE, dr.minimum(dr.max(throughput), ROULETTE_MAX), 1)
+        alive &= (draws.one(ROULETTE) < survival) & (dr.max(throughput) > 0)
+        throughput *= dr.select(survival > 0, dr.rcp(survival), 0)
         bounce += 1
 
-        # Russian roulette (Arvo and Kirk 1990).
-        survival = dr.select(bounce >= ROULETTE_BOUNCE, dr.minimum(dr.max(throughput), ROULETTE_MAX), 1)
-        active &= (sampler.next_1d(active) < survival) & (bounce < BOUNCES_MAX)
-        throughput *= dr.select(survival > 0, dr.rcp(survival), 0)
-    return result
+        # At its end a path is counted, and the next one starts at the point.
+        ends = active & ~alive
+        mean = (light.x + light.y + light.z) * (1 / 3)
+        counts = ends & dr.isfinite(mean)
+        total += dr.select(counts, light, 0)
+        squared += dr.select(counts, mean * mean, 0)
+        invalid += dr.select(ends & ~counts, mi.UInt32(1), mi.UInt32(0))
+        sample += dr.select(ends, mi.UInt32(1), mi.UInt32(0))
+        bounce = dr.select(ends, mi.UInt32(0), bounce)
+        throughput, light = dr.select(ends, 1, throughput), dr.select(ends, 0, light)
+        p, n, ng = dr.select(ends, start, p), dr.select(ends, start_n, n), dr.select(ends, start_ng, ng)
+        active &= sample < samples
+    return total, squared, invalid
 
 
-def _punctual(tracer, vertex, index, active):
-    """Light of punctual light `index` that a white Lambertian surface at `vertex` would send on."""
+def _arriving_at_vertex(tracer, draws, p, n, ng, bounce, active):
+    """Light that reaches a vertex straight from lights, as sampling the lights finds it, over pi."""
+    light = mi.Color3f(0)
+    if tracer.lights.count > 0:
+        # The direct light of punctual lights is the engine's: not at the point itself.
+        index, weight = tracer.lights.sample(draws.one(LIGHT))
+        light += weight * _punctual(tracer, p, n, ng, index, active & (bounce > 0))
+    if tracer.emitters.count > 0:
+        light += _sample_emitter(tracer, draws, p, n, ng, active)
+    if tracer.environment is not None and tracer.environment.samples_light:
+        light += _sample_environment(tracer, draws, p, n, ng, active)
+    return light
+
+
+def _next_vertex(tracer, draws, p, n, ng, reflects, active):
+    """Follow a direction of the cosine lobe to the next surface.
+
+    Returns the light that it emits, or that comes from the environment; whether the path goes on (as far as `reflects`
+    lets it); and position, normals and albedo there.
+    """
+    finds_light = tracer.emitters.count > 0 or tracer.environment is not None
+    active = active & (mi.Bool(finds_light) | reflects)
+    local = mi.warp.square_to_cosine_hemisphere(draws.two(DIRECTION))
+    d = mi.Frame3f(n).to_world(local)
+    active &= dr.dot(d, ng) > 0
+    pdf = local.z * dr.inv_pi
+    origin = _lifted(tracer, p, ng)
+    hit = _closest(tracer, origin, d, active)
+    found = active & dr.isfinite(hit.t)
+    front_ng, material, front = _side(tracer, hit, d, found)
+    visible = found & (front | tracer.shading.is_double_sided(material, found))
+
+    def jitter(name):
+        return draws.two(TEXTURE + _JITTER[name])
+
+    light = mi.Color3f(0)
+    if tracer.emitters.count > 0:
+        density = dr.gather(mi.Float, tracer.emitters.density, hit.prim, visible)
+        emits = visible & (density > 0)
+        emission = tracer.shading.emission(material, hit.prim, hit.b, emits, jitter)
+        light_pdf = density * hit.t * hit.t / dr.abs(dr.dot(front_ng, d))
+        light = dr.select(emits & (pdf > 0), emission * _balance(pdf, light_pdf), 0)
+    if tracer.environment is not None:
+        escapes = active & ~dr.isfinite(hit.t)
+        radiance, density = tracer.environment.eval(d, escapes)
+        light += dr.select(escapes & (pdf > 0), radiance * _balance(pdf, density), 0)
+    alive = visible & reflects
+    reflectance = tracer.shading.albedo(material, hit.prim, hit.b, alive, jitter)
+    reflectance = dr.select(alive & ~_is_unlit(tracer, material, alive), reflectance, 0)
+    next_n = tracer.shading.shading_normal(hit.prim, hit.b, front_ng, alive)
+    next_p = mi.Point3f(origin + d * dr.select(found, hit.t, 0))
+    return light, alive, next_p, next_n, mi.Normal3f(front_ng), reflectance
+
+
+def _balance(pdf, other):
+    """Weight of the balance heuristic (Veach 1997); right for an infinite `other`."""
+    return dr.rcp(1 + other / pdf)
+
+
+def _punctual(tracer, p, n, ng, index, active):
+    """Light of punctual light `index` that a white Lambertian surface at p would send on."""
     # `active = active & ...`: the augmented form would write into the caller's array.
-    wi, distance, color = tracer.lights.arriving(index, vertex.p)
-    cosine = dr.dot(wi, vertex.sh_frame.n)
-    active = active & (cosine > 0) & (dr.dot(wi, vertex.n) > 0) & (dr.max(color) > 0)
-    active = active & _unoccluded(tracer, vertex, wi, distance, active)
+    origin = _lifted(tracer, p, ng)
+    wi, distance, color = tracer.lights.arriving(index, p)
+    cosine = dr.dot(wi, n)
+    active = active & (cosine > 0) & (dr.dot(wi, ng) > 0) & (dr.max(color) > 0)
+    active = active & _unoccluded(tracer, origin, wi, distance, active)
     return dr.select(active, color * cosine * dr.inv_pi, 0)
 
 
-def _sample_emitter(tracer, sampler, vertex, active):
+def _sample_emitter(tracer, draws, p, n, ng, active):
     """Light of one point of an emissive surface; multiple importance sampling against the cosine lobe (Veach 1997)."""
-    sample, radiance = tracer.scene.sample_emitter_direction(vertex, sampler.next_2d(active), False, active)
-    cosine = dr.dot(sample.d, vertex.sh_frame.n)
-    active = active & (sample.pdf > 0) & (cosine > 0) & (dr.dot(sample.d, vertex.n) > 0)
-    active = active & _unoccluded(tracer, vertex, sample.d, sample.dist, active)
+    origin = _lifted(tracer, p, ng)
+    point, prim, b, density = tracer.emitters.sample(draws.one(EMITTER), draws.two(EMITTER_POINT))
+    offset = point - origin
+    squared = dr.squared_norm(offset)
+    distance = dr.sqrt(squared)
+    wi = offset / distance
+    cosine = dr.dot(wi, n)
+    active = active & (cosine > 0) & (dr.dot(wi, ng) > 0) & (squared > 0)
+    front_ng, material = tracer.shading.frame(prim, active)
+    facing = -dr.dot(front_ng, wi)
+    active &= (facing > 0) | (tracer.shading.is_double_sided(material, active) & (facing != 0))
+    if tracer.masked is not None:
+        active &= ~tracer.shading.hole(prim, b, active)
+    active &= _unoccluded(tracer, origin, wi, distance, active)
+    radiance = tracer.shading.emission(material, prim, b, active, lambda name: draws.two(TEXTURE + _JITTER[name]))
+    light_pdf = density * squared / dr.abs(facing)
     pdf = cosine * dr.inv_pi
-    return dr.select(active, radiance * pdf / (1 + pdf / sample.pdf), 0)  # in this form sample.pdf may be infinite
+    return dr.select(active, radiance * pdf / (light_pdf + pdf), 0)
 
 
-def _vertex(p, n, ng):
-    """Interaction at a point with shading normal `n` and geometric normal `ng`."""
-    vertex = dr.zeros(mi.SurfaceInteraction3f)
-    vertex.p, vertex.n, vertex.sh_frame = p, ng, mi.Frame3f(n)
-    return vertex
+def _sample_environment(tracer, draws, p, n, ng, active):
+    """Light from one direction of the environment, drawn by its radiance."""
+    wi, radiance, density = tracer.environment.sample(draws.two(ENVIRONMENT))
+    cosine = dr.dot(wi, n)
+    active = active & (cosine > 0) & (dr.dot(wi, ng) > 0) & (density > 0)
+    active = active & _unoccluded(tracer, _lifted(tracer, p, ng), wi, mi.Float(dr.inf), active)
+    pdf = cosine * dr.inv_pi
+    return dr.select(active, radiance * pdf / (density + pdf), 0)
 
 
-def _facing_normals(hit):
-    """Shading and geometric normal on the side that the ray came from."""
-    ng = hit.n * hit.wi.z
-    n = dr.select(dr.dot(hit.sh_frame.n, ng) < 0, -hit.sh_frame.n, hit.sh_frame.n)
-    return n, ng
+def _is_unlit(tracer, material, active):
+    if not tracer.unlit:
+        return mi.Bool(False)
+    return dr.gather(mi.Vector4f, tracer.shading.emission_table, material, active).w > 0
 
 
-def _reflectance(hit):
-    """Albedo of the side that was hit: 0 on the back of a one-sided surface."""
-    bsdf = hit.bsdf()
-    lit = dr.max(bsdf.eval(mi.BSDFContext(), hit, hit.wi)) > 0
-    return dr.select(lit, bsdf.eval_diffuse_reflectance(hit), 0)
+def _side(tracer, hit, d, active):
+    """Geometric normal on the side that a ray along `d` came from, material, and whether that side is the front."""
+    ng, material = tracer.shading.frame(hit.prim, active)
+    front = dr.dot(ng, d) < 0
+    return dr.select(front, ng, -ng), material, front
 
 
-def _hit(tracer, ray, active):
-    """Closest hit; its `wi` is +z or -z: the side of the true surface, whatever the interpolated normal says."""
-    hit = tracer.scene.ray_intersect(ray, active)
-    hit.wi = mi.Vector3f(0, 0, dr.select(dr.dot(hit.n, ray.d) > 0, -1, 1))
-    return hit
+def _lifted(tracer, p, ng):
+    """The point where rays on the side of `ng` start."""
+    return p + ng * (OFFSET * _magnitude(tracer, p))
 
 
-def _passes(tracer, hit, cull: bool):
-    """Whether a ray goes on through this hit: an alpha-tested hole or, with `cull`, the back of a one-sided surface."""
-    passes = mi.Bool(False)
-    if tracer.masks:
-        passes |= hit.bsdf().eval_null_transmission(hit)[0] > 1 - ALPHA_HOLE
-    if cull:
-        passes |= (hit.wi.z < 0) & (dr.max(_reflectance(hit)) <= 0)
-    return hit.is_valid() & passes
+def _magnitude(tracer, p):
+    """Largest number that positions near p are computed with, m."""
+    return dr.maximum(dr.maximum(dr.abs(p.x), dr.abs(p.y)), dr.abs(p.z)) + tracer.diagonal
 
 
-@dr.syntax
-def _intersect(tracer, ray, active, cull):
-    """Closest surface that the ray does not pass."""
-    hit = _hit(tracer, ray, active)
-    if tracer.masks or cull:
-        passing = active & _passes(tracer, hit, cull)
-        while passing:
-            hit[passing] = _hit(tracer, hit.spawn_ray(ray.d), passing)
-            passing &= _passes(tracer, hit, cull)
-    return hit
+def _ray(o, d, maxt):
+    return mi.Ray3f(o, d, maxt, 0.0, mi.Color0f())
+
+
+def _closest(tracer, o, d, active):
+    """Closest surface along a ray, alpha-tested holes apart."""
+    hit = Hit(mi.Float(dr.inf), mi.UInt32(0), mi.Point2f(0))
+    if tracer.opaque is not None:
+        found = tracer.opaque.ray_intersect_preliminary(_ray(o, d, mi.Float(dr.inf)), active=active)
+        hit = Hit(dr.select(active & found.is_valid(), found.t, dr.inf), found.prim_index, found.prim_uv)
+    return hit if tracer.masked is None else _closest_masked(tracer, o, d, hit, active)
 
 
 @dr.syntax
-def _unoccluded(tracer, vertex, direction, distance, active):
-    """Whether nothing stops the light on its way to `vertex` from `distance` (m) away along `direction`."""
-    ray = vertex.spawn_ray(direction)
-    ray.maxt = distance * (1 - mi.math.ShadowEpsilon)
-    if not tracer.masks:
-        free = ~tracer.scene.ray_test(ray, active)
-    else:
-        hit = _hit(tracer, ray, active)
-        passing = active & _passes(tracer, hit, False)
-        while passing:
-            ray.maxt[passing] -= hit.t
-            ray.o[passing] = hit.spawn_ray(direction).o
-            hit[passing] = _hit(tracer, ray, passing)
-            passing &= _passes(tracer, hit, False)
-        free = ~hit.is_valid()
+def _closest_masked(tracer, o, d, hit, active):
+    """The nearer of `hit` and the first alpha-tested surface that has no hole where the ray meets it."""
+    t, prim, b = mi.Float(hit.t), mi.UInt32(hit.prim), mi.Point2f(hit.b)
+    start, searching = mi.Float(0), mi.Bool(active)
+    while searching:
+        found = tracer.masked.ray_intersect_preliminary(_ray(o + d * start, d, t - start), active=searching)
+        meets = searching & found.is_valid()
+        index, there = found.prim_index + tracer.opaque_count, start + found.t
+        stops = meets & ~tracer.shading.hole(index, found.prim_uv, meets)
+        t, prim = dr.select(stops, there, t), dr.select(stops, index, prim)
+        b = dr.select(stops, found.prim_uv, b)
+        start = there + OFFSET * (there + _magnitude(tracer, o))
+        searching = meets & ~stops
+    return Hit(t, prim, b)
+
+
+@dr.syntax
+def _closest_front(tracer, o, d, active):
+    """What a camera sees: the closest surface, the backs of one-sided ones apart."""
+    hit = _closest(tracer, o, d, active)
+    t, prim, b = hit.t, hit.prim, hit.b
+    passing = active & _is_back(tracer, hit, d)
+    while passing:
+        start = t + OFFSET * (t + _magnitude(tracer, o))
+        beyond = _closest(tracer, o + d * start, d, passing)
+        t, prim = dr.select(passing, start + beyond.t, t), dr.select(passing, beyond.prim, prim)
+        b = dr.select(passing, beyond.b, b)
+        passing = passing & _is_back(tracer, Hit(t, prim, b), d)
+    return Hit(t, prim, b)
+
+
+def _is_back(tracer, hit, d):
+    found = dr.isfinite(hit.t)
+    ng, material = tracer.shading.frame(hit.prim, found)
+    return found & (dr.dot(ng, d) > 0) & ~tracer.shading.is_double_sided(material, found)
+
+
+def _unoccluded(tracer, origin, direction, distance, active):
+    """Whether nothing stops light on its way to `origin` from `distance` (m) away along `direction`."""
+    limit, free = distance * (1 - SHORT), mi.Bool(active)
+    if tracer.opaque is not None:
+        free = free & ~tracer.opaque.ray_test(_ray(origin, direction, limit), active=active)
+    if tracer.masked is not None:
+        hit = _closest_masked(tracer, origin, direction, Hit(limit, mi.UInt32(0), mi.Point2f(0)), free)
+        free = free & ~(hit.t < limit)
     return free

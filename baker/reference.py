@@ -8,7 +8,7 @@ from gsgi.runtime.camera import Camera
 from gsgi.runtime.display import auto_exposure, tone_map
 
 from . import denoise
-from .irradiance import Surface, Tracer
+from .irradiance import Sampling, Surface, Tracer
 from .metrics import Difference, compare_linear, ssim
 
 
@@ -17,7 +17,7 @@ class Reference:
     """What path tracing sees through the pixel centres of a camera; images (H, W, 3) float32, linear Rec.709.
 
     `indirect_a` and `indirect_b` are B from independent halves of the samples, undenoised, 0 where no surface is.
-    `primary` is emission and punctual light: it has no noise to speak of.
+    `primary` is emission and punctual light, and the environment where no surface is: it has no noise to speak of.
     """
 
     surface: Surface
@@ -52,9 +52,9 @@ def trace(tracer: Tracer, camera: Camera, width: int, height: int, samples: int,
     `advance(points)` is called as pixels are done, with `2 * width * height` points in all.
     """
     surface = tracer.surface(camera, width, height)
-    points, half = surface.points(), -(-samples // 2)
-    direct = surface.image(tracer.direct(*points))
-    a, b = (surface.image(tracer.indirect(*points, half, 2 * seed + k, advance)) for k in (0, 1))
+    direct = surface.image(tracer.direct(*surface.shading_points()))
+    half = Sampling(-(-samples // 2))
+    a, b = (surface.image(tracer.indirect(*surface.points(), half, 2 * seed + k, advance).mean) for k in (0, 1))
     if advance:
         advance(2 * float((~surface.valid).sum()))
     return Reference(surface, surface.emission + surface.albedo * direct, a, b)

@@ -1,14 +1,17 @@
 """Path-traced B against closed forms, and full light against Mitsuba's own path tracer."""
 
 from dataclasses import replace
+from pathlib import Path
 
+import mitsuba_twin
 import numpy as np
 import pytest
 import scenes
 
-from gsgi.baker.irradiance import PASS_SAMPLES, Tracer
+from gsgi.baker.irradiance import PASS_SAMPLES, Sampling, Tracer
 from gsgi.runtime.camera import look_at
-from gsgi.runtime.scene import Light, Material, Scene, Texture
+from gsgi.runtime.gltf import read_gltf
+from gsgi.runtime.scene import Light, Material, Scene, Texture, TextureSlot
 
 UP = np.array([[0, 1, 0]], np.float32)
 DOWN = -UP
@@ -31,7 +34,7 @@ def test_a_closed_emitting_box_holds_l_over_1_minus_r(albedo):
     surface = tracer.surface(scenes.inside_camera(), 24, 16)
     assert surface.valid.all()
     points = (a.reshape(-1, 3) for a in (surface.position, surface.normal, surface.geometric_normal))
-    indirect = tracer.indirect(*points, samples=256, seed=1)
+    indirect = tracer.indirect(*points, Sampling(256), seed=1).mean
     # 384 points x 256 paths of sd < 1.0 per path: standard error below 0.004; corners make the tails heavy.
     assert indirect.mean() == pytest.approx(1.5 / (1 - albedo), rel=0.01)
 
@@ -51,8 +54,10 @@ def test_a_punctual_light_in_a_box_leaves_only_its_bounces_in_b():
     position = np.where(normal != 0, -normal, uv).astype(np.float32)
     direct = tracer.direct(position, normal, normal).mean()
     assert direct == pytest.approx(4 * np.pi / 24 / np.pi, rel=0.02)
-    assert tracer.indirect(position, normal, normal, 128, seed=2).mean() == pytest.approx(direct, rel=0.02)
-    assert np.isfinite(tracer.indirect(*points, PASS_SAMPLES, seed=3)).all()
+    assert tracer.indirect(position, normal, normal, Sampling(128), seed=2).mean.mean() == pytest.approx(
+        direct, rel=0.02
+    )
+    assert np.isfinite(tracer.indirect(*points, Sampling(PASS_SAMPLES), seed=3).mean).all()
 
 
 def test_point_light_is_intensity_over_squared_distance():
@@ -90,9 +95,11 @@ def test_single_bounce_off_a_plane():
     above = np.array([[0, 1, 0]], np.float32)
     # A floor without end under irradiance E has radiance albedo E / pi everywhere: so has B of what faces it.
     np.testing.assert_allclose(
-        Tracer(scene).indirect(above, DOWN, DOWN, PASS_SAMPLES, 0)[0], 0.5 * np.array([1, 2, 4]) / np.pi, rtol=1e-4
+        Tracer(scene).indirect(above, DOWN, DOWN, Sampling(PASS_SAMPLES), 0).mean[0],
+        0.5 * np.array([1, 2, 4]) / np.pi,
+        rtol=1e-4,
     )
-    np.testing.assert_array_equal(Tracer(scene).indirect(above, UP, UP, PASS_SAMPLES, 0), 0)
+    np.testing.assert_array_equal(Tracer(scene).indirect(above, UP, UP, Sampling(PASS_SAMPLES), 0).mean, 0)
 
 
 def test_the_back_of_a_single_sided_surface_is_invisible_black_and_stops_light():
@@ -115,7 +122,7 @@ def test_the_back_of_a_single_sided_surface_is_invisible_black_and_stops_light()
 def test_light_passes_the_holes_of_an_alpha_mask():
     pixels = np.full((2, 2, 4), 255, np.uint8)
     pixels[:, 0, 3] = 0  # left half is a hole
-    screen = Material("screen", base_color_texture=0, alpha_cutoff=0.5, double_sided=True)
+    screen = Material("screen", base_color_texture=TextureSlot(0), alpha_cutoff=0.5, double_sided=True)
     scene = Scene(
         (scenes.floor(50.0), scenes.floor(1.0, height=1.0, material=1)),
         (scenes.WHITE, screen),
@@ -137,12 +144,12 @@ def test_a_double_sided_emitter_lights_both_sides():
     tracer = Tracer(Scene((scenes.floor(1000.0, material=0),), (lamp,)))
     points = np.array([[0, 1, 0], [0, -1, 0]], np.float32)
     facing = np.array([[0, -1, 0], [0, 1, 0]], np.float32)
-    np.testing.assert_allclose(tracer.indirect(points, facing, facing, 64, 0), 1.0, rtol=0.02)
+    np.testing.assert_allclose(tracer.indirect(points, facing, facing, Sampling(64), 0).mean, 1.0, rtol=0.02)
 
 
 def test_textures_multiply_the_factor_in_linear_light():
     pixels = np.full((4, 4, 4), 188, np.uint8)
-    material = Material("m", (0.5, 1.0, 0.25, 1.0), base_color_texture=0, metallic=0.5)
+    material = Material("m", (0.5, 1.0, 0.25, 1.0), base_color_texture=TextureSlot(0), metallic=0.5)
     tracer = Tracer(Scene((scenes.floor(),), (material,), textures=(Texture(pixels),)))
     albedo = tracer.surface(scenes.above_camera(), 8, 8).albedo[4, 4]
     linear = ((188 / 255 + 0.055) / 1.055) ** 2.4
@@ -155,51 +162,56 @@ def test_the_same_seed_gives_the_same_bits_on_one_and_two_threads():
     tracer = Tracer(scenes.furnace())
     surface = tracer.surface(scenes.inside_camera(), 16, 16)
     points = [a.reshape(-1, 3) for a in (surface.position, surface.normal, surface.geometric_normal)]
-    first = tracer.indirect(*points, 64, seed=5)
+    first = tracer.indirect(*points, Sampling(64), seed=5).mean
     threads = dr.thread_count()
     dr.set_thread_count(1)
     try:
-        np.testing.assert_array_equal(tracer.indirect(*points, 64, seed=5), first)
+        np.testing.assert_array_equal(tracer.indirect(*points, Sampling(64), seed=5).mean, first)
     finally:
         dr.set_thread_count(threads)
-    assert (tracer.indirect(*points, 64, seed=6) != first).any()
+    assert (tracer.indirect(*points, Sampling(64), seed=6).mean != first).any()
 
 
-def test_primary_plus_albedo_times_b_is_what_mitsuba_path_traces():
-    import drjit as dr
+def textured_room() -> Scene:
+    """A closed room with patterned, glowing and grey walls, a two-sided screen and a lamp.
 
-    from gsgi.baker.mitsuba_scene import build, load_mitsuba
-
-    mi = load_mitsuba()
+    Without alpha masks, which are solid to Mitsuba's shadow rays, and glowing evenly, for Mitsuba draws points of a
+    textured emitter in its texture.
+    """
+    rng = np.random.default_rng(4)
+    pattern = rng.integers(0, 255, (5, 7, 4), np.uint8)
+    other = rng.integers(0, 255, (5, 7, 4), np.uint8)
+    walls = [replace(mesh, material=i % 3, uv=mesh.uv * np.float32(1.7) - 0.4) for i, mesh in enumerate(scenes.box())]
+    screen = replace(scenes.floor(0.5, height=0.2, material=3), uv=walls[0].uv)
+    paper = Material("paper", (0.8, 0.7, 0.9, 1.0), base_color_texture=TextureSlot(0))
+    materials = (
+        paper,
+        Material("glow", (0.4, 0.6, 0.3, 1.0), base_color_texture=TextureSlot(1), emission=(0.5, 0.3, 0.2)),
+        Material("grey", (0.6, 0.6, 0.6, 1.0)),
+        replace(paper, double_sided=True),
+    )
+    textures = Texture(pattern, ("mirror", "mirror")), Texture(other, ("clamp", "clamp"))
     lamp = light("point", position=np.array([0.3, 0.5, 0.2]), color=np.array([1.0, 0.9, 0.8]))
-    walls = [replace(mesh, material=i % 3) for i, mesh in enumerate(scenes.box())]
-    block = [replace(m, position=m.position * np.float32(0.3)) for m in scenes.box(material=2, inward=False)]
-    colours = [(0.7, 0.2, 0.2, 1.0), (0.2, 0.6, 0.3, 1.0), (0.7, 0.7, 0.7, 1.0)]
-    materials = [Material(f"m{i}", colour) for i, colour in enumerate(colours)]
-    glowing = replace(materials[1], emission=(0.2, 0.1, 0.05))
-    scene = Scene((*walls, *block), (materials[0], glowing, materials[2]), lights=(lamp,))
-    tracer = Tracer(scene)
-    surface = tracer.surface(scenes.inside_camera(), 32, 32)
-    points = [a.reshape(-1, 3) for a in (surface.position, surface.normal, surface.geometric_normal)]
-    b = tracer.indirect(*points, 1024, seed=0).reshape(32, 32, 3)
-    direct = tracer.direct(*points).reshape(32, 32, 3)
-    ours = surface.emission + surface.albedo * (direct + b)
+    return Scene((*walls, screen), materials, textures, (lamp,), cameras={"inside": scenes.inside_camera()})
 
-    intensity = {"type": "rgb", "value": lamp.color.tolist()}
-    shapes = {f"shape{i}": shape for i, shape in enumerate(build(scene).shapes())}
-    point = {"type": "point", "position": lamp.position.tolist(), "intensity": intensity}
-    world = mi.load_dict({"type": "scene", "lamp": point, **shapes})
-    eye = scenes.inside_camera().position
-    direction = (points[0] - eye).repeat(1024, axis=0)
-    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-    ray = mi.RayDifferential3f(mi.Point3f(*map(float, eye)), mi.Vector3f(direction.T.astype(np.float32)))
-    sampler = mi.load_dict({"type": "independent"})
-    sampler.seed(1, len(direction))
-    radiance, _, _ = mi.load_dict({"type": "path", "max_depth": 40}).sample(world, sampler, ray)
-    theirs = np.stack([np.array(dr.block_sum(c, 1024)) / 1024 for c in radiance], axis=-1).reshape(32, 32, 3)
-    # 1024 samples a pixel on either side: pixels agree within noise of about 2 %, the whole picture within 0.5 %.
-    np.testing.assert_allclose(ours.mean(axis=(0, 1)), theirs.mean(axis=(0, 1)), rtol=0.005)
-    assert np.quantile(np.abs(ours - theirs) / theirs, 0.95) < 0.1
+
+def cornell() -> Scene:
+    """The Cornell box under its area light."""
+    return read_gltf(Path(__file__).parents[1] / "samples" / "scenes" / "cornell_emissive.glb")
+
+
+@pytest.mark.parametrize("scene", [textured_room, cornell])
+def test_primary_plus_albedo_times_b_is_what_mitsuba_path_traces(scene):
+    scene, samples = scene(), 1024
+    camera = next(iter(scene.cameras.values()))
+    tracer = Tracer(scene)
+    surface = tracer.surface(camera, 32, 32)
+    b = tracer.indirect(*surface.points(), Sampling(samples), seed=0)
+    ours = (surface.emission + surface.albedo * surface.image(b.mean + tracer.direct(*surface.points())))[surface.valid]
+    theirs = mitsuba_twin.radiance(scene, surface.points()[0], camera.position, samples)
+    # 1024 samples a pixel on either side: pixels agree within noise of a few %, the whole picture within 0.5 %.
+    np.testing.assert_allclose(ours.mean(axis=0), theirs.mean(axis=0), rtol=0.005)
+    assert np.quantile(np.abs(ours - theirs) / (theirs + 0.05 * theirs.mean()), 0.95) < 0.1
 
 
 def test_direct_light_of_several_lights_is_their_sum_without_noise():
@@ -216,10 +228,10 @@ def test_an_emissive_texture_lights_as_a_constant_does_however_it_is_mapped(uv_s
     lid = scenes.floor(half=1.0, height=1.0, material=1)
     lid = replace(lid, triangle=lid.triangle[:, ::-1].copy(), normal=-lid.normal, uv=lid.uv * np.float32(uv_scale))
     twin = replace(lid, position=lid.position + np.float32([100, 0, 0]))  # the same texels once more
-    lamp = Material("lamp", (0, 0, 0, 1), emission=(1, 1, 1), emission_texture=0 if textured else None)
+    lamp = Material("lamp", (0, 0, 0, 1), emission=(1, 1, 1), emission_texture=TextureSlot(0) if textured else None)
     pixels = np.full((4, 4, 4), 255, np.uint8)
     tracer = Tracer(Scene((scenes.floor(0.5), lid, twin), (scenes.WHITE, lamp), textures=(Texture(pixels),)))
-    b = tracer.indirect(np.zeros((64, 3), np.float32), *[np.repeat(UP, 64, axis=0)] * 2, 512, seed=0)
+    b = tracer.indirect(np.zeros((64, 3), np.float32), *[np.repeat(UP, 64, axis=0)] * 2, Sampling(512), seed=0).mean
     # View factor of a square of half edge 1 seen from 1 below its middle (Howell, configuration B-3).
     r = 1 / np.sqrt(2)
     assert b.mean() == pytest.approx(4 / np.pi * r * np.arctan(r), rel=0.01)
@@ -228,18 +240,18 @@ def test_an_emissive_texture_lights_as_a_constant_does_however_it_is_mapped(uv_s
 def test_holes_of_an_emitter_give_no_light():
     pixels = np.full((2, 2, 4), 255, np.uint8)
     pixels[..., 3] = 0
-    lamp = Material("lamp", emission=(1, 1, 1), base_color_texture=0, alpha_cutoff=0.5, double_sided=True)
+    lamp = Material("lamp", emission=(1, 1, 1), base_color_texture=TextureSlot(0), alpha_cutoff=0.5, double_sided=True)
     lid = scenes.floor(half=1.0, height=1.0, material=1)
     tracer = Tracer(Scene((scenes.floor(), lid), (scenes.WHITE, lamp), textures=(Texture(pixels),)))
-    assert tracer.indirect(np.zeros((1, 3), np.float32), UP, UP, 256, seed=0).max() == 0
+    assert tracer.indirect(np.zeros((1, 3), np.float32), UP, UP, Sampling(256), seed=0).mean.max() == 0
 
 
 def test_a_black_emission_texture_is_no_light():
-    lamp = Material("lamp", emission=(1, 1, 1), emission_texture=0)
+    lamp = Material("lamp", emission=(1, 1, 1), emission_texture=TextureSlot(0))
     black = Scene((scenes.floor(),), (lamp,), textures=(Texture(np.zeros((2, 2, 4), np.uint8)),))
     tracer = Tracer(black)
-    assert not tracer.emitters
-    assert tracer.indirect(np.array([[0, 1, 0]], np.float32), DOWN, DOWN, 64, seed=0).max() == 0
+    assert not tracer.emitters.count
+    assert tracer.indirect(np.array([[0, 1, 0]], np.float32), DOWN, DOWN, Sampling(64), seed=0).mean.max() == 0
 
 
 def test_cameras_see_between_their_near_and_far_plane():
@@ -248,3 +260,78 @@ def test_cameras_see_between_their_near_and_far_plane():
     for znear, zfar, seen in ((0.01, 2.9, False), (0.01, 3.1, True), (2.9, np.inf, True), (3.1, np.inf, False)):
         surface = Tracer(scene).surface(replace(camera, znear=znear, zfar=zfar), 4, 4)
         assert surface.valid.all() == surface.valid.any() == seen
+
+
+def even_points(scene: Scene, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Position and normal (count, 3) of points spread over the walls of `scenes.box()`."""
+    rng = np.random.default_rng(0)
+    normal = np.concatenate([np.repeat(m.normal[:1], count // 6, axis=0) for m in scene.meshes])
+    spread = rng.uniform(-1, 1, normal.shape).astype(np.float32)
+    return np.where(normal != 0, -normal, spread).astype(np.float32), normal
+
+
+@pytest.mark.parametrize("bounces", [0, 1, 3])
+def test_paths_end_after_as_many_surfaces_as_are_asked_for(bounces):
+    scene = scenes.furnace(albedo=0.5, emission=1.0)
+    position, normal = even_points(scene, 600)
+    b = Tracer(scene).indirect(position, normal, normal, Sampling(64, bounces), seed=0).mean
+    assert b.mean() == pytest.approx(sum(0.5**k for k in range(bounces + 1)), rel=0.01)
+
+
+def test_a_path_takes_the_same_turns_however_far_it_is_followed():
+    scene = Scene(tuple(scenes.box()), (scenes.WHITE,), lights=(light("point", position=np.zeros(3)),))
+    position, normal = even_points(scene, 600)
+    tracer = Tracer(scene)
+    means = [tracer.indirect(position, normal, normal, Sampling(32, k), seed=0).mean for k in (1, 2, 8)]
+    # Each further bounce only adds light: noise would make some points darker.
+    assert (means[0] <= means[1]).all()
+    assert (means[1] <= means[2] * (1 + 1e-6)).all()
+    assert means[0].max() > 0
+
+
+def test_the_standard_error_is_the_spread_of_the_mean():
+    scene = scenes.furnace(albedo=0.5)
+    position, normal = even_points(scene, 12)
+    tracer = Tracer(scene)
+    runs = [tracer.indirect(position, normal, normal, Sampling(64), seed) for seed in range(200)]
+    spread = np.std([run.mean.mean(axis=1) for run in runs], axis=0)
+    claimed = np.mean([run.error for run in runs], axis=0)
+    # The lattice of first directions makes the mean steadier than independent paths would be: never much worse.
+    assert (spread < 1.15 * claimed).all()
+    assert (spread > 0.2 * claimed).all()
+
+
+def test_points_stop_at_their_standard_error_and_dark_ones_later_than_their_own_samples_say():
+    lid = scenes.floor(half=1.0, height=0.5, material=1)
+    lid = replace(lid, triangle=lid.triangle[:, ::-1].copy(), normal=-lid.normal)
+    lamp = Material("lamp", (0, 0, 0, 1), emission=(2, 2, 2))
+    tracer = Tracer(Scene((scenes.floor(2.0), lid), (scenes.WHITE, lamp)))
+    position = np.array([[0, 0, 0], [1.5, 0, 0], [0, -1, 0]], np.float32)
+    up = np.repeat(UP, 3, axis=0)
+    light = tracer.indirect(position, up, up, Sampling(2048, error=0.01, scale=0.01), seed=0)
+    assert light.samples.min() >= PASS_SAMPLES
+    assert (light.samples < 2048).any()
+    assert (light.error <= 0.01 * (light.mean.mean(axis=1) + 0.01))[light.samples < 2048].all()
+    assert light.samples[2] > PASS_SAMPLES  # black below the floor, as far as its own paths can tell
+    capped = tracer.indirect(position, up, up, Sampling(64, error=1e-9), seed=0)
+    np.testing.assert_array_equal(capped.samples, 64)
+
+
+def test_paths_that_give_no_number_are_counted_and_left_out():
+    lamp = Material("lamp", (0.5, 0.5, 0.5, 1.0), emission=(1e38, 1e38, 1e38), double_sided=True)
+    tracer = Tracer(
+        Scene(tuple(replace(m, material=0) for m in scenes.box()), (replace(lamp, base_color=(1, 1, 1, 1)),))
+    )
+    position, normal = even_points(Scene(tuple(scenes.box()), (lamp,)), 60)
+    light = tracer.indirect(position, normal, normal, Sampling(64), seed=0)
+    assert light.invalid > 0
+    assert np.isfinite(light.mean).all()
+
+
+def test_progress_adds_up_to_the_points_whether_they_stop_early_or_not():
+    scene = scenes.furnace()
+    position, normal = even_points(scene, 60)
+    for error in (0.0, 0.05):
+        done = []
+        Tracer(scene).indirect(position, normal, normal, Sampling(320, error=error), 0, done.append)
+        assert sum(done) == pytest.approx(60)

@@ -1,0 +1,59 @@
+"""The environment as a light of the path tracer: radiance by direction, directions drawn by radiance."""
+
+import numpy as np
+
+from gsgi.runtime.scene import Environment
+
+from .mitsuba_scene import load_mitsuba
+
+mi = load_mitsuba()
+
+import drjit as dr  # noqa: E402  (needs the LLVM that load_mitsuba chose)
+
+
+class EnvironmentLight:
+    """`samples_light`: whether drawing directions by radiance pays. One colour all around is found by bounces."""
+
+    def __init__(self, environment: Environment):
+        self.height, self.width = environment.radiance.shape[:2]
+        self.samples_light = bool((environment.radiance != environment.radiance[0, 0]).any())
+        self.radiance = mi.Float(environment.radiance.astype(np.float32).ravel())
+        self.cos, self.sin = float(np.cos(environment.rotation)), float(np.sin(environment.rotation))
+        if self.samples_light:
+            edges = np.cos(np.linspace(0, np.pi, self.height + 1))
+            solid_angle = (edges[:-1] - edges[1:]) * 2 * np.pi / self.width
+            weight = environment.radiance.mean(axis=2, dtype=np.float64) * solid_angle[:, None]
+            weight /= weight.sum()
+            self.distribution = mi.DiscreteDistribution2D(weight.astype(np.float32))
+            self.density = mi.Float((weight / solid_angle[:, None]).astype(np.float32).ravel())
+            self.edges = mi.Float(edges.astype(np.float32))
+
+    def eval(self, direction, active):
+        """Radiance (Color3f) from unit `direction`, and its density as `sample` draws it (1/sr; 0 if it does not)."""
+        index = self._texel(direction)
+        radiance = dr.gather(mi.Color3f, self.radiance, index, active)
+        density = dr.gather(mi.Float, self.density, index, active) if self.samples_light else mi.Float(0)
+        return radiance, density
+
+    def sample(self, u):
+        """A direction from `u` Point2f in [0, 1)^2: (Vector3f, radiance, density in 1/sr)."""
+        texel, _, u = self.distribution.sample(u)
+        # Even in solid angle within the texel: in azimuth and in the cosine of the polar angle.
+        phi = (mi.Float(texel.x) + u.x - 0.5 * self.width) * (2 * np.pi / self.width)
+        top, bottom = dr.gather(mi.Float, self.edges, texel.y), dr.gather(mi.Float, self.edges, texel.y + 1)
+        y = top + (bottom - top) * u.y
+        horizontal = dr.safe_sqrt(1 - y * y)
+        x, z = dr.sin(phi) * horizontal, -dr.cos(phi) * horizontal
+        index = texel.y * self.width + texel.x
+        radiance, density = dr.gather(mi.Color3f, self.radiance, index), dr.gather(mi.Float, self.density, index)
+        return mi.Vector3f(self.cos * x + self.sin * z, y, self.cos * z - self.sin * x), radiance, density
+
+    def _texel(self, direction):
+        """Index of the texel in `direction`; the inverse of what `sample` does."""
+        x = self.cos * direction.x - self.sin * direction.z
+        z = self.cos * direction.z + self.sin * direction.x
+        u = dr.atan2(x, -z) * dr.inv_two_pi + 0.5
+        v = dr.safe_acos(direction.y) * dr.inv_pi
+        column = dr.minimum(mi.UInt32(dr.maximum(u, 0) * self.width), self.width - 1)
+        row = dr.minimum(mi.UInt32(dr.maximum(v, 0) * self.height), self.height - 1)
+        return row * self.width + column

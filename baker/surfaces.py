@@ -1,0 +1,184 @@
+"""Triangles, materials and texels of a scene as flat tables that the path tracer's kernels gather from.
+
+One table for the whole scene, whatever the number of its materials: no virtual call, one kernel. Only what the scene
+has is stored; a kernel asks `textured`, `colored`, `smooth`, ... and compiles nothing else.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gsgi.runtime.scene import Material, Scene, TextureSlot
+
+SLOTS = ("base_color_texture", "metallic_texture", "normal_texture", "emission_texture")
+NO_TEXTURE = 0xFFFFFFFF
+WRAP = {"repeat": 0, "mirror": 1, "clamp": 2}
+NEAREST = 1 << 4  # beside two bits of wrap mode per axis
+UV_SHIFT = 8  # the uv channel lies above
+
+# Components of a corner's normal that differ by less from the triangle's are flat: 0.06 degrees.
+FLAT = 1e-3
+
+
+@dataclass(frozen=True)
+class Surfaces:
+    """F triangles of a scene, those without alpha-tested holes first.
+
+    position (V, 3) float32 m; triangle (F, 3) uint32; opaque: the number of triangles without holes.
+    face (F, 4) float32: unit normal, and the material's index as the bits of a float.
+    normal (F, 4) uint32: of each corner, octahedral in two signed 16-bit parts; None where all triangles are flat.
+    tangent (F, 3, 4) float32 of each corner; None without normal textures.
+    uv (F, C, 8) float32: u, v of each corner and two zeros. color (F, 3, 4) float32 of each corner, or None.
+    albedo (M, 4): linear base colour, metallic. surface (M, 4): alpha, cut-off (-1: opaque), 1 if double-sided,
+    normal scale. emission (M, 4): radiance, 1 if unlit.
+    slots name -> (M, 4) uint32: first texel, width, height, modes, for each kind of texture that some material has.
+    texels (T,) uint32: RGBA8, red in the lowest byte.
+    """
+
+    position: np.ndarray
+    triangle: np.ndarray
+    opaque: int
+    face: np.ndarray
+    normal: np.ndarray | None
+    tangent: np.ndarray | None
+    uv: np.ndarray
+    color: np.ndarray | None
+    albedo: np.ndarray
+    surface: np.ndarray
+    emission: np.ndarray
+    slots: dict[str, np.ndarray]
+    texels: np.ndarray
+
+
+def tabulate(scene: Scene) -> Surfaces:
+    """The tables of a scene."""
+    masked = [scene.materials[mesh.material].alpha_cutoff is not None for mesh in scene.meshes]
+    meshes = [mesh for _, mesh in sorted(zip(masked, scene.meshes, strict=True), key=lambda pair: pair[0])]
+    counts = [len(mesh.triangle) for mesh in meshes]
+    first = np.cumsum([0] + [len(mesh.position) for mesh in meshes[:-1]])
+    position = np.concatenate([mesh.position for mesh in meshes])
+    triangle = np.concatenate([m.triangle + np.uint32(o) for m, o in zip(meshes, first, strict=True)])
+    face = np.empty((len(triangle), 4), np.float32)
+    face[:, :3] = _face_normals(position, triangle)
+    face[:, 3] = np.repeat([np.uint32(mesh.material) for mesh in meshes], counts).view(np.float32)
+    slots, texels = _textures(scene)
+    channels = max((slot.uv + 1 for material in scene.materials for slot in material.slots()), default=0)
+    return Surfaces(
+        position,
+        triangle,
+        sum(counts) - sum(count for count, mesh in zip(counts, meshes, strict=True) if _is_masked(scene, mesh)),
+        face,
+        _corner_normals(meshes, face),
+        _corners(meshes, "tangent", 4) if "normal_texture" in slots else None,
+        _corner_uvs(meshes, channels),
+        _corners(meshes, "color", 4, fill=1.0) if any(mesh.color is not None for mesh in meshes) else None,
+        _rows(scene, lambda m: (*m.base_color[:3], m.metallic)),
+        _rows(scene, _surface_row),
+        _rows(scene, lambda m: (*(m.base_color[:3] if m.unlit else m.emission), float(m.unlit))),
+        slots,
+        texels,
+    )
+
+
+def emits(material: Material, scene: Scene) -> bool:
+    """Whether a surface of this material lights the scene somewhere."""
+    factor = np.array(material.emission) > 0
+    if material.emission_texture is not None and factor.any():
+        factor &= scene.textures[material.emission_texture.texture].pixels[..., :3].any(axis=(0, 1))
+    return bool(factor.any()) and not material.unlit
+
+
+def used_materials(scene: Scene) -> list[Material]:
+    """The materials that some triangle has."""
+    return [scene.materials[index] for index in sorted({mesh.material for mesh in scene.meshes})]
+
+
+def has_emitters(scene: Scene) -> bool:
+    """Whether any triangle emits light."""
+    return any(emits(material, scene) for material in used_materials(scene))
+
+
+def has_masks(scene: Scene) -> bool:
+    """Whether any triangle has alpha-tested holes."""
+    return any(material.alpha_cutoff is not None for material in used_materials(scene))
+
+
+def _is_masked(scene: Scene, mesh) -> bool:
+    return scene.materials[mesh.material].alpha_cutoff is not None
+
+
+def _face_normals(position: np.ndarray, triangle: np.ndarray) -> np.ndarray:
+    """Unit normals (F, 3), 0 for triangles without area."""
+    a, b, c = (position[triangle[:, i]].astype(np.float64) for i in range(3))
+    cross = np.cross(b - a, c - a)
+    length = np.linalg.norm(cross, axis=1, keepdims=True)
+    return np.divide(cross, length, out=np.zeros_like(cross), where=length > 0)
+
+
+def _corner_normals(meshes: list, face: np.ndarray) -> np.ndarray | None:
+    corner = np.concatenate([mesh.normal[mesh.triangle] for mesh in meshes])
+    if np.abs(corner - face[:, None, :3]).max(initial=0) < FLAT:
+        return None
+    packed = np.zeros((len(corner), 4), np.uint32)
+    packed[:, :3] = _octahedral(corner)
+    return packed
+
+
+def _octahedral(normal: np.ndarray) -> np.ndarray:
+    """Unit normals (..., 3) as two signed 16-bit numbers in a uint32, x in the lower half (Cigolle et al. 2014)."""
+    n = normal / np.abs(normal).sum(axis=-1, keepdims=True)
+    folded = (1 - np.abs(n[..., 1::-1])) * np.where(n[..., :2] >= 0, 1, -1)
+    p = np.where(n[..., 2:] < 0, folded, n[..., :2])
+    codes = np.rint(p * 32767).astype(np.int16).view(np.uint16).astype(np.uint32)
+    return codes[..., 0] | codes[..., 1] << np.uint32(16)
+
+
+def _corners(meshes: list, name: str, width: int, fill: float = 0.0) -> np.ndarray:
+    """A vertex attribute at each corner (F, 3, width) float32; `fill` for meshes without it."""
+    absent = np.float32(fill)
+    columns = []
+    for mesh in meshes:
+        values = getattr(mesh, name)
+        shape = (len(mesh.triangle), 3, width)
+        columns.append(np.full(shape, absent) if values is None else values[mesh.triangle])
+    return np.concatenate(columns)
+
+
+def _corner_uvs(meshes: list, channels: int) -> np.ndarray:
+    columns = [np.zeros((len(mesh.triangle), channels, 8), np.float32) for mesh in meshes]
+    for column, mesh in zip(columns, meshes, strict=True):
+        for channel in range(min(channels, mesh.uv.shape[1])):
+            column[:, channel, :6] = mesh.uv[mesh.triangle, channel].reshape(-1, 6)
+    return np.concatenate(columns)
+
+
+def _rows(scene: Scene, row) -> np.ndarray:
+    return np.array([row(material) for material in scene.materials], np.float32).reshape(-1, 4)
+
+
+def _surface_row(material: Material) -> tuple[float, float, float, float]:
+    cutoff = -1.0 if material.alpha_cutoff is None else material.alpha_cutoff
+    return material.base_color[3], cutoff, float(material.double_sided), material.normal_scale
+
+
+def _textures(scene: Scene) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """The tables `slots`, and the texels of all textures that they name."""
+    used = sorted({slot.texture for material in used_materials(scene) for slot in material.slots()})
+    pixels = [np.ascontiguousarray(scene.textures[index].pixels) for index in used]
+    first = dict(zip(used, np.cumsum([0] + [p.size // 4 for p in pixels]), strict=False))
+    tables = {name: np.full((len(scene.materials), 4), NO_TEXTURE, np.uint32) for name in SLOTS}
+    for row, material in enumerate(scene.materials):
+        for name in SLOTS:
+            slot = getattr(material, name)
+            if slot is not None and slot.texture in first:
+                tables[name][row] = _slot_row(scene, slot, first[slot.texture])
+    present = {name: table for name, table in tables.items() if (table != NO_TEXTURE).any()}
+    texels = np.concatenate([p.reshape(-1, 4).view("<u4")[:, 0] for p in pixels]) if pixels else np.zeros(0, "<u4")
+    return present, texels
+
+
+def _slot_row(scene: Scene, slot: TextureSlot, first: int) -> tuple[int, int, int, int]:
+    texture = scene.textures[slot.texture]
+    height, width = texture.pixels.shape[:2]
+    u, v = (WRAP[mode] for mode in texture.wrap)
+    return first, width, height, u | v << 2 | NEAREST * texture.nearest | slot.uv << UV_SHIFT
