@@ -1,76 +1,122 @@
-"""Where to look from: cameras in free space that together see the scene's surfaces."""
+"""Where to look from: cameras in free space that together see the scene's surfaces, and some more to judge them by."""
+
+import itertools
+from dataclasses import dataclass
 
 import numpy as np
 
-from gsgi.runtime.camera import Camera, look_at
+from gsgi.runtime.camera import Camera
 
-from .surface_points import SurfacePoints, Triangles
+from .choice import Choice, poses
+from .coverage import Coverage, Meter
+from .eyes import Eyes, visible
+from .free_space import FreeSpace
+from .sight import VIEWS, Lens, Sides, sides, texels
+from .surface_points import Triangles
 
 YFOV = 1.2  # rad; wide enough to see a room's corner from its middle, narrow enough to keep texels even
-CANDIDATES = 512
-WITNESSES = 2048  # surface points whose visibility stands for the surface's
+NEAR = 0.1  # of the eyes' clearance
 
-# Of the scene's diagonal.
-CLEARANCE_MIN = 0.02
-NEAR = 1e-3
+FEWEST, MOST = 24, 1024  # cameras, where their number is left open
+HELD_OUT = 3
 
-# The n-th view of a point is worth this to the power n.
-REPEAT_WORTH = 0.5
+# Surface points that stand for the surface while cameras are chosen, in rounds until the judges, other points on which
+# the choice is measured, are met as well.
+WITNESSES = 4096, 8192, 16384
+JUDGES = 4096
+# In each round: how often the witnesses are to be seen, and what share of them, one after the other.
+AIMS = (VIEWS, 0.993), (VIEWS, 1.0), (VIEWS + 1, 0.98)
+ENOUGH_WORTH = 1 / 32  # of further views of what is seen often enough, next to those before
 
 
-def place(triangles: Triangles, diagonal: float, count: int, seed: int) -> list[Camera]:
-    """`count` cameras, greedily chosen to see what few of the cameras before saw; the same for the same seed.
+@dataclass(frozen=True)
+class Placement:
+    """Cameras to fit and cameras to judge the fit by, by name and nowhere the same, and what the fitted ones see."""
 
-    Every camera stands on the front side of some surface with nothing in between, and at least CLEARANCE_MIN away from
-    all surfaces where any place is. `diagonal` (m) is that of the scene's bounding box.
+    fitted: dict[str, Camera]
+    held_out: dict[str, Camera]
+    coverage: Coverage
+
+
+def place(
+    triangles: Triangles,
+    given: dict[str, Camera],
+    size: int,
+    seed: int,
+    count: int | None = None,
+    texel_limit: float | None = None,
+) -> Placement:
+    """Place cameras for square views of `size` px; the same for the same arguments.
+
+    The `given` cameras, the scene's own and those of a path, come first and stay, wherever they stand. All others stand
+    in free space (see FreeSpace). They are added until GOAL of the area that free space sees is seen by VIEWS cameras
+    at `texel_limit` (m; None: found from the visible area) or finer, or until there are `count`.
     """
     rng = np.random.default_rng(seed)
-    witnesses = triangles.sample(WITNESSES, seed)
-    cameras = _candidates(triangles, witnesses, diagonal, rng)
-    sees = np.stack([_sees(triangles, camera, witnesses) for camera in cameras])
-    worth = np.ones(len(witnesses))
-    chosen = []
-    for _ in range(min(count, len(cameras))):
-        best = int(np.argmax(sees @ worth))
-        chosen.append(cameras[best])
-        worth[sees[best]] *= REPEAT_WORTH
-        sees[best] = False
-    return chosen
+    own = list(given.values())
+    judges = sides(triangles.draw(JUDGES, rng))
+    meter = Meter(triangles, judges, own, size)
+    free = FreeSpace(triangles, own, judges.points, rng)
+    eyes = Eyes(triangles, free, Lens(YFOV, size, texel_limit), rng)
+
+    def cameras(views: list[tuple[int, int]]) -> list[Camera]:
+        return [_camera(eyes.position[eye], direction, NEAR * free.clearance) for eye, direction in views]
+
+    def choose(
+        most: int, times: int, enough_worth: float, wanted: np.ndarray | None = None, share: float = 1.0
+    ) -> None:
+        before = len(choice.chosen)
+        choice.extend(most, times, enough_worth, wanted, share)
+        meter.add(cameras(choice.chosen[before:]))
+
+    def covered(most: int, wanted: np.ndarray) -> bool:
+        for times, share in AIMS:
+            choose(most, times, 0.0, wanted, share)
+            if len(choice.chosen) >= most or meter.coverage(eyes.lens.limit).reached:
+                return True
+        return False
+
+    fewest, most = (max(n - len(own), 0) for n in ((FEWEST, MOST) if count is None else (count, count)))
+    chosen: list[tuple[int, int]] = []
+    for number in WITNESSES:
+        witnesses = sides(triangles.draw(number, rng))
+        before = len(eyes.position)
+        lines = eyes.look_at(witnesses)
+        meter.look_from(eyes.position[before:])
+        seen = _times_seen(triangles, own, witnesses, eyes.lens)
+        choice = Choice(lines, ~eyes.kept, seen, eyes.lens, chosen)
+        if covered(most, visible(lines, witnesses) | (seen > 0)):
+            break
+        chosen = choice.chosen
+    choose(fewest, VIEWS, ENOUGH_WORTH)
+    fitted = given | _named(cameras(choice.chosen), given)
+    apart = eyes.kept & (_distance(eyes.position, fitted) >= free.clearance)
+    held_out = choice.held_out(HELD_OUT, apart if apart.any() else eyes.kept)
+    return Placement(fitted, _named(cameras(held_out), fitted), meter.coverage(eyes.lens.limit))
 
 
-def _candidates(triangles: Triangles, points: SurfacePoints, diagonal: float, rng) -> list[Camera]:
-    """Cameras that look back at surface points from somewhere along a free line of sight."""
-    index = rng.integers(len(points), size=4 * CANDIDATES)
-    side = np.where(points.double_sided[index] & (rng.random(len(index)) < 0.5), -1.0, 1.0)[:, None]
-    normal = points.normal[index] * side
-    away = _cosine_directions(normal, rng)
-    start = points.position[index] + 1e-4 * diagonal * normal
-    free = np.minimum(triangles.distance_along(start, away), diagonal)
-    eye = start + away * (free * rng.uniform(0.3, 0.9, len(free)))[:, None]
-    clearance = triangles.clearance(eye)
-    keep = np.flatnonzero(clearance >= CLEARANCE_MIN * diagonal)[:CANDIDATES]
-    if not len(keep):
-        keep = np.argsort(-clearance)[:CANDIDATES]
-    up = np.where(np.abs(away[:, 1:2]) < 0.99, [[0.0, 1.0, 0.0]], [[0.0, 0.0, 1.0]])
-    return [look_at(eye[i], points.position[index[i]], up[i], YFOV, NEAR * diagonal) for i in keep]
+def _times_seen(triangles: Triangles, cameras: list[Camera], sampled: Sides, lens: Lens) -> np.ndarray:
+    """How many cameras (S,) int64 see sides at the texel limit or finer."""
+    count = np.zeros(len(sampled), np.int64)
+    for camera in cameras:
+        count += texels(triangles, camera, sampled.points, lens.size) <= lens.limit
+    return count
 
 
-def _cosine_directions(normal: np.ndarray, rng) -> np.ndarray:
-    """Unit directions (N, 3), cosine-distributed around normals (N, 3)."""
-    sphere = rng.normal(size=normal.shape)
-    sphere /= np.linalg.norm(sphere, axis=1, keepdims=True)
-    direction = normal + 0.99 * sphere  # 0.99: never the null vector
-    return direction / np.linalg.norm(direction, axis=1, keepdims=True)
+def _camera(eye: np.ndarray, direction: int, near: float) -> Camera:
+    pose = np.eye(4)
+    pose[:3, :3] = poses()[direction]
+    pose[:3, 3] = eye
+    return Camera(pose, YFOV, near)
 
 
-def _sees(triangles: Triangles, camera: Camera, points: SurfacePoints) -> np.ndarray:
-    """Which points (N,) bool are in a square image of the camera, unoccluded and from a visible side."""
-    local = (points.position - camera.position) @ camera.world_from_view[:3, :3]
-    reach = -local[:, 2] * np.tan(camera.yfov / 2)
-    seen = (np.abs(local[:, :2]) < reach[:, None]).all(axis=1)
-    towards = camera.position - points.position
-    seen &= points.double_sided | ((towards * points.normal).sum(axis=1) > 0)
-    at = np.flatnonzero(seen)
-    eyes = np.broadcast_to(camera.position, (len(at), 3))
-    seen[at] = triangles.distance_along(eyes, -towards[at]) > 0.999
-    return seen
+def _named(cameras: list[Camera], taken: dict[str, Camera]) -> dict[str, Camera]:
+    """Cameras under names that are not taken: "placed 1" and so on."""
+    names = (name for name in (f"placed {i}" for i in itertools.count(1)) if name not in taken)
+    return dict(zip(names, cameras, strict=False))
+
+
+def _distance(eyes: np.ndarray, cameras: dict[str, Camera]) -> np.ndarray:
+    """From eyes (E, 3) to the nearest camera: (E,), m."""
+    position = np.array([camera.position for camera in cameras.values()]).reshape(-1, 3)
+    return np.linalg.norm(eyes[:, None] - position, axis=2).min(axis=1, initial=np.inf)

@@ -40,7 +40,7 @@ def views(room, start) -> list[View]:
         (start.sh * rng.uniform(0.3, 2.0, (len(start), 1, 3))).astype(np.float32),
     )
     everywhere = np.ones((SIZE, SIZE), bool)
-    cameras = place(room, np.sqrt(12), 32, seed=3)
+    cameras = place(room, {}, SIZE, seed=3, count=32).fitted.values()
     return [View(c, rasterise(truth, c.pinhole(SIZE, SIZE), BLEND), everywhere) for c in cameras]
 
 
