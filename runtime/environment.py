@@ -1,0 +1,78 @@
+"""Read an environment image: equirectangular, row 0 up, as a `Scene` holds it."""
+
+from pathlib import Path
+
+import numpy as np
+
+from .errors import FileError, SceneError
+
+SUFFIXES = (".hdr", ".exr")
+SIZE_MAX = (16384, 8192)  # texels, width and height: 1.5 GiB as float32
+TEXELS = (1024, 512)  # light is only integrated over it: more resolve nothing
+BAND_ROWS = 256  # filtered at a time
+
+
+def read_environment(path: str | Path) -> np.ndarray:
+    """Radiance (H, W, 3) float32, linear Rec.709, of an .hdr or .exr file; one channel counts for all three.
+
+    Larger images come averaged over solid angle, down to TEXELS. Raises FileError (cannot be read) and SceneError
+    (another kind of file, too large, or with values that are no radiance).
+    """
+    if Path(path).suffix.lower() not in SUFFIXES:
+        raise SceneError(f"{path}: expected an environment image in .hdr or .exr")
+    try:
+        with open(path, "rb"):
+            pixels = _read(path)
+    except OSError as error:
+        raise FileError(f"{path}: cannot read: {error.strerror or error}") from None
+    invalid = int(np.count_nonzero(~(np.isfinite(pixels) & (pixels >= 0)).all(axis=2)))
+    if invalid:
+        raise SceneError(f"{path}: expected finite radiance of at least 0, got {invalid} other texels")
+    color = pixels if pixels.shape[2] == 3 else np.repeat(pixels[..., :1], 3, axis=2)
+    return _reduce(color)
+
+
+def _read(path: str | Path) -> np.ndarray:
+    """The first three channels, or fewer, of the first image in a file: (H, W, C) float32."""
+    import OpenImageIO as oiio  # noqa: N813
+
+    source = oiio.ImageInput.open(str(path))
+    if source is None:
+        raise FileError(f"{path}: cannot read: {_one_line(oiio.geterror())}")
+    spec = source.spec()
+    if spec.width > SIZE_MAX[0] or spec.height > SIZE_MAX[1]:
+        raise SceneError(f"{path}: expected at most {SIZE_MAX[0]} x {SIZE_MAX[1]} texels, "
+                         f"got {spec.width} x {spec.height}")  # fmt: skip
+    pixels = source.read_image(0, 0, 0, min(spec.nchannels, 3), "float")
+    if pixels is None:
+        raise FileError(f"{path}: cannot read: {_one_line(source.geterror())}")
+    return pixels
+
+
+def _reduce(image: np.ndarray) -> np.ndarray:
+    """(H, W, 3) float32 averaged over solid angle to at most TEXELS, each axis by itself."""
+    height, width = image.shape[:2]
+    rows, columns = min(height, TEXELS[1]), min(width, TEXELS[0])
+    if (rows, columns) == (height, width):
+        return image
+    bands = [image[first : first + BAND_ROWS] for first in range(0, height, BAND_ROWS)]
+    narrow = [_average(band, 1, np.linspace(0, 1, width + 1), np.linspace(0, 1, columns + 1)) for band in bands]
+    # The solid angle between two polar angles goes with the difference of their cosines.
+    edges = (-np.cos(np.linspace(0, np.pi, count + 1)) for count in (height, rows))
+    return _average(np.concatenate(narrow), 0, *edges).astype(np.float32)
+
+
+def _average(values: np.ndarray, axis: int, edges: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Means along `axis` between the edges `wanted` of values that are constant between `edges`: float64."""
+    values = np.moveaxis(values, axis, 0)
+    shape = (-1, *[1] * (values.ndim - 1))
+    steps = values * np.diff(edges).reshape(shape)
+    integral = np.concatenate([np.zeros_like(steps[:1]), np.cumsum(steps, axis=0)])
+    at = np.interp(wanted, edges, np.arange(len(edges)))
+    below = np.minimum(at.astype(int), len(edges) - 2)
+    there = integral[below] + steps[below] * (at - below).reshape(shape)
+    return np.moveaxis(np.diff(there, axis=0) / np.diff(wanted).reshape(shape), 0, axis)
+
+
+def _one_line(text: str) -> str:
+    return "; ".join(text.split("\n")) or "an error without a message"

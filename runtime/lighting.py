@@ -1,0 +1,156 @@
+"""Light from outside a glTF file: an environment, a sun, a factor on the file's own lights."""
+
+import dataclasses
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from .environment import read_environment
+from .errors import FileError, SceneError
+from .materials import MAX_LIGHT
+from .scene import Environment, Light, Scene
+
+SUFFIX = ".lights.toml"  # of the file beside room.gltf or room.glb: room.lights.toml
+MAX_TOML_BYTES = 1 << 20
+DEGREES_MAX = 3600.0
+
+
+@dataclass(frozen=True)
+class Lighting:
+    """What to add to a scene's light, as flags and TOML files spell it; without arguments, nothing.
+
+    env: an image file, or one radiance (3,) from everywhere; it is turned by env_rotation (degrees, counter-clockwise
+    seen from above) and multiplied by env_scale. sun: azimuth (degrees, clockwise from north seen from above; north is
+    -Z, east +X) and elevation (degrees above the horizon); a surface that faces it receives sun_irradiance * sun_color
+    (lx, in the unit of the file's directional lights). light_scale multiplies all lights that the glTF file brings,
+    punctual ones and emissive surfaces; 0 turns them off.
+    """
+
+    env: str | tuple[float, float, float] | None = None
+    env_rotation: float = 0.0
+    env_scale: float = 1.0
+    sun: tuple[float, float] | None = None
+    sun_irradiance: float = 10.0  # about three times what a sky of radiance 1 gives
+    sun_color: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    light_scale: float = 1.0
+
+
+KEYS = tuple(field.name for field in dataclasses.fields(Lighting))
+
+
+def light(scene: Scene, lighting: Lighting) -> Scene:
+    """The scene under this light. Raises FileError or SceneError for an environment image that cannot be used."""
+    if lighting.light_scale != 1:
+        scene = _scaled(scene, lighting.light_scale)
+    if lighting.env is not None:
+        scene = dataclasses.replace(scene, environment=_environment(lighting))
+    if lighting.sun is not None:
+        scene = dataclasses.replace(scene, lights=(*scene.lights, _sun(lighting)))
+    return scene
+
+
+def beside(scene: str | Path) -> Path | None:
+    """The TOML file that belongs to a scene file, where there is one."""
+    path = Path(scene).with_suffix(SUFFIX)
+    return path if path.is_file() else None
+
+
+def read_lights(path: str | Path) -> dict:
+    """The keys that a TOML file sets, as `Lighting` takes them. Raises FileError, and SceneError with file and key.
+
+    An environment image is named relative to the folder of the file, and lies in it.
+    """
+    try:
+        with open(path, "rb") as file:
+            data = file.read(MAX_TOML_BYTES + 1)
+    except OSError as error:
+        raise FileError(f"{path}: cannot read: {error.strerror or error}") from None
+    if len(data) > MAX_TOML_BYTES:
+        raise SceneError(f"{path}: expected at most {MAX_TOML_BYTES} bytes, got more")
+    try:
+        table = tomllib.loads(data.decode())
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise SceneError(f"{path}: expected TOML, got an error: {error}") from None
+    values = {}
+    for key, value in table.items():
+        try:
+            values[key] = check(key, value)
+        except ValueError as error:
+            raise SceneError(f"{path}: {key}: {error}") from None
+    if isinstance(values.get("env"), str):
+        values["env"] = _inside(Path(path), values["env"])
+    return values
+
+
+def check(key: str, value):
+    """A value for `key` of `Lighting`, numbers as floats. Raises ValueError that says what was expected and given."""
+    match key:
+        case "env":
+            return value if isinstance(value, str) and value else _numbers(value, 3, "a file or three numbers")
+        case "sun":
+            return _angles(value)
+        case "sun_color":
+            return _numbers(value, 3, "three numbers")
+        case "env_rotation":
+            return _numbers(value, 1, "degrees", -DEGREES_MAX, DEGREES_MAX)[0]
+        case "env_scale" | "sun_irradiance" | "light_scale":
+            return _numbers(value, 1, "a number")[0]
+    raise ValueError(f"expected one of the keys {', '.join(KEYS)}")
+
+
+def _angles(value) -> tuple[float, float]:
+    azimuth, elevation = _numbers(value, 2, "azimuth and elevation in degrees", -DEGREES_MAX, DEGREES_MAX)
+    if abs(elevation) > 90:
+        raise ValueError(f"expected an elevation from -90 to 90 degrees, got {elevation:g}")
+    return azimuth, elevation
+
+
+def _numbers(value, count: int, what: str, low: float = 0.0, high: float = MAX_LIGHT) -> tuple[float, ...]:
+    items = value if isinstance(value, list | tuple) else [value]
+    numbers = [float(item) for item in items if isinstance(item, int | float) and not isinstance(item, bool)]
+    if not len(numbers) == len(items) == count or not all(low <= number <= high for number in numbers):
+        shown = items[0] if len(items) == 1 else list(items)
+        raise ValueError(f"expected {what} from {low:g} to {high:g}, got {shown!r}")
+    return tuple(numbers)
+
+
+def _inside(toml: Path, name: str) -> str:
+    """The path of an image that a TOML file names; an untrusted file reaches nothing outside its folder."""
+    folder = toml.parent.resolve()
+    try:
+        path = (folder / name).resolve()
+    except (ValueError, OSError, RuntimeError):  # a NUL, a loop of links
+        path = None
+    if path is None or Path(name).is_absolute() or not path.is_relative_to(folder):
+        raise SceneError(f"{toml}: env: expected a path inside the folder of this file, got {name!r}")
+    return str(toml.parent / name)
+
+
+def _scaled(scene: Scene, factor: float) -> Scene:
+    """With all lights of the glTF file times `factor`."""
+    lights = [dataclasses.replace(one, color=one.color * factor) for one in scene.lights if factor]
+    materials = [
+        dataclasses.replace(material, emission=tuple(factor * value for value in material.emission))
+        for material in scene.materials
+    ]
+    return dataclasses.replace(scene, lights=tuple(lights), materials=tuple(materials))
+
+
+def _environment(lighting: Lighting) -> Environment:
+    if isinstance(lighting.env, str):
+        radiance = read_environment(lighting.env)
+    else:
+        radiance = np.array(lighting.env, np.float32).reshape(1, 1, 3)
+    radiance = (radiance * lighting.env_scale).astype(np.float32)
+    if radiance.max() > MAX_LIGHT:
+        raise SceneError(f"{lighting.env}: expected radiance up to {MAX_LIGHT:g}, got {radiance.max():g}")
+    return Environment(radiance, float(np.radians(lighting.env_rotation)))
+
+
+def _sun(lighting: Lighting) -> Light:
+    azimuth, elevation = np.radians(lighting.sun)
+    towards = [np.sin(azimuth) * np.cos(elevation), np.sin(elevation), -np.cos(azimuth) * np.cos(elevation)]
+    color = lighting.sun_irradiance * np.array(lighting.sun_color)
+    return Light("directional", color, position=np.zeros(3), direction=-np.array(towards), name="sun")
