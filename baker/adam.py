@@ -3,6 +3,7 @@
 Ours, since torch's loads Triton, whose LLVM crashes a process in which Mesa has drawn with its own.
 """
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -18,6 +19,21 @@ class Adam:
         self.mean = {name: torch.zeros_like(tensor) for name, tensor in parameters.items()}
         self.square = {name: torch.zeros_like(tensor) for name, tensor in parameters.items()}
         self.steps = 0
+
+    def state(self) -> dict[str, np.ndarray]:
+        """All that the next step depends on: the parameters, both moments and the number of steps, as copies."""
+        groups = {"value": self.parameters, "mean": self.mean, "square": self.square}
+        arrays = {f"{kind}.{name}": tensor.detach().numpy().copy() for kind, group in groups.items()
+                  for name, tensor in group.items()}  # fmt: skip
+        return arrays | {"steps": np.array(self.steps)}
+
+    @torch.no_grad()
+    def restore(self, state: dict[str, np.ndarray]) -> None:
+        """Go back to where `state` was taken."""
+        for kind, group in (("value", self.parameters), ("mean", self.mean), ("square", self.square)):
+            for name, tensor in group.items():
+                tensor.copy_(torch.from_numpy(state[f"{kind}.{name}"]))
+        self.steps = int(state["steps"])
 
     @torch.no_grad()
     def step(self, factor: float = 1.0) -> None:

@@ -10,6 +10,7 @@ from gsgi.runtime.camera import Camera
 from gsgi.runtime.gaussians import Blend, Gaussians
 
 from .adam import Adam
+from .checkpoint import Checkpoint
 from .loss import image_loss
 from .splat import splat
 
@@ -37,11 +38,13 @@ def fit(
     iterations: int,
     seed: int,
     advance: Callable[..., None] | None = None,
+    checkpoint: Checkpoint | None = None,
 ) -> Gaussians:
     """Gaussians whose images match the views, from `start`, by Adam on 0.2 L1 + 0.8 D-SSIM, one view per iteration.
 
-    `tone_scale` is in radiance. `advance(1, note)` is called after each iteration. Deterministic for a seed, whatever
-    the number of threads. Raises FloatingPointError at the first loss that is not finite, naming iteration and view.
+    `tone_scale` is in radiance. `advance(1, note)` is called after each iteration. Goes on from `checkpoint` where it
+    holds a state and keeps states there. Deterministic for a seed, whatever the number of threads, and wherever it was
+    interrupted. Raises FloatingPointError at the first loss that is not finite, naming iteration and view.
     """
     parameters = _raw(start)
     unit = {"position": float(start.scale.mean()) if len(start) else 0.0, "sh": tone_scale}
@@ -49,7 +52,11 @@ def fit(
     targets = [(torch.from_numpy(v.indirect), torch.from_numpy(v.valid)) for v in views]
     pinholes = [v.camera.pinhole(v.indirect.shape[1], v.indirect.shape[0]) for v in views]
     smoothed = None
-    for iteration, k in enumerate(_order(len(views), iterations, seed)):
+    if checkpoint and (state := checkpoint.load()):
+        adam.restore(state)
+        if advance:
+            advance(adam.steps, "from a checkpoint")
+    for iteration, k in list(enumerate(_order(len(views), iterations, seed)))[adam.steps :]:
         image, _ = splat(*_activated(parameters), pinholes[k], blend)
         loss = image_loss(image, *targets[k], tone_scale)
         if not torch.isfinite(loss):
@@ -59,6 +66,8 @@ def fit(
         smoothed = loss.item() if smoothed is None else 0.98 * smoothed + 0.02 * loss.item()
         if advance:
             advance(1, f"loss {smoothed:.4f}")
+        if checkpoint and checkpoint.due():
+            checkpoint.save(adam.state())
     return _record(parameters)
 
 

@@ -31,8 +31,14 @@ class Progress:
         bar.finish(seconds)
 
     def say(self, line: str) -> None:
-        """Print one line of the log on stderr."""
-        if not self.quiet:
+        """Print one line of the log on stderr, above the bar."""
+        if self.quiet:
+            return
+        if sys.stderr.isatty():
+            from tqdm import tqdm
+
+            tqdm.write(line, file=sys.stderr)
+        else:
             print(line, file=sys.stderr, flush=True)
 
     def _bar(self, name: str, total: float, unit: str):

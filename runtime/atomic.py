@@ -1,6 +1,9 @@
 """Write a file as a whole or not at all."""
 
+import errno
 import os
+import shutil
+import time
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -8,14 +11,20 @@ from pathlib import Path
 
 from .errors import FileError
 
+LEFTOVER_AGE = 24 * 3600  # s; a temporary file this old belongs to a run that was killed
+
+_unfinished: set[Path] = set()
+
 
 def write_atomic(path: str | Path, data: bytes) -> None:
     """Write `data` to `path`; whoever reads it, or a kill at any moment, sees the old file or the new one.
 
-    Raises FileError with the path.
+    Raises FileError with the path, and with the disk when it is full.
     """
-    with replacing(path) as temporary:
-        temporary.write_bytes(data)
+    with replacing(path) as temporary, open(temporary, "wb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())  # a disk may tell only now that it is full
 
 
 @contextmanager
@@ -29,24 +38,52 @@ def replacing(path: str | Path) -> Iterator[Path]:
     except RuntimeError:  # Python's word for a loop of links
         raise FileError(f"{path}: cannot write: too many levels of symbolic links") from None
     temporary = target.with_name(f".gsgi-{uuid.uuid4().hex}.tmp")
+    _unfinished.add(temporary)
     try:
         if target.exists() and not target.is_file():  # a folder, or a device like /dev/null
             raise FileError(f"{path}: cannot write: not a regular file")
         yield temporary
         os.replace(temporary, target)
     except OSError as error:
-        raise FileError(f"{path}: cannot write: {error.strerror or error}") from None
+        raise FileError(f"{path}: cannot write: {_reason(error, target.parent)}") from None
     finally:
         with suppress(OSError):
             temporary.unlink()
+        _unfinished.discard(temporary)
 
 
 def check_writable(path: str | Path) -> None:
-    """Raise the FileError that writing `path` would end in, as far as can be told before the work is done."""
+    """Raise the FileError that writing `path` would end in, as far as can be told before the work is done.
+
+    Temporary files that killed runs left in its folder are removed.
+    """
 
     class OnlyCheckingError(Exception):
         pass
 
     with suppress(OnlyCheckingError), replacing(path) as temporary:
         temporary.touch()
+        remove_leftovers(temporary.parent, LEFTOVER_AGE)
         raise OnlyCheckingError  # leaves `replacing` before it replaces anything
+
+
+def remove_leftovers(folder: Path, age: float) -> None:
+    """Remove the temporary files of this module in `folder` that were last written more than `age` (s) ago."""
+    for path in folder.glob(f".gsgi-{'[0-9a-f]' * 32}.tmp"):
+        with suppress(OSError):
+            if time.time() - path.stat().st_mtime > age:
+                path.unlink()
+
+
+def discard_unfinished() -> None:
+    """Remove what this process has not finished writing: it is about to end."""
+    for temporary in tuple(_unfinished):
+        with suppress(OSError):
+            temporary.unlink()
+
+
+def _reason(error: OSError, folder: Path) -> str:
+    if error.errno not in (errno.ENOSPC, errno.EDQUOT):
+        return error.strerror or str(error)
+    disk = next(parent for parent in (folder, *folder.parents) if os.path.ismount(parent))
+    return f"{error.strerror}: {shutil.disk_usage(folder).free} bytes are free on the disk at {disk}"

@@ -28,3 +28,15 @@ def backends() -> tuple[str, ...]:
     return tuple(
         n for n in names if not subprocess.run([sys.executable, "-c", probe, n], capture_output=True).returncode
     )
+
+
+@pytest.fixture
+def small_disk(tmp_path):
+    """A disk of 64 KiB, mounted. Skips where that is not allowed."""
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    mount = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", folder], capture_output=True, text=True)
+    if mount.returncode:
+        pytest.skip(f"cannot mount a small disk: {mount.stderr.strip()}")
+    yield folder
+    subprocess.run(["umount", "--lazy", folder], check=True)

@@ -1,0 +1,149 @@
+"""Finished tasks on disk: computed once, found again by whoever asks for the same thing."""
+
+import os
+import re
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from gsgi.runtime.atomic import LEFTOVER_AGE, remove_leftovers, replacing
+from gsgi.runtime.errors import FileError, UsageError
+
+from .digest import digest
+from .task_file import pack, unpack
+
+LIMIT = "4GiB"
+_SIZE = re.compile(r"(\d+(?:\.\d+)?)\s*([kmgt]?)(i?)b")
+_NAME = re.compile(r"([a-z]+)-[0-9a-f]{40}\.gsgi-task")
+
+
+def default_folder() -> Path:
+    """GSGI_CACHE, else gsgi in XDG_CACHE_HOME, else ~/.cache/gsgi."""
+    if chosen := os.environ.get("GSGI_CACHE"):
+        return Path(chosen)
+    base = Path(os.environ.get("XDG_CACHE_HOME", ""))
+    return (base if base.is_absolute() else Path(os.path.expanduser("~"), ".cache")) / "gsgi"
+
+
+def size_limit() -> int:
+    """Bytes from GSGI_CACHE_LIMIT, such as 500MB or 10GiB, else LIMIT. Raises UsageError."""
+    text = os.environ.get("GSGI_CACHE_LIMIT") or LIMIT
+    match = _SIZE.fullmatch(text.lower())
+    if not match:
+        raise UsageError(f"GSGI_CACHE_LIMIT: expected a size such as 500MB or 10GiB, got {text!r}")
+    number, prefix, binary = match.groups()
+    return int(float(number) * (1024 if binary else 1000) ** " kmgt".index(prefix or " "))
+
+
+def task_key(stage: str, **inputs) -> str:
+    """The name of a task: its stage (a lower-case word) and the digest of all that its result depends on."""
+    return f"{stage}-{digest(inputs)}"
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One file of a cache. `used` is when it was last read or written (s since 1970)."""
+
+    path: Path
+    stage: str
+    bytes: int
+    used: float
+
+
+def entries(folder: Path) -> list[Entry]:
+    """All entries in a cache folder, least recently used first; none where there is no folder. Raises FileError."""
+    found = []
+    try:
+        for path in folder.iterdir() if folder.exists() else ():
+            if match := _NAME.fullmatch(path.name):
+                with suppress(FileNotFoundError):  # another bake has just removed it
+                    status = path.stat()
+                    found.append(Entry(path, match[1], status.st_size, status.st_mtime))
+    except OSError as error:
+        raise FileError(f"{folder}: cannot read: {error.strerror or error}") from None
+    return sorted(found, key=lambda entry: (entry.used, entry.path))
+
+
+def clear(folder: Path) -> None:
+    """Remove all entries and temporary files; other files stay. Raises FileError."""
+    for entry in entries(folder):
+        try:
+            entry.path.unlink(missing_ok=True)
+        except OSError as error:
+            raise FileError(f"{entry.path}: cannot remove: {error.strerror or error}") from None
+    remove_leftovers(folder, age=0)
+
+
+class Cache:
+    """The tasks in one folder, or none at all without a folder.
+
+    Nothing here fails: what is damaged or cannot be read counts as absent; after the first entry that cannot be
+    written, `warn(line)` is called and no more are. Several processes may share a folder.
+    """
+
+    def __init__(self, folder: Path | None = None, limit: int = 0, warn: Callable[[str], None] = lambda line: None):
+        self.folder, self.limit, self.warn = folder, limit, warn
+        self._used: set[Path] = set()
+        self._writes = folder is not None
+
+    def get(self, key: str) -> dict[str, np.ndarray] | None:
+        """The arrays that were put under `key`, or None."""
+        if self.folder is None:
+            return None
+        path = self._path(key)
+        try:
+            arrays = unpack(key, path.read_bytes())
+        except OSError:
+            return None
+        if arrays is not None:
+            self._used.add(path)
+            with suppress(OSError):  # a folder that can only be read
+                os.utime(path)
+        return arrays
+
+    def put(self, key: str, arrays: dict[str, np.ndarray]) -> None:
+        """Keep arrays under `key`, in place of what was there."""
+        if not self._writes:
+            return
+        path = self._path(key)
+        try:
+            self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            with replacing(path) as temporary:
+                temporary.write_bytes(pack(key, arrays))
+        except OSError as error:
+            self._stop(f"{self.folder}: cannot write: {error.strerror or error}")
+        except FileError as error:
+            self._stop(str(error))
+        else:
+            self._used.add(path)
+
+    def remove(self, key: str) -> None:
+        """Forget `key`."""
+        if self._writes:
+            with suppress(OSError):
+                self._path(key).unlink()
+
+    def trim(self) -> None:
+        """Remove the least recently used entries beyond the limit, but none that this run used; and old leftovers."""
+        if not self._writes:
+            return
+        with suppress(OSError, FileError):
+            remove_leftovers(self.folder, LEFTOVER_AGE)
+            kept = entries(self.folder)
+            excess = sum(entry.bytes for entry in kept) - self.limit
+            for entry in kept:
+                if excess > 0 and entry.path not in self._used:
+                    entry.path.unlink(missing_ok=True)
+                    excess -= entry.bytes
+
+    def _path(self, key: str) -> Path:
+        path = self.folder / f"{key}.gsgi-task"
+        assert _NAME.fullmatch(path.name), key
+        return path
+
+    def _stop(self, reason: str) -> None:
+        self._writes = False
+        self.warn(f"warning: {reason}; the bake goes on and the cache keeps nothing more of it")

@@ -1,0 +1,45 @@
+"""Short names for values: the same value has the same digest in every run and on every machine."""
+
+import dataclasses
+import hashlib
+import json
+
+import numpy as np
+
+from gsgi.runtime.scene import Scene
+
+BYTES = 20
+
+
+def digest(value) -> str:
+    """blake2b, in hex, over the canonical JSON of numbers, strings, arrays, records, and tuples, lists, dicts of those.
+
+    Arrays stand there as dtype, shape and digest of their bytes, records with the name of their type. Raises
+    TypeError for anything else.
+    """
+    text = json.dumps(_plain(value), sort_keys=True, separators=(",", ":"))
+    return hashlib.blake2b(text.encode(), digest_size=BYTES).hexdigest()
+
+
+def scene_digest(scene: Scene) -> str:
+    """The digest of all that light depends on: not of the cameras nor of what the reader left out."""
+    return digest(dataclasses.replace(scene, cameras={}, warnings=(), transparent=()))
+
+
+def _plain(value):
+    """`value` as json takes it."""
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, np.ndarray):
+        content = np.ascontiguousarray(value).reshape(-1).view(np.uint8)
+        return [value.dtype.str, list(value.shape), hashlib.blake2b(content, digest_size=BYTES).hexdigest()]
+    if isinstance(value, tuple | list):
+        return [_plain(item) for item in value]
+    if isinstance(value, dict):
+        return {str(name): _plain(item) for name, item in value.items()}
+    if dataclasses.is_dataclass(value):
+        fields = {field.name: _plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
+        return {"record": type(value).__name__} | fields
+    raise TypeError(f"no digest of a {type(value).__name__}")
