@@ -1,94 +1,86 @@
-"""The bake, stage by stage: scene -> views -> irradiance -> fit -> encode."""
+"""The bake of a plan, stage by stage: irradiance -> fit -> encode."""
 
 import numpy as np
 
 from gsgi.runtime import codec
-from gsgi.runtime.camera import Camera
-from gsgi.runtime.errors import SceneError
+from gsgi.runtime.fingerprint import fingerprint
 from gsgi.runtime.gaussians import Bake, Blend, Effects, Gaussians
-from gsgi.runtime.scene import Scene
 
+from . import denoise
+from .cache import Cache, task_key
+from .plan import SH_DEGREE, Plan
 from .progress import Progress
+from .records import from_arrays, to_arrays
 from .settings import Settings
+from .traced_light import TracedLight, TracedView
 
 # Of the scene's diagonal: Gaussians nearer to the eye plane than this are not drawn.
 NEAR = 2e-3
 
-START_SAMPLES = 256  # paths per starting point
+FIT_PACKAGES = ("torch", "numpy")  # whose versions a fit depends on
 
 
-def bake(scene: Scene, settings: Settings, progress: Progress) -> bytes:
-    """Bake the indirect light of `scene` to the bytes of a .gsgi file. The same scene and settings give the same bytes.
+def bake(plan: Plan, progress: Progress, cache: Cache) -> bytes:
+    """Bake the indirect light of a plan's scene to the bytes of a .gsgi file. The same plan gives the same bytes.
 
-    Raises SceneError when nothing in the scene emits light.
+    What `cache` holds is not computed again, and what is computed goes there.
     """
-    from . import views as view_placement
-    from .fit import fit
-    from .initialise import from_surface
-    from .irradiance import Tracer
-    from .surface_points import Triangles
-
-    _require_light(scene)
-    diagonal = scene.diagonal()
-    with progress.stage("views"):
-        triangles = Triangles(scene)
-        cameras = view_placement.place(triangles, diagonal, settings.views, settings.seed)
-
-    pixels = len(cameras) * settings.size**2 + settings.gaussians
-    with progress.stage("irradiance", pixels, "points") as advance:
-        tracer = Tracer(scene)
-        points = triangles.sample(settings.gaussians, settings.seed)
-        light = tracer.indirect(points.position, points.normal, points.normal, START_SAMPLES, settings.seed, advance)
-        views = _trace_views(tracer, cameras, settings, advance)
+    settings, points = plan.settings, plan.starting_points()
+    with progress.stage("irradiance", plan.pixels + len(points), "points") as advance:
+        traced = TracedLight(plan.scene, cache)
+        light = traced.at_points(points.position, points.normal, plan.sampling, settings.seed, advance)
+        seen = traced.views(plan.cameras, settings.size, plan.sampling, settings.seed + 1, advance, progress.say)
+        _tell_invalid(light.invalid + sum(view.invalid for view in seen), progress)
+        views = _views_to_fit(plan, seen)
         tone_scale = _tone_scale(views)
 
+    blend = Blend(near=NEAR * plan.scene.diagonal())
     with progress.stage("fit", settings.iterations, "iterations") as advance:
-        start = from_surface(points, light, sh_degree=0)  # Lambertian surfaces look the same from everywhere
-        blend = Blend(near=NEAR * diagonal)
-        gaussians = fit(start, views, blend, tone_scale, settings.iterations, settings.seed, advance)
+        gaussians = _fit(points, light.mean, views, blend, tone_scale, settings, cache, advance)
 
     with progress.stage("encode"):
-        return codec.encode(Bake(_visible(gaussians), blend, tone_scale, _effects(scene, settings)))
+        effects = plan.effects | (Effects.DENOISED if _denoises(plan) else Effects(0))
+        scene = fingerprint(plan.scene)
+        return codec.encode(Bake(_visible(gaussians), blend, tone_scale, effects, settings.bounces, scene))
 
 
-def _require_light(scene: Scene) -> None:
-    from .mitsuba_scene import has_emitters
-
-    if not scene.lights and not has_emitters(scene):
-        raise SceneError(
-            "the scene has no light: neither a punctual light (KHR_lights_punctual) nor an emissive surface"
-        )
+def _tell_invalid(paths: int, progress: Progress) -> None:
+    if paths:
+        progress.say(f"warning: {paths} paths gave no finite number and were left out")
 
 
-def _effects(scene: Scene, settings: Settings) -> Effects:
-    from . import denoise
-    from .mitsuba_scene import has_emitters, has_masks
-
-    present = {
-        Effects.PUNCTUAL: bool(scene.lights),
-        Effects.EMISSIVE: has_emitters(scene),
-        Effects.ALPHA_MASK: has_masks(scene),
-        Effects.DENOISED: settings.denoise and denoise.available(),
-    }
-    return Effects(sum(effect for effect, is_there in present.items() if is_there))
+def _denoises(plan: Plan) -> bool:
+    return plan.settings.denoise and denoise.available()
 
 
-def _trace_views(tracer, cameras: list[Camera], settings: Settings, advance) -> list:
-    """B of every camera, as views to fit."""
-    from . import denoise
+def _views_to_fit(plan: Plan, seen: list[TracedView]) -> list:
+    """Traced views as the fit takes them: denoised where that is wanted and possible."""
     from .fit import View
 
-    clean = settings.denoise and denoise.available()
-    views = []
-    for i, camera in enumerate(cameras):
-        surface = tracer.surface(camera, settings.size, settings.size)
-        light = tracer.indirect(*surface.points(), settings.samples, settings.seed + 1 + i, advance)
-        indirect = surface.image(light)
-        advance(float((~surface.valid).sum()), f"view {i + 1}/{len(cameras)}")
-        if clean:
-            indirect = denoise.denoise(indirect, surface.normal, surface.valid)
-        views.append(View(camera, indirect, surface.valid))
-    return views
+    clean = _denoises(plan)
+    images = [denoise.denoise(v.indirect, v.normal, v.valid) if clean else v.indirect for v in seen]
+    return [View(camera, image, v.valid) for camera, image, v in zip(plan.cameras, images, seen, strict=True)]
+
+
+def _fit(points, light: np.ndarray, views, blend: Blend, tone_scale: float, settings: Settings, cache, advance):
+    """Gaussians fitted to the views; interrupted, the fit goes on from its checkpoint; done, it is not done again."""
+    from .checkpoint import Checkpoint
+    from .code_version import code_version
+    from .fit import fit
+    from .initialise import from_surface
+
+    start = from_surface(points, light, SH_DEGREE)
+    task = start, views, blend, tone_scale, settings.iterations, settings.seed
+    inputs = {"code": code_version("gsgi.baker.fit", FIT_PACKAGES), "task": task}
+    key = task_key("fit", **inputs)
+    if found := cache.get(key):
+        advance(settings.iterations, "from the cache")
+        return from_arrays(Gaussians, found)
+    checkpoint = Checkpoint(cache, task_key("checkpoint", **inputs))
+    gaussians = fit(*task, advance, checkpoint)
+    cache.put(key, to_arrays(gaussians))
+    checkpoint.remove()
+    return gaussians
 
 
 def _tone_scale(views: list) -> float:

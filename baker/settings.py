@@ -2,15 +2,28 @@
 
 from dataclasses import dataclass
 
+# What a bake can leave out, by the name that the command line has for it.
+EFFECTS = ("punctual", "emissive", "environment", "alpha-mask", "double-sided", "normal-map", "unlit")
+
 
 @dataclass(frozen=True)
 class Settings:
-    """What a bake may cost. `size` is the edge of a fitted view (px), `samples` its paths per pixel."""
+    """What a bake may cost. None leaves a number to the plan.
+
+    size: edge of a fitted view, px. samples: most paths per pixel; fewer are taken where the standard error of B is
+    below `error` * (B + its mean) before. bounces: surfaces that a path may visit after the point; None: so many that
+    further ones add less than `bounce_fraction` of the picture. ignore: effects (of EFFECTS) that the
+    bake leaves out.
+    """
 
     gaussians: int = 4096
-    views: int = 64
-    size: int = 192
-    samples: int = 32
-    iterations: int = 1500
+    views: int | None = None
+    size: int | None = None
+    samples: int = 256
+    error: float = 0.1
+    bounces: int | None = None
+    bounce_fraction: float = 0.005
+    iterations: int | None = None
     denoise: bool = True
+    ignore: tuple[str, ...] = ()
     seed: int = 0

@@ -1,0 +1,48 @@
+"""A plan as a table to read: what was decided, why, and what it costs."""
+
+from typing import NamedTuple
+
+from .coverage import VIEWS, length
+from .effects import findings
+from .irradiance import PASS_SAMPLES
+from .plan import SH_DEGREE, Plan
+
+
+class Decision(NamedTuple):
+    """One line: of what, what was decided, and the reason or the cost."""
+
+    what: str
+    decision: str
+    why: str
+
+
+def decisions(plan: Plan) -> list[Decision]:
+    """Every decision of a plan, effects first."""
+    s, fitted, coverage = plan.settings, plan.placement.fitted, plan.placement.coverage
+    placed = sum(name not in plan.scene.cameras and not name.startswith("path ") for name in fitted)
+    bounces = "asked for" if plan.lost is None else f"further ones add {plan.lost:.2%} of the picture"
+    until = f"until the standard error is {s.error:.0%} of B and its mean" if s.error else "all of them"
+    least = PASS_SAMPLES if s.error else s.samples
+    seen = f"of the visible area is seen by {VIEWS} views at {length(coverage.texel_limit)} per texel or finer"
+    rows = [
+        *((f.name, f.found, f.cost) for f in findings(plan.scene)),
+        ("bounces", f"{s.bounces}", bounces),
+        ("SH degree", f"{SH_DEGREE}", "surfaces are Lambertian: B looks the same from everywhere"),
+        ("views", f"{len(fitted)}", f"{placed} placed; {len(plan.placement.held_out)} more are held out"),
+        ("coverage", f"{coverage.seen[VIEWS - 1]:.1%}", seen),
+        ("view size", f"{s.size} px", f"half the area at {length(coverage.texel_median)} per texel or finer"),
+        ("samples", f"{least} to {s.samples}", f"{until}: {plan.samples:.0f} on average"),
+        ("fit", f"{s.iterations} steps", f"each view about {s.iterations / max(len(fitted), 1):.0f} times"),
+        ("memory", f"{plan.memory / 1e9:.1f} GB", "at the peak"),
+        ("file", f"{plan.file_bytes} bytes", f"{s.gaussians} Gaussians at most"),
+    ]
+    return [Decision(*row) for row in rows]
+
+
+def summary(plan: Plan) -> str:
+    """The decisions that cost most, on one line for the log."""
+    s = plan.settings
+    return (
+        f"plan: {s.bounces} bounces, {len(plan.placement.fitted)} views of {s.size} px, about {plan.samples:.0f} paths "
+        f"a pixel, {s.iterations} steps of the fit, {plan.memory / 1e9:.1f} GB"
+    )

@@ -1,0 +1,121 @@
+"""What a scene holds that costs something to light: found by looking, left out on request."""
+
+from collections import Counter
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+
+from gsgi.runtime.gaussians import Effects
+from gsgi.runtime.scene import Material, Scene
+
+from .settings import EFFECTS
+from .surfaces import emits, used_materials
+
+# What each of EFFECTS is in a file.
+NAMES = {name: Effects[name.upper().replace("-", "_")] for name in EFFECTS}
+
+SHADOW_KINDS = {"directional": "one shadow map", "spot": "one shadow map", "point": "a shadow cube (six maps)"}
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One effect: what of it the scene has ("none" if nothing), and what that costs the bake and the frame."""
+
+    name: str
+    found: str
+    cost: str
+
+
+def effects(scene: Scene) -> Effects:
+    """The effects that `scene` calls for."""
+    found = Effects(0)
+    for name, flag in NAMES.items():
+        if scene.lights if name == "punctual" else scene.environment if name == "environment" else _has(scene, name):
+            found |= flag
+    return found
+
+
+def without(scene: Scene, names: Collection[str]) -> Scene:
+    """`scene` as if it had none of the effects `names` (keys of NAMES)."""
+    change = {
+        "emissive": {"emission": (0.0, 0.0, 0.0), "emission_texture": None},
+        "alpha-mask": {"alpha_cutoff": None},
+        "double-sided": {"double_sided": False},
+        "normal-map": {"normal_texture": None},
+        "unlit": {"unlit": False},
+    }
+    changes = {field: value for name in names for field, value in change.get(name, {}).items()}
+    return replace(
+        scene,
+        materials=tuple(replace(material, **changes) for material in scene.materials),
+        lights=() if "punctual" in names else scene.lights,
+        environment=None if "environment" in names else scene.environment,
+    )
+
+
+def findings(scene: Scene) -> list[Finding]:
+    """Every effect, found or not."""
+    return [
+        *(_punctual(scene, kind) for kind in ("point", "spot", "directional")),
+        _surfaces(scene, "emissive", "emissive surfaces", "a ray to one of their points at each surface of a path"),
+        _environment(scene),
+        _surfaces(scene, "alpha-mask", "alpha masks", "every ray looks for holes; shadow maps test alpha"),
+        _surfaces(scene, "double-sided", "double-sided", "drawn without culling"),
+        _surfaces(scene, "normal-map", "normal maps", "primary light only: B belongs to the interpolated normal"),
+        _transparent(scene),
+        _surfaces(scene, "unlit", "unlit", "shown as they are: they light nothing and have no B"),
+    ]
+
+
+def _punctual(scene: Scene, kind: str) -> Finding:
+    count = sum(light.kind == kind for light in scene.lights)
+    cost = f"a shadow ray at each surface of a path; a frame draws {SHADOW_KINDS[kind]} for each"
+    return Finding(f"{kind} lights", str(count) if count else "none", cost if count else "")
+
+
+def _environment(scene: Scene) -> Finding:
+    if scene.environment is None:
+        return Finding("environment", "none", "")
+    height, width = scene.environment.radiance.shape[:2]
+    even = bool((scene.environment.radiance == scene.environment.radiance[0, 0]).all())
+    found = "one colour" if even else f"image of {width} x {height}"
+    return Finding("environment", found, "nothing: rays that escape find it" if even else
+                   "a ray towards a bright part of it at each surface of a path")  # fmt: skip
+
+
+def _transparent(scene: Scene) -> Finding:
+    """Blending and transmission: the reader has dealt with them, for nothing here lets part of the light through."""
+    if not scene.transparent:
+        return Finding("transparent", "none", "")
+    more = ", ..." if len(scene.transparent) > 1 else ""
+    return Finding("transparent", f"{len(scene.transparent)} materials", scene.transparent[0] + more)
+
+
+def _surfaces(scene: Scene, effect: str, name: str, cost: str) -> Finding:
+    triangles = Counter()
+    for mesh in scene.meshes:
+        if _shows(scene.materials[mesh.material], scene, effect):
+            triangles[mesh.material] += len(mesh.triangle)
+    if not triangles:
+        return Finding(name, "none", "")
+    names = [scene.materials[index].name or f"material {index}" for index, _ in triangles.most_common(3)]
+    more = ", ..." if len(triangles) > 3 else ""
+    return Finding(name, f"{triangles.total()} triangles ({', '.join(names)}{more})", cost)
+
+
+def _has(scene: Scene, effect: str) -> bool:
+    return any(_shows(material, scene, effect) for material in used_materials(scene))
+
+
+def _shows(material: Material, scene: Scene, effect: str) -> bool:
+    match effect:
+        case "emissive":
+            return emits(material, scene)
+        case "alpha-mask":
+            return material.alpha_cutoff is not None
+        case "double-sided":
+            return material.double_sided
+        case "normal-map":
+            return material.normal_texture is not None
+        case "unlit":
+            return material.unlit
+    raise AssertionError(effect)

@@ -1,0 +1,133 @@
+"""What a bake will do, decided beforehand: only the effects, bounces, views and samples that the scene calls for."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gsgi.runtime import codec
+from gsgi.runtime.camera import Camera
+from gsgi.runtime.errors import SceneError
+from gsgi.runtime.gaussians import Effects
+from gsgi.runtime.scene import Scene
+
+from . import pilot
+from .cache import Cache
+from .coverage import sample_seen
+from .effects import effects, without
+from .irradiance import Sampling
+from .memory import peak_memory
+from .pilot import Pilot
+from .progress import Progress
+from .settings import Settings
+from .surface_points import SurfacePoints, Triangles
+from .traced_light import TracedLight
+from .views import Placement, place
+
+SH_DEGREE = 0  # Lambertian surfaces look the same from everywhere
+
+# Edge of a view, px, where it is left open: as large as PIXELS in all views allow, in steps that divide into tiles.
+SIZE_MIN, SIZE_MAX, SIZE_STEP = 64, 192, 16
+PIXELS = 5 << 20
+
+# Steps of the fit where they are left open: at least so many, and so many of each view.
+ITERATIONS, VISITS = 1500, 8
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The decisions of one bake. `scene` is what is baked: without the effects that the settings leave out.
+
+    `settings` have no None left. `lost` is the share of the picture that further bounces would add, None where it was
+    not measured.
+    """
+
+    scene: Scene
+    settings: Settings
+    triangles: Triangles
+    placement: Placement
+    pilot: Pilot
+    lost: float | None
+
+    @property
+    def sampling(self) -> Sampling:
+        """How each pixel is traced."""
+        s = self.settings
+        return Sampling(s.samples, s.bounces, s.error, self.pilot.mean or 1.0)
+
+    @property
+    def cameras(self) -> list[Camera]:
+        """The views to fit."""
+        return list(self.placement.fitted.values())
+
+    @property
+    def effects(self) -> Effects:
+        """What the scene calls for."""
+        return effects(self.scene)
+
+    @property
+    def pixels(self) -> int:
+        """Of all fitted views."""
+        return len(self.placement.fitted) * self.settings.size**2
+
+    @property
+    def samples(self) -> float:
+        """Paths that a pixel is expected to take, on average."""
+        return self.pilot.samples(self.sampling)
+
+    @property
+    def memory(self) -> int:
+        """Expected peak of the process, bytes."""
+        return peak_memory(self.scene, self.pixels, self.settings.gaussians)
+
+    @property
+    def file_bytes(self) -> int:
+        """Size of the file where no Gaussian is left out."""
+        return codec.HEADER.itemsize + codec.planes(self.settings.gaussians, SH_DEGREE).itemsize
+
+    def starting_points(self) -> SurfacePoints:
+        """Where the Gaussians start: evenly spread over what the views see."""
+        return sample_seen(self.triangles, self.cameras, self.settings.gaussians, self.settings.seed)
+
+
+def make_plan(
+    scene: Scene, settings: Settings, progress: Progress, cache: Cache, path: Mapping[str, Camera] | None = None
+) -> Plan:
+    """Look at the scene, place views, trace a pilot. The same arguments give the same plan.
+
+    `path` holds further cameras to fit. Raises SceneError when nothing emits light, or nothing has an area.
+    """
+    scene = without(scene, settings.ignore)
+    if not effects(scene) & (Effects.PUNCTUAL | Effects.EMISSIVE | Effects.ENVIRONMENT):
+        raise SceneError(
+            "the scene has no light: neither a punctual light (KHR_lights_punctual) nor an emissive surface nor an "
+            "environment; light it with --sun or --env"
+        )
+    with progress.stage("views"):
+        triangles = Triangles(scene)
+        given = scene.cameras | dict(path or {})
+        placement = place(triangles, given, settings.size or SIZE_MAX, settings.seed, settings.views)
+        size = settings.size or _size(len(placement.fitted))
+        placement = _at_size(placement, size / (settings.size or SIZE_MAX))
+    with progress.stage("plan"):
+        points = sample_seen(triangles, list(placement.fitted.values()), pilot.POINTS, settings.seed)
+        light = TracedLight(scene, cache)
+        probe = pilot.run(light.at_points, points.position, points.normal, settings.seed)
+    bounces = probe.bounces(settings.bounce_fraction) if settings.bounces is None else settings.bounces
+    iterations = max(ITERATIONS, VISITS * len(placement.fitted)) if settings.iterations is None else settings.iterations
+    settings = replace(settings, views=len(placement.fitted), size=size, bounces=bounces, iterations=iterations)
+    return Plan(scene, settings, triangles, placement, probe, probe.lost.get(bounces))
+
+
+def _size(views: int) -> int:
+    """Edge of a view (px), from their number."""
+    edge = int(np.sqrt(PIXELS / max(views, 1))) // SIZE_STEP * SIZE_STEP
+    return min(max(edge, SIZE_MIN), SIZE_MAX)
+
+
+def _at_size(placement: Placement, factor: float) -> Placement:
+    """The same views with `factor` times as many pixels along an edge: texels grow as pixels get fewer."""
+    coverage = placement.coverage
+    names = "texel_limit", "texel_median", "texel_p95"
+    texels = {name: getattr(coverage, name) / factor for name in names}
+    return replace(placement, coverage=replace(coverage, **texels))

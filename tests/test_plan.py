@@ -1,0 +1,112 @@
+"""The plan: what a scene calls for, and that a bake follows it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scenes
+
+from gsgi.baker import plan as planning
+from gsgi.baker.bake import bake
+from gsgi.baker.cache import Cache
+from gsgi.baker.decisions import decisions, summary
+from gsgi.baker.plan import PIXELS, SIZE_MAX, SIZE_MIN, Plan, make_plan
+from gsgi.baker.progress import Progress
+from gsgi.baker.settings import EFFECTS, Settings
+from gsgi.runtime import codec
+from gsgi.runtime.errors import SceneError
+from gsgi.runtime.fingerprint import fingerprint
+from gsgi.runtime.gaussians import Effects
+from gsgi.runtime.scene import Environment, Light, Material, Scene
+
+SMALL = Settings(gaussians=64, views=4, size=32, samples=32, iterations=2)
+LAMP = Light("point", np.ones(3), np.zeros(3), np.array([0.0, -1.0, 0.0]))
+
+
+def room(albedo: float = 0.5, **changes) -> Scene:
+    """A closed box with a lamp in its middle."""
+    scene = Scene(tuple(scenes.box()), (Material("wall", (albedo, albedo, albedo, 1.0)),), lights=(LAMP,))
+    return replace(scene, **changes)
+
+
+def planned(scene: Scene, settings: Settings = SMALL, **arguments) -> Plan:
+    return make_plan(scene, settings, Progress(quiet=True), Cache(), **arguments)
+
+
+def decided(plan: Plan) -> dict[str, str]:
+    return {row.what: row.decision for row in decisions(plan)}
+
+
+def test_brighter_walls_call_for_more_bounces():
+    bounces = [planned(room(albedo)).settings.bounces for albedo in (0.05, 0.3, 0.8)]
+    assert bounces == sorted(set(bounces))
+
+
+def test_bounces_and_effects_are_taken_out_of_its_hands():
+    scene = room(environment=Environment(np.ones((1, 1, 3), np.float32)))
+    plan = planned(scene, replace(SMALL, bounces=3, ignore=("environment",)))
+    assert (plan.settings.bounces, plan.lost is None) == (3, False)
+    assert plan.scene.environment is None
+    assert plan.effects == Effects.PUNCTUAL
+    assert planned(scene, replace(SMALL, bounces=17)).lost is None
+    with pytest.raises(SceneError, match="no light"):
+        planned(scene, replace(SMALL, ignore=EFFECTS))
+
+
+def test_a_scene_without_light_is_refused():
+    with pytest.raises(SceneError, match=r"no light.*--sun or --env"):
+        planned(room(lights=()))
+
+
+def test_cameras_of_the_scene_and_of_a_path_are_fitted_and_others_held_out():
+    own, further = scenes.inside_camera(), scenes.above_camera(0.8)
+    plan = planned(room(cameras={"own": own}), path={"path 1": further})
+    fitted = plan.placement.fitted
+    assert list(fitted)[:2] == ["own", "path 1"]
+    assert plan.settings.views == len(fitted) == 4
+    assert len(plan.placement.held_out) == 3
+    assert not fitted.keys() & plan.placement.held_out.keys()
+
+
+@pytest.mark.parametrize(("views", "size"), [(1, SIZE_MAX), (140, SIZE_MAX), (800, 80), (10_000, SIZE_MIN)])
+def test_more_views_are_smaller_views(views, size):
+    assert planning._size(views) == size
+    assert views * size**2 <= PIXELS or size == SIZE_MIN
+
+
+def test_the_texel_size_is_that_of_the_views_as_they_are_traced():
+    large, small = (planned(room(), replace(SMALL, size=size)).placement.coverage for size in (64, 32))
+    assert small.texel_limit == pytest.approx(2 * large.texel_limit, rel=1e-6)
+
+
+def test_the_file_records_what_was_decided():
+    scene = room(cameras={"own": scenes.inside_camera()})
+    plan = planned(scene)
+    baked = codec.decode(bake(plan, Progress(quiet=True), Cache()))
+    assert baked.bounces == plan.settings.bounces
+    assert baked.effects & ~Effects.DENOISED == plan.effects == Effects.PUNCTUAL
+    assert baked.scene == fingerprint(scene)
+    assert len(baked.gaussians) <= plan.settings.gaussians
+
+
+def test_the_table_has_a_reason_for_everything_that_was_decided():
+    plan = planned(room())
+    rows = decisions(plan)
+    assert all(row.why for row in rows if row.decision != "none")
+    assert decided(plan) | {"point lights": "1", "environment": "none", "SH degree": "0"} == decided(plan)
+    assert decided(plan)["view size"] == "32 px"
+    assert f"{plan.settings.bounces} bounces" in summary(plan)
+
+
+def test_expected_memory_grows_with_what_is_held():
+    plan = planned(room())
+    more = replace(plan, settings=replace(plan.settings, size=320))
+    assert more.memory - plan.memory > 50 * (more.pixels - plan.pixels)
+
+
+def test_the_same_scene_gets_the_same_plan():
+    first, again = planned(room()), planned(room())
+    assert first.settings == again.settings
+    assert first.pilot.lost == again.pilot.lost
+    for name, camera in first.placement.fitted.items():
+        np.testing.assert_array_equal(camera.world_from_view, again.placement.fitted[name].world_from_view)
