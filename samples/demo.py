@@ -4,15 +4,19 @@ Leaves cornell.gsgi, report.json and panels.png in build/demo/.
 """
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from gsgi.baker import reference
 from gsgi.baker.bake import bake
-from gsgi.baker.commands import draw, read_bake
+from gsgi.baker.cache import Cache
+from gsgi.baker.frame import draw
+from gsgi.baker.inputs import read_bake
 from gsgi.baker.irradiance import Tracer
 from gsgi.baker.pictures import panels
+from gsgi.baker.plan import make_plan
 from gsgi.baker.progress import Progress
 from gsgi.baker.settings import Settings
 from gsgi.runtime.atomic import write_atomic
@@ -23,7 +27,7 @@ from gsgi.runtime.image import write_image
 ROOT = Path(__file__).resolve().parents[1]
 SCENE = ROOT / "samples" / "scenes" / "cornell.glb"
 OUT = ROOT / "build" / "demo"
-CAMERA = "front"  # like all cameras of a scene, never fitted
+CAMERA = "front"  # kept from the bake, which would fit it
 SIZE = 256  # px
 SAMPLES = 1024  # per pixel of the reference, in two halves
 
@@ -34,7 +38,8 @@ def main() -> None:
     progress = Progress()
     with progress.stage("scene"):
         scene = read_gltf(SCENE)
-    write_atomic(OUT / "cornell.gsgi", bake(scene, Settings(), progress))
+    plan = make_plan(replace(scene, cameras={}), Settings(), progress, Cache())
+    write_atomic(OUT / "cornell.gsgi", bake(plan, progress, Cache()))
     baked = read_bake(OUT / "cornell.gsgi")
 
     camera = scene.cameras[CAMERA]

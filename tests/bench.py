@@ -8,7 +8,7 @@ import subprocess
 from pathlib import Path
 
 from gsgi.baker.bake import bake
-from gsgi.baker.commands import draw
+from gsgi.baker.frame import draw
 from gsgi.baker.held_out import judge
 from gsgi.baker.progress import Progress
 from gsgi.baker.settings import Settings

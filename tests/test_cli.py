@@ -1,7 +1,9 @@
 """The command line on real files: the whole path, bad input, exit codes, and that nothing is left half-written."""
 
+import base64
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -12,8 +14,10 @@ import numpy as np
 import pytest
 
 from gsgi.baker import cli
+from gsgi.baker.commands import COMMANDS
 from gsgi.runtime import codec
 from gsgi.runtime.image import read_image, write_image
+from gsgi.runtime.layers import LAYERS
 
 SCENES = Path(__file__).resolve().parents[1] / "samples" / "scenes"
 CORNELL = str(SCENES / "cornell.glb")
@@ -23,6 +27,34 @@ FAST = ["--gaussians", "64", "--views", "2", "--view-size", "24", "--iterations"
 def gsgi(*arguments: str, **options) -> subprocess.CompletedProcess:
     command = [sys.executable, "-m", "gsgi.baker", *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False, **options)
+
+
+def write_floor(path: Path) -> Path:
+    """A scene without light: a floor of albedo 0.5, 4 m across, and the camera "above" that sees nothing else."""
+    position = np.array([[-2, 0, 2], [2, 0, 2], [2, 0, -2], [-2, 0, -2]], "<f4")
+    data = position.tobytes() + np.array([0, 1, 2, 0, 2, 3], "<u2").tobytes()
+    views = [{"buffer": 0, "byteOffset": a, "byteLength": n} for a, n in ((0, 48), (48, 12))]
+    accessors = [
+        {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3", "min": [-2, 0, -2], "max": [2, 0, 2]},
+        {"bufferView": 1, "componentType": 5123, "count": 6, "type": "SCALAR"},
+    ]
+    uri = "data:application/octet-stream;base64," + base64.b64encode(data).decode()
+    matter = {"baseColorFactor": [0.5, 0.5, 0.5, 1], "metallicFactor": 0}
+    pose = {"translation": [0, 1.5, 0], "rotation": [-(0.5**0.5), 0, 0, 0.5**0.5]}
+    document = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0, 1]}],
+        "nodes": [{"mesh": 0}, {"name": "above", "camera": 0, **pose}],
+        "cameras": [{"type": "perspective", "perspective": {"yfov": 0.8, "znear": 0.01}}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "material": 0}]}],
+        "materials": [{"pbrMetallicRoughness": matter}],
+        "accessors": accessors,
+        "bufferViews": views,
+        "buffers": [{"byteLength": len(data), "uri": uri}],
+    }
+    path.write_text(json.dumps(document))
+    return path
 
 
 def refused(capsys, code: int, *arguments: str) -> str:
@@ -36,10 +68,16 @@ def refused(capsys, code: int, *arguments: str) -> str:
     return line
 
 
+@pytest.fixture(autouse=True)
+def cache(tmp_path_factory, monkeypatch) -> None:
+    """A cache of its own for each test, outside its folder."""
+    monkeypatch.setenv("GSGI_CACHE", str(tmp_path_factory.mktemp("cache")))
+
+
 @pytest.fixture(scope="module")
 def baked(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("bake")
-    run = gsgi("bake", CORNELL, "-o", folder / "c.gsgi", *FAST, "--json")
+    run = gsgi("bake", CORNELL, "-o", folder / "c.gsgi", *FAST, "--json", "--cache", folder / "cache")
     assert run.returncode == 0, run.stderr
     (folder / "bake.json").write_text(run.stdout)
     (folder / "bake.log").write_text(run.stderr)
@@ -50,8 +88,14 @@ def test_a_bake_reports_what_it_reached(baked):
     report = json.loads((baked / "bake.json").read_text())
     assert report["bytes"] == (baked / "c.gsgi").stat().st_size
     assert report["gaussians"] == len(codec.decode((baked / "c.gsgi").read_bytes()).gaussians)
-    assert [row["stage"] for row in report["stages"]] == ["scene", "views", "irradiance", "fit", "encode", "held-out"]
-    assert {view["name"] for view in report["held_out"]} >= {"front", "corner"}
+    assert [row["stage"] for row in report["stages"]] == [
+        "scene", "views", "plan", "irradiance", "fit", "encode", "held-out",
+    ]  # fmt: skip
+    assert report["views"] == 2  # the scene's own cameras
+    assert len(report["held_out"]) == 3
+    assert not {view["name"] for view in report["held_out"]} & {"front", "corner"}
+    assert report["bounces"] >= 4
+    assert 0 < report["coverage"][2] <= report["coverage"][0] <= 1
     assert all(view["ssim"] <= view["ssim_ceiling"] + 0.01 for view in report["held_out"])
     log = (baked / "bake.log").read_text()
     assert "irradiance" in log
@@ -79,6 +123,15 @@ def test_render_reference_and_compare_speak_of_the_same_picture(baked, tmp_path,
     assert "SSIM" in gsgi("compare", frame, truth).stdout
 
 
+def test_render_says_when_the_light_is_of_another_scene(baked, tmp_path, gl):
+    size = ["--gi", baked / "c.gsgi", "-o", tmp_path / "frame.png", "--size", "16x16"]
+    assert not gsgi("render", CORNELL, *size).stderr
+    other = gsgi("render", SCENES / "two_rooms.glb", *size)
+    assert other.returncode == 0
+    assert "other geometry" in other.stderr
+    assert other.stderr.count("\n") == 1
+
+
 @pytest.mark.parametrize("layer", ["primary", "albedo", "normal", "depth"])  # those that no fit changes
 def test_render_and_reference_agree_on_layers(baked, tmp_path, gl, layer):
     size = ["--size", "32x32", "--layer", layer]
@@ -91,8 +144,33 @@ def test_render_and_reference_agree_on_layers(baked, tmp_path, gl, layer):
     assert np.quantile(np.abs(drawn - traced), 0.9) < 0.01 * max(1, np.abs(traced).max())
 
 
+@pytest.mark.parametrize("sun", ["60,50", "200,70"])
+def test_the_same_sun_reaches_render_and_reference(tmp_path, gl, sun):
+    common = ["--size", "32x32", "--layer", "primary", "--camera", "above"]
+    floor = write_floor(tmp_path / "floor.gltf")
+    a, b = tmp_path / "a.exr", tmp_path / "b.exr"
+    assert cli.run(["render", str(floor), "-o", str(a), *common, "--sun", sun]) == 0
+    (tmp_path / "floor.lights.toml").write_text(f"sun = [{sun}]")
+    assert cli.run(["reference", str(floor), "-o", str(b), *common, "--samples", "2", "-q"]) == 0
+    drawn, traced = read_image(a), read_image(b)
+    elevation = np.radians(float(sun.split(",")[1]))
+    expected = 0.5 * 10 * np.sin(elevation) / np.pi  # albedo, irradiance, its cosine
+    np.testing.assert_allclose(traced, expected, rtol=1e-5)
+    np.testing.assert_allclose(drawn, expected, rtol=0.01)
+
+
+def test_a_scene_without_light_is_lit_from_outside(capsys, tmp_path):
+    dark = write_floor(tmp_path / "dark.gltf")
+    output = str(tmp_path / "x.gsgi")
+    assert cli.run(["bake", str(dark), "-o", output, *FAST, "-q"]) == 3
+    assert "--env" in capsys.readouterr().err
+    assert cli.run(["bake", str(dark), "-o", output, *FAST, "-q", "--env", "1,1,1"]) == 0
+    gaussians = codec.decode(Path(output).read_bytes()).gaussians
+    assert 0.5 < np.median(gaussians.sh[:, 0]) * 0.2820948 < 1.5  # B = 1 under an even sky
+
+
 def test_png_output_is_a_picture(baked, tmp_path, gl):
-    for layer in cli.LAYERS:
+    for layer in LAYERS:
         path = tmp_path / f"{layer}.png"
         options = ["--layer", layer, "--size", "20x12"]
         assert cli.run(["render", CORNELL, "--gi", str(baked / "c.gsgi"), "-o", str(path), *options]) == 0
@@ -111,7 +189,7 @@ def test_inspect_says_what_the_file_holds(baked):
 
 def test_help_answers_fast_and_shows_examples():
     best = {}
-    for command in ([], ["bake"], ["render"], ["reference"], ["compare"], ["inspect"], ["doctor"]):
+    for command in ([], *([module.__name__.rpartition(".")[2]] for module in COMMANDS)):
         times = []
         for _ in range(5):
             start = time.perf_counter()
@@ -205,7 +283,7 @@ def test_images_of_different_size_or_kind_are_not_compared(capsys, tmp_path):
 )
 def test_a_wrong_command_line_exits_with_1(arguments, capsys):
     with pytest.raises(SystemExit) as stop:
-        cli.main(arguments)
+        cli.run(arguments)
     assert stop.value.code == 1
     assert "gsgi: " in capsys.readouterr().err
 
@@ -250,16 +328,98 @@ def test_an_llvm_that_does_not_work_is_named(tmp_path):
     assert run.stderr.count("\n") == 1
 
 
-def test_ctrl_c_ends_with_130_and_leaves_nothing(tmp_path):
-    command = [sys.executable, "-m", "gsgi.baker", "bake", CORNELL, "-o", str(tmp_path / "x.gsgi")]
+@pytest.mark.parametrize("stage", ["scene", "views", "irradiance", "wrote"])
+def test_ctrl_c_ends_with_130_within_two_seconds_at_any_stage(tmp_path, stage):
+    """Pressed half a second after the line of a `stage`: in placement, tracing, fit, and check."""
+    out = tmp_path / "out"
+    out.mkdir()
+    command = [sys.executable, "-m", "gsgi.baker", "bake", CORNELL, "-o", str(out / "x.gsgi"), *FAST]
+    command += ["--cache", str(tmp_path / "cache"), "--iterations", "4" if stage == "wrote" else "1000000"]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True)
-    assert process.stderr.readline().startswith("scene")
-    time.sleep(1.0)
+    while not (line := process.stderr.readline()).startswith(stage):
+        assert line, "the bake ended early"
+    time.sleep(0.5)
+    start = time.perf_counter()
     os.killpg(process.pid, signal.SIGINT)
     _, log = process.communicate(timeout=60)
+    assert time.perf_counter() - start < 2
     assert process.returncode == 130, log
-    assert "interrupted" in log
+    assert log.endswith("gsgi: interrupted\n")
+    assert [path.name for path in out.iterdir()] == (["x.gsgi"] if stage == "wrote" else [])
+    cache = tmp_path / "cache"
+    assert not cache.exists() or all(path.suffix == ".gsgi-task" for path in cache.iterdir())
+
+
+LONG_CALL = """
+import hashlib, sys
+from gsgi.baker import cli
+from gsgi.baker.commands import doctor
+from gsgi.runtime.atomic import replacing
+def run(options):
+    with replacing(sys.argv[2]) as temporary:
+        temporary.write_bytes(b"half")
+        print("now", file=sys.stderr, flush=True)
+        hashlib.pbkdf2_hmac("sha256", b"", b"", 1 << 30)  # minutes
+doctor.run = run
+cli.main([sys.argv[1]])
+"""
+
+
+def test_ctrl_c_waits_for_no_call_into_a_library(tmp_path):
+    command = [sys.executable, "-c", LONG_CALL, "doctor", str(tmp_path / "x.bin")]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    assert process.stderr.readline() == "now\n"
+    start = time.perf_counter()
+    process.send_signal(signal.SIGINT)
+    _, log = process.communicate(timeout=60)
+    assert time.perf_counter() - start < 2
+    assert (process.returncode, log) == (130, "gsgi: interrupted\n")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_full_disk_behind_the_output_is_named(capsys, monkeypatch, small_disk):
+    from gsgi.baker import bake
+
+    monkeypatch.setattr(bake, "bake", lambda *_: bytes(1 << 20))
+    output = small_disk / "x.gsgi"
+    output.write_bytes(b"old")
+    assert cli.run(["bake", CORNELL, "-o", str(output), "-q"]) == 2
+    line = capsys.readouterr().err
+    assert line.startswith(f"gsgi: {output}: cannot write: No space left on device")
+    assert line.endswith(f"on the disk at {small_disk}\n")
+    assert [(path.name, path.read_bytes()) for path in small_disk.iterdir()] == [("x.gsgi", b"old")]
+
+
+def test_another_fit_takes_the_views_from_the_cache(baked, tmp_path):
+    shutil.copytree(baked / "cache", tmp_path / "cache")
+    options = [*FAST, "--cache", tmp_path / "cache", "--gaussians", "65", "--iterations", "5", "--denoise", "off"]
+    run = gsgi("bake", CORNELL, "-o", tmp_path / "x.gsgi", *options)
+    assert run.returncode == 0, run.stderr
+    assert "\n2 of 2 views from the cache\n" in run.stderr
+    assert len(codec.decode((tmp_path / "x.gsgi").read_bytes()).gaussians) == 65
+
+
+def test_the_cache_says_what_it_holds_and_can_be_emptied(baked, capsys, tmp_path):
+    folder = tmp_path / "cache"
+    shutil.copytree(baked / "cache", folder)
+    assert cli.run(["cache", "--cache", str(folder), "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["folder"] == str(folder)
+    assert facts["entries"] == len(list(folder.iterdir()))
+    assert facts["bytes"] == sum(path.stat().st_size for path in folder.iterdir())
+    assert facts["limit"] == 4 << 30
+    stages = {stage: sums["entries"] for stage, sums in facts["stages"].items()}
+    assert stages.pop("points") > 1  # the pilot's and the starting points
+    assert stages == {"fit": 1, "reference": 3, "view": 2}
+    assert cli.run(["cache", "--cache", str(folder), "--clear"]) == 0
+    assert "entries     0" in capsys.readouterr().out
+    assert list(folder.iterdir()) == []
+
+
+def test_a_limit_that_makes_no_sense_is_refused(capsys, monkeypatch, tmp_path):
+    monkeypatch.setenv("GSGI_CACHE_LIMIT", "plenty")
+    assert "'plenty'" in refused(capsys, 1, "cache")
+    assert "'plenty'" in refused(capsys, 1, "bake", CORNELL, "-o", tmp_path / "x.gsgi")
 
 
 def test_doctor_names_every_part():

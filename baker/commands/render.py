@@ -1,0 +1,46 @@
+"""`gsgi render`: one layer of one deferred frame."""
+
+import argparse
+
+from gsgi.baker import options as shared
+
+
+def add(commands) -> None:
+    """Declare the command."""
+    parser = shared.command(
+        commands,
+        "render",
+        run,
+        "Draw a scene with its baked light: headless, deferred, OpenGL.",
+        "  gsgi render room.glb --gi room.gsgi -o room.png\n"
+        "  gsgi render room.glb --gi room.gsgi -o b.exr --layer indirect --camera kitchen --size 1280x720",
+    )
+    shared.add_scene(parser)
+    shared.add_light(parser)
+    parser.add_argument("--gi", metavar="FILE", help="baked light (.gsgi); without it, primary light only")
+    shared.add_picture(parser)
+    parser.add_argument("--backend", choices=("egl", "osmesa", "auto"), default="auto", help="OpenGL without a display")
+
+
+def run(options: argparse.Namespace) -> None:
+    """Draw and write the layer."""
+    from gsgi.baker.frame import draw
+    from gsgi.baker.inputs import choose_camera, read_bake, read_scene
+    from gsgi.baker.pictures import write_layer
+    from gsgi.baker.progress import Progress
+    from gsgi.runtime.atomic import check_writable
+    from gsgi.runtime.errors import UsageError
+    from gsgi.runtime.fingerprint import fingerprint
+    from gsgi.runtime.image import check_image_path
+
+    check_image_path(options.output)
+    check_writable(options.output)
+    if options.gi is None and options.layer == "indirect":
+        raise UsageError("--layer indirect needs baked light: --gi FILE")
+    progress = Progress()
+    scene = read_scene(options, progress)
+    baked = None if options.gi is None else read_bake(options.gi)
+    if baked is not None and baked.scene not in (0, fingerprint(scene)):
+        progress.say(f"warning: {options.gi}: was baked for other geometry than {options.scene}; its light may not fit")
+    frame = draw(scene, baked, choose_camera(scene, options), *options.size, options.backend)
+    write_layer(options.output, options.layer, frame[options.layer], options.exposure)

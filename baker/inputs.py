@@ -1,0 +1,106 @@
+"""What the options of a command stand for: a scene, a camera of it, a plan, a cache, baked light."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gsgi.runtime.camera import Camera
+from gsgi.runtime.errors import FormatError, SceneError, UsageError
+from gsgi.runtime.gaussians import Bake
+from gsgi.runtime.lighting import KEYS, Lighting, beside, light, read_lights
+from gsgi.runtime.scene import Scene
+
+from .cache import Cache, default_folder, size_limit
+from .progress import Progress
+from .settings import Settings
+
+if TYPE_CHECKING:
+    from .plan import Plan
+
+
+def read_scene(options: argparse.Namespace, progress: Progress) -> Scene:
+    """The scene that the options name, under their light; what the reader left out goes to the log."""
+    from gsgi.runtime.gltf import read_gltf
+    from gsgi.runtime.limits import parse_limits
+
+    scene = read_gltf(options.scene, parse_limits(options.limit or ()), options.transparent)
+    for warning in scene.warnings:
+        progress.say(f"warning: {warning}")
+    return light(scene, _lighting(options, progress))
+
+
+def _lighting(options: argparse.Namespace, progress: Progress) -> Lighting:
+    """Light from the TOML file, if there is one, and from flags, which win."""
+    values = {}
+    if path := options.lights or beside(options.scene):
+        values = read_lights(path)
+        progress.say(f"light also from {path}")
+    values |= {key: getattr(options, key) for key in KEYS if getattr(options, key) is not None}
+    for key in values:
+        source = key.partition("_")[0]
+        if source in KEYS and source not in values:
+            raise UsageError(f"{options.scene}: {key} is given without {source}")
+    return Lighting(**values)
+
+
+def plan_of(options: argparse.Namespace, progress: Progress, cache: Cache) -> "Plan":
+    """The plan for the scene, light and settings that the options name."""
+    from .camera_path import read_camera_path
+    from .plan import make_plan
+
+    with progress.stage("scene"):
+        scene = read_scene(options, progress)
+    path = read_camera_path(options.camera_path, scene.diagonal()) if options.camera_path else {}
+    try:
+        return make_plan(scene, _settings(options), progress, cache, path)
+    except SceneError as error:
+        raise SceneError(f"{options.scene}: {error}") from error
+
+
+def _settings(options: argparse.Namespace) -> Settings:
+    """What the flags of `add_settings` say."""
+    return Settings(
+        gaussians=options.gaussians,
+        views=options.views,
+        size=options.view_size,
+        samples=options.samples,
+        error=options.error,
+        bounces=options.bounces,
+        bounce_fraction=options.bounce_fraction,
+        iterations=options.iterations,
+        denoise=options.denoise == "auto",
+        ignore=tuple(sorted(set(options.ignore))),
+        seed=options.seed,
+    )
+
+
+def open_cache(options: argparse.Namespace, progress: Progress) -> Cache:
+    """The cache that the options and the environment name. Raises UsageError for a limit that makes no sense."""
+    return Cache(options.cache or default_folder(), size_limit(), progress.say)
+
+
+def choose_camera(scene: Scene, options: argparse.Namespace) -> Camera:
+    """The camera that is asked for; without a name the scene's first, or one placed where it sees much."""
+    if options.camera is not None:
+        if options.camera not in scene.cameras:
+            known = ", ".join(scene.cameras) or "none"
+            raise UsageError(f"{options.scene}: expected the name of a camera ({known}), got {options.camera!r}")
+        return scene.cameras[options.camera]
+    if scene.cameras:
+        return next(iter(scene.cameras.values()))
+    from .surface_points import Triangles
+    from .views import place
+
+    placement = place(Triangles(scene), {}, max(options.size), seed=0, count=1)
+    return next(iter(placement.fitted.values()))
+
+
+def read_bake(path: str | Path) -> Bake:
+    """The bake in a .gsgi file. Raises FileError or FormatError, both naming the file."""
+    from gsgi.runtime import codec
+    from gsgi.runtime.glb import read_file
+
+    try:
+        return codec.decode(read_file(Path(path)))
+    except FormatError as error:
+        raise FormatError(f"{path}: {error}") from error
