@@ -99,7 +99,7 @@ def _surfaces(scene: Scene, effect: str, name: str, cost: str) -> Finding:
         return Finding(name, "none", "")
     names = [scene.materials[index].name or f"material {index}" for index, _ in triangles.most_common(3)]
     more = ", ..." if len(triangles) > 3 else ""
-    return Finding(name, f"{triangles.total()} triangles ({', '.join(names)}{more})", cost)
+    return Finding(name, f"{triangles.total()} triangles", f"{cost} ({', '.join(names)}{more})")
 
 
 def _has(scene: Scene, effect: str) -> bool:

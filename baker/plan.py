@@ -26,8 +26,8 @@ from .views import Placement, place
 
 SH_DEGREE = 0  # Lambertian surfaces look the same from everywhere
 
-# Edge of a view, px, where it is left open: as large as PIXELS in all views allow, in steps that divide into tiles.
-SIZE_MIN, SIZE_MAX, SIZE_STEP = 64, 192, 16
+# Edge of a view, px, where it is left open: as large as PIXELS in all views allow.
+SIZE_MIN, SIZE_MAX, SIZE_STEP = 64, 192, 8
 PIXELS = 5 << 20
 
 # Steps of the fit where they are left open: at least so many, and so many of each view.

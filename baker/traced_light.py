@@ -22,13 +22,12 @@ PACKAGES = ("mitsuba", "drjit", "numpy")
 @dataclass(frozen=True)
 class TracedView:
     """B (H, W, 3) float32 as traced and its standard error (H, W), 0 where no surface is; normal (H, W, 3) to guide a
-    denoiser; valid (H, W): which pixels show a surface; samples: paths in all; invalid: those that gave no number."""
+    denoiser; valid (H, W): which pixels show a surface; invalid: how many paths gave no finite number."""
 
     indirect: np.ndarray
     error: np.ndarray
     normal: np.ndarray
     valid: np.ndarray
-    samples: int
     invalid: int
 
 
@@ -91,8 +90,7 @@ class TracedLight:
         advance(float((~surface.valid).sum()))
         error = np.zeros(surface.valid.shape, np.float32)
         error[surface.valid] = light.error
-        samples = int(light.samples.sum()) + light.invalid
-        return TracedView(surface.image(light.mean), error, surface.normal, surface.valid, samples, light.invalid)
+        return TracedView(surface.image(light.mean), error, surface.normal, surface.valid, light.invalid)
 
     def _key(self, stage: str, **inputs) -> str:
         return task_key(stage, code=code_version(__name__, PACKAGES), scene=self._scene_digest, **inputs)

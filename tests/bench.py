@@ -7,44 +7,16 @@ import platform
 import subprocess
 from pathlib import Path
 
-from gsgi.baker.bake import bake
-from gsgi.baker.frame import draw
-from gsgi.baker.held_out import judge
-from gsgi.baker.progress import Progress
-from gsgi.baker.settings import Settings
-from gsgi.runtime import codec
+from benches.scenes import scenes
+from benches.stages import stages
+from benches.trace import trace
+from benches.triangles import triangles
+
 from gsgi.runtime.atomic import check_writable, write_atomic
-from gsgi.runtime.gltf import read_gltf
 
 ROOT = Path(__file__).resolve().parents[1]
-SCENES = ROOT / "samples" / "scenes"
 
-
-def stages() -> list[dict]:
-    """Seconds and share of each stage of a bake with default settings and of one 512 x 512 frame."""
-    rows = []
-    for name in ("cornell", "cornell_emissive", "two_rooms"):
-        progress = Progress()
-        progress.say(f"bench: stages of {name}")
-        with progress.stage("scene"):
-            scene = read_gltf(SCENES / f"{name}.glb")
-        data = bake(scene, Settings(), progress)
-        baked = codec.decode(data)
-        with progress.stage("render"):
-            draw(scene, baked, next(iter(scene.cameras.values())), 512, 512, "auto")
-        held_out = judge(scene, baked, Settings().seed, progress)
-        total = sum(progress.seconds.values())
-        for stage, seconds in progress.seconds.items():
-            share = seconds / total
-            rows.append({"scene": name, "stage": stage, "seconds": round(seconds, 2), "share": round(share, 3)})
-        count, size = len(baked.gaussians), len(data)
-        worst = min(view.ssim for view in held_out)
-        rows.append({"scene": name, "stage": "all", "seconds": round(total, 2), "share": 1.0,
-                     "gaussians": count, "bytes": size, "ssim": round(worst, 4)})  # fmt: skip
-    return rows
-
-
-BENCHES = {"stages": stages}
+BENCHES = {"stages": stages, "trace": trace, "scenes": scenes, "triangles": triangles}
 
 
 def machine() -> dict[str, str]:

@@ -47,8 +47,9 @@ def test_a_plain_scene_has_no_effect_and_no_cost():
 
 def test_findings_say_how_much_of_it_and_what_it_costs():
     found = {finding.name: finding for finding in findings(SCENES["emissive"])}["emissive surfaces"]
-    assert found.found == "2 triangles (white)"
+    assert found.found == "2 triangles"
     assert "ray" in found.cost
+    assert found.cost.endswith("(white)")
     lights = {f.name: f.found for f in findings(replace(PLAIN, lights=(LAMP, LAMP, replace(LAMP, kind="spot"))))}
     assert (lights["point lights"], lights["spot lights"], lights["directional lights"]) == ("2", "1", "none")
 

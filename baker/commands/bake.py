@@ -76,6 +76,7 @@ def _report(plan, gaussians: int, size: int, progress, held_out: list) -> dict:
         "views": len(plan.placement.fitted),
         "view_size": plan.settings.size,
         "samples": round(plan.samples, 1),
+        "paths": round(plan.pixels * plan.samples),
         "coverage": [round(share, 4) for share in coverage.seen],
         "texel_limit": coverage.texel_limit,
         "hidden_area": sum(hidden.area for hidden in coverage.hidden),

@@ -1,0 +1,42 @@
+"""Whole bakes of real scenes, each in a process of its own."""
+
+import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from .trace import SHARED
+
+LIGHT = {"breakfast_room_sun": ["--env", "1,1,1"], "sponza_sun": ["--env", "1,1,1"]}
+
+
+def scenes() -> list[dict]:
+    """A bake with default settings of every scene that is lit: plan, coverage, seconds per stage, memory, quality."""
+    names = "cornell_mcguire", "modern_hall", "breakfast_room_sun", "sponza_sun"
+    paths = [path for name in names for path in sorted(SHARED.glob(f"*/{name}.gltf"))]
+    return [row(path) for path in paths]
+
+
+def row(path: Path) -> dict:
+    """One bake."""
+    with tempfile.TemporaryDirectory() as folder:
+        flags = ["-o", f"{folder}/out.gsgi", "--cache", f"{folder}/cache", "--json", *LIGHT.get(path.stem, [])]
+        command = [sys.executable, "-m", "gsgi.baker", "bake", str(path), *flags]
+        report = json.loads(subprocess.run(command, stdout=subprocess.PIPE, check=True).stdout)
+    seconds = {f"{stage['stage']}_s": round(stage["seconds"], 1) for stage in report["stages"]}
+    names = "views", "view_size", "bounces", "samples", "bytes"
+    return {
+        "scene": path.stem,
+        **{name: report[name] for name in names},
+        "seen_by_3": report["coverage"][2],
+        "texel_mm": round(1000 * report["texel_limit"], 1),
+        "hidden_m2": round(report["hidden_area"], 1),
+        **seconds,
+        "all_s": round(sum(seconds.values()), 1),
+        "Mpaths": round(report["paths"] / 1e6, 1),
+        "planned_GB": round(report["planned_memory"] / 1e9, 2),
+        "peak_GB": round(report["peak_memory"] / 1e9, 2),
+        "ssim": round(min(view["ssim"] for view in report["held_out"]), 4),
+        "ssim_ceiling": round(min(view["ssim_ceiling"] for view in report["held_out"]), 4),
+    }
