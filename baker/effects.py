@@ -5,7 +5,7 @@ from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 from gsgi.runtime.gaussians import Effects
-from gsgi.runtime.scene import Material, Scene
+from gsgi.runtime.scene import Environment, Material, Scene
 
 from .settings import EFFECTS
 from .surfaces import emits, used_materials
@@ -54,10 +54,13 @@ def without(scene: Scene, names: Collection[str]) -> Scene:
 
 def findings(scene: Scene) -> list[Finding]:
     """Every effect, found or not."""
+    # At each surface a path casts a ray of its own, and one to each kind of light that is looked for.
+    rays = 1 + bool(scene.lights) + _has(scene, "emissive") + _is_picture(scene.environment)
+    share = f"1 of the {rays} rays that a path casts at each surface"
     return [
-        *(_punctual(scene, kind) for kind in ("point", "spot", "directional")),
-        _surfaces(scene, "emissive", "emissive surfaces", "a ray to one of their points at each surface of a path"),
-        _environment(scene),
+        *(_punctual(scene, kind, share) for kind in ("point", "spot", "directional")),
+        _surfaces(scene, "emissive", "emissive surfaces", f"{share} goes to one of their points"),
+        _environment(scene, share),
         _surfaces(scene, "alpha-mask", "alpha masks", "every ray looks for holes; shadow maps test alpha"),
         _surfaces(scene, "double-sided", "double-sided", "drawn without culling"),
         _surfaces(scene, "normal-map", "normal maps", "primary light only: B belongs to the interpolated normal"),
@@ -66,20 +69,24 @@ def findings(scene: Scene) -> list[Finding]:
     ]
 
 
-def _punctual(scene: Scene, kind: str) -> Finding:
+def _punctual(scene: Scene, kind: str, share: str) -> Finding:
     count = sum(light.kind == kind for light in scene.lights)
-    cost = f"a shadow ray at each surface of a path; a frame draws {SHADOW_KINDS[kind]} for each"
+    cost = f"{share} goes to a punctual light; a frame draws {SHADOW_KINDS[kind]} for each"
     return Finding(f"{kind} lights", str(count) if count else "none", cost if count else "")
 
 
-def _environment(scene: Scene) -> Finding:
+def _environment(scene: Scene, share: str) -> Finding:
     if scene.environment is None:
         return Finding("environment", "none", "")
+    if not _is_picture(scene.environment):
+        return Finding("environment", "one colour", "no ray more: those that escape find it")
     height, width = scene.environment.radiance.shape[:2]
-    even = bool((scene.environment.radiance == scene.environment.radiance[0, 0]).all())
-    found = "one colour" if even else f"image of {width} x {height}"
-    return Finding("environment", found, "nothing: rays that escape find it" if even else
-                   "a ray towards a bright part of it at each surface of a path")  # fmt: skip
+    return Finding("environment", f"image of {width} x {height}", f"{share} goes to a bright part of it")
+
+
+def _is_picture(environment: Environment | None) -> bool:
+    """Whether it is brighter in some directions than in others."""
+    return environment is not None and bool((environment.radiance != environment.radiance[0, 0]).any())
 
 
 def _transparent(scene: Scene) -> Finding:
