@@ -66,21 +66,25 @@ class FreeSpace:
         eyes = start + away * (line * rng.uniform(0.1, 0.9, len(line)))[:, None]
         clearance = self._triangles.clearance(eyes)
         clear = np.flatnonzero(clearance >= self.clearance)
-        free = clear[self._faces_fronts(look_around(self._triangles, eyes[clear]))]
+        faces, ground = self._faces_fronts(look_around(self._triangles, eyes[clear]))
+        free = clear[faces & ground]
         if must and not len(free):
             around = look_around(self._triangles, eyes)
             wrong = np.round(around.backs + around.double_backs, 1)
             free = np.lexsort((-clearance, wrong))[:LEAST]
         return eyes[free]
 
-    def _faces_fronts(self, around: Surroundings) -> np.ndarray:
-        """Whether (E,) bool eyes stand before surfaces rather than behind them."""
+    def faces_fronts(self, eyes: np.ndarray) -> np.ndarray:
+        """Whether (E,) bool eyes (E, 3) keep their clearance before surfaces, be there ground below them or not."""
+        faces, _ = self._faces_fronts(look_around(self._triangles, eyes))
+        return faces & (self._triangles.clearance(eyes) >= self.clearance)
+
+    def _faces_fronts(self, around: Surroundings) -> tuple[np.ndarray, np.ndarray]:
+        """Whether (E,) bool eyes stand before surfaces rather than behind them, and whether they have ground below."""
         double = (around.double_backs <= DOUBLE_BACKS_MAX) | (not self._winding)
         if self._open:
             double |= around.open >= OPEN
-        else:
-            double &= around.below < VOID
-        return double & (around.backs <= BACKS_MAX)
+        return double & (around.backs <= BACKS_MAX), (around.below < VOID) | self._open
 
 
 def look_around(triangles: Triangles, eyes: np.ndarray) -> Surroundings:

@@ -11,6 +11,7 @@ from .choice import Choice, poses
 from .coverage import Coverage, Meter
 from .eyes import Eyes, visible
 from .free_space import FreeSpace
+from .outside import look_in
 from .sight import VIEWS, Lens, Sides, sides, texels
 from .surface_points import Triangles
 
@@ -19,6 +20,7 @@ NEAR = 0.1  # of the eyes' clearance
 
 FEWEST, MOST = 24, 1024  # cameras, where their number is left open
 HELD_OUT = 3
+OUTSIDE_SHARE, OUTSIDE_FEWEST = 8, 4  # views from outside: one for so many others, but so many at least
 
 # Surface points that stand for the surface while cameras are chosen, in rounds until the judges, other points on which
 # the choice is measured, are met as well.
@@ -89,10 +91,20 @@ def place(
             break
         chosen = choice.chosen
     choose(fewest, VIEWS, ENOUGH_WORTH)
-    fitted = given | _named(cameras(choice.chosen), given)
+    chosen = cameras(choice.chosen)
+    outside = _outside(triangles, free, witnesses, visible(lines, witnesses), len(chosen), rng) if count is None else []
+    meter.add(outside[1:])
+    fitted = given | _named(chosen + outside[1:], given)
     apart = eyes.kept & (_distance(eyes.position, fitted) >= free.clearance)
-    held_out = choice.held_out(HELD_OUT, apart if apart.any() else eyes.kept)
-    return Placement(fitted, _named(cameras(held_out), fitted), meter.coverage(eyes.lens.limit))
+    held_out = cameras(choice.held_out(HELD_OUT - len(outside[:1]), apart if apart.any() else eyes.kept))
+    return Placement(fitted, _named(held_out + outside[:1], fitted), meter.coverage(eyes.lens.limit))
+
+
+def _outside(
+    triangles: Triangles, free: FreeSpace, witnesses: Sides, seen: np.ndarray, number: int, rng
+) -> list[Camera]:
+    """One view from outside to hold out, then some to fit: so few that they do not hold up the others."""
+    return look_in(triangles, free, witnesses, seen, 1 + max(number // OUTSIDE_SHARE, OUTSIDE_FEWEST), rng)
 
 
 def _times_seen(triangles: Triangles, cameras: list[Camera], sampled: Sides, lens: Lens) -> np.ndarray:
