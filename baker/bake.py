@@ -26,6 +26,8 @@ def bake(plan: Plan, progress: Progress, cache: Cache) -> bytes:
     What `cache` holds is not computed again, and what is computed goes there.
     """
     settings, points = plan.settings, plan.starting_points()
+    if not plan.pilot.mean:
+        progress.warn("no indirect light reaches what the views see: the file will hold darkness")
     with progress.stage("irradiance", plan.pixels + len(points), "points") as advance:
         traced = TracedLight(plan.scene, cache)
         light = traced.at_points(points.position, points.normal, plan.sampling, settings.seed, advance)
@@ -46,7 +48,7 @@ def bake(plan: Plan, progress: Progress, cache: Cache) -> bytes:
 
 def _tell_invalid(paths: int, progress: Progress) -> None:
     if paths:
-        progress.say(f"warning: {paths} paths gave no finite number and were left out")
+        progress.warn(f"{paths} paths gave no finite number and were left out")
 
 
 def _denoises(plan: Plan) -> bool:

@@ -146,4 +146,4 @@ class Cache:
 
     def _stop(self, reason: str) -> None:
         self._writes = False
-        self.warn(f"warning: {reason}; the bake goes on and the cache keeps nothing more of it")
+        self.warn(f"{reason}; the bake goes on and the cache keeps nothing more of it")

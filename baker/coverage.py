@@ -109,10 +109,11 @@ def coverage_summary(coverage: Coverage) -> list[str]:
     three = f"{100 * coverage.seen[VIEWS - 1]:.1f} % of the visible area ({_area(coverage.visible_area)})"
     lines = [
         f"{three} is seen by {VIEWS} views at {length(coverage.texel_limit)} per texel or finer "
-        f"(half at {length(coverage.texel_median)}, 95 % at {length(coverage.texel_p95)})"
+        f"(half {_at(coverage.texel_median)}, 95 % {_at(coverage.texel_p95)})"
     ]
     for hidden in coverage.hidden[:LISTED]:
-        lines.append(f"hidden: {hidden.material}: {_area(hidden.area)} ({100 * hidden.share:.1f} % of all surface)")
+        name = hidden.material if hidden.material.isprintable() else repr(hidden.material)
+        lines.append(f"hidden: {name}: {_area(hidden.area)} ({100 * hidden.share:.1f} % of all surface)")
     rest = coverage.hidden[LISTED:]
     if rest:
         area, share = sum(hidden.area for hidden in rest), 100 * sum(hidden.share for hidden in rest)
@@ -138,6 +139,10 @@ def length(metres: float) -> str:
     if not np.isfinite(metres):
         return "no texel size"
     return f"{metres:.3g} m" if metres >= 1 else f"{1000 * metres:.3g} mm"
+
+
+def _at(texel: float) -> str:
+    return f"at {length(texel)}" if np.isfinite(texel) else "not at all"
 
 
 def _area(square_metres: float) -> str:

@@ -2,9 +2,11 @@
 
 from typing import NamedTuple
 
+import numpy as np
+
 from .coverage import VIEWS, length
 from .effects import findings
-from .irradiance import PASS_SAMPLES
+from .irradiance import BOUNCES_MAX, PASS_SAMPLES
 from .plan import SH_DEGREE, Plan
 
 
@@ -21,6 +23,11 @@ def decisions(plan: Plan) -> list[Decision]:
     s, fitted, coverage = plan.settings, plan.placement.fitted, plan.placement.coverage
     placed = sum(name not in plan.scene.cameras and not name.startswith("path ") for name in fitted)
     bounces = "asked for" if plan.lost is None else f"further ones add {plan.lost:.2%} of the picture"
+    if s.bounces == BOUNCES_MAX:
+        bounces = "the most that are followed: this scene keeps its light"
+    fine = f"half the area at {length(coverage.texel_median)} per texel or finer"
+    if not np.isfinite(coverage.texel_median):
+        fine = f"less than half the area is seen by {VIEWS} views"
     until = f"until the standard error is {s.error:.0%} of B and its mean" if s.error else "all of them"
     least = PASS_SAMPLES if s.error else s.samples
     seen = f"of the visible area is seen by {VIEWS} views at {length(coverage.texel_limit)} per texel or finer"
@@ -30,7 +37,7 @@ def decisions(plan: Plan) -> list[Decision]:
         ("SH degree", f"{SH_DEGREE}", "surfaces are Lambertian: B looks the same from everywhere"),
         ("views", f"{len(fitted)}", f"{placed} placed; {len(plan.placement.held_out)} more are held out"),
         ("coverage", f"{coverage.seen[VIEWS - 1]:.1%}", seen),
-        ("view size", f"{s.size} px", f"half the area at {length(coverage.texel_median)} per texel or finer"),
+        ("view size", f"{s.size} px", fine),
         ("samples", f"{least} to {s.samples}", f"{until}: {plan.samples:.0f} on average"),
         ("fit", f"{s.iterations} steps", f"each view about {s.iterations / max(len(fitted), 1):.0f} times"),
         ("memory", f"{plan.memory / 1e9:.1f} GB", "at the peak"),

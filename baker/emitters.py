@@ -11,8 +11,7 @@ mi = load_mitsuba()
 
 import drjit as dr  # noqa: E402  (needs the LLVM that load_mitsuba chose)
 
-# Of a textured emitter's mean: no triangle is drawn more rarely, for its own texels may be brighter than the mean.
-PROBES = 16
+PROBES = 16  # texels looked at to guess how bright a triangle of a textured emitter is
 
 
 class Emitters:
@@ -20,13 +19,14 @@ class Emitters:
 
     def __init__(self, scene: Scene, surfaces: Surfaces):
         material = surfaces.face[:, 3].view(np.uint32)
-        lit = np.flatnonzero(np.array([emits(m, scene) for m in scene.materials], bool)[material])
+        has_area = surfaces.face[:, :3].any(axis=1)
+        lit = np.flatnonzero(np.array([emits(m, scene) for m in scene.materials], bool)[material] & has_area)
         self.count = len(lit)
         if not self.count:
             return
-        corners = surfaces.position[surfaces.triangle[lit]]
+        corners = surfaces.position[surfaces.triangle[lit]].astype(np.float64)
         edges = corners[:, 1:] - corners[:, :1]
-        area = np.linalg.norm(np.cross(edges[:, 0].astype(np.float64), edges[:, 1]), axis=1) / 2
+        area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) / 2
         weight = area * _brightness(scene, surfaces, lit)
         weight /= weight.sum()
         rows = np.zeros((self.count, 12), np.float32)
@@ -36,12 +36,12 @@ class Emitters:
         self.distribution = mi.DiscreteDistribution(mi.Float(weight.astype(np.float32)))
         # Probability per area (1/m^2) of each triangle of the scene, 0 for those that do not emit.
         density = np.zeros(len(surfaces.triangle), np.float32)
-        density[lit] = weight / np.maximum(area, np.finfo(np.float32).tiny)
+        density[lit] = weight / area
         self.density = mi.Float(density)
 
     def sample(self, u, v):
         """A point on some emitter from `u` Float and `v` Point2f in [0, 1): (Point3f, prim, b, 1/m^2 density)."""
-        index, u, _ = self.distribution.sample_reuse_pmf(u)
+        index = self.distribution.sample(u)
         b = mi.warp.square_to_uniform_triangle(v)
         row = [dr.gather(mi.Vector4f, self.corners, 3 * index + k) for k in range(3)]
         at, first, second = (mi.Vector3f(r.x, r.y, r.z) for r in row)

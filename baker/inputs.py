@@ -1,6 +1,8 @@
 """What the options of a command stand for: a scene, a camera of it, a plan, a cache, baked light."""
 
 import argparse
+import re
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +19,8 @@ from .settings import Settings
 if TYPE_CHECKING:
     from .plan import Plan
 
+WARNINGS = 4  # of one kind that the log shows
+
 
 def read_scene(options: argparse.Namespace, progress: Progress) -> Scene:
     """The scene that the options name, under their light; what the reader left out goes to the log."""
@@ -24,9 +28,21 @@ def read_scene(options: argparse.Namespace, progress: Progress) -> Scene:
     from gsgi.runtime.limits import parse_limits
 
     scene = read_gltf(options.scene, parse_limits(options.limit or ()), options.transparent)
-    for warning in scene.warnings:
-        progress.say(f"warning: {warning}")
+    for line in _in_short(scene.warnings, options.scene):
+        progress.warn(line)
     return light(scene, _lighting(options, progress))
+
+
+def _in_short(warnings: Iterable[str], scene: str) -> Iterator[str]:
+    """The reader's warnings: the first of those that name the same member of different entries, and how many more."""
+    groups: dict[str, list[str]] = {}
+    for warning in warnings:
+        pointer = warning.removeprefix(f"{scene}: ").partition(": ")[0]
+        groups.setdefault(re.sub(r"\d+", "*", pointer), []).append(warning)
+    for pointer, group in groups.items():
+        yield from group[:WARNINGS]
+        if more := group[WARNINGS:]:
+            yield f"{scene}: {pointer}: {len(more)} more like these: `gsgi validate` lists them"
 
 
 def _lighting(options: argparse.Namespace, progress: Progress) -> Lighting:
@@ -76,14 +92,14 @@ def _settings(options: argparse.Namespace) -> Settings:
 
 def open_cache(options: argparse.Namespace, progress: Progress) -> Cache:
     """The cache that the options and the environment name. Raises UsageError for a limit that makes no sense."""
-    return Cache(options.cache or default_folder(), size_limit(), progress.say)
+    return Cache(options.cache or default_folder(), size_limit(), progress.warn)
 
 
 def choose_camera(scene: Scene, options: argparse.Namespace) -> Camera:
     """The camera that is asked for; without a name the scene's first, or one placed where it sees much."""
     if options.camera is not None:
         if options.camera not in scene.cameras:
-            known = ", ".join(scene.cameras) or "none"
+            known = ", ".join(map(repr, scene.cameras)) or "none"
             raise UsageError(f"{options.scene}: expected the name of a camera ({known}), got {options.camera!r}")
         return scene.cameras[options.camera]
     if scene.cameras:
@@ -91,7 +107,8 @@ def choose_camera(scene: Scene, options: argparse.Namespace) -> Camera:
     from .surface_points import Triangles
     from .views import place
 
-    placement = place(Triangles(scene), {}, max(options.size), seed=0, count=1)
+    triangles = Triangles(scene)
+    placement = place(triangles, {}, max(options.size), seed=0, count=1, texel_limit=triangles.diagonal)
     return next(iter(placement.fitted.values()))
 
 

@@ -4,6 +4,7 @@
 reached x straight from a punctual light. Emissive surfaces light the scene through B completely.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +20,7 @@ from .surfaces import tabulate
 PASS_SAMPLES = 32
 LAUNCH_POINTS = 1 << 14
 
-PRIOR_SAMPLES = 16
+PRIOR_SAMPLES = 64
 
 # Bounces where none are asked for: at albedo 0.75 the light cut off is below 1e-7.
 BOUNCES_MAX = 64
@@ -92,13 +93,14 @@ class Tracer:
         from .shading import Shading
 
         surfaces = tabulate(scene)
+        self.corners = surfaces.position, surfaces.triangle
         count = self.opaque_count = surfaces.opaque
         parts = surfaces.triangle[:count], surfaces.triangle[count:]
         self.opaque, self.masked = (mitsuba_scene.build(surfaces.position, p) if len(p) else None for p in parts)
         self.diagonal = scene.diagonal()
         self.unlit = any(material.unlit for material in scene.materials)
         self.shading = Shading(surfaces)
-        self.lights = PunctualLights(scene.lights)
+        self.lights = PunctualLights(scene.lights, self.diagonal)
         self.emitters = Emitters(scene, surfaces)
         self.environment = None if scene.environment is None else EnvironmentLight(scene.environment)
 
@@ -112,7 +114,8 @@ class Tracer:
         direction = local.reshape(-1, 3) @ camera.world_from_view[:3, :3].T
         origin = camera.position + camera.znear * direction
         direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-        hits = paths.first_hits(self, origin.astype(np.float32), direction.astype(np.float32))
+        hits = self._launched(paths.first_hits, origin, direction)
+        hits["position"] = self._positions(hits.pop("triangle"), hits.pop("weights"))
         depth = (camera.position - hits["position"]) @ camera.world_from_view[:3, 2]
         valid = hits.pop("valid") & (depth <= camera.zfar)
         background = hits.pop("background")
@@ -132,10 +135,12 @@ class Tracer:
         active = np.arange(len(position))
         for k in range(passes):
             self._pass(points, active, sums, sampling.bounces, (seed, k), advance and (lambda n: advance(n / passes)))
+            if not sampling.error:
+                continue
             going = active[sums.error()[active] > sampling.error * (sums.brightness()[active] + sampling.scale)]
             if advance:
                 advance((len(active) - len(going)) * (passes - 1 - k) / passes)
-            active = going if sampling.error else active
+            active = going
         return sums.light()
 
     def direct(self, position, normal, geometric_normal) -> np.ndarray:
@@ -146,13 +151,25 @@ class Tracer:
         """
         from . import paths
 
-        inputs = position, normal, geometric_normal
-        batches = range(0, len(position) if self.lights.count else 0, LAUNCH_POINTS)
-        result = np.zeros((len(position), 3), np.float32)
-        for first in batches:
-            padded = [_padded(array[first : first + LAUNCH_POINTS]) for array in inputs]
-            result[first : first + LAUNCH_POINTS] = paths.direct(self, *padded)[: len(position) - first]
-        return result
+        if not self.lights.count:
+            return np.zeros((len(position), 3), np.float32)
+        return self._launched(paths.direct, position, normal, geometric_normal)["direct"]
+
+    def _launched(self, kernel: Callable, *inputs: np.ndarray) -> dict[str, np.ndarray]:
+        """Columns (N, ...) of a kernel that takes arrays (N, 3), in launches of one size."""
+        count = len(inputs[0])
+        starts = range(0, max(count, 1), LAUNCH_POINTS)
+        launches = [kernel(self, *(_padded(array[k : k + LAUNCH_POINTS]) for array in inputs)) for k in starts]
+        return {name: np.concatenate([launch[name] for launch in launches])[:count] for name in launches[0]}
+
+    def _positions(self, triangle: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """Points (N, 3) float32 on triangles (N,), from the weights (N, 2) of their corners 1 and 2.
+
+        Not from distances along rays: seen from far away, those miss the surface by more than rays start off it.
+        """
+        position, corners = self.corners
+        a, b, c = (position[corner].astype(np.float64) for corner in corners[triangle].T)
+        return (a + weights[:, :1] * (b - a) + weights[:, 1:] * (c - a)).astype(np.float32)
 
     def _pass(self, points, active: np.ndarray, sums: "_Sums", bounces: int, seed: tuple, advance) -> None:
         """PASS_SAMPLES more paths for the points `active`."""
@@ -210,7 +227,7 @@ class _Sums:
 
 
 def _padded(array: np.ndarray) -> np.ndarray:
-    """(n, 3) -> (LAUNCH_POINTS, 3) float32; points added have normal 0, at which no path starts."""
+    """(n, 3) -> (LAUNCH_POINTS, 3) float32; what is added has normal or direction 0, where nothing is traced."""
     result = np.zeros((LAUNCH_POINTS, 3), np.float32)
     result[: len(array)] = array
     return result

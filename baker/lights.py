@@ -13,9 +13,12 @@ _KINDS = {"point": 0, "spot": 1, "directional": 2}
 
 
 class PunctualLights:
-    """The lights as tables that a kernel gathers from; only the kinds that occur are compiled into it."""
+    """The lights of a scene of this diagonal (m), as tables that a kernel gathers from.
 
-    def __init__(self, lights: Sequence[Light]):
+    Only the kinds that occur are compiled into it.
+    """
+
+    def __init__(self, lights: Sequence[Light], diagonal: float):
         mi = load_mitsuba()
         self.count = len(lights)
         self.kinds = {light.kind for light in lights}
@@ -30,12 +33,10 @@ class PunctualLights:
         self.range = mi.Float(columns["range"])
         self.cos_inner = mi.Float(columns["cos_inner"])
         self.cos_outer = mi.Float(columns["cos_outer"])
-        brightness = columns["color"].mean(axis=0).astype(np.float64)
-        weight = brightness if brightness.sum() > 0 else np.ones(self.count)
-        self.distribution = mi.DiscreteDistribution(mi.Float((weight / weight.sum()).astype(np.float32)))
+        self.distribution = mi.DiscreteDistribution(mi.Float(_probabilities(lights, diagonal).astype(np.float32)))
 
     def sample(self, u):
-        """Choose lights by intensity. `u` Float in [0, 1) -> (light index UInt32, 1 / probability Float)."""
+        """Choose lights, bright ones more often. `u` Float in [0, 1) -> (light index UInt32, 1 / probability Float)."""
         import drjit as dr
 
         index, pdf = self.distribution.sample_pmf(u)
@@ -69,3 +70,22 @@ class PunctualLights:
             cone = dr.square(dr.clip((dr.dot(-wi, axis) - outer) / width, 0, 1))
             attenuation *= dr.select(kind == _KINDS["spot"], cone, 1.0)
         return wi, distance, color * attenuation
+
+
+def _probabilities(lights: Sequence[Light], diagonal: float) -> np.ndarray:
+    """How often each light (N,) is chosen: half by its power, half evenly, for weak lights are bright nearby."""
+    power = np.array([light.color.mean() * _extent(light, diagonal) for light in lights], np.float64)
+    total = power.sum()
+    return (power / total + 1 / len(lights)) / 2 if total > 0 else np.full(len(lights), 1 / len(lights))
+
+
+def _extent(light: Light, diagonal: float) -> float:
+    """What its colour is multiplied by to give its power: solid angle (sr), or area of the scene's bounds (m^2)."""
+    match light.kind:
+        case "point":
+            return 4 * np.pi
+        case "spot":
+            return 2 * np.pi * (1 - light.cos_outer)
+        case "directional":
+            return np.pi * (diagonal / 2) ** 2
+    raise AssertionError(light.kind)

@@ -114,7 +114,7 @@ def add_picture(parser: argparse.ArgumentParser) -> None:
 
 def add_verbosity(parser: argparse.ArgumentParser) -> None:
     """--quiet"""
-    parser.add_argument("-q", "--quiet", action="store_true", help="no progress on stderr")
+    parser.add_argument("-q", "--quiet", action="store_true", help="no progress on stderr; warnings stay")
 
 
 def add_json(parser: argparse.ArgumentParser, what: str = "print JSON") -> None:

@@ -20,11 +20,11 @@ import drjit as dr  # noqa: E402  (needs the LLVM that load_mitsuba chose)
 ROULETTE_BOUNCE = 3
 ROULETTE_MAX = 0.95
 
-# Of the largest coordinate plus the distance travelled: 64 times what float32 rounds off. Rays start this far off their
+# Of the largest coordinate plus the distance travelled: 16 times what float32 rounds off. Rays start this far off their
 # surface, so that they do not meet it again.
-OFFSET = 2.0**-18
+OFFSET = 2.0**-20
 
-# Of the distance to a light: a shadow ray stops short of the emitter by this.
+# Of the distance to a light: a shadow ray stops short of the emitter by this, and by what rays start off a surface.
 SHORT = 1e-4
 
 # Dimensions of `Draws`: which number each choice takes.
@@ -49,33 +49,34 @@ class Sums(NamedTuple):
 
 
 def first_hits(tracer, origin: np.ndarray, direction: np.ndarray) -> dict[str, np.ndarray]:
-    """What rays from `origin` (M, 3) along unit `direction` (M, 3) see: columns of `irradiance.Surface`, `background`.
+    """What rays from `origin` (M, 3) along unit `direction` (M, 3) see; nothing along a direction of 0.
 
-    The background is the environment's radiance, as far as the G-buffer's half floats hold it.
+    Columns normal, shading_normal, geometric_normal, albedo and emission of `irradiance.Surface`; valid (M,) bool; the
+    triangle (M,), 0 where there is none, with the weights (M, 2) of its corners 1 and 2; and background (M, 3), the
+    environment's radiance as far as the G-buffer's half floats hold it.
     """
     o, d = mi.Point3f(origin.T), mi.Vector3f(direction.T)
-    hit = _closest_front(tracer, o, d, mi.Bool(True))
-    valid = dr.isfinite(hit.t)
-    ng, material, front = _side(tracer, hit, d, valid)
-    n = tracer.shading.shading_normal(hit.prim, hit.b, ng, valid)
-    mapped = n
-    if "normal_texture" in tracer.shading.slots:
-        mapped = tracer.shading.mapped_normal(material, hit.prim, hit.b, n, dr.select(front, 1, -1), valid)
+    aimed = dr.squared_norm(d) > 0
+    hit = _closest_front(tracer, o, d, aimed)
+    valid = aimed & dr.isfinite(hit.t)
+    ng, material, _ = _side(tracer, hit, d, valid)
     albedo, emission = tracer.shading.shown(material, hit.prim, hit.b, valid)
-    mask = np.array(valid).astype(bool)
-
-    def rows(vector) -> np.ndarray:
-        array = np.broadcast_to(np.array(vector).T, (len(direction), 3))
-        return np.where(mask[:, None], array, 0).astype(np.float32)
-
-    names = "position", "normal", "shading_normal", "geometric_normal", "albedo", "emission"
-    vectors = o + d * dr.select(valid, hit.t, 0), n, mapped, ng, albedo, emission
-    columns = {name: rows(vector) for name, vector in zip(names, vectors, strict=True)}
-    background = np.zeros((len(direction), 3), np.float32)
+    background = mi.Color3f(0)
     if tracer.environment is not None:
-        radiance, _ = tracer.environment.eval(d, mi.Bool(True))
-        background = np.array(dr.minimum(radiance, constants.HALF_MAX)).T
-    return columns | {"background": background, "valid": mask}
+        background = dr.minimum(tracer.environment.eval(d, aimed)[0], constants.HALF_MAX)
+    columns = {
+        "normal": tracer.shading.shading_normal(hit.prim, hit.b, ng, valid),
+        "shading_normal": tracer.shading.mapped_normal(material, hit.prim, hit.b, ng, valid),
+        "geometric_normal": ng,
+        "albedo": albedo,
+        "emission": emission,
+        "weights": hit.b,
+    }
+    columns = {name: dr.select(valid, value, 0) for name, value in columns.items()} | {"background": background}
+    triangle = dr.select(valid, hit.prim, 0)
+    dr.eval(valid, triangle, columns)  # in one kernel: each look at a column by itself would trace the rays again
+    arrays = {name: np.broadcast_to(np.array(c).T, (len(o.x), len(c))) for name, c in columns.items()}
+    return arrays | {"valid": np.array(valid).astype(bool), "triangle": np.array(triangle)}
 
 
 def indirect(tracer, position, normal, geometric_normal, samples: int, bounces: int, seed: int) -> Sums:
@@ -91,8 +92,8 @@ def indirect(tracer, position, normal, geometric_normal, samples: int, bounces: 
     return Sums(np.array(light, np.float64).T, np.array(squared, np.float64), np.array(invalid, np.int64))
 
 
-def direct(tracer, position, normal, geometric_normal) -> np.ndarray:
-    """Light of all punctual lights at each point over pi, (N, 3) float32; arguments (N, 3) float32."""
+def direct(tracer, position, normal, geometric_normal) -> dict[str, np.ndarray]:
+    """Light of all punctual lights at each point over pi, `direct` (N, 3) float32; arguments (N, 3) float32."""
     p, n, ng = mi.Point3f(position.T), mi.Normal3f(normal.T), mi.Normal3f(geometric_normal.T)
     active = dr.squared_norm(n) > 0
     result = mi.Color3f(0)
@@ -100,7 +101,7 @@ def direct(tracer, position, normal, geometric_normal) -> np.ndarray:
         # Opaque: one kernel serves all lights.
         result += _punctual(tracer, p, n, ng, dr.opaque(mi.UInt32, index), active)
         dr.eval(result)
-    return np.array(result).T
+    return {"direct": np.array(result).T}
 
 
 @dr.syntax
@@ -316,7 +317,8 @@ def _is_back(tracer, hit, d):
 
 def _unoccluded(tracer, origin, direction, distance, active):
     """Whether nothing stops light on its way to `origin` from `distance` (m) away along `direction`."""
-    limit, free = distance * (1 - SHORT), mi.Bool(active)
+    limit = dr.maximum(distance * (1 - SHORT) - OFFSET * _magnitude(tracer, origin), 0)
+    free = mi.Bool(active)
     if tracer.opaque is not None:
         free = free & ~tracer.opaque.ray_test(_ray(origin, direction, limit), active=active)
     if tracer.masked is not None:

@@ -41,6 +41,10 @@ class Progress:
         else:
             print(line, file=sys.stderr, flush=True)
 
+    def warn(self, line: str) -> None:
+        """Print a warning on stderr, quiet or not: what is left out is never left out silently."""
+        print(f"warning: {line}", file=sys.stderr, flush=True)
+
     def _bar(self, name: str, total: float, unit: str):
         if self.quiet:
             return _Silent()

@@ -54,7 +54,9 @@ def trace(tracer: Tracer, camera: Camera, width: int, height: int, samples: int,
     surface = tracer.surface(camera, width, height)
     direct = surface.image(tracer.direct(*surface.shading_points()))
     half = Sampling(-(-samples // 2))
-    a, b = (surface.image(tracer.indirect(*surface.points(), half, 2 * seed + k, advance).mean) for k in (0, 1))
+    # Hashed: a reference shares its random numbers with no view of a bake, whose seeds are small numbers too.
+    seeds = np.random.SeedSequence(seed).generate_state(2).tolist()
+    a, b = (surface.image(tracer.indirect(*surface.points(), half, s, advance).mean) for s in seeds)
     if advance:
         advance(2 * float((~surface.valid).sum()))
     return Reference(surface, surface.emission + surface.albedo * direct, a, b)

@@ -55,14 +55,15 @@ class Shading:
         """Interpolated unit normal at barycentric coordinates `b`, on the side of the geometric normal `ng`."""
         if not self.smooth:
             return mi.Normal3f(ng)
-        codes = dr.gather(mi.Vector4u, self.normal, prim, active)
-        n = _weighted(b, *(_from_octahedral(code) for code in (codes.x, codes.y, codes.z)))
-        length = dr.norm(n)
-        n = dr.select(length > 0, n / length, ng)
+        n = self._interpolated(prim, b, ng, active)
         return mi.Normal3f(dr.select(dr.dot(n, ng) < 0, -n, n))
 
-    def mapped_normal(self, material, prim, b, n, front, active):
-        """The unit normal `n` (facing the side `front`: 1 or -1) as the normal texture bends it."""
+    def mapped_normal(self, material, prim, b, ng, active):
+        """The same as the normal texture bends it (glsl/normal_map.glsl). It may lie on the other side of `ng`."""
+        n = self._interpolated(prim, b, ng, active)
+        side = dr.select(dr.dot(n, ng) < 0, -1, 1)
+        if "normal_texture" not in self.slots:
+            return n * side
         slot = self._slot("normal_texture", material, active)
         active = active & (slot.x != NO_TEXTURE)
         texel = self._exact(slot, self._uv(slot, prim, b, active), active, linear=False)
@@ -70,15 +71,23 @@ class Shading:
         local = mi.Vector3f(texel.x, texel.y, texel.z) * 2 - 1
         corners = (dr.gather(mi.Vector4f, self.tangent, 3 * prim + k, active) for k in range(3))
         tangent = _weighted(b, *corners)
-        axis = n * front  # the front's: the texture is painted there
         t = mi.Vector3f(tangent.x, tangent.y, tangent.z)
-        t -= axis * dr.dot(axis, t)
+        t -= n * dr.dot(n, t)
         length = dr.norm(t)
         t /= length
-        bitangent = dr.select(tangent.w < 0, -1, 1) * dr.cross(axis, t)
-        bent = (t * local.x * scale + bitangent * local.y * scale + axis * local.z) * front
+        bitangent = dr.select(tangent.w < 0, -1, 1) * dr.cross(n, t)
+        bent = t * local.x * scale + bitangent * local.y * scale + n * local.z
         usable = active & (length > 0) & (dr.norm(bent) > 0)
-        return mi.Normal3f(dr.select(usable, dr.normalize(bent), n))
+        return side * mi.Normal3f(dr.select(usable, dr.normalize(bent), n))
+
+    def _interpolated(self, prim, b, ng, active):
+        """Unit normal on the side that the file says; where it says nothing, `ng`."""
+        if not self.smooth:
+            return self.frame(prim, active)[0]
+        codes = dr.gather(mi.Vector4u, self.normal, prim, active)
+        n = _weighted(b, *(_from_octahedral(code) for code in (codes.x, codes.y, codes.z)))
+        length = dr.norm(n)
+        return mi.Normal3f(dr.select(length > 0, n / length, ng))
 
     def hole(self, prim, b, active):
         """Whether the surface has an alpha-tested hole there: factor * texture * vertex colour below the cut-off."""

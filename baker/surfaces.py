@@ -1,7 +1,7 @@
 """Triangles, materials and texels of a scene as flat tables that the path tracer's kernels gather from.
 
 One table for the whole scene, whatever the number of its materials: no virtual call, one kernel. Only what the scene
-has is stored; a kernel asks `textured`, `colored`, `smooth`, ... and compiles nothing else.
+has is stored, and a kernel compiles nothing else.
 """
 
 from dataclasses import dataclass
@@ -91,16 +91,6 @@ def emits(material: Material, scene: Scene) -> bool:
 def used_materials(scene: Scene) -> list[Material]:
     """The materials that some triangle has."""
     return [scene.materials[index] for index in sorted({mesh.material for mesh in scene.meshes})]
-
-
-def has_emitters(scene: Scene) -> bool:
-    """Whether any triangle emits light."""
-    return any(emits(material, scene) for material in used_materials(scene))
-
-
-def has_masks(scene: Scene) -> bool:
-    """Whether any triangle has alpha-tested holes."""
-    return any(material.alpha_cutoff is not None for material in used_materials(scene))
 
 
 def _is_masked(scene: Scene, mesh) -> bool:

@@ -10,6 +10,7 @@ from .gaussians import Bake
 from .gbuffer import GBuffer
 from .geometry import Geometry
 from .layers import LAYERS
+from .local import local_bake, local_camera, local_scene, origin_of
 from .primary import Primary
 from .scene import Scene
 from .shadow import Shadow
@@ -26,6 +27,10 @@ class DeferredRenderer:
 
     def __init__(self, ctx: moderngl.Context, scene: Scene, bake: Bake | None, width: int, height: int):
         size = (width, height)
+        self._origin = origin_of(scene)
+        if self._origin.any():
+            scene = local_scene(scene, self._origin)
+            bake = bake and local_bake(bake, self._origin)
         self.geometry = Geometry(ctx, scene)
         self.gbuffer = GBuffer(ctx, self.geometry, size)
         self.background = self.shadow = self.primary = self.splats = self.composite = None
@@ -43,6 +48,7 @@ class DeferredRenderer:
 
     def render(self, camera: Camera) -> None:
         """Draw one frame."""
+        camera = local_camera(camera, self._origin)
         self.gbuffer.draw(camera)
         if self.background:
             self.background.draw(camera)

@@ -115,7 +115,7 @@ def test_a_cache_that_cannot_be_written_warns_once(tmp_path):
     cache.trim()
     assert len(lines) == 1
     assert str(blocked) in lines[0]
-    assert lines[0].startswith("warning: ")
+    assert "warning" not in lines[0]  # whoever prints it says so
     with pytest.raises(FileError, match="cannot read"):
         entries(blocked)
 

@@ -40,7 +40,7 @@ def test_summary_names_what_matters():
     lines = coverage.coverage_summary(result)
     assert lines[0] == (
         "99.3 % of the visible area (61 m^2) is seen by 3 views at 41 mm per texel or finer "
-        "(half at 12 mm, 95 % at no texel size)"
+        "(half at 12 mm, 95 % not at all)"
     )
     assert lines[1] == "hidden: a: 2 m^2 (10.0 % of all surface)"
     assert lines[-1] == "hidden: 2 further materials: 4 m^2 (20.0 %)"

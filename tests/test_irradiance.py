@@ -11,10 +11,11 @@ import scenes
 from gsgi.baker.irradiance import PASS_SAMPLES, Sampling, Tracer
 from gsgi.runtime.camera import look_at
 from gsgi.runtime.gltf import read_gltf
-from gsgi.runtime.scene import Light, Material, Scene, Texture, TextureSlot
+from gsgi.runtime.scene import Environment, Light, Material, Scene, Texture, TextureSlot
 
 UP = np.array([[0, 1, 0]], np.float32)
 DOWN = -UP
+WHITE_SKY = Environment(np.ones((1, 1, 3), np.float32))
 
 
 def light(kind: str, **values) -> Light:
@@ -317,6 +318,20 @@ def test_points_stop_at_their_standard_error_and_dark_ones_later_than_their_own_
     np.testing.assert_array_equal(capped.samples, 64)
 
 
+def test_stopping_early_leaves_dark_points_as_bright_as_they_are():
+    scene = cornell()
+    tracer = Tracer(scene)
+    points = tracer.surface(next(iter(scene.cameras.values())), 48, 48).points()
+    truth = tracer.indirect(*points, Sampling(2048, 8), seed=99).mean.mean(axis=1)
+    dark = truth < np.median(truth)
+    early = Sampling(1024, 8, error=0.1, scale=truth.mean())
+    lights = [tracer.indirect(*points, early, seed) for seed in range(6)]
+    assert np.mean([light.samples.mean() for light in lights]) < 64
+    # Points that stop because they missed the light so far would take 1.6 % here with a prior of 16 paths.
+    brightness = np.mean([light.mean.mean(axis=1)[dark].mean() for light in lights])
+    assert brightness == pytest.approx(truth[dark].mean(), rel=0.008)
+
+
 def test_paths_that_give_no_number_are_counted_and_left_out():
     lamp = Material("lamp", (0.5, 0.5, 0.5, 1.0), emission=(1e38, 1e38, 1e38), double_sided=True)
     tracer = Tracer(
@@ -328,10 +343,68 @@ def test_paths_that_give_no_number_are_counted_and_left_out():
     assert np.isfinite(light.mean).all()
 
 
-def test_progress_adds_up_to_the_points_whether_they_stop_early_or_not():
-    scene = scenes.furnace()
+@pytest.mark.parametrize("error", [0.0, 0.05])
+@pytest.mark.parametrize("emission", [1.0, 0.0])  # without noise: a standard error of 0
+def test_progress_adds_up_to_the_points_whether_they_stop_early_or_not(error, emission):
+    scene = scenes.furnace(emission=emission)
     position, normal = even_points(scene, 60)
-    for error in (0.0, 0.05):
-        done = []
-        Tracer(scene).indirect(position, normal, normal, Sampling(320, error=error), 0, done.append)
-        assert sum(done) == pytest.approx(60)
+    done = []
+    Tracer(scene).indirect(position, normal, normal, Sampling(320, error=error), 0, done.append)
+    assert sum(done) == pytest.approx(60)
+
+
+def test_an_emissive_material_on_a_triangle_without_area_is_no_light():
+    lamp = Material("lamp", emission=(1, 1, 1))
+    line = replace(scenes.floor(material=1), position=np.float32([[0, 1, 0]] * 4))
+    b = Tracer(Scene((scenes.floor(), line), (scenes.WHITE, lamp))).indirect(np.zeros((1, 3)), UP, UP, Sampling(32), 0)
+    assert b.mean.max() == 0
+
+
+def turned(scene: Scene, offset: np.ndarray) -> tuple[Scene, np.ndarray]:
+    """The scene turned to lie along no axis and moved, and the rotation (3, 3)."""
+    rotation, _ = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))
+    rotation *= np.linalg.det(rotation)
+    meshes = (
+        replace(m, position=(m.position @ rotation.T + offset).astype(np.float32), normal=m.normal @ rotation.T)
+        for m in scene.meshes
+    )
+    return replace(scene, meshes=tuple(meshes)), rotation
+
+
+@pytest.mark.parametrize("distance", [0, 1e3, 1e4])
+def test_a_box_far_from_the_origin_loses_no_light(distance):
+    offset = distance * np.array([1.0, -0.7, 0.4])
+    scene, rotation = turned(scenes.furnace(albedo=0.8), offset)
+    position, normal = even_points(scenes.furnace(), 3000)
+    points = (position @ rotation.T + offset, normal @ rotation.T, normal @ rotation.T)
+    assert Tracer(scene).indirect(*points, Sampling(128), seed=0).mean.mean() == pytest.approx(5, rel=0.004)
+
+
+@pytest.mark.parametrize("distance", [3, 3000])
+def test_a_surface_seen_from_far_away_is_lit_as_from_near(distance):
+    scene, rotation = turned(Scene((scenes.floor(),), (scenes.WHITE,), environment=WHITE_SKY), np.zeros(3))
+    eye = rotation @ np.array([0.3, 1.0, 0.2]) * distance
+    camera = look_at(eye, np.zeros(3), rotation @ np.array([0.0, 0.0, -1.0]), 1 / distance, 0.1)
+    tracer = Tracer(scene)
+    surface = tracer.surface(camera, 16, 16)
+    assert surface.valid.all()
+    np.testing.assert_allclose(tracer.indirect(*surface.points(), Sampling(32), 0).mean, 1, rtol=1e-5)
+
+
+def test_kernels_are_compiled_once_whatever_the_views_and_their_points():
+    import drjit as dr
+
+    scene = scenes.furnace()
+    tracer = Tracer(replace(scene, lights=(light("point"),), environment=WHITE_SKY))
+
+    def trace(width: int, height: int) -> set:
+        with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+            dr.kernel_history_clear()
+            surface = tracer.surface(scenes.inside_camera(), width, height)
+            tracer.indirect(*surface.points(), Sampling(64, bounces=width % 5), seed=width)
+            tracer.direct(*surface.shading_points())
+            return {kernel["hash"] for kernel in dr.kernel_history() if kernel["type"] == dr.KernelType.JIT}
+
+    first = trace(16, 16)
+    assert first
+    assert not set().union(*(trace(*size) for size in ((1, 1), (7, 5), (150, 130)))) - first

@@ -110,3 +110,14 @@ def test_the_same_scene_gets_the_same_plan():
     assert first.pilot.lost == again.pilot.lost
     for name, camera in first.placement.fitted.items():
         np.testing.assert_array_equal(camera.world_from_view, again.placement.fitted[name].world_from_view)
+
+
+def test_darkness_is_said(capsys):
+    black = room(albedo=0.0)
+    bake(planned(black), Progress(quiet=True), Cache())
+    assert "darkness" in capsys.readouterr().err
+
+
+def test_what_a_scene_has_none_of_takes_no_bytes():
+    lit = room(environment=Environment(np.arange(24, dtype=np.float32).reshape(2, 4, 3)))
+    assert planned(room()).file_bytes == planned(lit).file_bytes == 88 + 18 * SMALL.gaussians

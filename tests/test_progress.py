@@ -23,6 +23,11 @@ def test_quiet_says_nothing_and_still_times(capsys):
     assert capsys.readouterr() == ("", "")
 
 
+def test_warnings_are_said_even_when_quiet(capsys):
+    Progress(quiet=True).warn("glass is left out")
+    assert capsys.readouterr().err == "warning: glass is left out\n"
+
+
 def test_a_stage_that_fails_is_not_reported_as_done(capsys):
     progress = Progress()
     with pytest.raises(ValueError, match="broken"), progress.stage("fit", 10):

@@ -1,5 +1,7 @@
 """What the path tracer knows of a surface, against the G-buffer: two implementations of one record."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -51,10 +53,8 @@ def wall() -> Scene:
     return Scene(meshes, materials, textures, (LIGHT,), cameras={"front": camera})
 
 
-@pytest.fixture(scope="module")
-def both(gl):
-    """The layers of the wall as GL draws them, and as the path tracer sees them."""
-    scene = wall()
+def layers(gl, scene: Scene) -> tuple[dict, dict]:
+    """What its camera sees, as GL draws it and as the path tracer finds it."""
     camera = scene.cameras["front"]
     renderer = DeferredRenderer(gl, scene, None, SIZE, SIZE)
     renderer.render(camera)
@@ -62,11 +62,15 @@ def both(gl):
     renderer.release()
     tracer = Tracer(scene)
     surface = tracer.surface(camera, SIZE, SIZE)
-    points = surface.position, surface.shading_normal, surface.geometric_normal
-    direct = surface.image(tracer.direct(*(array[surface.valid] for array in points)))
-    primary = surface.emission + surface.albedo * direct
+    primary = surface.emission + surface.albedo * surface.image(tracer.direct(*surface.shading_points()))
     traced = {"albedo": surface.albedo, "normal": surface.shading_normal, "depth": surface.depth, "primary": primary}
     return drawn, traced
+
+
+@pytest.fixture(scope="module")
+def both(gl):
+    """The layers of the wall."""
+    return layers(gl, wall())
 
 
 def inner(drawn: dict, traced: dict) -> np.ndarray:
@@ -97,3 +101,17 @@ def test_an_unlit_surface_has_no_albedo(both):
     sign = traced["albedo"][: SIZE // 2 - 4, SIZE // 3 * 2 + 6 :]
     assert sign.max() == 0
     assert traced["primary"][: SIZE // 2 - 4, SIZE // 3 * 2 + 6 :].max() > 0.1
+
+
+@pytest.mark.parametrize("double_sided", [False, True])
+def test_normals_against_the_winding_bend_the_same_way(gl, double_sided):
+    scene = wall()
+    bumpy = replace(scene.materials[4], double_sided=double_sided)
+    inverted = [replace(patch(4, k, 0, mirrored=k == 1), normal=-patch(4, k, 0).normal) for k in (0, 1)]
+    behind = patch(4, 2, 0)
+    behind = replace(behind, triangle=behind.triangle[:, ::-1].copy())
+    materials = (*scene.materials[:4], bumpy, *scene.materials[5:])
+    drawn, traced = layers(gl, replace(scene, meshes=(*inverted, behind), materials=materials))
+    both_see = inner(drawn, traced)
+    assert both_see.any()
+    assert np.quantile(np.abs(drawn["normal"] - traced["normal"])[both_see], 0.99) < 8e-3

@@ -188,6 +188,8 @@ def test_the_command(tmp_path, capsys):
     code, text = run(bad, "--json")
     assert (code, [problem["code"] for problem in json.loads(text)]) == (3, ["JSON_TYPE"])
     assert run(good, "--limit", "elements=9")[0] == 3
+    code, text = run(str(tmp_path / "absent.glb"), "--json")
+    assert (code, [problem["code"] for problem in json.loads(text)]) == (2, ["FILE"])
 
 
 # Anything at all

@@ -49,7 +49,7 @@ def run(options: argparse.Namespace) -> None:
         "primary": truth.primary,
         "indirect": indirect,
         "albedo": truth.surface.albedo,
-        "normal": truth.surface.normal,
+        "normal": truth.surface.shading_normal,
         "depth": truth.surface.depth,
     }
     write_layer(options.output, options.layer, layers[options.layer], options.exposure)

@@ -41,6 +41,6 @@ def run(options: argparse.Namespace) -> None:
     scene = read_scene(options, progress)
     baked = None if options.gi is None else read_bake(options.gi)
     if baked is not None and baked.scene not in (0, fingerprint(scene)):
-        progress.say(f"warning: {options.gi}: was baked for other geometry than {options.scene}; its light may not fit")
+        progress.warn(f"{options.gi}: was baked for other geometry than {options.scene}; its light may not fit")
     frame = draw(scene, baked, choose_camera(scene, options), *options.size, options.backend)
     write_layer(options.output, options.layer, frame[options.layer], options.exposure)

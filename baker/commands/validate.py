@@ -20,11 +20,12 @@ def add(commands) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Print the problems, one a line or as JSON; exit code 3 if one is an error."""
+    """Print the problems, one a line or as JSON; exit code 3 if one is an error, 2 if the file cannot be read."""
     import dataclasses
 
     from gsgi.baker.json_output import print_json
     from gsgi.runtime.limits import parse_limits
+    from gsgi.runtime.problems import Code
     from gsgi.runtime.validate import validate
 
     problems = validate(options.scene, parse_limits(options.limit or ()))
@@ -35,4 +36,5 @@ def run(options: argparse.Namespace) -> int:
         for problem in problems:
             print(f"{problem.severity} {problem.code} {problem.pointer or '/'}: {problem.message}")
         print(f"{options.scene}: {len(errors)} errors, {len(problems) - len(errors)} warnings")
-    return 3 if errors else 0
+    unreadable = any((problem.code, problem.pointer) == (Code.FILE, "") for problem in errors)
+    return 2 if unreadable else 3 if errors else 0

@@ -1,0 +1,42 @@
+"""Scenes far from the world's origin, moved to it: shaders compute in float32, whose digits run out there."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from .camera import Camera
+from .gaussians import Bake
+from .scene import Scene
+
+# Scene diagonals from the origin. Nearer, a float32 position is off by 1e-6 diagonals: less than shadows allow for.
+FAR = 16
+
+
+def origin_of(scene: Scene) -> np.ndarray:
+    """(3,) float64, m: the middle of a scene that lies far from the world's origin, else that origin itself."""
+    if not scene.meshes:
+        return np.zeros(3)
+    low, high = scene.bounds()
+    middle = (low + high) / 2
+    far = np.linalg.norm(middle) > FAR * np.linalg.norm(high - low)
+    return middle if far else np.zeros(3)
+
+
+def local_scene(scene: Scene, origin: np.ndarray) -> Scene:
+    """Meshes and lights of a scene relative to `origin` (3,); its cameras stay."""
+    meshes = [replace(mesh, position=(mesh.position - origin).astype(np.float32)) for mesh in scene.meshes]
+    lights = [replace(light, position=light.position - origin) for light in scene.lights]
+    return replace(scene, meshes=tuple(meshes), lights=tuple(lights))
+
+
+def local_bake(bake: Bake, origin: np.ndarray) -> Bake:
+    """The Gaussians of a bake relative to `origin` (3,)."""
+    position = (bake.gaussians.position - origin).astype(np.float32)
+    return replace(bake, gaussians=replace(bake.gaussians, position=position))
+
+
+def local_camera(camera: Camera, origin: np.ndarray) -> Camera:
+    """The same view relative to `origin` (3,)."""
+    pose = camera.world_from_view.copy()
+    pose[:3, 3] -= origin
+    return replace(camera, world_from_view=pose)
