@@ -43,12 +43,13 @@ class Document:
         view = self.lookup("bufferViews", index)
         compressed = meshopt.extension(view)
         if compressed is None:
-            return self.slice(view)
+            return self._slice(view)
         if view.pointer not in self._decompressed:
-            self._decompressed[view.pointer] = memoryview(meshopt.decode(view, compressed, self))
+            data = bytes(self._slice(compressed))
+            self._decompressed[view.pointer] = memoryview(meshopt.decode(view, compressed, data, self.limits))
         return self._decompressed[view.pointer]
 
-    def slice(self, place: Json) -> memoryview:
+    def _slice(self, place: Json) -> memoryview:
         """The bytes that `buffer`, `byteOffset` and `byteLength` of an object name; raises SceneError."""
         data = self.buffer(place.get("buffer"))
         start = place.get("byteOffset", 0).integer()

@@ -1,15 +1,12 @@
 """Buffer views compressed by meshoptimizer: EXT_meshopt_compression and KHR_meshopt_compression."""
 
 import ctypes
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .json_value import Json
+from .limits import Limits
 from .problems import Code
-
-if TYPE_CHECKING:
-    from .document import Document
 
 NAMES = ("KHR_meshopt_compression", "EXT_meshopt_compression")
 MODES = ("ATTRIBUTES", "TRIANGLES", "INDICES")
@@ -28,16 +25,15 @@ def is_fallback(buffer: Json) -> bool:
     return any(mark.get("fallback", False).boolean() for mark in found if mark is not None)
 
 
-def decode(view: Json, compressed: Json, document: "Document") -> np.ndarray:
-    """The bytes of a bufferView (byteLength,) uint8.
+def decode(view: Json, compressed: Json, data: bytes, limits: Limits) -> np.ndarray:
+    """The bytes of a bufferView (byteLength,) uint8, from its compressed `data`.
 
     Sizes are checked before anything is allocated. Raises SceneError, UnsupportedError without the package.
     """
     mode = compressed.get("mode").choice(*MODES)
     kind = compressed.get("filter", "NONE").choice("NONE", "COLOR", *STRIDES)
     count, stride = _shape(view, compressed, mode, kind)
-    document.limits.check("elements", count, compressed.where(), compressed.pointer)
-    data = bytes(document.slice(compressed))
+    limits.check("elements", count, compressed.where(), compressed.pointer)
     try:
         from meshoptimizer import decoder
     except ImportError:
