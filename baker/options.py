@@ -29,7 +29,7 @@ class _HelpFormatter(argparse.RawDescriptionHelpFormatter, argparse.ArgumentDefa
     """Examples as they are written; a default only where there is one to tell."""
 
     def _get_help_string(self, action: argparse.Action) -> str | None:
-        return super()._get_help_string(action) if action.default not in (None, False) else action.help
+        return super()._get_help_string(action) if action.default not in (None, False, []) else action.help
 
 
 def add_scene(parser: argparse.ArgumentParser) -> None:

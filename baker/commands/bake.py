@@ -14,6 +14,7 @@ def add(commands) -> None:
         run,
         "Trace the indirect light of a glTF scene and fit Gaussians to it.",
         "  gsgi bake room.glb -o room.gsgi\n"
+        "  gsgi bake room.glb -o room.gsgi --sun 140,35 --env sky.hdr           # light that the file lacks\n"
         "  gsgi bake room.glb -o room.gsgi --gaussians 8192 --iterations 3000   # closer, larger, slower\n"
         "  gsgi bake room.glb -o room.gsgi --quiet --json > room.json           # in a build",
     )
