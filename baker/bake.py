@@ -7,38 +7,34 @@ from gsgi.runtime.fingerprint import fingerprint
 from gsgi.runtime.gaussians import Bake, Blend, Effects, Gaussians
 
 from . import denoise
-from .cache import Cache, task_key
+from .cache import task_key
 from .plan import SH_DEGREE, Plan
 from .progress import Progress
 from .records import from_arrays, to_arrays
 from .settings import Settings
-from .traced_light import TracedLight, TracedView
-
-# Of the scene's diagonal: Gaussians nearer to the eye plane than this are not drawn.
-NEAR = 2e-3
+from .traced_light import TracedView
 
 FIT_PACKAGES = ("torch", "numpy")  # whose versions a fit depends on
 
 
-def bake(plan: Plan, progress: Progress, cache: Cache) -> bytes:
+def bake(plan: Plan, progress: Progress) -> bytes:
     """Bake the indirect light of a plan's scene to the bytes of a .gsgi file. The same plan gives the same bytes.
 
-    What `cache` holds is not computed again, and what is computed goes there.
+    What the plan's cache holds is not computed again, and what is computed goes there.
     """
     settings, points = plan.settings, plan.starting_points()
     if not plan.pilot.mean:
         progress.warn("no indirect light reaches what the views see: the file will hold darkness")
     with progress.stage("irradiance", plan.pixels + len(points), "points") as advance:
-        traced = TracedLight(plan.scene, cache)
-        light = traced.at_points(points.position, points.normal, plan.sampling, settings.seed, advance)
-        seen = traced.views(plan.cameras, settings.size, plan.sampling, settings.seed + 1, advance, progress.say)
+        light = plan.light.at_points(points.position, points.normal, plan.sampling, settings.seed, advance)
+        seen = plan.light.views(plan.cameras, settings.size, plan.sampling, settings.seed + 1, advance, progress.say)
         _tell_invalid(light.invalid + sum(view.invalid for view in seen), progress)
         views = _views_to_fit(plan, seen)
         tone_scale = _tone_scale(views)
 
-    blend = Blend(near=NEAR * plan.scene.diagonal())
+    blend = plan.blend
     with progress.stage("fit", settings.iterations, "iterations") as advance:
-        gaussians = _fit(points, light.mean, views, blend, tone_scale, settings, cache, advance)
+        gaussians = _fit(points, light.mean, views, blend, tone_scale, settings, plan.light.cache, advance)
 
     with progress.stage("encode"):
         effects = plan.effects | (Effects.DENOISED if _denoises(plan) else Effects(0))

@@ -5,7 +5,7 @@ from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 from gsgi.runtime.gaussians import Effects
-from gsgi.runtime.scene import Environment, Material, Scene
+from gsgi.runtime.scene import Material, Scene
 
 from .settings import EFFECTS
 from .surfaces import emits, used_materials
@@ -55,7 +55,8 @@ def without(scene: Scene, names: Collection[str]) -> Scene:
 def findings(scene: Scene) -> list[Finding]:
     """Every effect, found or not."""
     # At each surface a path casts a ray of its own, and one to each kind of light that is looked for.
-    rays = 1 + bool(scene.lights) + _has(scene, "emissive") + _is_picture(scene.environment)
+    picture = scene.environment is not None and not scene.environment.even
+    rays = 1 + bool(scene.lights) + _has(scene, "emissive") + picture
     share = f"1 of the {rays} rays that a path casts at each surface"
     return [
         *(_punctual(scene, kind, share) for kind in ("point", "spot", "directional")),
@@ -78,15 +79,10 @@ def _punctual(scene: Scene, kind: str, share: str) -> Finding:
 def _environment(scene: Scene, share: str) -> Finding:
     if scene.environment is None:
         return Finding("environment", "none", "")
-    if not _is_picture(scene.environment):
+    if scene.environment.even:
         return Finding("environment", "one colour", "no ray more: those that escape find it")
     height, width = scene.environment.radiance.shape[:2]
     return Finding("environment", f"image of {width} x {height}", f"{share} goes to a bright part of it")
-
-
-def _is_picture(environment: Environment | None) -> bool:
-    """Whether it is brighter in some directions than in others."""
-    return environment is not None and bool((environment.radiance != environment.radiance[0, 0]).any())
 
 
 def _transparent(scene: Scene) -> Finding:

@@ -16,7 +16,7 @@ class EnvironmentLight:
 
     def __init__(self, environment: Environment):
         self.height, self.width = environment.radiance.shape[:2]
-        self.samples_light = bool((environment.radiance != environment.radiance[0, 0]).any())
+        self.samples_light = not environment.even
         self.radiance = mi.Float(environment.radiance.astype(np.float32).ravel())
         self.cos, self.sin = float(np.cos(environment.rotation)), float(np.sin(environment.rotation))
         if self.samples_light:

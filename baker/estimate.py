@@ -5,8 +5,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-from gsgi.runtime.gaussians import Blend
-
 from . import held_out
 from .plan import Plan
 
@@ -27,9 +25,9 @@ def estimate(plan: Plan) -> dict[str, float]:
 
 
 def _seconds_per_path(plan: Plan) -> float:
-    from .irradiance import Sampling, Tracer
+    from .irradiance import Sampling
 
-    tracer, size = Tracer(plan.scene), plan.settings.size
+    tracer, size = plan.light.tracer, plan.settings.size
     points = next(p for p in (tracer.surface(c, size, size).points() for c in plan.cameras) if len(p[0]))
     points = tuple(np.resize(array, (POINTS, 3)) for array in points)
     sampling = Sampling(SAMPLES, plan.settings.bounces)
@@ -45,8 +43,7 @@ def _seconds_per_step(plan: Plan) -> float:
     start = from_surface(points, np.ones_like(points.position), sh_degree=0)
     grey, everywhere = np.ones((size, size, 3), np.float32), np.ones((size, size), bool)
     views = [View(camera, grey, everywhere) for camera in plan.cameras[:ITERATIONS]]
-    blend = Blend(near=1e-3 * plan.triangles.diagonal)
-    return _second_run(lambda seed: fit(start, views, blend, 1.0, ITERATIONS, seed)) / ITERATIONS
+    return _second_run(lambda seed: fit(start, views, plan.blend, 1.0, ITERATIONS, seed)) / ITERATIONS
 
 
 def _second_run(run: Callable[[int], object]) -> float:

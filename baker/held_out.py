@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 from gsgi.runtime.gaussians import Bake
 
-from .cache import Cache
 from .plan import Plan
 from .progress import Progress
 
@@ -23,20 +22,18 @@ class HeldOut:
     flip: float
 
 
-def judge(plan: Plan, baked: Bake, progress: Progress, cache: Cache) -> list[HeldOut]:
+def judge(plan: Plan, baked: Bake, progress: Progress) -> list[HeldOut]:
     """Compare B of a bake with undenoised path tracing in the views that its plan holds out.
 
-    References that `cache` holds are not traced again.
+    References that the plan's cache holds are not traced again.
     """
     from . import reference
     from .splat import rasterise
-    from .traced_light import TracedLight
 
     results, cameras = [], plan.placement.held_out
     with progress.stage("held-out", 2 * len(cameras) * SIZE**2, "points") as advance:
-        traced = TracedLight(plan.scene, cache)
         for i, (name, camera) in enumerate(cameras.items()):
-            truth = traced.reference(camera, SIZE, SAMPLES, plan.settings.seed + 1000 + i, advance)
+            truth = plan.light.reference(camera, SIZE, SAMPLES, plan.settings.seed + 1000 + i, advance)
             image = rasterise(baked.gaussians, camera.pinhole(SIZE, SIZE), baked.blend)
             verdict = reference.judge_indirect(image, truth)
             difference = verdict.difference

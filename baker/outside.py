@@ -4,6 +4,7 @@ import numpy as np
 
 from gsgi.runtime.camera import Camera, look_at
 
+from .choice import REPEAT_WORTH
 from .free_space import FreeSpace, cosine_directions
 from .sight import Sides, sight
 from .surface_points import Triangles
@@ -12,7 +13,6 @@ CANDIDATES = 1024
 DISTANCE = 0.5, 1.5  # from what is looked at, in diagonals of the scene
 INSIDE_MIN = 0.9  # of what an eye sees: less of the inside, and it looks at the outer walls
 SEEN_MIN = 0.1  # of what can be seen: an eye that sees less of it is not worth a view
-REPEAT_WORTH = 0.5  # the n-th view of a side is worth this to the power n
 MARGIN = 1.1  # field of view around what is seen
 YFOV_MAX = 1.2  # rad
 

@@ -11,6 +11,7 @@ import numpy as np
 from gsgi.runtime import constants
 
 from .mitsuba_scene import load_mitsuba
+from .rays import closest, closest_front, lifted, side, unoccluded
 from .sampling import Draws, hashed
 
 mi = load_mitsuba()
@@ -20,24 +21,9 @@ import drjit as dr  # noqa: E402  (needs the LLVM that load_mitsuba chose)
 ROULETTE_BOUNCE = 3
 ROULETTE_MAX = 0.95
 
-# Of the largest coordinate plus the distance travelled: 16 times what float32 rounds off. Rays start this far off their
-# surface, so that they do not meet it again.
-OFFSET = 2.0**-20
-
-# Of the distance to a light: a shadow ray stops short of the emitter by this, and by what rays start off a surface.
-SHORT = 1e-4
-
 # Dimensions of `Draws`: which number each choice takes.
 DIRECTION, ROULETTE, LIGHT, EMITTER, EMITTER_POINT, ENVIRONMENT, TEXTURE = 0, 2, 3, 4, 5, 7, 9
 _JITTER = {"base_color_texture": 0, "metallic_texture": 2, "emission_texture": 4}
-
-
-class Hit(NamedTuple):
-    """Where a ray ends: distance t (infinite: nowhere), triangle, barycentric coordinates of its corners 1 and 2."""
-
-    t: "mi.Float"
-    prim: "mi.UInt32"
-    b: "mi.Point2f"
 
 
 class Sums(NamedTuple):
@@ -57,9 +43,9 @@ def first_hits(tracer, origin: np.ndarray, direction: np.ndarray) -> dict[str, n
     """
     o, d = mi.Point3f(origin.T), mi.Vector3f(direction.T)
     aimed = dr.squared_norm(d) > 0
-    hit = _closest_front(tracer, o, d, aimed)
+    hit = closest_front(tracer, o, d, aimed)
     valid = aimed & dr.isfinite(hit.t)
-    ng, material, _ = _side(tracer, hit, d, valid)
+    ng, material, _ = side(tracer, hit, d, valid)
     albedo, emission = tracer.shading.shown(material, hit.prim, hit.b, valid)
     background = mi.Color3f(0)
     if tracer.environment is not None:
@@ -165,15 +151,12 @@ def _next_vertex(tracer, draws, p, n, ng, reflects, active):
     d = mi.Frame3f(n).to_world(local)
     active &= dr.dot(d, ng) > 0
     pdf = local.z * dr.inv_pi
-    origin = _lifted(tracer, p, ng)
-    hit = _closest(tracer, origin, d, active)
+    origin = lifted(tracer, p, ng)
+    hit = closest(tracer, origin, d, active)
     found = active & dr.isfinite(hit.t)
-    front_ng, material, front = _side(tracer, hit, d, found)
+    front_ng, material, front = side(tracer, hit, d, found)
     visible = found & (front | tracer.shading.is_double_sided(material, found))
-
-    def jitter(name):
-        return draws.two(TEXTURE + _JITTER[name])
-
+    jitter = _jitter(draws)
     light = mi.Color3f(0)
     if tracer.emitters.count > 0:
         density = dr.gather(mi.Float, tracer.emitters.density, hit.prim, visible)
@@ -193,6 +176,11 @@ def _next_vertex(tracer, draws, p, n, ng, reflects, active):
     return light, alive, next_p, next_n, mi.Normal3f(front_ng), reflectance
 
 
+def _jitter(draws):
+    """The point within a texel that each kind of texture is read at, by its name."""
+    return lambda name: draws.two(TEXTURE + _JITTER[name])
+
+
 def _balance(pdf, other):
     """Weight of the balance heuristic (Veach 1997); right for an infinite `other`."""
     return dr.rcp(1 + other / pdf)
@@ -201,17 +189,17 @@ def _balance(pdf, other):
 def _punctual(tracer, p, n, ng, index, active):
     """Light of punctual light `index` that a white Lambertian surface at p would send on."""
     # `active = active & ...`: the augmented form would write into the caller's array.
-    origin = _lifted(tracer, p, ng)
+    origin = lifted(tracer, p, ng)
     wi, distance, color = tracer.lights.arriving(index, p)
     cosine = dr.dot(wi, n)
     active = active & (cosine > 0) & (dr.dot(wi, ng) > 0) & (dr.max(color) > 0)
-    active = active & _unoccluded(tracer, origin, wi, distance, active)
+    active = active & unoccluded(tracer, origin, wi, distance, active)
     return dr.select(active, color * cosine * dr.inv_pi, 0)
 
 
 def _sample_emitter(tracer, draws, p, n, ng, active):
     """Light of one point of an emissive surface; multiple importance sampling against the cosine lobe (Veach 1997)."""
-    origin = _lifted(tracer, p, ng)
+    origin = lifted(tracer, p, ng)
     point, prim, b, density = tracer.emitters.sample(draws.one(EMITTER), draws.two(EMITTER_POINT))
     offset = point - origin
     squared = dr.squared_norm(offset)
@@ -224,8 +212,8 @@ def _sample_emitter(tracer, draws, p, n, ng, active):
     active &= (facing > 0) | (tracer.shading.is_double_sided(material, active) & (facing != 0))
     if tracer.masked is not None:
         active &= ~tracer.shading.hole(prim, b, active)
-    active &= _unoccluded(tracer, origin, wi, distance, active)
-    radiance = tracer.shading.emission(material, prim, b, active, lambda name: draws.two(TEXTURE + _JITTER[name]))
+    active &= unoccluded(tracer, origin, wi, distance, active)
+    radiance = tracer.shading.emission(material, prim, b, active, _jitter(draws))
     light_pdf = density * squared / dr.abs(facing)
     pdf = cosine * dr.inv_pi
     return dr.select(active, radiance * pdf / (light_pdf + pdf), 0)
@@ -236,7 +224,7 @@ def _sample_environment(tracer, draws, p, n, ng, active):
     wi, radiance, density = tracer.environment.sample(draws.two(ENVIRONMENT))
     cosine = dr.dot(wi, n)
     active = active & (cosine > 0) & (dr.dot(wi, ng) > 0) & (density > 0)
-    active = active & _unoccluded(tracer, _lifted(tracer, p, ng), wi, mi.Float(dr.inf), active)
+    active = active & unoccluded(tracer, lifted(tracer, p, ng), wi, mi.Float(dr.inf), active)
     pdf = cosine * dr.inv_pi
     return dr.select(active, radiance * pdf / (density + pdf), 0)
 
@@ -245,83 +233,3 @@ def _is_unlit(tracer, material, active):
     if not tracer.unlit:
         return mi.Bool(False)
     return dr.gather(mi.Vector4f, tracer.shading.emission_table, material, active).w > 0
-
-
-def _side(tracer, hit, d, active):
-    """Geometric normal on the side that a ray along `d` came from, material, and whether that side is the front."""
-    ng, material = tracer.shading.frame(hit.prim, active)
-    front = dr.dot(ng, d) < 0
-    return dr.select(front, ng, -ng), material, front
-
-
-def _lifted(tracer, p, ng):
-    """The point where rays on the side of `ng` start."""
-    return p + ng * (OFFSET * _magnitude(tracer, p))
-
-
-def _magnitude(tracer, p):
-    """Largest number that positions near p are computed with, m."""
-    return dr.maximum(dr.maximum(dr.abs(p.x), dr.abs(p.y)), dr.abs(p.z)) + tracer.diagonal
-
-
-def _ray(o, d, maxt):
-    return mi.Ray3f(o, d, maxt, 0.0, mi.Color0f())
-
-
-def _closest(tracer, o, d, active):
-    """Closest surface along a ray, alpha-tested holes apart."""
-    hit = Hit(mi.Float(dr.inf), mi.UInt32(0), mi.Point2f(0))
-    if tracer.opaque is not None:
-        found = tracer.opaque.ray_intersect_preliminary(_ray(o, d, mi.Float(dr.inf)), active=active)
-        hit = Hit(dr.select(active & found.is_valid(), found.t, dr.inf), found.prim_index, found.prim_uv)
-    return hit if tracer.masked is None else _closest_masked(tracer, o, d, hit, active)
-
-
-@dr.syntax
-def _closest_masked(tracer, o, d, hit, active):
-    """The nearer of `hit` and the first alpha-tested surface that has no hole where the ray meets it."""
-    t, prim, b = mi.Float(hit.t), mi.UInt32(hit.prim), mi.Point2f(hit.b)
-    start, searching = mi.Float(0), mi.Bool(active)
-    while searching:
-        found = tracer.masked.ray_intersect_preliminary(_ray(o + d * start, d, t - start), active=searching)
-        meets = searching & found.is_valid()
-        index, there = found.prim_index + tracer.opaque_count, start + found.t
-        stops = meets & ~tracer.shading.hole(index, found.prim_uv, meets)
-        t, prim = dr.select(stops, there, t), dr.select(stops, index, prim)
-        b = dr.select(stops, found.prim_uv, b)
-        start = there + OFFSET * (there + _magnitude(tracer, o))
-        searching = meets & ~stops
-    return Hit(t, prim, b)
-
-
-@dr.syntax
-def _closest_front(tracer, o, d, active):
-    """What a camera sees: the closest surface, the backs of one-sided ones apart."""
-    hit = _closest(tracer, o, d, active)
-    t, prim, b = hit.t, hit.prim, hit.b
-    passing = active & _is_back(tracer, hit, d)
-    while passing:
-        start = t + OFFSET * (t + _magnitude(tracer, o))
-        beyond = _closest(tracer, o + d * start, d, passing)
-        t, prim = dr.select(passing, start + beyond.t, t), dr.select(passing, beyond.prim, prim)
-        b = dr.select(passing, beyond.b, b)
-        passing = passing & _is_back(tracer, Hit(t, prim, b), d)
-    return Hit(t, prim, b)
-
-
-def _is_back(tracer, hit, d):
-    found = dr.isfinite(hit.t)
-    ng, material = tracer.shading.frame(hit.prim, found)
-    return found & (dr.dot(ng, d) > 0) & ~tracer.shading.is_double_sided(material, found)
-
-
-def _unoccluded(tracer, origin, direction, distance, active):
-    """Whether nothing stops light on its way to `origin` from `distance` (m) away along `direction`."""
-    limit = dr.maximum(distance * (1 - SHORT) - OFFSET * _magnitude(tracer, origin), 0)
-    free = mi.Bool(active)
-    if tracer.opaque is not None:
-        free = free & ~tracer.opaque.ray_test(_ray(origin, direction, limit), active=active)
-    if tracer.masked is not None:
-        hit = _closest_masked(tracer, origin, direction, Hit(limit, mi.UInt32(0), mi.Point2f(0)), free)
-        free = free & ~(hit.t < limit)
-    return free

@@ -8,7 +8,7 @@ import numpy as np
 from gsgi.runtime import codec
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.errors import SceneError
-from gsgi.runtime.gaussians import Effects
+from gsgi.runtime.gaussians import Blend, Effects
 from gsgi.runtime.scene import Scene
 
 from . import pilot
@@ -24,6 +24,9 @@ from .surface_points import SurfacePoints, Triangles
 from .traced_light import TracedLight
 from .views import Placement, place
 
+# Of the scene's diagonal: Gaussians nearer to the eye plane than this are not drawn.
+NEAR = 2e-3
+
 SH_DEGREE = 0  # Lambertian surfaces look the same from everywhere
 
 # Edge of a view, px, where it is left open: as large as PIXELS in all views allow.
@@ -36,7 +39,8 @@ ITERATIONS, VISITS = 1500, 8
 
 @dataclass(frozen=True)
 class Plan:
-    """The decisions of one bake. `scene` is what is baked: without the effects that the settings leave out.
+    """The decisions of one bake. `scene` is what is baked: without the effects that the settings leave out; `light`
+    traces it, for every stage.
 
     `settings` have no None left. `lost` is the share of the picture that further bounces would add, None where it was
     not measured.
@@ -45,6 +49,7 @@ class Plan:
     scene: Scene
     settings: Settings
     triangles: Triangles
+    light: TracedLight
     placement: Placement
     pilot: Pilot
     lost: float | None
@@ -54,6 +59,11 @@ class Plan:
         """How each pixel is traced."""
         s = self.settings
         return Sampling(s.samples, s.bounces, s.error, self.pilot.mean or 1.0)
+
+    @property
+    def blend(self) -> Blend:
+        """How the Gaussians are drawn."""
+        return Blend(near=NEAR * self.scene.diagonal())
 
     @property
     def cameras(self) -> list[Camera]:
@@ -116,7 +126,7 @@ def make_plan(
     bounces = probe.bounces(settings.bounce_fraction) if settings.bounces is None else settings.bounces
     iterations = max(ITERATIONS, VISITS * len(placement.fitted)) if settings.iterations is None else settings.iterations
     settings = replace(settings, views=len(placement.fitted), size=size, bounces=bounces, iterations=iterations)
-    return Plan(scene, settings, triangles, placement, probe, probe.lost.get(bounces))
+    return Plan(scene, settings, triangles, light, placement, probe, probe.lost.get(bounces))
 
 
 def _size(views: int) -> int:

@@ -67,7 +67,7 @@ class Triangles:
         self._area_below = np.cumsum(np.concatenate(areas))
         if not self.area > 0:
             raise SceneError("the scene has no surface: every triangle has area 0")
-        corners = np.array([bound for i in lit for bound in _bounds(scene.meshes[i])])
+        corners = np.array([bound for i in lit for bound in scene.meshes[i].bounds()])
         self.low, self.high = corners.min(axis=0), corners.max(axis=0)
         self._rays = o3d.t.geometry.RaycastingScene()
         self._rays.add_triangles(o3d.core.Tensor(self._position), o3d.core.Tensor(self._triangle))
@@ -154,12 +154,6 @@ def _areas(mesh: Mesh) -> np.ndarray:
     """Area (F,) float64 of each triangle, m^2."""
     a, b, c = (mesh.position[mesh.triangle[:, i]] for i in range(3))
     return np.linalg.norm(np.cross(b - a, c - a), axis=1).astype(np.float64) / 2
-
-
-def _bounds(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest and highest corner of a mesh's triangles: two (3,) float64, m."""
-    used = mesh.position[mesh.triangle.reshape(-1)]
-    return used.min(axis=0).astype(np.float64), used.max(axis=0).astype(np.float64)
 
 
 def _eliminate(position: np.ndarray, count: int, area: float) -> np.ndarray:

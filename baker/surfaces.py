@@ -8,9 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gsgi.runtime.scene import Material, Scene, TextureSlot
+from gsgi.runtime.scene import TEXTURE_SLOTS, Material, Scene, TextureSlot
 
-SLOTS = ("base_color_texture", "metallic_texture", "normal_texture", "emission_texture")
 NO_TEXTURE = 0xFFFFFFFF
 WRAP = {"repeat": 0, "mirror": 1, "clamp": 2}
 NEAREST = 1 << 4  # beside two bits of wrap mode per axis
@@ -52,8 +51,7 @@ class Surfaces:
 
 def tabulate(scene: Scene) -> Surfaces:
     """The tables of a scene."""
-    masked = [scene.materials[mesh.material].alpha_cutoff is not None for mesh in scene.meshes]
-    meshes = [mesh for _, mesh in sorted(zip(masked, scene.meshes, strict=True), key=lambda pair: pair[0])]
+    meshes = sorted(scene.meshes, key=lambda mesh: _is_masked(scene, mesh))
     counts = [len(mesh.triangle) for mesh in meshes]
     first = np.cumsum([0] + [len(mesh.position) for mesh in meshes[:-1]])
     position = np.concatenate([mesh.position for mesh in meshes])
@@ -66,7 +64,7 @@ def tabulate(scene: Scene) -> Surfaces:
     return Surfaces(
         position,
         triangle,
-        sum(counts) - sum(count for count, mesh in zip(counts, meshes, strict=True) if _is_masked(scene, mesh)),
+        sum(count for count, mesh in zip(counts, meshes, strict=True) if not _is_masked(scene, mesh)),
         face,
         _corner_normals(meshes, face),
         _corners(meshes, "tangent", 4) if "normal_texture" in slots else None,
@@ -156,9 +154,9 @@ def _textures(scene: Scene) -> tuple[dict[str, np.ndarray], np.ndarray]:
     used = sorted({slot.texture for material in used_materials(scene) for slot in material.slots()})
     pixels = [np.ascontiguousarray(scene.textures[index].pixels) for index in used]
     first = dict(zip(used, np.cumsum([0] + [p.size // 4 for p in pixels]), strict=False))
-    tables = {name: np.full((len(scene.materials), 4), NO_TEXTURE, np.uint32) for name in SLOTS}
+    tables = {name: np.full((len(scene.materials), 4), NO_TEXTURE, np.uint32) for name in TEXTURE_SLOTS}
     for row, material in enumerate(scene.materials):
-        for name in SLOTS:
+        for name in TEXTURE_SLOTS:
             slot = getattr(material, name)
             if slot is not None and slot.texture in first:
                 tables[name][row] = _slot_row(scene, slot, first[slot.texture])

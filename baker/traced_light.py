@@ -44,7 +44,7 @@ class TracedLight:
             if advance:
                 advance(len(position))
             return from_arrays(Light, found)
-        light = self._tracer.indirect(position, normal, normal, sampling, seed, advance)
+        light = self.tracer.indirect(position, normal, normal, sampling, seed, advance)
         self.cache.put(key, to_arrays(light))
         return light
 
@@ -80,13 +80,13 @@ class TracedLight:
         if found := self.cache.get(key):
             advance(2 * size**2, "from the cache")
             return from_arrays(reference.Reference, found)
-        truth = reference.trace(self._tracer, camera, size, size, samples, seed, advance)
+        truth = reference.trace(self.tracer, camera, size, size, samples, seed, advance)
         self.cache.put(key, to_arrays(truth))
         return truth
 
     def _view(self, camera: Camera, size: int, sampling: Sampling, seed: int, advance) -> TracedView:
-        surface = self._tracer.surface(camera, size, size)
-        light = self._tracer.indirect(*surface.points(), sampling, seed, advance)
+        surface = self.tracer.surface(camera, size, size)
+        light = self.tracer.indirect(*surface.points(), sampling, seed, advance)
         advance(float((~surface.valid).sum()))
         error = np.zeros(surface.valid.shape, np.float32)
         error[surface.valid] = light.error
@@ -100,5 +100,6 @@ class TracedLight:
         return scene_digest(self.scene)
 
     @cached_property
-    def _tracer(self) -> Tracer:
+    def tracer(self) -> Tracer:
+        """Made when it is first needed."""
         return Tracer(self.scene)

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from .errors import FileError, SceneError
+from .image import one_line, open_image
 
 SUFFIXES = (".hdr", ".exr")
 SIZE_MAX = (16384, 8192)  # texels, width and height: 1.5 GiB as float32
@@ -22,9 +23,11 @@ def read_environment(path: str | Path) -> np.ndarray:
         raise SceneError(f"{path}: expected an environment image in .hdr or .exr")
     try:
         with open(path, "rb"):
-            pixels = _read(path)
+            pixels = _read(Path(path))
     except OSError as error:
         raise FileError(f"{path}: cannot read: {error.strerror or error}") from None
+    except ValueError as error:
+        raise FileError(f"{path}: cannot read: {error}") from None
     invalid = int(np.count_nonzero(~(np.isfinite(pixels) & (pixels >= 0)).all(axis=2)))
     if invalid:
         raise SceneError(f"{path}: expected finite radiance of at least 0, got {invalid} other texels")
@@ -32,20 +35,16 @@ def read_environment(path: str | Path) -> np.ndarray:
     return _reduce(color)
 
 
-def _read(path: str | Path) -> np.ndarray:
-    """The first three channels, or fewer, of the first image in a file: (H, W, C) float32."""
-    import OpenImageIO as oiio  # noqa: N813
-
-    source = oiio.ImageInput.open(str(path))
-    if source is None:
-        raise FileError(f"{path}: cannot read: {_one_line(oiio.geterror())}")
+def _read(path: Path) -> np.ndarray:
+    """The first three channels, or fewer, of the first image in a file: (H, W, C) float32. Raises ValueError."""
+    source = open_image(path)
     spec = source.spec()
     if spec.width > SIZE_MAX[0] or spec.height > SIZE_MAX[1]:
         raise SceneError(f"{path}: expected at most {SIZE_MAX[0]} x {SIZE_MAX[1]} texels, "
                          f"got {spec.width} x {spec.height}")  # fmt: skip
     pixels = source.read_image(0, 0, 0, min(spec.nchannels, 3), "float")
     if pixels is None:
-        raise FileError(f"{path}: cannot read: {_one_line(source.geterror())}")
+        raise ValueError(one_line(source.geterror()))
     return pixels
 
 
@@ -72,7 +71,3 @@ def _average(values: np.ndarray, axis: int, edges: np.ndarray, wanted: np.ndarra
     below = np.minimum(at.astype(int), len(edges) - 2)
     there = integral[below] + steps[below] * (at - below).reshape(shape)
     return np.moveaxis(np.diff(there, axis=0) / np.diff(wanted).reshape(shape), 0, axis)
-
-
-def _one_line(text: str) -> str:
-    return "; ".join(text.split("\n")) or "an error without a message"

@@ -58,7 +58,7 @@ def _kind(file: Encoded) -> str:
 
 def _declared_size(file: Encoded, path: Path) -> int:
     try:
-        spec = _open(path).spec()
+        spec = open_image(path).spec()
     except ValueError as error:
         raise _broken(file, error) from None
     return spec.width * spec.height
@@ -66,7 +66,7 @@ def _declared_size(file: Encoded, path: Path) -> int:
 
 def _decode_texture(file: Encoded, path: Path) -> np.ndarray:
     try:
-        return _rgba(_pixels(_open(path), "uint8"))
+        return _rgba(_pixels(open_image(path), "uint8"))
     except ValueError as error:
         raise _broken(file, error) from None
 
@@ -83,7 +83,7 @@ def read_image(path: str | Path) -> np.ndarray:
     check_image_path(path)
     try:
         with open(path, "rb"):
-            source = _open(Path(path))
+            source = open_image(Path(path))
         spec = source.spec()
         if spec.width * spec.height > MAX_IMAGE_PIXELS:
             raise ValueError(f"{spec.width} x {spec.height} pixels where {MAX_IMAGE_PIXELS} are allowed")
@@ -114,10 +114,10 @@ def write_image(path: str | Path, pixels: np.ndarray) -> None:
         output = oiio.ImageOutput.create(suffix[1:])
         opened = output.open(str(temporary), spec)
         if not opened or not output.write_image(np.ascontiguousarray(pixels)) or not output.close():
-            raise FileError(f"{path}: cannot write: {_one_line(output.geterror())}")
+            raise FileError(f"{path}: cannot write: {one_line(output.geterror())}")
 
 
-def _open(path: Path):
+def open_image(path: Path):
     """The OpenImageIO input of a file's first image. Raises ValueError with a reason."""
     import OpenImageIO as oiio  # noqa: N813
 
@@ -125,7 +125,7 @@ def _open(path: Path):
     config.attribute("oiio:UnassociatedAlpha", 1)
     source = oiio.ImageInput.open(str(path), config)
     if source is None:
-        raise ValueError(_one_line(oiio.geterror()))
+        raise ValueError(one_line(oiio.geterror()))
     return source
 
 
@@ -133,7 +133,7 @@ def _pixels(source, dtype: str) -> np.ndarray:
     """Pixels (H, W, C) of an open image. Raises ValueError with a reason."""
     pixels = source.read_image(dtype)
     if pixels is None:
-        raise ValueError(_one_line(source.geterror()))
+        raise ValueError(one_line(source.geterror()))
     return pixels
 
 
@@ -153,5 +153,6 @@ def check_image_path(path: str | Path) -> str:
     return suffix
 
 
-def _one_line(text: str) -> str:
+def one_line(text: str) -> str:
+    """What OpenImageIO says of an error, on one line."""
     return "; ".join(text.split("\n")) or "an error without a message"

@@ -11,6 +11,7 @@ from .environment import read_environment
 from .errors import FileError, SceneError
 from .materials import MAX_LIGHT
 from .scene import Environment, Light, Scene
+from .uri import inside
 
 SUFFIX = ".lights.toml"  # of the file beside room.gltf or room.glb: room.lights.toml
 MAX_TOML_BYTES = 1 << 20
@@ -118,12 +119,11 @@ def _numbers(value, count: int, what: str, low: float = 0.0, high: float = MAX_L
 
 def _inside(toml: Path, name: str) -> str:
     """The path of an image that a TOML file names; an untrusted file reaches nothing outside its folder."""
-    folder = toml.parent.resolve()
     try:
-        path = (folder / name).resolve()
+        path = inside(toml.parent.resolve(), name)
     except (ValueError, OSError, RuntimeError):  # a NUL, a loop of links
         path = None
-    if path is None or Path(name).is_absolute() or not path.is_relative_to(folder):
+    if path is None:
         raise SceneError(f"{toml}: env: expected a path inside the folder of this file, got {name!r}")
     return str(toml.parent / name)
 

@@ -4,9 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from .scene import Material, Scene, Texture, TextureSlot
-
-SLOTS = ("base_color_texture", "metallic_texture", "normal_texture", "emission_texture")
+from .scene import TEXTURE_SLOTS, Material, Scene, Texture, TextureSlot
 
 
 def prune(scene: Scene) -> Scene:
@@ -61,7 +59,7 @@ def _uncut(material: Material, lowest: float) -> Material:
 
 
 def _renumbered(material: Material, texture_of: dict[int, int]) -> Material:
-    slots = {name: getattr(material, name) for name in SLOTS}
+    slots = {name: getattr(material, name) for name in TEXTURE_SLOTS}
     return replace(
         material,
         **{name: TextureSlot(texture_of[slot.texture], slot.uv) for name, slot in slots.items() if slot is not None},

@@ -20,6 +20,10 @@ class Texture:
     nearest: bool = False
 
 
+# The fields of a material that name a texture.
+TEXTURE_SLOTS = ("base_color_texture", "metallic_texture", "normal_texture", "emission_texture")
+
+
 @dataclass(frozen=True)
 class TextureSlot:
     """A texture as a material uses it: index into `Scene.textures` and channel of `Mesh.uv`."""
@@ -54,7 +58,7 @@ class Material:
 
     def slots(self) -> tuple[TextureSlot, ...]:
         """The textures that it uses."""
-        slots = self.base_color_texture, self.metallic_texture, self.normal_texture, self.emission_texture
+        slots = (getattr(self, name) for name in TEXTURE_SLOTS)
         return tuple(slot for slot in slots if slot is not None)
 
 
@@ -75,6 +79,13 @@ class Mesh:
     material: int
     color: np.ndarray | None = None
     tangent: np.ndarray | None = None
+
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest corner of the triangles: two (3,) float64, m. Vertices that none uses do not count."""
+        used = np.zeros(len(self.position), bool)
+        used[self.triangle] = True
+        corners = self.position[used].astype(np.float64)
+        return corners.min(axis=0), corners.max(axis=0)
 
 
 @dataclass(frozen=True)
@@ -103,6 +114,11 @@ class Environment:
     radiance: np.ndarray
     rotation: float = 0.0
 
+    @property
+    def even(self) -> bool:
+        """Whether it is the same in all directions."""
+        return bool((self.radiance == self.radiance[0, 0]).all())
+
 
 @dataclass(frozen=True)
 class Scene:
@@ -122,17 +138,10 @@ class Scene:
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Lowest and highest corner of all triangles: two (3,) float64, m."""
-        corners = np.array([_bounds(mesh) for mesh in self.meshes], np.float64)
+        corners = np.array([mesh.bounds() for mesh in self.meshes])
         return corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)
 
     def diagonal(self) -> float:
         """Length of the bounding box's diagonal, m."""
         low, high = self.bounds()
         return float(np.linalg.norm(high - low))
-
-
-def _bounds(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest and highest corner (3,) of a mesh's triangles: vertices that none of them uses do not count."""
-    used = np.zeros(len(mesh.position), bool)
-    used[mesh.triangle] = True
-    return mesh.position[used].min(axis=0), mesh.position[used].max(axis=0)

@@ -43,14 +43,23 @@ class Files:
             raise uri.refuse("a data: URI or a relative path", code=Code.URI)
         try:
             name = unquote(text, errors="strict")
-            path = (self._folder / name).resolve()
+            path = inside(self._folder, name)
         except (ValueError, OSError, RuntimeError):  # a NUL, bytes that are not UTF-8, a loop of links
             raise uri.refuse("a path", code=Code.URI) from None
         if any(character < " " for character in name):  # error messages stay on one line
             raise uri.refuse("a path without control characters", code=Code.URI)
-        if Path(name).is_absolute() or not path.is_relative_to(self._folder):
+        if path is None:
             raise uri.refuse("a path inside the scene's folder", code=Code.URI_OUTSIDE)
         return path
+
+
+def inside(folder: Path, name: str) -> Path | None:
+    """The path of a relative `name` in a resolved folder; None where it leads out of it.
+
+    Raises ValueError, OSError or RuntimeError for what is no path: a NUL, a loop of links.
+    """
+    path = (folder / name).resolve()
+    return None if Path(name).is_absolute() or not path.is_relative_to(folder) else path
 
 
 def read_file(path: Path, limits: Limits = Limits()) -> bytes:  # noqa: B008 (frozen)

@@ -82,7 +82,7 @@ def test_the_texel_size_is_that_of_the_views_as_they_are_traced():
 def test_the_file_records_what_was_decided():
     scene = room(cameras={"own": scenes.inside_camera()})
     plan = planned(scene)
-    baked = codec.decode(bake(plan, Progress(quiet=True), Cache()))
+    baked = codec.decode(bake(plan, Progress(quiet=True)))
     assert baked.bounces == plan.settings.bounces
     assert baked.effects & ~Effects.DENOISED == plan.effects == Effects.PUNCTUAL
     assert baked.scene == fingerprint(scene)
@@ -114,7 +114,7 @@ def test_the_same_scene_gets_the_same_plan():
 
 def test_darkness_is_said(capsys):
     black = room(albedo=0.0)
-    bake(planned(black), Progress(quiet=True), Cache())
+    bake(planned(black), Progress(quiet=True))
     assert "darkness" in capsys.readouterr().err
 
 

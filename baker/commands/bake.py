@@ -48,12 +48,12 @@ def run(options: argparse.Namespace) -> None:
     plan = plan_of(options, progress, cache)
     for line in (*coverage_summary(plan.placement.coverage), summary(plan)):
         progress.say(line)
-    data = bake(plan, progress, cache)
+    data = bake(plan, progress)
     write_atomic(options.output, data)
     baked = codec.decode(data)
     progress.say(f"wrote {options.output}: {len(baked.gaussians)} Gaussians, {len(data)} bytes")
     # Where nobody would see what it reached, that is not found out.
-    held_out = judge(plan, baked, progress, cache) if options.json or not options.quiet else []
+    held_out = judge(plan, baked, progress) if options.json or not options.quiet else []
     cache.trim()
     for view in held_out:
         progress.say(

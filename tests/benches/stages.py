@@ -24,11 +24,11 @@ def stages() -> list[dict]:
         with progress.stage("scene"):
             scene = read_gltf(SCENES / f"{name}.glb")
         plan = make_plan(scene, Settings(), progress, Cache())
-        data = bake(plan, progress, Cache())
+        data = bake(plan, progress)
         baked = codec.decode(data)
         with progress.stage("render"):
             draw(scene, baked, next(iter(scene.cameras.values())), 512, 512, "auto")
-        held_out = judge(plan, baked, progress, Cache())
+        held_out = judge(plan, baked, progress)
         total = sum(progress.seconds.values())
         for stage, seconds in progress.seconds.items():
             share = seconds / total

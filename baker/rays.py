@@ -1,0 +1,104 @@
+"""Rays of the path tracer's kernels: what they meet, past alpha-tested holes. Importing it starts Mitsuba."""
+
+from typing import NamedTuple
+
+from .mitsuba_scene import load_mitsuba
+
+mi = load_mitsuba()
+
+import drjit as dr  # noqa: E402  (needs the LLVM that load_mitsuba chose)
+
+# Of the largest coordinate plus the distance travelled: 16 times what float32 rounds off. Rays start this far off their
+# surface, so that they do not meet it again.
+OFFSET = 2.0**-20
+
+# Of the distance to a light: a shadow ray stops short of the emitter by this, and by what rays start off a surface.
+SHORT = 1e-4
+
+
+class Hit(NamedTuple):
+    """Where a ray ends: distance t (infinite: nowhere), triangle, barycentric coordinates of its corners 1 and 2."""
+
+    t: "mi.Float"
+    prim: "mi.UInt32"
+    b: "mi.Point2f"
+
+
+def side(tracer, hit, d, active):
+    """Geometric normal on the side that a ray along `d` came from, material, and whether that side is the front."""
+    ng, material = tracer.shading.frame(hit.prim, active)
+    front = dr.dot(ng, d) < 0
+    return dr.select(front, ng, -ng), material, front
+
+
+def lifted(tracer, p, ng):
+    """The point where rays on the side of `ng` start."""
+    return p + ng * (OFFSET * _magnitude(tracer, p))
+
+
+def _magnitude(tracer, p):
+    """Largest number that positions near p are computed with, m."""
+    return dr.maximum(dr.maximum(dr.abs(p.x), dr.abs(p.y)), dr.abs(p.z)) + tracer.diagonal
+
+
+def _ray(o, d, maxt):
+    return mi.Ray3f(o, d, maxt, 0.0, mi.Color0f())
+
+
+def closest(tracer, o, d, active):
+    """Closest surface along a ray, alpha-tested holes apart."""
+    hit = Hit(mi.Float(dr.inf), mi.UInt32(0), mi.Point2f(0))
+    if tracer.opaque is not None:
+        found = tracer.opaque.ray_intersect_preliminary(_ray(o, d, mi.Float(dr.inf)), active=active)
+        hit = Hit(dr.select(active & found.is_valid(), found.t, dr.inf), found.prim_index, found.prim_uv)
+    return hit if tracer.masked is None else _closest_masked(tracer, o, d, hit, active)
+
+
+@dr.syntax
+def _closest_masked(tracer, o, d, hit, active):
+    """The nearer of `hit` and the first alpha-tested surface that has no hole where the ray meets it."""
+    t, prim, b = mi.Float(hit.t), mi.UInt32(hit.prim), mi.Point2f(hit.b)
+    start, searching = mi.Float(0), mi.Bool(active)
+    while searching:
+        found = tracer.masked.ray_intersect_preliminary(_ray(o + d * start, d, t - start), active=searching)
+        meets = searching & found.is_valid()
+        index, there = found.prim_index + tracer.opaque_count, start + found.t
+        stops = meets & ~tracer.shading.hole(index, found.prim_uv, meets)
+        t, prim = dr.select(stops, there, t), dr.select(stops, index, prim)
+        b = dr.select(stops, found.prim_uv, b)
+        start = there + OFFSET * (there + _magnitude(tracer, o))
+        searching = meets & ~stops
+    return Hit(t, prim, b)
+
+
+@dr.syntax
+def closest_front(tracer, o, d, active):
+    """What a camera sees: the closest surface, the backs of one-sided ones apart."""
+    hit = closest(tracer, o, d, active)
+    t, prim, b = hit.t, hit.prim, hit.b
+    passing = active & _is_back(tracer, hit, d)
+    while passing:
+        start = t + OFFSET * (t + _magnitude(tracer, o))
+        beyond = closest(tracer, o + d * start, d, passing)
+        t, prim = dr.select(passing, start + beyond.t, t), dr.select(passing, beyond.prim, prim)
+        b = dr.select(passing, beyond.b, b)
+        passing = passing & _is_back(tracer, Hit(t, prim, b), d)
+    return Hit(t, prim, b)
+
+
+def _is_back(tracer, hit, d):
+    found = dr.isfinite(hit.t)
+    ng, material = tracer.shading.frame(hit.prim, found)
+    return found & (dr.dot(ng, d) > 0) & ~tracer.shading.is_double_sided(material, found)
+
+
+def unoccluded(tracer, origin, direction, distance, active):
+    """Whether nothing stops light on its way to `origin` from `distance` (m) away along `direction`."""
+    limit = dr.maximum(distance * (1 - SHORT) - OFFSET * _magnitude(tracer, origin), 0)
+    free = mi.Bool(active)
+    if tracer.opaque is not None:
+        free = free & ~tracer.opaque.ray_test(_ray(origin, direction, limit), active=active)
+    if tracer.masked is not None:
+        hit = _closest_masked(tracer, origin, direction, Hit(limit, mi.UInt32(0), mi.Point2f(0)), free)
+        free = free & ~(hit.t < limit)
+    return free
