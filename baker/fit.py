@@ -13,6 +13,7 @@ from .adam import Adam
 from .checkpoint import Checkpoint
 from .loss import image_loss
 from .splat import splat
+from .target import Target
 
 # Adam's steps per parameter; lengths in units of the mean scale, light in units of the tone scale. They fall to
 # RATE_END of themselves, exponentially.
@@ -49,7 +50,7 @@ def fit(
     parameters = _raw(start)
     unit = {"position": float(start.scale.mean()) if len(start) else 0.0, "sh": tone_scale}
     adam = Adam(parameters, {name: rate * unit.get(name, 1.0) for name, rate in RATES.items()})
-    targets = [(torch.from_numpy(v.indirect), torch.from_numpy(v.valid)) for v in views]
+    targets = [Target.of(v.indirect, v.valid, tone_scale) for v in views]
     pinholes = [v.camera.pinhole(v.indirect.shape[1], v.indirect.shape[0]) for v in views]
     smoothed = None
     if checkpoint and (state := checkpoint.load()):
@@ -58,12 +59,12 @@ def fit(
             advance(adam.steps, "from a checkpoint")
     for iteration, k in list(enumerate(_order(len(views), iterations, seed)))[adam.steps :]:
         image, _ = splat(*_activated(parameters), pinholes[k], blend)
-        loss = image_loss(image, *targets[k], tone_scale)
-        if not torch.isfinite(loss):
-            raise FloatingPointError(f"the loss is {loss.item()} at iteration {iteration}, view {k}")
-        loss.backward()
+        loss = image_loss(image.detach().numpy(), targets[k])
+        if not np.isfinite(loss.value):
+            raise FloatingPointError(f"the loss is {loss.value} at iteration {iteration}, view {k}")
+        image.backward(torch.from_numpy(loss.by_image))
         adam.step(RATE_END ** (iteration / iterations))
-        smoothed = loss.item() if smoothed is None else 0.98 * smoothed + 0.02 * loss.item()
+        smoothed = loss.value if smoothed is None else 0.98 * smoothed + 0.02 * loss.value
         if advance:
             advance(1, f"loss {smoothed:.4f}")
         if checkpoint and checkpoint.due():

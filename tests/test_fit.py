@@ -10,6 +10,7 @@ from gsgi.baker.initialise import from_surface
 from gsgi.baker.loss import image_loss
 from gsgi.baker.splat import rasterise, set_thread_count
 from gsgi.baker.surface_points import Triangles
+from gsgi.baker.target import Target
 from gsgi.baker.views import place
 from gsgi.runtime.gaussians import Blend, Gaussians
 
@@ -48,7 +49,7 @@ def mean_loss(gaussians: Gaussians, views: list[View]) -> float:
     losses = []
     for view in views:
         image = rasterise(gaussians, view.camera.pinhole(SIZE, SIZE), BLEND)
-        losses.append(image_loss(*map(torch.from_numpy, (image, view.indirect, view.valid)), tone_scale=0.5).item())
+        losses.append(image_loss(image, Target.of(view.indirect, view.valid, 0.5)).value)
     return sum(losses) / len(losses)
 
 
@@ -105,6 +106,12 @@ def test_black_is_data(start, views):
 
 
 def test_a_loss_that_is_not_finite_stops_with_iteration_and_view(start, views):
-    broken = [View(views[0].camera, np.full_like(views[0].indirect, np.nan), views[0].valid)]
+    broken = Gaussians(start.position, start.rotation, start.scale, start.opacity, np.full_like(start.sh, np.inf))
     with pytest.raises(FloatingPointError, match="iteration 0, view 0"):
+        fit(broken, views[:1], BLEND, 0.5, iterations=3, seed=0)
+
+
+def test_a_view_that_is_not_finite_is_refused(start, views):
+    broken = [View(views[0].camera, np.full_like(views[0].indirect, np.nan), views[0].valid)]
+    with pytest.raises(ValueError, match="not finite"):
         fit(start, broken, BLEND, 0.5, iterations=3, seed=0)

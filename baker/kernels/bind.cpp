@@ -155,6 +155,8 @@ template <class Real> static void bind_splat(nb::module_& m, const char* frame_n
         "by_transmittance"_a.noconvert(), "Gradients by position, rotation, scale, opacity and sh.");
 }
 
+void bind_loss(nb::module_& m); // bind_loss.cpp
+
 NB_MODULE(_kernels, m)
 {
     m.attr("TILE_SIZE") = TILE_SIZE;
@@ -165,4 +167,5 @@ NB_MODULE(_kernels, m)
         "(M, 3) unit vectors to (M, K) float64.");
     bind_splat<float>(m, "FrameFloat");
     bind_splat<double>(m, "FrameDouble");
+    bind_loss(m);
 }

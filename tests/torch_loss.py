@@ -1,0 +1,47 @@
+"""The loss's twin in plain torch: five blurred moments, gradients by autograd."""
+
+import torch
+from torch import Tensor
+from torch.nn.functional import conv2d
+
+L1_WEIGHT = 0.2
+WINDOW = 11
+SIGMA = 1.5
+C1 = 0.01**2
+C2 = 0.03**2
+
+
+def image_loss(image: Tensor, tone: Tensor, valid: Tensor, tone_scale: float) -> Tensor:
+    """0.2 L1 + 0.8 (1 - SSIM) / 2 of a linear image (H, W, 3) against a target behind the tone curve."""
+    a, b = _pair(image, tone, valid, tone_scale)
+    l1 = (a - b).abs().sum() / (3 * valid.sum().clamp(min=1))
+    return L1_WEIGHT * l1 + (1 - L1_WEIGHT) * (1 - ssim_map(a, b).mean()) / 2
+
+
+def error(image: Tensor, tone: Tensor, valid: Tensor, tone_scale: float) -> Tensor:
+    """Loss per pixel (H, W): SSIM is that of the nearest window."""
+    a, b = _pair(image, tone, valid, tone_scale)
+    similarity = ssim_map(a, b)[None]
+    similarity = torch.nn.functional.pad(similarity, [WINDOW // 2] * 4, mode="replicate")[0].permute(1, 2, 0)
+    return torch.where(valid, (L1_WEIGHT * (a - b).abs() + (1 - L1_WEIGHT) * (1 - similarity) / 2).mean(dim=2), 0)
+
+
+def ssim_map(a: Tensor, b: Tensor) -> Tensor:
+    """Structural similarity (3, H - 10, W - 10) of images (H, W, 3) in [0, 1], per window inside them (Wang 2004)."""
+    a, b = (image.permute(2, 0, 1)[None] for image in (a, b))
+    moments = torch.cat([a, b, a * a, b * b, a * b], dim=1)  # (1, 15, H, W)
+    x = torch.arange(WINDOW, dtype=torch.float64) - WINDOW // 2
+    row = torch.exp(-0.5 * (x / SIGMA) ** 2)
+    row = (row / row.sum()).to(moments.dtype)
+    blurred = conv2d(moments, row.view(1, 1, 1, -1).expand(15, 1, 1, -1), groups=15)
+    blurred = conv2d(blurred, row.view(1, 1, -1, 1).expand(15, 1, -1, 1), groups=15)
+    mean_a, mean_b, aa, bb, ab = blurred[0].split(3)
+    numerator = (2 * mean_a * mean_b + C1) * (2 * (ab - mean_a * mean_b) + C2)
+    return numerator / ((mean_a**2 + mean_b**2 + C1) * (aa - mean_a**2 + bb - mean_b**2 + C2))
+
+
+def _pair(image: Tensor, tone: Tensor, valid: Tensor, tone_scale: float) -> tuple[Tensor, Tensor]:
+    """Both behind the tone curve, 0 where nothing counts."""
+    counts = valid[..., None]
+    image = torch.where(counts, image, 0)
+    return image / (image + tone_scale), torch.where(counts, tone, 0)
