@@ -50,8 +50,8 @@ template <class Real> struct Problem {
 
 } // namespace
 
-// Lanes of double, added in one order whatever the instruction set.
-template <class Real> static ALWAYS_INLINE double sum_of(const Real* values, size_t count)
+// Sum of |values|, in double, added in one order whatever the instruction set. 1 - SSIM is never negative.
+template <class Real> static ALWAYS_INLINE double sum_of_magnitudes(const Real* values, size_t count)
 {
     double lane[LANES] = {};
     const size_t whole = count / LANES * LANES;
@@ -140,7 +140,8 @@ static ALWAYS_INLINE void visit_windows(
         compare_windows(problem.taps, n - top, rows);
         blur_shares(problem.taps, n, rows);
         if (n >= first)
-            sums.unlike += sum_of(rows.unlike.data() + 3 * WINDOW_RADIUS, 3 * problem.window_columns);
+            sums.unlike +=
+                sum_of_magnitudes(rows.unlike.data() + 3 * WINDOW_RADIUS, 3 * problem.window_columns);
         extend_unlike(rows);
         const RowIndex centre = n + RowIndex(WINDOW_RADIUS);
         const RowIndex nearest = n == 0 ? 0 : centre,
@@ -173,7 +174,7 @@ static ALWAYS_INLINE Sums visit_band(
         if (windows && top >= first)
             gather_shares(problem.taps, problem.unlike_unit, top, rows);
         for (RowIndex y = std::max(top, first); y < std::min(top + BLOCK, end); ++y) {
-            sums.l1 += sum_of(rows.d.data() + slot(y) * rows.stride, 3 * images.width);
+            sums.l1 += sum_of_magnitudes(rows.d.data() + slot(y) * rows.stride, 3 * images.width);
             write_gradient(problem, y, y - top, rows);
             if (!windows)
                 write_error(problem, y, rows);
