@@ -7,6 +7,7 @@ import platform
 import subprocess
 from pathlib import Path
 
+from benches.fit import fit
 from benches.scenes import scenes
 from benches.stages import stages
 from benches.trace import trace
@@ -16,7 +17,7 @@ from gsgi.runtime.atomic import check_writable, write_atomic
 
 ROOT = Path(__file__).resolve().parents[1]
 
-BENCHES = {"stages": stages, "trace": trace, "scenes": scenes, "triangles": triangles}
+BENCHES = {"fit": fit, "stages": stages, "trace": trace, "scenes": scenes, "triangles": triangles}
 
 
 def machine() -> dict[str, str]:

@@ -1,50 +1,73 @@
-// Vectors and matrices of three, row major, in double precision.
+// Vectors and matrices of three, row major; each element holds the lanes of several Gaussians.
 #pragma once
 
-#include <array>
-#include <cmath>
+#include "lanes.h"
 
-using Vec3 = std::array<double, 3>;
-using Vec4 = std::array<double, 4>;
-using Mat3 = std::array<Vec3, 3>;
+namespace INSTRUCTION_SET {
 
-inline double dot(const Vec3& a, const Vec3& b)
+using Wide = Lanes<double, 8>; // eight Gaussians
+
+struct Vec3 {
+    Wide x, y, z;
+};
+
+struct Vec4 {
+    Wide x, y, z, w;
+};
+
+struct Mat3 {
+    Vec3 row[3];
+};
+
+ALWAYS_INLINE Vec3 broadcast(const double* v)
 {
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    return {v[0], v[1], v[2]};
 }
 
-inline Vec3 cross(const Vec3& a, const Vec3& b)
+ALWAYS_INLINE Mat3 broadcast(const double m[3][3])
 {
-    return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
+    return {{broadcast(m[0]), broadcast(m[1]), broadcast(m[2])}};
 }
 
-inline Vec3 operator+(const Vec3& a, const Vec3& b)
+ALWAYS_INLINE Wide dot(const Vec3& a, const Vec3& b)
 {
-    return {a[0] + b[0], a[1] + b[1], a[2] + b[2]};
+    return a.x * b.x + a.y * b.y + a.z * b.z;
 }
 
-inline Vec3 operator-(const Vec3& a, const Vec3& b)
+ALWAYS_INLINE Vec3 cross(const Vec3& a, const Vec3& b)
 {
-    return {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
+    return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
 
-inline Vec3 operator*(double s, const Vec3& a)
+ALWAYS_INLINE Vec3 operator+(const Vec3& a, const Vec3& b)
 {
-    return {s * a[0], s * a[1], s * a[2]};
+    return {a.x + b.x, a.y + b.y, a.z + b.z};
 }
 
-inline Vec3 operator*(const Mat3& m, const Vec3& v)
+ALWAYS_INLINE Vec3 operator-(const Vec3& a, const Vec3& b)
 {
-    return {dot(m[0], v), dot(m[1], v), dot(m[2], v)};
+    return {a.x - b.x, a.y - b.y, a.z - b.z};
+}
+
+ALWAYS_INLINE Vec3 operator*(Wide s, const Vec3& a)
+{
+    return {s * a.x, s * a.y, s * a.z};
+}
+
+ALWAYS_INLINE Vec3 operator*(const Mat3& m, const Vec3& v)
+{
+    return {dot(m.row[0], v), dot(m.row[1], v), dot(m.row[2], v)};
 }
 
 // Row vector times matrix: the same as transpose(m) * v.
-inline Vec3 operator*(const Vec3& v, const Mat3& m)
+ALWAYS_INLINE Vec3 operator*(const Vec3& v, const Mat3& m)
 {
-    return v[0] * m[0] + v[1] * m[1] + v[2] * m[2];
+    return v.x * m.row[0] + v.y * m.row[1] + v.z * m.row[2];
 }
 
-inline Vec3 scaled(const Vec3& a, const Vec3& s)
+ALWAYS_INLINE Vec3 scaled(const Vec3& a, const Vec3& s)
 {
-    return {a[0] * s[0], a[1] * s[1], a[2] * s[2]};
+    return {a.x * s.x, a.y * s.y, a.z * s.z};
 }
+
+} // namespace INSTRUCTION_SET

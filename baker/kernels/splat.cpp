@@ -1,205 +1,165 @@
 #include "splat.h"
 
 #include <algorithm>
-#include <limits>
-#include <memory>
+#include <atomic>
+#include <bit>
+#include <cmath>
+#include <cstring>
 
+#include "dispatch.h"
 #include "parallel.h"
-#include "rasterise.h"
-#include "sh.h"
 
-static constexpr size_t GRAIN = 256; // Gaussians per parallel step: some 100 us
+static_assert(sizeof(Footprint<float>) == 48);
 
-// Finite even where a double does not fit.
-template <class Real> static Real narrow(double value)
-{
-    constexpr double LIMIT = std::numeric_limits<Real>::max();
-    return Real(std::clamp(value, -LIMIT, LIMIT));
-}
-
-template <class Real> static Vec3 load(const Real* array, size_t i)
-{
-    return {array[3 * i], array[3 * i + 1], array[3 * i + 2]};
-}
-
-template <class Real> static void store(Real* array, size_t i, const Vec3& value)
-{
-    for (int c = 0; c < 3; ++c)
-        array[3 * i + c] = narrow<Real>(value[c]);
-}
-
-template <class Real> static Gaussian load_gaussian(const GaussianArrays<const Real>& arrays, size_t i)
-{
-    const Real* q = arrays.rotation + 4 * i;
-    return {load(arrays.position, i), {q[0], q[1], q[2], q[3]}, load(arrays.scale, i), arrays.opacity[i]};
-}
-
-static int coefficients(int degree)
-{
-    return (degree + 1) * (degree + 1);
-}
-
-// Colour before negative values are cut.
-template <class Real> static Vec3 raw_colour(const Real* sh, int degree, const Vec3& direction)
-{
-    double basis[SH_MAX];
-    sh_basis(direction, degree, basis);
-    Vec3 colour = {0, 0, 0};
-    for (int k = 0; k < coefficients(degree); ++k)
-        colour = colour + basis[k] * load(sh, k);
-    return colour;
-}
-
-// `offset` is from the eye to the Gaussian.
-template <class Real> static Vec3 visible_colour(const Real* sh, int degree, const Vec3& offset)
-{
-    Vec3 colour = raw_colour(sh, degree, (1 / std::sqrt(dot(offset, offset))) * offset);
-    for (double& channel : colour)
-        channel = narrow<Real>(std::max(0.0, channel));
-    return colour;
-}
-
-// Writes the gradient by the coefficients, returns the one by position. `offset` is from the eye to the
-// Gaussian.
 template <class Real>
-static Vec3 colour_backward(const Real* sh, int degree, const Vec3& offset, Vec3 by_colour, Real* by_sh)
+void Frame<Real>::splat(
+    const GaussianArrays<const Real>& gaussians, const Camera& camera, const Blend& operation, Project<Real>* project)
 {
-    const double distance = std::sqrt(dot(offset, offset));
-    const Vec3 direction = (1 / distance) * offset;
-    const Vec3 colour = raw_colour(sh, degree, direction);
-    for (int c = 0; c < 3; ++c)
-        by_colour[c] = colour[c] >= 0 ? by_colour[c] : 0.0;
+    view = camera, blend = operation, count = gaussians.count, coefficients = gaussians.coefficients();
+    footprint_buffer.reserve(count), key_buffer.reserve(count);
+    parallel_for(count, GRAIN, [&](size_t begin, size_t end) {
+        project(gaussians, view, blend, begin, end, footprint_buffer.get(), key_buffer.get());
+    });
+    order(gaussians.position);
 
-    double basis[SH_MAX];
-    Vec3 basis_gradient[SH_MAX];
-    sh_basis(direction, degree, basis);
-    sh_basis_gradient(direction, degree, basis_gradient);
-    Vec3 by_direction = {0, 0, 0};
-    for (int k = 0; k < coefficients(degree); ++k) {
-        store(by_sh, k, basis[k] * by_colour);
-        by_direction = by_direction + dot(by_colour, load(sh, k)) * basis_gradient[k];
+    const size_t pixel_count = size_t(view.width) * view.height;
+    radiance.reserve(3 * pixel_count), transmittance.reserve(pixel_count);
+    const TileGrid grid = {view.width, view.height};
+    lists.count(footprint_buffer.get(), drawn.get(), drawn_count, grid,
+        std::log2(blend.alpha_min), count / 8 + pixel_count / 4);
+    std::atomic<size_t> blended{0};
+    for (const Band& band : lists.bands()) {
+        lists.fill(band);
+        parallel_for(band.last - band.first, 1, [&](size_t begin, size_t end) {
+            for (size_t i = begin; i < end; ++i)
+                blended += splat_kernels<Real>().blend(
+                    tile_of(band.first + i), {radiance.get(), transmittance.get()});
+        });
     }
-    return (1 / distance) * (by_direction - dot(by_direction, direction) * direction);
+    pairs = blended;
 }
 
-template <class Real> static Tile tile_of(const Frame<Real>& frame, size_t index)
+// Sorts runs of equal keys by the depth in double precision, equal depths by index: a wall seen head-on keeps its order.
+template <class Real> static void break_ties(Drawn* items, size_t count, const Real* position, const Camera& view)
 {
-    const TileGrid grid{frame.camera.width, frame.camera.height};
-    const size_t start = frame.lists.tile_start[index], end = frame.lists.tile_start[index + 1];
-    return {frame.footprints.data(), frame.lists.entries.data() + start, int(end - start),
-        int(index % grid.columns()) * TILE_SIZE, int(index / grid.columns()) * TILE_SIZE, grid, frame.blend};
+    const auto depth = [&](const Drawn& item) {
+        const Real* const p = position + 3 * size_t(item.gaussian);
+        const double* const row = view.rotation[2];
+        return -(row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + view.translation[2]);
+    };
+    for (size_t begin = 0, end; begin < count; begin = end) {
+        for (end = begin + 1; end < count && items[end].key == items[begin].key; ++end) { }
+        if (end - begin > 1)
+            std::stable_sort(items + begin, items + end,
+                [&](const Drawn& a, const Drawn& b) { return depth(a) < depth(b); });
+    }
 }
 
-// Fills the frame's footprints and lists.
-template <class Real> static void prepare(Frame<Real>& frame, const GaussianArrays<const Real>& gaussians)
+// Lists the drawn Gaussians, front to back.
+template <class Real> void Frame<Real>::order(const Real* position)
 {
-    const TileGrid grid{frame.camera.width, frame.camera.height};
-    std::vector<uint32_t> tile_count(gaussians.count, 0);
-    frame.footprints.resize(gaussians.count);
-    parallel_for(gaussians.count, GRAIN, [&](size_t begin, size_t end) {
+    Drawn* items = drawn.reserve(count);
+    drawn_count = 0;
+    for (size_t i = 0; i < count; ++i)
+        if (keys()[i] != NOT_DRAWN)
+            items[drawn_count++] = {keys()[i], uint32_t(i)};
+
+    static_assert(sizeof(Drawn) <= MOMENTS * sizeof(Real));
+    auto* const scratch = reinterpret_cast<Drawn*>(sum_buffer.reserve(count * MOMENTS * sizeof(Real)));
+    Drawn* const sorted = sort_by_key(items, scratch, drawn_count);
+    break_ties(sorted, drawn_count, position, view);
+    for (size_t i = 0; i < drawn_count; ++i) {
+        const Footprint<Real>& footprint = footprints()[sorted[i].gaussian];
+        items[i] = sorted[i];
+        items[i].set_rows(footprint.first_row, footprint.last_row);
+    }
+}
+
+template <class Real> Tile<Real> Frame<Real>::tile_of(size_t index) const
+{
+    const TileGrid grid = {view.width, view.height};
+    const size_t begin = lists.start(0, index), end = lists.start(lists.chunk_count(), index);
+    return {footprint_buffer.get(), lists.entries() + begin, end - begin, int(index % grid.columns()) * TILE_SIZE,
+        int(index / grid.columns()) * TILE_SIZE, view.width, view.height, Real(std::log2(blend.alpha_min)),
+        Real(blend.alpha_max)};
+}
+
+template <class Real> void Frame<Real>::sum_moments(const PixelGradients<Real>& by)
+{
+    Real* const sums = reinterpret_cast<Real*>(sum_buffer.get());
+    parallel_for(count, GRAIN,
+        [&](size_t begin, size_t end) { std::fill(sums + begin * MOMENTS, sums + end * MOMENTS, Real(0)); });
+    for (const Band& band : lists.bands()) {
+        lists.fill(band);
+        Real* const moments = moment_buffer.reserve(band.entry_count * MOMENTS);
+        parallel_for(band.last - band.first, 1, [&](size_t begin, size_t end) {
+            for (size_t i = begin; i < end; ++i) {
+                const size_t tile = band.first + i;
+                splat_kernels<Real>().blend_backward(
+                    tile_of(tile), pixels(), by, moments + lists.start(0, tile) * MOMENTS);
+            }
+        });
+        add_moments(band);
+    }
+}
+
+// Adds the moments of one band, tile by tile. Chunks share no Gaussian.
+template <class Real> void Frame<Real>::add_moments(const Band& band)
+{
+    Real* const sums = reinterpret_cast<Real*>(sum_buffer.get());
+    parallel_for(lists.chunk_count(), 1, [&](size_t chunk, size_t) {
+        for (size_t tile = band.first; tile < band.last; ++tile)
+            for (size_t k = lists.start(chunk, tile); k < lists.start(chunk + 1, tile); ++k) {
+                Real* const sum = sums + size_t(lists.entries()[k]) * MOMENTS;
+                for (int m = 0; m < MOMENTS; ++m)
+                    sum[m] += moment_buffer.get()[k * MOMENTS + m];
+            }
+    });
+}
+
+template <class Real> int64_t Frame<Real>::first_not_finite() const
+{
+    std::atomic<size_t> first{count};
+    parallel_for(count, GRAIN, [&](size_t begin, size_t end) {
         for (size_t i = begin; i < end; ++i) {
-            const Gaussian gaussian = load_gaussian(gaussians, i);
-            const auto footprint = project(gaussian, frame.camera, frame.blend);
-            if (!footprint)
+            const Real* const sum = sums() + i * MOMENTS;
+            if (keys()[i] == NOT_DRAWN || std::all_of(sum, sum + MOMENTS, [](Real s) { return std::isfinite(s); }))
                 continue;
-            for_each_tile(*footprint, grid, [&](size_t) { ++tile_count[i]; });
-            if (tile_count[i] == 0)
-                continue;
-            const Real* sh = gaussians.sh + i * 3 * coefficients(gaussians.degree);
-            frame.footprints[i] = *footprint;
-            frame.footprints[i].colour =
-                visible_colour(sh, gaussians.degree, gaussian.position - frame.camera.position);
+            size_t found = first;
+            while (i < found && !first.compare_exchange_weak(found, i)) { }
+            return;
         }
     });
-    frame.lists = list_tiles(frame.footprints, tile_count, grid);
+    return first < count ? int64_t(first) : -1;
 }
 
 template <class Real>
-Frame<Real> splat(
-    const GaussianArrays<const Real>& gaussians, const Camera& camera, const Blend& blend, Real* radiance)
+void Frame<Real>::gradients(const GaussianArrays<const Real>& gaussians, const GaussianArrays<Real>& gradient) const
 {
-    Frame<Real> frame{camera, blend, gaussians.count * coefficients(gaussians.degree), {}, {}, {}, {}};
-    prepare(frame, gaussians);
-    frame.transmittance.resize(size_t(camera.width) * camera.height);
-    frame.last.resize(frame.transmittance.size());
-    const Coverage<Real> coverage{frame.transmittance.data(), frame.last.data()};
-    parallel_for(frame.lists.tile_start.size() - 1, 1, [&](size_t begin, size_t end) {
-        for (size_t tile = begin; tile < end; ++tile)
-            blend_tile(tile_of(frame, tile), radiance, coverage);
-    });
-    return frame;
-}
-
-// From the sums over pixels to the gradient by mean and covariance. With z = conic d, the offset of a pixel
-// turned by the conic, the gradient by the mean is sum(p z), that by the covariance 1/2 sum(p z z^T).
-static FootprintGradient gather(const Footprint& footprint, const double* m)
-{
-    const double u_x = 2 * footprint.whiten_x, u_y = -footprint.shear * u_x, v_y = 2 * footprint.whiten_y;
-    return {
-        u_x * m[P_U],
-        u_y * m[P_U] + v_y * m[P_V],
-        0.5 * u_x * u_x * m[P_UU],
-        0.5 * u_x * (u_y * m[P_UU] + v_y * m[P_UV]),
-        0.5 * (u_y * u_y * m[P_UU] + 2 * u_y * v_y * m[P_UV] + v_y * v_y * m[P_VV]),
-    };
-}
-
-template <class Real>
-static void gaussian_backward(const Frame<Real>& frame, const GaussianArrays<const Real>& gaussians, size_t i,
-    const Real* moments, const GaussianArrays<Real>& out)
-{
-    double sum[MOMENTS] = {};
-    for (size_t slot = frame.lists.slot_start[i]; slot < frame.lists.slot_start[i + 1]; ++slot)
-        for (int m = 0; m < MOMENTS; ++m)
-            sum[m] += moments[slot * MOMENTS + m];
-
-    const Footprint& footprint = frame.footprints[i];
-    const Gaussian gaussian = load_gaussian(gaussians, i);
-    const size_t sh = i * 3 * coefficients(gaussians.degree);
-    const auto g = project_backward(gaussian, frame.camera, gather(footprint, sum));
-    const Vec3 by_colour = colour_backward(gaussians.sh + sh, gaussians.degree,
-        gaussian.position - frame.camera.position, {sum[RED], sum[GREEN], sum[BLUE]}, out.sh + sh);
-    store(out.position, i, g.position + by_colour);
-    store(out.scale, i, g.scale);
-    for (int c = 0; c < 4; ++c)
-        out.rotation[4 * i + c] = narrow<Real>(g.rotation[c]);
-    out.opacity[i] = narrow<Real>(sum[P] / footprint.opacity);
-}
-
-template <class Real> static void clear(const GaussianArrays<Real>& arrays, size_t begin, size_t end)
-{
-    const auto zero = [&](Real* array, size_t stride) {
-        std::fill(array + begin * stride, array + end * stride, Real(0));
-    };
-    zero(arrays.position, 3);
-    zero(arrays.rotation, 4);
-    zero(arrays.scale, 3);
-    zero(arrays.opacity, 1);
-    zero(arrays.sh, 3 * coefficients(arrays.degree));
-}
-
-template <class Real>
-void splat_backward(const Frame<Real>& frame, const GaussianArrays<const Real>& gaussians,
-    const Real* by_radiance, const Real* by_transmittance, const GaussianArrays<Real>& gradient)
-{
-    const auto moments = std::make_unique_for_overwrite<Real[]>(frame.lists.entries.size() * MOMENTS);
-    const Coverage<const Real> coverage{frame.transmittance.data(), frame.last.data()};
-    parallel_for(frame.lists.tile_start.size() - 1, 1, [&](size_t begin, size_t end) {
-        for (size_t tile = begin; tile < end; ++tile)
-            blend_tile_backward(tile_of(frame, tile), coverage, by_radiance, by_transmittance, moments.get());
-    });
-
-    parallel_for(gaussians.count, GRAIN, [&](size_t begin, size_t end) {
-        clear(gradient, begin, end);
-        for (size_t i = begin; i < end; ++i)
-            if (frame.lists.slot_start[i] < frame.lists.slot_start[i + 1])
-                gaussian_backward(frame, gaussians, i, moments.get(), gradient);
+    parallel_for(count, GRAIN, [&](size_t begin, size_t end) {
+        splat_kernels<Real>().gradients(gaussians, view, footprints(), keys(), sums(), begin, end, gradient);
     });
 }
 
-#define INSTANTIATE(Real)                                                                              \
-    template Frame<Real> splat(const GaussianArrays<const Real>&, const Camera&, const Blend&, Real*); \
-    template void splat_backward(const Frame<Real>&, const GaussianArrays<const Real>&, const Real*,   \
-        const Real*, const GaussianArrays<Real>&)
-INSTANTIATE(float);
-INSTANTIATE(double);
+template <class Real> bool Frame<Real>::is_of(const GaussianArrays<const Real>& gaussians) const
+{
+    return gaussians.count == count && gaussians.coefficients() == coefficients;
+}
+
+template <class Real> size_t Frame<Real>::entry_count() const
+{
+    size_t total = 0;
+    for (const Band& band : lists.bands())
+        total += band.entry_count;
+    return total;
+}
+
+template <class Real> size_t Frame<Real>::byte_count() const
+{
+    return footprint_buffer.byte_count() + key_buffer.byte_count() + drawn.byte_count() +
+        sum_buffer.byte_count() + lists.byte_count() + moment_buffer.byte_count() + radiance.byte_count() +
+        transmittance.byte_count();
+}
+
+template class Frame<float>;
+template class Frame<double>;

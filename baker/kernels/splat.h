@@ -1,45 +1,58 @@
 // Gaussians to an image, and the gradient of that.
 //
-// Kerbl et al. 2023. Every output bit is the same for any number of threads.
+// Kerbl et al. 2023. Every output bit is the same for any number of threads and any instruction set.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
-#include <vector>
 
-#include "projection.h"
+#include "buffer.h"
+#include "records.h"
+#include "sort.h"
 #include "tiles.h"
 
-// Arrays of activated Gaussians; Value is const Real for parameters, Real for their gradients.
-template <class Value> struct GaussianArrays {
-    size_t count;    // N
-    int degree;      // of the spherical harmonics; K = (degree + 1)^2
-    Value* position; // (N, 3)
-    Value* rotation; // (N, 4)
-    Value* scale;    // (N, 3)
-    Value* opacity;  // (N,)
-    Value* sh;       // (N, K, 3)
+// One image and what its gradient needs, in memory that later images use again.
+//
+// Per Gaussian at most: footprint 48 bytes, key 4, order 8, sums 44 (before, the sort's scratch), entries 6.5: 110.5. In
+// training there are 56 bytes of parameters (SH degree 0), 112 of Adam's moments, 4 of its steps and 16 of statistics:
+// below 300. Per pixel 16, entries 13 and their counters 1/2; in training as much again for the image and its gradient.
+template <class Real> class Frame {
+public:
+    // `project` is what turns these arrays into footprints: activated or raw.
+    void splat(const GaussianArrays<const Real>&, const Camera&, const Blend&, Project<Real>* project);
+    // Sums the moments of every drawn Gaussian.
+    void sum_moments(const PixelGradients<Real>&);
+    // First Gaussian of which a sum is not finite; -1 if there is none.
+    int64_t first_not_finite() const;
+    // From sums to gradients.
+    void gradients(const GaussianArrays<const Real>&, const GaussianArrays<Real>&) const;
+
+    bool is_of(const GaussianArrays<const Real>&) const;
+    Pixels<const Real> pixels() const { return {radiance.get(), transmittance.get()}; }
+    const Camera& camera() const { return view; }
+    const Footprint<Real>* footprints() const { return footprint_buffer.get(); }
+    const uint32_t* keys() const { return key_buffer.get(); }
+    const Real* sums() const { return reinterpret_cast<const Real*>(sum_buffer.get()); }
+    size_t pair_count() const { return pairs; }
+    size_t entry_count() const;
+    size_t byte_count() const;
+
+private:
+    void order(const Real* position);
+    Tile<Real> tile_of(size_t index) const;
+    void add_moments(const Band&);
+
+    Camera view = {};
+    Blend blend = {};
+    size_t count = 0, coefficients = 0, drawn_count = 0, pairs = 0;
+    Buffer<Footprint<Real>> footprint_buffer; // (N,)
+    Buffer<uint32_t> key_buffer;              // (N,)
+    Buffer<Drawn> drawn;                      // front to back
+    Buffer<std::byte> sum_buffer;             // (N, MOMENTS) Real; before that, the sort's scratch
+    TileLists<Real> lists;
+    Buffer<Real> moment_buffer; // (entries of a band, MOMENTS)
+    Buffer<Real> radiance, transmittance;
 };
 
-// What backward needs to know of forward.
-template <class Real> struct Frame {
-    Camera camera;
-    Blend blend;
-    size_t coefficient_count; // N * K, to recognise the Gaussians
-    std::vector<Footprint> footprints;
-    TileLists lists;
-    std::vector<Real> transmittance; // (height, width)
-    std::vector<int32_t> last;       // (height, width)
-};
-
-// Writes radiance (height, width, 3); the transmittance is in the frame. Memory: about 130 bytes per Gaussian
-// and 8 per pair of a Gaussian and a tile that it touches.
-template <class Real>
-Frame<Real> splat(
-    const GaussianArrays<const Real>& gaussians, const Camera& camera, const Blend& blend, Real* radiance);
-
-// Writes the gradient by every parameter from those by radiance (height, width, 3) and transmittance (height,
-// width). `gaussians` are those of the frame. Memory: MOMENTS Reals per pair of a Gaussian and a tile.
-template <class Real>
-void splat_backward(const Frame<Real>& frame, const GaussianArrays<const Real>& gaussians,
-    const Real* by_radiance, const Real* by_transmittance, const GaussianArrays<Real>& gradient);
+// Gaussians per parallel step: some 50 us.
+constexpr size_t GRAIN = 1024;

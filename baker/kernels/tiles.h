@@ -1,20 +1,12 @@
-// Which Gaussians touch which tile of the image, front to back.
+// Which Gaussians touch which tile of the image, front to back, a band of tiles at a time.
 #pragma once
 
-#include <algorithm>
-#include <cmath>
 #include <cstdint>
 #include <vector>
 
-#include "constants.glsl"
-#include "projection.h"
-
-// One Gaussian in one tile. Slots number the entries Gaussian by Gaussian, so that what the tiles find out
-// about a Gaussian lies side by side.
-struct Entry {
-    uint32_t gaussian;
-    uint32_t slot;
-};
+#include "buffer.h"
+#include "records.h"
+#include "sort.h"
 
 struct TileGrid {
     int width, height; // px
@@ -24,63 +16,40 @@ struct TileGrid {
     size_t count() const { return size_t(columns()) * rows(); }
 };
 
-struct TileLists {
-    std::vector<Entry> entries;     // tile by tile, each front to back
-    std::vector<size_t> tile_start; // (tiles + 1,) into entries
-    std::vector<size_t> slot_start; // (Gaussians + 1,)
+// Tiles [first, last), in rows.
+struct Band {
+    size_t first, last;
+    size_t entry_count;
 };
 
-// Inclusive range of pixels; empty where last < first.
-struct PixelRange {
-    int first, last;
+// The lists hold one band at a time, so that their memory is bounded whatever the Gaussians' size. Bands and lists do
+// not depend on the number of threads: work is cut into chunks of Gaussians that follow each other in depth.
+template <class Real> class TileLists {
+public:
+    // `drawn` (count,) front to back. Cuts the image into bands of at most `entry_limit` entries, or one tile.
+    void count(const Footprint<Real>* footprints, const Drawn* drawn, size_t count, const TileGrid& grid,
+        double log2_alpha_min, size_t entry_limit);
+    // Lists one band.
+    void fill(const Band& band);
+
+    const std::vector<Band>& bands() const { return band_list; }
+    size_t chunk_count() const { return chunks; }
+    const uint32_t* entries() const { return entry_buffer.get(); } // Gaussians
+    // Where a chunk's part of a tile's list begins; that of chunk_count() is where the list ends.
+    uint32_t start(size_t chunk, size_t tile) const { return starts.get()[chunk * grid.count() + tile]; }
+    size_t byte_count() const { return starts.byte_count() + entry_buffer.byte_count(); }
+
+private:
+    template <class Visit> void for_each_tile(size_t chunk, const Band& band, Visit&& visit) const;
+    void cut_into_bands(size_t entry_limit);
+
+    const Footprint<Real>* footprints = nullptr;
+    const Drawn* drawn = nullptr;
+    size_t drawn_count = 0, chunks = 0, chunk_size = 0;
+    TileGrid grid = {};
+    double log2_alpha_min = 0;
+    std::vector<Band> band_list;
+    size_t filled = 0; // first tile of the band that is listed
+    Buffer<uint32_t> starts; // (chunks + 1, tiles), into the entries of the tile's band
+    Buffer<uint32_t> entry_buffer;
 };
-
-// Pixels of [0, count) whose centres lie in [low, high].
-inline PixelRange pixels_between(double low, double high, int count)
-{
-    return {int(std::clamp(std::ceil(low - 0.5), 0.0, double(count))),
-        int(std::clamp(std::floor(high - 0.5), -1.0, count - 1.0))};
-}
-
-// Rows of the image in which alpha >= alpha_min somewhere.
-inline PixelRange rows_of(const Footprint& footprint, int height)
-{
-    const double half = std::sqrt(footprint.reach) / footprint.whiten_y;
-    return pixels_between(footprint.mean_y - half, footprint.mean_y + half, height);
-}
-
-// How far to the right of the mean alpha >= alpha_min extends within [low, high], offsets in y from the mean.
-// The ellipse's edge is concave in y: where its widest row lies outside, the nearest row inside is the
-// widest.
-inline double extent_right(
-    const Footprint& footprint, double low, double high, double shear, double widest_dy)
-{
-    const double dy = std::clamp(widest_dy, low, high), v = footprint.whiten_y * dy;
-    return shear * dy + std::sqrt(std::max(0.0, footprint.reach - v * v)) / footprint.whiten_x;
-}
-
-// Columns in which alpha >= alpha_min somewhere in the given rows.
-inline PixelRange columns_of(const Footprint& footprint, PixelRange rows, int width)
-{
-    const double low = rows.first + 0.5 - footprint.mean_y, high = rows.last + 0.5 - footprint.mean_y;
-    const double right = extent_right(footprint, low, high, footprint.shear, footprint.widest_dy);
-    const double left = extent_right(footprint, low, high, -footprint.shear, -footprint.widest_dy);
-    return pixels_between(footprint.mean_x - left, footprint.mean_x + right, width);
-}
-
-// Calls visit(tile index) for each tile that the footprint touches, in rising order.
-template <class Visit> void for_each_tile(const Footprint& footprint, const TileGrid& grid, Visit&& visit)
-{
-    const PixelRange rows = rows_of(footprint, grid.height);
-    for (int top = rows.first / TILE_SIZE * TILE_SIZE; top <= rows.last; top += TILE_SIZE) {
-        const PixelRange band{std::max(top, rows.first), std::min(top + TILE_SIZE - 1, rows.last)};
-        const PixelRange columns = columns_of(footprint, band, grid.width);
-        for (int left = columns.first / TILE_SIZE; left * TILE_SIZE <= columns.last; ++left)
-            visit(size_t(top / TILE_SIZE) * grid.columns() + left);
-    }
-}
-
-// Lists of all tiles. `tile_count` (Gaussians,) is how many tiles each touches; those with none are left out.
-// Order: by depth, then by index.
-TileLists list_tiles(
-    const std::vector<Footprint>& footprints, const std::vector<uint32_t>& tile_count, const TileGrid& grid);

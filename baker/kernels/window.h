@@ -4,7 +4,7 @@
 #include <cmath>
 #include <cstddef>
 
-#include "exp.h"
+#include "inline.h"
 
 constexpr size_t WINDOW = 11;
 constexpr size_t WINDOW_RADIUS = WINDOW / 2;

@@ -1,0 +1,8 @@
+// What the inner loops ask of the compiler.
+#pragma once
+
+#if defined(__GNUC__)
+#define ALWAYS_INLINE inline __attribute__((always_inline))
+#else
+#define ALWAYS_INLINE inline
+#endif
