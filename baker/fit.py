@@ -1,25 +1,32 @@
-"""Fits Gaussians to views of B: rasterise, compare, step (Kerbl et al. 2023)."""
+"""Fits Gaussians to views of B: rasterise, compare, step, and now and then change how many there are (Kerbl et al. 2023)."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 
-from gsgi.runtime.camera import Camera
+from gsgi.runtime.camera import Camera, Pinhole
 from gsgi.runtime.gaussians import Blend, Gaussians
 
-from .adam import Adam
 from .checkpoint import Checkpoint
-from .loss import image_loss
-from .splat import splat
+from .density import count_after
+from .growth import Seen, grow
+from .optimiser import CpuOptimiser
+from .raw_gaussians import NAMES, RawGaussians
+from .records import from_arrays, to_arrays
+from .reshape import State
 from .target import Target
 
-# Adam's steps per parameter; lengths in units of the mean scale, light in units of the tone scale. They fall to
+# Adam's steps per parameter; lengths in units of the start's mean scale, light in units of the tone scale. They fall to
 # RATE_END of themselves, exponentially.
 RATES = {"position": 0.03, "log_scale": 0.05, "rotation": 0.004, "logit_opacity": 0.05, "sh": 0.02}
-RATE_END = 0.1
-OPACITY_RANGE = (1e-4, 1 - 1e-4)  # what a logit can hold without vanishing gradients
+RATE_END = 0.03
+
+# When the number of Gaussians changes, as shares of the iterations.
+GROWTH = tuple(np.linspace(0.15, 0.6, 6))
+
+# The share of the iterations that sees views at half their size, and the smallest edge (px) that is worth it.
+COARSE, COARSE_EDGE = 0.15, 128
 
 
 @dataclass(frozen=True)
@@ -31,45 +38,94 @@ class View:
     valid: np.ndarray
 
 
+@dataclass(frozen=True)
+class Course:
+    """How far a fit goes: at most `budget` Gaussians after `iterations` steps, one view each, in an order by `seed`."""
+
+    budget: int
+    iterations: int
+    seed: int = 0
+
+    def change_at(self, iteration: int, start: int) -> int | None:
+        """How many Gaussians there may be from this iteration on, if their number changes here; the first are `start`."""
+        events = [round(share * self.iterations) for share in GROWTH]
+        if iteration not in events:
+            return None
+        return count_after(min(start, self.budget), self.budget, (events.index(iteration) + 1) / len(events))
+
+
 def fit(
     start: Gaussians,
     views: Sequence[View],
     blend: Blend,
     tone_scale: float,
-    iterations: int,
-    seed: int,
-    advance: Callable[..., None] | None = None,
+    course: Course,
+    watch: Callable[[int, float, CpuOptimiser], None] | None = None,
     checkpoint: Checkpoint | None = None,
 ) -> Gaussians:
     """Gaussians whose images match the views, from `start`, by Adam on 0.2 L1 + 0.8 D-SSIM, one view per iteration.
 
-    `tone_scale` is in radiance. `advance(1, note)` is called after each iteration. Goes on from `checkpoint` where it
-    holds a state and keeps states there. Deterministic for a seed, whatever the number of threads, and wherever it was
-    interrupted. Raises FloatingPointError at the first loss that is not finite, naming iteration and view.
+    `tone_scale` is in radiance. `watch(iteration, loss, optimiser)` is called after each iteration. Goes on from
+    `checkpoint` where it holds a state and keeps states there. Deterministic for a seed, whatever the number of
+    threads, and wherever it was interrupted. Raises FloatingPointError at the first loss or gradient that is not
+    finite, naming iteration, view and Gaussian.
     """
-    parameters = _raw(start)
-    unit = {"position": float(start.scale.mean()) if len(start) else 0.0, "sh": tone_scale}
-    adam = Adam(parameters, {name: rate * unit.get(name, 1.0) for name, rate in RATES.items()})
-    targets = [Target.of(v.indirect, v.valid, tone_scale) for v in views]
-    pinholes = [v.camera.pinhole(v.indirect.shape[1], v.indirect.shape[0]) for v in views]
-    smoothed = None
-    if checkpoint and (state := checkpoint.load()):
-        adam.restore(state)
-        if advance:
-            advance(adam.steps, "from a checkpoint")
-    for iteration, k in list(enumerate(_order(len(views), iterations, seed)))[adam.steps :]:
-        image, _ = splat(*_activated(parameters), pinholes[k], blend)
-        loss = image_loss(image.detach().numpy(), targets[k])
-        if not np.isfinite(loss.value):
-            raise FloatingPointError(f"the loss is {loss.value} at iteration {iteration}, view {k}")
-        image.backward(torch.from_numpy(loss.by_image))
-        adam.step(RATE_END ** (iteration / iterations))
-        smoothed = loss.value if smoothed is None else 0.98 * smoothed + 0.02 * loss.value
-        if advance:
-            advance(1, f"loss {smoothed:.4f}")
+    images = [_Image.of(view, tone_scale) for view in views]
+    units = {"position": float(start.scale.mean()) if len(start) else 0.0, "sh": tone_scale}
+    order = _order(len(views), course.iterations, course.seed)
+    run = _Run(State.fresh(RawGaussians.from_gaussians(start)), Seen.nothing(len(start)), 0)
+    if checkpoint and (arrays := checkpoint.load()):
+        run = from_arrays(_Run, arrays)
+    optimiser = CpuOptimiser(run.state.raw, run.state.adam, blend)
+    while run.iteration < course.iterations:
+        if limit := course.change_at(run.iteration, len(start)):
+            state = grow(run.state, run.seen.per_round(len(views)), limit, tone_scale)
+            run = _Run(state, Seen.nothing(len(state)), run.iteration)
+            optimiser = CpuOptimiser(state.raw, state.adam, blend)
+        view, done = order[run.iteration], run.iteration / course.iterations
+        rates = {name: RATE_END**done * RATES[name] * units.get(name, 1.0) for name in NAMES}
+        try:
+            loss, found = optimiser.iterate(*images[view].at(done), rates)
+        except FloatingPointError as error:
+            raise FloatingPointError(f"{error} at iteration {run.iteration}, view {view}") from error
+        run = _Run(run.state, run.seen.with_step(found), run.iteration + 1)
+        if watch:
+            watch(run.iteration, loss, optimiser)
         if checkpoint and checkpoint.due():
-            checkpoint.save(adam.state())
-    return _record(parameters)
+            checkpoint.save(to_arrays(run))
+    return run.state.raw.to_gaussians()
+
+
+@dataclass(frozen=True)
+class _Run:
+    """All that the rest of a fit depends on, after `iteration` steps."""
+
+    state: State
+    seen: Seen
+    iteration: int
+
+
+@dataclass(frozen=True)
+class _Image:
+    """A view as the fit compares it, and the same at half its size."""
+
+    fine: tuple[Pinhole, Target]
+    coarse: tuple[Pinhole, Target]
+
+    @staticmethod
+    def of(view: View, tone_scale: float) -> "_Image":
+        height, width = view.valid.shape
+        pinhole, target = view.camera.pinhole(width, height), Target.of(view.indirect, view.valid, tone_scale)
+        if min(height, width) < COARSE_EDGE:
+            return _Image((pinhole, target), (pinhole, target))
+        half = target.coarser(2)
+        scaled = {name: getattr(pinhole, name) / 2 for name in ("fx", "fy", "cx", "cy")}
+        size = {"height": half.tone.shape[0], "width": half.tone.shape[1]}
+        return _Image((pinhole, target), (pinhole._replace(**scaled, **size), half))
+
+    def at(self, done: float) -> tuple[Pinhole, Target]:
+        """As it is compared once a share `done` of the iterations is over."""
+        return self.coarse if done < COARSE else self.fine
 
 
 def _order(views: int, iterations: int, seed: int) -> list[int]:
@@ -77,27 +133,3 @@ def _order(views: int, iterations: int, seed: int) -> list[int]:
     rng = np.random.default_rng(seed)
     rounds = [rng.permutation(views) for _ in range(-(-iterations // views))]
     return np.concatenate([np.empty(0, int), *rounds])[:iterations].tolist()
-
-
-def _raw(gaussians: Gaussians) -> dict[str, torch.Tensor]:
-    """The optimiser's parameters: values before activation."""
-    opacity = torch.from_numpy(gaussians.opacity).clamp(*OPACITY_RANGE)
-    values = {
-        "position": torch.from_numpy(gaussians.position),
-        "rotation": torch.from_numpy(gaussians.rotation),
-        "log_scale": torch.from_numpy(gaussians.scale).clamp(min=1e-12).log(),
-        "logit_opacity": torch.logit(opacity),
-        "sh": torch.from_numpy(gaussians.sh),
-    }
-    return {name: value.clone().requires_grad_() for name, value in values.items()}
-
-
-def _activated(raw: dict[str, torch.Tensor]) -> tuple[torch.Tensor, ...]:
-    """position, rotation, scale, opacity, sh as the rasteriser takes them."""
-    rotation = torch.nn.functional.normalize(raw["rotation"], dim=1)
-    return raw["position"], rotation, raw["log_scale"].exp(), raw["logit_opacity"].sigmoid(), raw["sh"]
-
-
-def _record(raw: dict[str, torch.Tensor]) -> Gaussians:
-    with torch.no_grad():
-        return Gaussians(*(tensor.detach().numpy().copy() for tensor in _activated(raw)))
