@@ -126,7 +126,7 @@ def _draw(gaussians: Gaussians, camera: Camera, reference: Reference, blend: Ble
 
 
 def _target(reference: Reference, tone_scale: float) -> Target:
-    return Target.of(reference.clean(reference.indirect), reference.valid, tone_scale)
+    return Target.of(reference.clean, reference.valid, tone_scale)
 
 
 def _score(verdict: Verdict) -> Score:

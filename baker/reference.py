@@ -1,6 +1,7 @@
 """Path-traced references: a camera's full light as two independent halves, and a deferred frame's distance to it."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -41,8 +42,17 @@ class Reference:
         """The full light that a B (H, W, 3) makes."""
         return self.primary + self.surface.albedo * indirect
 
-    def clean(self, indirect: np.ndarray) -> np.ndarray:
-        """`indirect` (H, W, 3) denoised; as it is where no denoiser is installed."""
+    @cached_property
+    def clean(self) -> np.ndarray:
+        """B from all samples, denoised; as it is where no denoiser is installed."""
+        return self._denoised(self.indirect)
+
+    @cached_property
+    def clean_halves(self) -> tuple[np.ndarray, np.ndarray]:
+        """B from each half of the samples, likewise."""
+        return self._denoised(self.indirect_a), self._denoised(self.indirect_b)
+
+    def _denoised(self, indirect: np.ndarray) -> np.ndarray:
         if not denoise.available():
             return indirect
         return denoise.denoise(indirect, self.surface.normal, self.valid)
@@ -91,7 +101,7 @@ def judge_indirect(indirect: np.ndarray, reference: Reference, exposure: float |
 def _judge(image, reference: Reference, lit, exposure: float | None, valid: np.ndarray | None = None) -> Verdict:
     # Not from the denoised image: the denoiser leaves traces of light where there is none.
     exposure = auto_exposure(lit(reference.indirect)) if exposure is None else exposure
-    clean = lit(reference.clean(reference.indirect))
+    clean = lit(reference.clean)
     difference = compare_linear(image, lit(reference.indirect_a), lit(reference.indirect_b), clean, exposure, valid)
-    halves = [tone_map(lit(reference.clean(half)), exposure) for half in (reference.indirect_a, reference.indirect_b)]
+    halves = (tone_map(lit(half), exposure) for half in reference.clean_halves)
     return Verdict(difference, ssim(*halves, valid))
