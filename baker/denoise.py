@@ -22,11 +22,15 @@ def denoise(indirect: np.ndarray, normal: np.ndarray, valid: np.ndarray) -> np.n
     Non-finite pixels count as 0 and fireflies are clamped first. The same bits for any number of threads.
     """
     import mitsuba_oidn
-    from scipy.ndimage import rank_filter
+    from scipy.ndimage import distance_transform_edt, rank_filter
 
+    if not valid.any():
+        return np.zeros(indirect.shape, np.float32)
     clean = np.where(valid[..., None] & np.isfinite(indirect), indirect, 0).astype(np.float32)
     second = np.stack([rank_filter(clean[..., c], rank=-2, size=3) for c in range(3)], axis=-1)
     clean = np.minimum(clean, np.float32(FIREFLY) * second)
+    # The light beside a mask goes on under it: black there would look like a shadow, and be smeared out over its edge.
+    clean = clean[tuple(distance_transform_edt(~valid, return_distances=False, return_indices=True))]
     # Normals are accepted only together with an albedo; B has none, so it is 1.
     white = np.ones_like(clean)
     guide = np.ascontiguousarray(normal, np.float32)

@@ -28,7 +28,10 @@ def _seconds_per_path(plan: Plan) -> float:
     from .irradiance import Sampling
 
     tracer, size = plan.light.tracer, plan.settings.size
-    points = next(p for p in (tracer.surface(c, size, size).points() for c in plan.cameras) if len(p[0]))
+    views = (tracer.surface(camera, size, size).points() for camera in plan.cameras)
+    points = next((points for points in views if len(points[0])), None)
+    if points is None:
+        return 0.0  # all is metal
     points = tuple(np.resize(array, (POINTS, 3)) for array in points)
     sampling = Sampling(SAMPLES, plan.settings.bounces)
     return _second_run(lambda seed: tracer.indirect(*points, sampling, seed)) / (POINTS * SAMPLES)

@@ -32,7 +32,8 @@ class Surface:
 
     position (m), normal (interpolated, unit, towards the camera), shading_normal (as a normal texture bends it: primary
     light goes by it) and geometric_normal in world space; albedo and emission linear Rec.709; depth along the camera's
-    -Z (m); valid bool. Where there is no surface, emission is the environment's radiance.
+    -Z (m); valid bool: a surface is seen; diffuse bool: it shows light that falls on it, as it is neither unlit nor
+    metal. Where there is no surface, emission is the environment's radiance.
     """
 
     position: np.ndarray
@@ -43,19 +44,20 @@ class Surface:
     emission: np.ndarray
     depth: np.ndarray
     valid: np.ndarray
+    diffuse: np.ndarray
 
     def points(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """position, normal and geometric_normal (N, 3) of the pixels that see a surface: where B is."""
-        return tuple(array[self.valid] for array in (self.position, self.normal, self.geometric_normal))
+        """position, normal and geometric_normal (N, 3) of the pixels that are diffuse: where B is seen."""
+        return tuple(array[self.diffuse] for array in (self.position, self.normal, self.geometric_normal))
 
     def shading_points(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The same with the shading normal: where primary light falls."""
-        return tuple(array[self.valid] for array in (self.position, self.shading_normal, self.geometric_normal))
+        return tuple(array[self.diffuse] for array in (self.position, self.shading_normal, self.geometric_normal))
 
     def image(self, values: np.ndarray) -> np.ndarray:
-        """Values (N, 3) at `points()` as an image (H, W, 3) float32, 0 where no surface is."""
-        result = np.zeros(self.position.shape, np.float32)
-        result[self.valid] = values
+        """Values (N, ...) at `points()` as an image (H, W, ...) of their dtype, 0 in all other pixels."""
+        result = np.zeros(self.diffuse.shape + values.shape[1:], values.dtype)
+        result[self.diffuse] = values
         return result
 
 
@@ -76,7 +78,7 @@ class Sampling:
 @dataclass(frozen=True)
 class Light:
     """B at N points: mean (N, 3) float32, linear Rec.709 radiance; error (N,) float32, its standard error (mean of the
-    channels); samples (N,) int64 paths; invalid: how many paths of all gave no finite number, and were left out."""
+    channels); samples (N,) int64: paths that gave a finite number; invalid: how many others were left out."""
 
     mean: np.ndarray
     error: np.ndarray
@@ -118,10 +120,11 @@ class Tracer:
         hits["position"] = self._positions(hits.pop("triangle"), hits.pop("weights"))
         depth = (camera.position - hits["position"]) @ camera.world_from_view[:3, 2]
         valid = hits.pop("valid") & (depth <= camera.zfar)
+        diffuse = hits.pop("diffuse") & valid
         background = hits.pop("background")
         columns = {name: np.where(valid[:, None], column, 0) for name, column in hits.items()}
         columns["emission"] = np.where(valid[:, None], hits["emission"], background)
-        columns |= {"depth": np.where(valid, depth, 0).astype(np.float32), "valid": valid}
+        columns |= {"depth": np.where(valid, depth, 0).astype(np.float32), "valid": valid, "diffuse": diffuse}
         return Surface(**{name: column.reshape(height, width, *column.shape[1:]) for name, column in columns.items()})
 
     def indirect(self, position, normal, geometric_normal, sampling: Sampling, seed: int, advance=None) -> Light:

@@ -4,6 +4,7 @@ A reference is two independent halves `a` and `b`: their noise is independent, s
 error of x free of it. SSIM and FLIP compare with the mean of the halves (denoised by the caller, where it is noisy).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,14 +36,24 @@ def compare_linear(image, a, b, clean, exposure: float | None = None, valid=None
     """
     exposure = auto_exposure(clean) if exposure is None else exposure
     shown, expected = tone_map(image, exposure), tone_map(clean, exposure)
-    squared = (image - a).astype(np.float64) * (image - b) * exposure**2
-    return Difference(psnr(_mean(squared, valid)), ssim(shown, expected, valid), flip(shown, expected, valid))
+    error = squared_error(image, a, b, exposure, valid)
+    return Difference(psnr(error), ssim(shown, expected, valid), flip(shown, expected, valid))
 
 
 def compare_display(image, reference) -> Difference:
     """Compare display-referred images (H, W, 3) float32 in [0, 1] (what a PNG holds)."""
     error = float(np.mean((image - reference).astype(np.float64) ** 2))
     return Difference(psnr(error), ssim(image, reference), flip(image, reference))
+
+
+def squared_error(image, a, b, exposure: float, valid=None) -> float:
+    """Mean squared error of exposed linear light, free of the noise of the independent halves `a` and `b`."""
+    return _mean((image - a).astype(np.float64) * (image - b), valid) * exposure**2
+
+
+def mean_psnr(values: Sequence[float]) -> float:
+    """PSNR (dB) of the mean of the squared errors behind several PSNRs; a mean of the dB would hide a bad one."""
+    return psnr(float(np.mean([10 ** (-value / 10) for value in values])))
 
 
 def psnr(squared_error: float) -> float:

@@ -37,7 +37,7 @@ class Sums(NamedTuple):
 def first_hits(tracer, origin: np.ndarray, direction: np.ndarray) -> dict[str, np.ndarray]:
     """What rays from `origin` (M, 3) along unit `direction` (M, 3) see; nothing along a direction of 0.
 
-    Columns normal, shading_normal, geometric_normal, albedo and emission of `irradiance.Surface`; valid (M,) bool; the
+    Columns normal, shading_normal, geometric_normal, albedo, emission, valid and diffuse of `irradiance.Surface`; the
     triangle (M,), 0 where there is none, with the weights (M, 2) of its corners 1 and 2; and background (M, 3), the
     environment's radiance as far as the G-buffer's half floats hold it.
     """
@@ -47,6 +47,7 @@ def first_hits(tracer, origin: np.ndarray, direction: np.ndarray) -> dict[str, n
     valid = aimed & dr.isfinite(hit.t)
     ng, material, _ = side(tracer, hit, d, valid)
     albedo, emission = tracer.shading.shown(material, hit.prim, hit.b, valid)
+    diffuse = tracer.shading.diffuse(material, hit.prim, hit.b, valid)
     background = mi.Color3f(0)
     if tracer.environment is not None:
         background = dr.minimum(tracer.environment.eval(d, aimed)[0], constants.HALF_MAX)
@@ -60,9 +61,11 @@ def first_hits(tracer, origin: np.ndarray, direction: np.ndarray) -> dict[str, n
     }
     columns = {name: dr.select(valid, value, 0) for name, value in columns.items()} | {"background": background}
     triangle = dr.select(valid, hit.prim, 0)
-    dr.eval(valid, triangle, columns)  # in one kernel: each look at a column by itself would trace the rays again
+    # In one kernel: each look at a column by itself would trace the rays again.
+    dr.eval(valid, diffuse, triangle, columns)
     arrays = {name: np.broadcast_to(np.array(c).T, (len(o.x), len(c))) for name, c in columns.items()}
-    return arrays | {"valid": np.array(valid).astype(bool), "triangle": np.array(triangle)}
+    masks = {"valid": np.array(valid).astype(bool), "diffuse": np.array(diffuse).astype(bool)}
+    return arrays | masks | {"triangle": np.array(triangle)}
 
 
 def indirect(tracer, position, normal, geometric_normal, samples: int, bounces: int, seed: int) -> Sums:

@@ -1,6 +1,7 @@
 """Path-traced references: a camera's full light as two independent halves, and a deferred frame's distance to it."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -16,14 +17,16 @@ from .metrics import Difference, compare_linear, ssim
 class Reference:
     """What path tracing sees through the pixel centres of a camera; images (H, W, 3) float32, linear Rec.709.
 
-    `indirect_a` and `indirect_b` are B from independent halves of the samples, undenoised, 0 where no surface is.
-    `primary` is emission and punctual light, and the environment where no surface is: it has no noise to speak of.
+    `indirect_a` and `indirect_b` are B from independent halves of the samples, undenoised, 0 where B is not seen (see
+    Surface); `valid` (H, W) bool: where it is, and both have it from at least one path. `primary` is emission and
+    punctual light, and the environment where no surface is: it has no noise to speak of.
     """
 
     surface: Surface
     primary: np.ndarray
     indirect_a: np.ndarray
     indirect_b: np.ndarray
+    valid: np.ndarray
 
     @property
     def indirect(self) -> np.ndarray:
@@ -39,11 +42,20 @@ class Reference:
         """The full light that a B (H, W, 3) makes."""
         return self.primary + self.surface.albedo * indirect
 
-    def clean(self, indirect: np.ndarray) -> np.ndarray:
-        """`indirect` (H, W, 3) denoised; as it is where no denoiser is installed."""
+    @cached_property
+    def clean(self) -> np.ndarray:
+        """B from all samples, denoised; as it is where no denoiser is installed."""
+        return self._denoised(self.indirect)
+
+    @cached_property
+    def clean_halves(self) -> tuple[np.ndarray, np.ndarray]:
+        """B from each half of the samples, likewise."""
+        return self._denoised(self.indirect_a), self._denoised(self.indirect_b)
+
+    def _denoised(self, indirect: np.ndarray) -> np.ndarray:
         if not denoise.available():
             return indirect
-        return denoise.denoise(indirect, self.surface.normal, self.surface.valid)
+        return denoise.denoise(indirect, self.surface.normal, self.valid)
 
 
 def trace(tracer: Tracer, camera: Camera, width: int, height: int, samples: int, seed: int, advance=None) -> Reference:
@@ -56,10 +68,12 @@ def trace(tracer: Tracer, camera: Camera, width: int, height: int, samples: int,
     half = Sampling(-(-samples // 2))
     # Hashed: a reference shares its random numbers with no view of a bake, whose seeds are small numbers too.
     seeds = np.random.SeedSequence(seed).generate_state(2).tolist()
-    a, b = (surface.image(tracer.indirect(*surface.points(), half, s, advance).mean) for s in seeds)
+    a, b = (tracer.indirect(*surface.points(), half, s, advance) for s in seeds)
     if advance:
-        advance(2 * float((~surface.valid).sum()))
-    return Reference(surface, surface.emission + surface.albedo * direct, a, b)
+        advance(2 * float((~surface.diffuse).sum()))
+    valid = surface.image((a.samples > 0) & (b.samples > 0))
+    primary = surface.emission + surface.albedo * direct
+    return Reference(surface, primary, surface.image(a.mean), surface.image(b.mean), valid)
 
 
 @dataclass(frozen=True)
@@ -70,21 +84,24 @@ class Verdict:
     ceiling: float
 
 
-def judge_frame(frame: np.ndarray, reference: Reference) -> Verdict:
-    """How far a linear frame (H, W, 3) is from the full light of the reference."""
-    return _judge(frame, reference, reference.lit)
+def judge_frame(frame: np.ndarray, reference: Reference, exposure: float | None = None) -> Verdict:
+    """How far a linear frame (H, W, 3) is from the full light of the reference.
+
+    By default the exposure is the reference's own: its log-average to mid-grey.
+    """
+    return _judge(frame, reference, reference.lit, exposure)
 
 
-def judge_indirect(indirect: np.ndarray, reference: Reference) -> Verdict:
-    """How far a B (H, W, 3) is from the reference's, over the pixels that show a surface."""
-    valid = reference.surface.valid
-    return _judge(np.where(valid[..., None], indirect, 0), reference, lambda b: b, valid)
+def judge_indirect(indirect: np.ndarray, reference: Reference, exposure: float | None = None) -> Verdict:
+    """How far a B (H, W, 3) is from the reference's, over its valid pixels; exposure as for `judge_frame`."""
+    valid = reference.valid
+    return _judge(np.where(valid[..., None], indirect, 0), reference, lambda b: b, exposure, valid)
 
 
-def _judge(image: np.ndarray, reference: Reference, lit, valid: np.ndarray | None = None) -> Verdict:
+def _judge(image, reference: Reference, lit, exposure: float | None, valid: np.ndarray | None = None) -> Verdict:
     # Not from the denoised image: the denoiser leaves traces of light where there is none.
-    exposure = auto_exposure(lit(reference.indirect))
-    clean = lit(reference.clean(reference.indirect))
+    exposure = auto_exposure(lit(reference.indirect)) if exposure is None else exposure
+    clean = lit(reference.clean)
     difference = compare_linear(image, lit(reference.indirect_a), lit(reference.indirect_b), clean, exposure, valid)
-    halves = [tone_map(lit(reference.clean(half)), exposure) for half in (reference.indirect_a, reference.indirect_b)]
+    halves = (tone_map(lit(half), exposure) for half in reference.clean_halves)
     return Verdict(difference, ssim(*halves, valid))

@@ -14,6 +14,9 @@ mi = load_mitsuba()
 
 import drjit as dr  # noqa: E402  (needs the LLVM that load_mitsuba chose)
 
+# Metallic from here on is 1 to eight bits, all that its texture has: what diffuse light is left nobody sees.
+METAL = 1 - 0.5 / 255
+
 
 def _srgb_table() -> np.ndarray:
     """Linear value of each sRGB code (IEC 61966-2-1): (256,) float32."""
@@ -107,8 +110,15 @@ class Shading:
         base = self._base(material, prim, b, active, jitter)
         albedo = mi.Color3f(row.x, row.y, row.z) * mi.Color3f(base.x, base.y, base.z)
         if self.metallic:
-            albedo *= 1 - row.w * self._texture("metallic_texture", material, prim, b, active, jitter, linear=False).z
+            albedo *= 1 - self._metallic(material, prim, b, active, jitter)
         return albedo
+
+    def diffuse(self, material, prim, b, active):
+        """Whether B is seen there: on a surface that is neither unlit nor metal, however dark its base colour."""
+        lit = active & (dr.gather(mi.Vector4f, self.emission_table, material, active).w == 0)
+        if not self.metallic:
+            return lit
+        return lit & (self._metallic(material, prim, b, lit, None) < METAL)
 
     def emission(self, material, prim, b, active, jitter=None):
         """Radiance that lights the scene."""
@@ -125,6 +135,11 @@ class Shading:
         color = mi.Color3f(row.x, row.y, row.z) * mi.Color3f(base.x, base.y, base.z)
         albedo = self.albedo(material, prim, b, active)
         return dr.select(unlit, 0, albedo), dr.select(unlit, color, self.emission(material, prim, b, active))
+
+    def _metallic(self, material, prim, b, active, jitter):
+        """Factor * texture."""
+        factor = dr.gather(mi.Vector4f, self.albedo_table, material, active).w
+        return factor * self._texture("metallic_texture", material, prim, b, active, jitter, linear=False).z
 
     def _base(self, material, prim, b, active, jitter):
         """Base colour texture (linear, alpha in w) * vertex colour."""

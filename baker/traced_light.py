@@ -21,8 +21,9 @@ PACKAGES = ("mitsuba", "drjit", "numpy")
 
 @dataclass(frozen=True)
 class TracedView:
-    """B (H, W, 3) float32 as traced and its standard error (H, W), 0 where no surface is; normal (H, W, 3) to guide a
-    denoiser; valid (H, W): which pixels show a surface; invalid: how many paths gave no finite number."""
+    """B (H, W, 3) float32 as traced and its standard error (H, W), 0 where not valid; normal (H, W, 3) to guide a
+    denoiser; valid (H, W): which pixels show a diffuse surface (see Surface) and have a B from at least one path;
+    invalid: how many paths gave no finite number."""
 
     indirect: np.ndarray
     error: np.ndarray
@@ -87,10 +88,9 @@ class TracedLight:
     def _view(self, camera: Camera, size: int, sampling: Sampling, seed: int, advance) -> TracedView:
         surface = self.tracer.surface(camera, size, size)
         light = self.tracer.indirect(*surface.points(), sampling, seed, advance)
-        advance(float((~surface.valid).sum()))
-        error = np.zeros(surface.valid.shape, np.float32)
-        error[surface.valid] = light.error
-        return TracedView(surface.image(light.mean), error, surface.normal, surface.valid, light.invalid)
+        advance(float((~surface.diffuse).sum()))
+        valid = surface.image(light.samples > 0)
+        return TracedView(surface.image(light.mean), surface.image(light.error), surface.normal, valid, light.invalid)
 
     def _key(self, stage: str, **inputs) -> str:
         return task_key(stage, code=code_version(__name__, PACKAGES), scene=self._scene_digest, **inputs)

@@ -19,7 +19,7 @@ YFOV = 1.2  # rad; wide enough to see a room's corner from its middle, narrow en
 NEAR = 0.1  # of the eyes' clearance
 
 FEWEST, MOST = 24, 1024  # cameras, where their number is left open
-HELD_OUT = 3
+HELD_OUT = 6
 OUTSIDE_SHARE, OUTSIDE_FEWEST = 8, 4  # views from outside: one for so many others, but so many at least
 
 # Surface points that stand for the surface while cameras are chosen, in rounds until the judges, other points on which

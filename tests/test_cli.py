@@ -16,6 +16,7 @@ from gltf_files import quad_scene, write
 
 from gsgi.baker import cli
 from gsgi.baker.commands import COMMANDS
+from gsgi.baker.views import HELD_OUT
 from gsgi.runtime import codec
 from gsgi.runtime.image import read_image, write_image
 from gsgi.runtime.layers import LAYERS
@@ -93,14 +94,21 @@ def test_a_bake_reports_what_it_reached(baked):
         "scene", "views", "plan", "irradiance", "fit", "encode", "held-out",
     ]  # fmt: skip
     assert report["views"] == 2  # the scene's own cameras
-    assert len(report["held_out"]) == 3
-    assert not {view["name"] for view in report["held_out"]} & {"front", "corner"}
+    views, mean = report["held_out"]["views"], report["held_out"]["mean"]
+    assert len(views) == HELD_OUT
+    assert not {view["name"] for view in views} & {"front", "corner"}
+    assert mean["name"] == f"mean of {HELD_OUT} views"
     assert report["bounces"] >= 4
     assert 0 <= report["coverage"][2] <= report["coverage"][0] <= 1
-    assert all(view["ssim"] <= view["ssim_ceiling"] + 0.01 for view in report["held_out"])
+    for view in (*views, mean):
+        assert 0 < view["loss"] < 1
+        # Where the primary light is right already, a frame is nearer than its B alone.
+        assert view["indirect"]["ssim"] < view["final"]["ssim"]
+        for score in (view["indirect"], view["final"]):
+            assert score["ssim"] <= score["ssim_ceiling"] + 0.01
     log = (baked / "bake.log").read_text()
     assert "irradiance" in log
-    assert "ceiling" in log
+    assert f"mean of {HELD_OUT} views: loss " in log
 
 
 def test_the_same_bake_on_one_core_gives_the_same_bytes(baked, tmp_path):
@@ -426,7 +434,7 @@ def test_the_cache_says_what_it_holds_and_can_be_emptied(baked, capsys, tmp_path
     assert facts["limit"] == 4 << 30
     stages = {stage: sums["entries"] for stage, sums in facts["stages"].items()}
     assert stages.pop("points") > 1  # the pilot's and the starting points
-    assert stages == {"fit": 1, "reference": 3, "view": 2}
+    assert stages == {"fit": 1, "reference": HELD_OUT, "view": 2}
     assert cli.run(["cache", "--cache", str(folder), "--clear"]) == 0
     assert "entries     0" in capsys.readouterr().out
     assert list(folder.iterdir()) == []

@@ -37,6 +37,11 @@ def test_noise_of_the_halves_does_not_count_as_error():
     assert naive < clean - 8
 
 
+def test_a_mean_psnr_is_of_the_mean_squared_error():
+    assert metrics.mean_psnr([20.0, 20.0]) == pytest.approx(20)
+    assert metrics.mean_psnr([10.0, 100.0]) == pytest.approx(10 + 10 * np.log10(2), abs=1e-6)
+
+
 def test_exposure_comes_from_the_reference_alone():
     image, truth = picture() * 0.9, picture()
     dim = metrics.compare_linear(image / 1000, truth / 1000, truth / 1000, truth / 1000)

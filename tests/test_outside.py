@@ -5,7 +5,7 @@ import pytest
 import scenes
 
 from gsgi.baker.surface_points import Triangles
-from gsgi.baker.views import place
+from gsgi.baker.views import HELD_OUT, place
 from gsgi.runtime.scene import Scene
 
 
@@ -15,7 +15,7 @@ def outside(meshes, size: int = 48) -> np.ndarray:
     cameras = [*placement.fitted.values(), *placement.held_out.values()]
     position = np.array([camera.position for camera in cameras])
     beside = (np.abs(position) > 1).any(axis=1)
-    assert len(placement.held_out) == 3
+    assert len(placement.held_out) == HELD_OUT
     if beside.any():
         assert (np.abs([camera.position for camera in placement.held_out.values()]) > 1).any()
     return position[beside]

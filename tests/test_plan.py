@@ -13,6 +13,7 @@ from gsgi.baker.decisions import decisions, summary
 from gsgi.baker.plan import PIXELS, SIZE_MAX, SIZE_MIN, Plan, make_plan
 from gsgi.baker.progress import Progress
 from gsgi.baker.settings import EFFECTS, Settings
+from gsgi.baker.views import HELD_OUT
 from gsgi.runtime import codec
 from gsgi.runtime.errors import SceneError
 from gsgi.runtime.fingerprint import fingerprint
@@ -64,7 +65,7 @@ def test_cameras_of_the_scene_and_of_a_path_are_fitted_and_others_held_out():
     fitted = plan.placement.fitted
     assert list(fitted)[:2] == ["own", "path 1"]
     assert plan.settings.views == len(fitted) == 4
-    assert len(plan.placement.held_out) == 3
+    assert len(plan.placement.held_out) == HELD_OUT
     assert not fitted.keys() & plan.placement.held_out.keys()
 
 

@@ -14,9 +14,9 @@ KILLS = 10
 
 # The command line with frequent checkpoints and a check that is as small as the bake.
 GSGI = """
-from gsgi.baker import checkpoint, cli, held_out
+from gsgi.baker import checkpoint, cli, held_out, views
 checkpoint.INTERVAL, checkpoint.SHARE = 0.1, 1.0
-held_out.VIEWS, held_out.SIZE, held_out.SAMPLES = 1, 16, 32
+views.HELD_OUT, held_out.SIZE, held_out.SAMPLES = 1, 16, 32
 cli.main()
 """
 

@@ -16,7 +16,7 @@ SIZE = 8
 
 
 class FakeTracer:
-    """Records each call; B is a function of the seed."""
+    """Records each call; B is a function of the seed, and no path to the first point gives a number."""
 
     calls: list
 
@@ -27,14 +27,14 @@ class FakeTracer:
         fields = {field.name: np.ones((height, width, 3), np.float32) for field in dataclasses.fields(Surface)}
         valid = np.ones((height, width), bool)
         valid[0] = False
-        return Surface(**fields | {"depth": fields["depth"][..., 0], "valid": valid})
+        return Surface(**fields | {"depth": fields["depth"][..., 0], "valid": valid, "diffuse": valid})
 
     def indirect(self, position, normal, geometric_normal, sampling, seed, advance):
         self.calls.append(seed)
         advance(len(position))
         count = len(position)
         mean = np.full((count, 3), seed, np.float32)
-        return Light(mean, mean[:, 0] / 8, np.full(count, sampling.samples), 3)
+        return Light(mean, mean[:, 0] / 8, np.minimum(np.arange(count), sampling.samples), 3)
 
 
 @pytest.fixture
@@ -66,6 +66,16 @@ def test_views_are_traced_once(tmp_path, calls):
         assert a.invalid == b.invalid == 3
         for name in ("indirect", "error", "normal", "valid"):
             np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
+
+
+def test_pixels_count_that_are_diffuse_and_have_a_path(tmp_path, calls):
+    (view, *_), _, _ = views(Cache(tmp_path))
+    assert not view.valid[0].any()
+    assert not view.valid[1, 0]
+    assert view.valid[1, 1:].all()
+    assert view.valid[2:].all()
+    assert not view.error[0].any()
+    assert (view.error[1:] == 10 / 8).all()
 
 
 def test_an_interrupted_run_finds_its_views_again(tmp_path, calls):
@@ -119,7 +129,8 @@ def test_references_are_traced_once(tmp_path, calls, monkeypatch):
         image = np.full((height, width, 3), seed, np.float32)
         advance(2 * width * height)
         calls.append(samples)
-        return reference.Reference(tracer.surface(camera, width, height), image, image + 1, image + 2)
+        surface = tracer.surface(camera, width, height)
+        return reference.Reference(surface, image, image + 1, image + 2, surface.diffuse)
 
     monkeypatch.setattr(reference, "trace", trace)
     done = []

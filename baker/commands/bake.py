@@ -32,7 +32,6 @@ def run(options: argparse.Namespace) -> None:
     from gsgi.baker.bake import bake
     from gsgi.baker.coverage import coverage_summary
     from gsgi.baker.decisions import summary
-    from gsgi.baker.held_out import judge
     from gsgi.baker.inputs import open_cache, plan_of
     from gsgi.baker.json_output import print_json
     from gsgi.baker.progress import Progress
@@ -53,18 +52,29 @@ def run(options: argparse.Namespace) -> None:
     baked = codec.decode(data)
     progress.say(f"wrote {options.output}: {len(baked.gaussians)} Gaussians, {len(data)} bytes")
     # Where nobody would see what it reached, that is not found out.
-    held_out = judge(plan, baked, progress) if options.json or not options.quiet else []
+    exam = _examine(plan, baked, progress) if options.json or not options.quiet else None
     cache.trim()
-    for view in held_out:
-        progress.say(
-            f"  {view.name}: B at PSNR {view.psnr:.2f} dB, SSIM {view.ssim:.4f} "
-            f"(ceiling {view.ssim_ceiling:.4f}), FLIP {view.flip:.4f}"
-        )
     if options.json:
-        print_json(_report(plan, len(baked.gaussians), len(data), progress, held_out))
+        print_json(_report(plan, len(baked.gaussians), len(data), progress, exam))
 
 
-def _report(plan, gaussians: int, size: int, progress, held_out: list) -> dict:
+def _examine(plan, baked, progress):
+    """The exam of a bake, told line by line."""
+    from gsgi.baker import held_out
+
+    with progress.stage("held-out", held_out.points(plan), "points") as advance:
+        references = held_out.references(plan, advance)
+        exam = held_out.judge(references, plan.placement.held_out, baked)
+    for view in (*exam.views, exam.mean) if exam.views else ():
+        progress.say(f"  {view.name}: loss {view.loss:.4f}; B at {_told(view.indirect)}; frame at {_told(view.final)}")
+    return exam
+
+
+def _told(score) -> str:
+    return f"PSNR {score.psnr:.2f} dB, SSIM {score.ssim:.4f} (ceiling {score.ssim_ceiling:.4f}), FLIP {score.flip:.4f}"
+
+
+def _report(plan, gaussians: int, size: int, progress, exam) -> dict:
     """What was done and reached, for machines."""
     import dataclasses
     import resource
@@ -84,5 +94,5 @@ def _report(plan, gaussians: int, size: int, progress, held_out: list) -> dict:
         "planned_memory": plan.memory,
         "peak_memory": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
         "stages": [{"stage": name, "seconds": round(value, 3)} for name, value in progress.seconds.items()],
-        "held_out": [dataclasses.asdict(view) for view in held_out],
+        "held_out": dataclasses.asdict(exam),
     }

@@ -43,7 +43,7 @@ def run(options: argparse.Namespace) -> None:
     width, height = options.size
     with progress.stage("trace", 2 * width * height, "points") as advance:
         truth = reference.trace(Tracer(scene), camera, width, height, options.samples, options.seed, advance)
-    indirect = truth.clean(truth.indirect) if options.denoise else truth.indirect
+    indirect = truth.clean if options.denoise else truth.indirect
     layers = {
         "final": truth.lit(indirect),
         "primary": truth.primary,

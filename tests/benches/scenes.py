@@ -25,6 +25,7 @@ def row(path: Path) -> dict:
         command = [sys.executable, "-m", "gsgi.baker", "bake", str(path), *flags]
         report = json.loads(subprocess.run(command, stdout=subprocess.PIPE, check=True).stdout)
     seconds = {f"{stage['stage']}_s": round(stage["seconds"], 1) for stage in report["stages"]}
+    scores = [view["indirect"] for view in report["held_out"]["views"]]
     names = "views", "view_size", "bounces", "samples", "bytes"
     return {
         "scene": path.stem,
@@ -37,6 +38,5 @@ def row(path: Path) -> dict:
         "Mpaths": round(report["paths"] / 1e6, 1),
         "planned_GB": round(report["planned_memory"] / 1e9, 2),
         "peak_GB": round(report["peak_memory"] / 1e9, 2),
-        "ssim": round(min(view["ssim"] for view in report["held_out"]), 4),
-        "ssim_ceiling": round(min(view["ssim_ceiling"] for view in report["held_out"]), 4),
+        **{name: round(min(score[name] for score in scores), 4) for name in ("ssim", "ssim_ceiling")},
     }

@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
+from gsgi.baker import held_out
 from gsgi.baker.bake import bake
 from gsgi.baker.cache import Cache
 from gsgi.baker.frame import draw
-from gsgi.baker.held_out import judge
 from gsgi.baker.plan import make_plan
 from gsgi.baker.progress import Progress
 from gsgi.baker.settings import Settings
@@ -28,13 +28,14 @@ def stages() -> list[dict]:
         baked = codec.decode(data)
         with progress.stage("render"):
             draw(scene, baked, next(iter(scene.cameras.values())), 512, 512, "auto")
-        held_out = judge(plan, baked, progress)
+        with progress.stage("held-out", held_out.points(plan), "points") as advance:
+            exam = held_out.judge(held_out.references(plan, advance), plan.placement.held_out, baked)
         total = sum(progress.seconds.values())
         for stage, seconds in progress.seconds.items():
             share = seconds / total
             rows.append({"scene": name, "stage": stage, "seconds": round(seconds, 2), "share": round(share, 3)})
         count, size = len(baked.gaussians), len(data)
-        worst = min(view.ssim for view in held_out)
+        worst = min(view.indirect.ssim for view in exam.views)
         rows.append({"scene": name, "stage": "all", "seconds": round(total, 2), "share": 1.0,
                      "gaussians": count, "bytes": size, "ssim": round(worst, 4)})  # fmt: skip
     return rows
