@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 import torch
-import torch_loss
 
-from gsgi.baker import _kernels, metrics
+from gsgi.baker import _kernels, metrics, torch_loss
 from gsgi.baker.loss import Loss, image_loss
 from gsgi.baker.target import Target
 
