@@ -26,7 +26,8 @@ template <int N> ALWAYS_INLINE Lanes<double, N> exp2(Lanes<double, N> x)
     const L shifted = x + L(6755399441055744.0); // 1.5 * 2^52
     const L r = (x - (shifted - L(6755399441055744.0))) * L(0.6931471805599453);
     L q = 1 / 6227020800.0; // Taylor: 0.3466^14 / 14! = 4e-18
-    constexpr double FACTORIALS[] = {479001600, 39916800, 3628800, 362880, 40320, 5040, 720, 120, 24, 6, 2, 1, 1};
+    constexpr double FACTORIALS[] = {
+        479001600, 39916800, 3628800, 362880, 40320, 5040, 720, 120, 24, 6, 2, 1, 1};
     for (double factorial : FACTORIALS)
         q = fma(q, r, L(1 / factorial));
     return scale_by_power(q, shifted);

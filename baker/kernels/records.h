@@ -22,8 +22,8 @@ struct Blend {
     double alpha_max;
 };
 
-// Arrays of Gaussians: const Real for parameters, Real for gradients and moments. Activated, or raw: scale is then a
-// logarithm, opacity a logit, and the quaternion not of unit length.
+// Arrays of Gaussians: const Real for parameters, Real for gradients and moments. Activated, or raw: scale is
+// then a logarithm, opacity a logit, and the quaternion not of unit length.
 template <class Value> struct GaussianArrays {
     size_t count;    // N
     int degree;      // of the spherical harmonics; K = (degree + 1)^2
@@ -40,15 +40,16 @@ template <class Value> struct GaussianArrays {
 //     u = whiten_x (dx - shear dy),    v = whiten_y dy.
 // The same as -1/2 d^T conic d, but a sum of squares: it cannot turn positive, and a needle does not cancel.
 template <class Real> struct Footprint {
-    double mean_x, mean_y;     // px
-    Real whiten_x, whiten_y;   // 1/px; sqrt(log2(e) / (2 variance)) of x at fixed y, and of y
-    Real shear;                // cov_xy / cov_yy
+    double mean_x, mean_y;   // px
+    Real whiten_x, whiten_y; // 1/px; sqrt(log2(e) / (2 variance)) of x at fixed y, and of y
+    Real shear;              // cov_xy / cov_yy
     Real log2_opacity;
-    Real colour[3];            // linear RGB
+    Real colour[3];               // linear RGB
     uint16_t first_row, last_row; // of tiles
 };
 
-// What one Gaussian adds to its gradient in one tile: sums over pixels. With p = dloss / dln(alpha), (u, v) as above:
+// What one Gaussian adds to its gradient in one tile: sums over pixels. With p = dloss / dln(alpha), (u, v)
+// as above:
 enum Moment { RED, GREEN, BLUE, P, P_U, P_V, P_UU, P_UV, P_VV, WEIGHT, ERROR, MOMENTS };
 
 // The tile's list of Gaussians, front to back, and where it lies.
@@ -78,16 +79,16 @@ template <class Real> struct PixelGradients {
 struct Step {
     GaussianArrays<float> parameters; // raw
     GaussianArrays<float> mean, square;
-    int32_t* steps; // (N,) that each Gaussian took
-    double rates[5]; // in the order of the arrays
+    int32_t* steps;                                         // (N,) that each Gaussian took
+    double rates[5];                                        // in the order of the arrays
     float *contribution, *error, *radius, *mean2d_gradient; // (N,)
-    bool update; // false: the statistics alone
+    bool update;                                            // false: the statistics alone
 };
 
 constexpr uint32_t NOT_DRAWN = 0xffffffff;
 
-// Fills footprints and keys, the bits of the depth in single precision, which sort like numbers, or NOT_DRAWN; for the
-// Gaussians in [begin, end).
+// Fills footprints and keys, the bits of the depth in single precision, which sort like numbers, or
+// NOT_DRAWN; for the Gaussians in [begin, end).
 template <class Real>
 using Project = void(const GaussianArrays<const Real>&, const Camera&, const Blend&, size_t begin, size_t end,
     Footprint<Real>*, uint32_t* keys);
@@ -101,8 +102,8 @@ template <class Real> struct SplatKernels {
     void (*blend_backward)(
         const Tile<Real>&, const Pixels<const Real>&, const PixelGradients<Real>&, Real* moments);
     // From the sums (N, MOMENTS) to gradients; those of Gaussians that are not drawn are 0.
-    void (*gradients)(const GaussianArrays<const Real>&, const Camera&, const Footprint<Real>*, const uint32_t* keys,
-        const Real* sums, size_t begin, size_t end, const GaussianArrays<Real>&);
+    void (*gradients)(const GaussianArrays<const Real>&, const Camera&, const Footprint<Real>*,
+        const uint32_t* keys, const Real* sums, size_t begin, size_t end, const GaussianArrays<Real>&);
 };
 
 // All that is compiled once per instruction set.

@@ -14,6 +14,6 @@ struct Drawn {
     int last_row() const { return int(key >> 16); }
 };
 
-// Sorts by key, equal keys in the order given. `scratch` has room for as many; returns whichever of the two arrays
-// holds the result. A radix sort, least significant digit first.
+// Sorts by key, equal keys in the order given. `scratch` has room for as many; returns whichever of the two
+// arrays holds the result. A radix sort, least significant digit first.
 Drawn* sort_by_key(Drawn* items, Drawn* scratch, size_t count);

@@ -13,9 +13,10 @@
 
 // One image and what its gradient needs, in memory that later images use again.
 //
-// Per Gaussian at most: footprint 48 bytes, key 4, order 8, sums 44 (before, the sort's scratch), entries 6.5: 110.5. In
-// training there are 56 bytes of parameters (SH degree 0), 112 of Adam's moments, 4 of its steps and 16 of statistics:
-// below 300. Per pixel 16, entries 13 and their counters 1/2; in training as much again for the image and its gradient.
+// Per Gaussian at most: footprint 48 bytes, key 4, order 8, sums 44 (before, the sort's scratch),
+// entries 6.5: 110.5. In training there are 56 bytes of parameters (SH degree 0), 112 of Adam's moments, 4 of
+// its steps and 16 of statistics: below 300. Per pixel 16, moments 11, lists 25 and their counters 1/2; in
+// training another 28 for the image and its gradient: below 100.
 template <class Real> class Frame {
 public:
     // `project` is what turns these arrays into footprints: activated or raw.
@@ -34,7 +35,7 @@ public:
     const uint32_t* keys() const { return key_buffer.get(); }
     const Real* sums() const { return reinterpret_cast<const Real*>(sum_buffer.get()); }
     size_t pair_count() const { return pairs; }
-    size_t entry_count() const;
+    size_t entry_count() const { return lists.entry_count(); }
     size_t byte_count() const;
 
 private:
