@@ -1,4 +1,4 @@
-"""The fused iteration: one step equals autograd of the twin and Adam as published; whoever is not seen is left alone."""
+"""The fused iteration: a step equals autograd of the twin and Adam as published; who is not seen is left alone."""
 
 import numpy as np
 import oracle
@@ -11,7 +11,7 @@ from gsgi.baker import _kernels
 from gsgi.baker.raw_gaussians import NAMES, RawGaussians
 from gsgi.baker.splat import rasterise, set_thread_count
 from gsgi.baker.trainer import AdamState, Workspace
-from gsgi.runtime.gaussians import Blend, Gaussians
+from gsgi.runtime.gaussians import Blend
 
 BLEND = Blend(near=0.01)
 PINHOLE = scenes.inside_camera().pinhole(48, 40)
@@ -62,8 +62,10 @@ def test_raw_gaussians_activate_to_what_they_were_made_of():
     gaussians = oracle.random_gaussians(50, 2, seed=1)
     again = RawGaussians.from_gaussians(gaussians).to_gaussians()
     for name in ("position", "rotation", "scale", "opacity", "sh"):
-        np.testing.assert_allclose(getattr(again, name), np.clip(getattr(gaussians, name), None, 1 - 1e-4)
-                                   if name == "opacity" else getattr(gaussians, name), rtol=1e-5)  # fmt: skip
+        # Logarithms and logits of floats: 1e-6, and opacity is cut at 1 - 1e-4.
+        np.testing.assert_allclose(
+            getattr(again, name), getattr(gaussians, name), rtol=2e-4 if name == "opacity" else 1e-5
+        )
 
 
 def test_the_image_of_raw_gaussians_is_that_of_activated_ones():
@@ -85,8 +87,8 @@ def test_a_step_has_the_gradients_of_the_twin(degree):
 
 
 def test_steps_are_those_of_adam():
-    """From the kernel's own gradients, which the moments reveal: sqrt of a tiny gradient's square would hide nothing."""
-    raw, adam, workspace = random_raw(degree=1), None, Workspace()
+    """Kingma and Ba 2015, from the kernel's own gradients, which its first moments reveal."""
+    raw, workspace = random_raw(degree=1), Workspace()
     adam = AdamState.zeros(raw)
     mean = {name: np.zeros(getattr(raw, name).shape) for name in NAMES}
     square = {name: np.zeros(getattr(raw, name).shape) for name in NAMES}
@@ -154,7 +156,9 @@ def test_statistics_equal_their_definition():
     weights = []
     for seen in (np.ones_like(error), error):
         parameters, image = twin(raw)
-        (by_sh,) = torch.autograd.grad(image, [parameters["sh"]], torch.tensor(seen[..., None].repeat(3, axis=2)).double())
+        (by_sh,) = torch.autograd.grad(
+            image, [parameters["sh"]], torch.tensor(seen[..., None].repeat(3, axis=2)).double()
+        )
         weights.append(by_sh[:, 0, 0].numpy() / 0.28209479177387814)
     workspace = Workspace()
     workspace.forward(raw, PINHOLE, BLEND)
@@ -222,11 +226,6 @@ def test_same_bits_for_every_instruction_set():
     finally:
         _kernels.set_instruction_set(names[-1])
     assert all(result == results[0] for result in results[1:])
-
-
-def test_unknown_instruction_set_is_refused():
-    with pytest.raises(ValueError, match="abacus"):
-        _kernels.set_instruction_set("abacus")
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])
@@ -307,7 +306,3 @@ def test_a_workspace_serves_images_and_gaussians_of_any_size():
         raw, pinhole = random_raw(count), scenes.inside_camera().pinhole(size, size)
         image, _ = workspace.forward(raw, pinhole, BLEND)
         np.testing.assert_array_equal(image, Workspace().forward(raw, pinhole, BLEND)[0])
-
-
-def test_record_of_gaussians_is_exported():
-    assert isinstance(random_raw().to_gaussians(), Gaussians)

@@ -38,9 +38,9 @@ template <int N> ALWAYS_INLINE Lanes<double, N> log2(Lanes<double, N> x)
 {
     using L = Lanes<double, N>;
     const auto [mantissa, exponent] = split(x); // in [1, 2)
-    const auto upper = L(1.4142135623730951) < mantissa;
+    const auto upper = L(1.4) < mantissa;
     const L m = select(upper, mantissa * L(0.5), mantissa), e = select(upper, exponent + L(1), exponent);
-    // ln m = 2 artanh(s); |s| <= 0.172, and 0.172^25 / 25 = 3e-21.
+    // ln m = 2 artanh(s); |s| <= 0.18, and 0.18^25 / 25 = 1e-20.
     const L s = (m - L(1)) / (m + L(1)), ss = s * s;
     L q = 1 / 23.0;
     for (int k = 21; k > 0; k -= 2)

@@ -4,6 +4,7 @@
 // function, perhaps the one that this processor cannot run.
 #include "adam.h"
 #include "rasterise.h"
+#include "touch.h"
 
 namespace INSTRUCTION_SET {
 
@@ -52,8 +53,8 @@ static void project_range(const GaussianArrays<const Real>& arrays, const Camera
 }
 
 template <class Real>
-constexpr SplatKernels<Real> SPLAT = {
-    project_range<Real, false>, blend_tile<Real>, blend_tile_backward<Real>, gradients<Real>};
+constexpr SplatKernels<Real> SPLAT = {project_range<Real, false>, count_tiles<Real>, list_tiles<Real>,
+    blend_tile<Real>, blend_tile_backward<Real>, gradients<Real>};
 
 #define NAME_OF(name) #name
 #define NAME(name) NAME_OF(name)

@@ -11,6 +11,8 @@
 
 namespace INSTRUCTION_SET {
 
+constexpr int PREFETCH_AHEAD = 24; // Gaussians: what follows takes some 100 cycles each
+
 template <class T, int N, bool Leaf = N == REGISTER_LANES<T>> struct Mask;
 template <class T, int N, bool Leaf = N == REGISTER_LANES<T>> struct Lanes;
 
@@ -164,6 +166,13 @@ template <class T> ALWAYS_INLINE Lanes<T, 16> sums(const Lanes<T, 16>* v)
 {
     const auto quarter = [&](int i) { return fold<4>(fold<8>(v[i], v[i + 1]), fold<8>(v[i + 2], v[i + 3])); };
     return fold<1>(fold<2>(quarter(0), quarter(4)), fold<2>(quarter(8), quarter(12)));
+}
+
+// Asks the cache for a value, which may lie across two lines.
+template <class Value> ALWAYS_INLINE void prefetch(const Value& value)
+{
+    __builtin_prefetch(&value);
+    __builtin_prefetch(reinterpret_cast<const char*>(&value + 1) - 1);
 }
 
 } // namespace INSTRUCTION_SET

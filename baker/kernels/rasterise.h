@@ -99,12 +99,6 @@ ALWAYS_INLINE Sample<Real> sample(
     return {u, v, drawn, unclamped, select(drawn, min(unclamped, L(tile.alpha_max)), zero)};
 }
 
-template <class Real> ALWAYS_INLINE void prefetch(const Tile<Real>& tile, size_t k)
-{
-    if (k + 8 < tile.entry_count)
-        __builtin_prefetch(&tile.footprints[tile.entries[k + 8]]);
-}
-
 template <class Real> inline size_t blend_tile(const Tile<Real>& tile, const Pixels<Real>& pixels)
 {
     using L = Lanes16<Real>;
@@ -118,7 +112,8 @@ template <class Real> inline size_t blend_tile(const Tile<Real>& tile, const Pix
 
     size_t pairs = 0;
     for (size_t k = 0; k < tile.entry_count && live; ++k) {
-        prefetch(tile, k);
+        if (k + PREFETCH_AHEAD < tile.entry_count)
+            prefetch(tile.footprints[tile.entries[k + PREFETCH_AHEAD]]);
         const Footprint<Real>& footprint = tile.footprints[tile.entries[k]];
         const Brush<Real> brush(footprint, tile);
         for (uint32_t left = brush.blocks & live; left; left &= left - 1) {
@@ -237,7 +232,8 @@ inline void blend_tile_backward(
     BackwardPlanes<Real> planes(tile, pixels, by);
     uint32_t live = planes.live;
     for (size_t k = 0; k < tile.entry_count; ++k) {
-        prefetch(tile, k);
+        if (k + PREFETCH_AHEAD < tile.entry_count)
+            prefetch(tile.footprints[tile.entries[k + PREFETCH_AHEAD]]);
         const Footprint<Real>& footprint = tile.footprints[tile.entries[k]];
         const Brush<Real> brush(footprint, tile);
         uint32_t left = brush.blocks & live;

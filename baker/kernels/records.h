@@ -48,6 +48,16 @@ template <class Real> struct Footprint {
     uint16_t first_row, last_row; // of tiles
 };
 
+// A Gaussian that is drawn. Its key sorts it by depth, and then holds the rows of tiles that it touches.
+struct Drawn {
+    uint32_t key;
+    uint32_t gaussian;
+
+    void set_rows(uint32_t first, uint32_t last) { key = first | last << 16; }
+    int first_row() const { return int(key & 0xffff); }
+    int last_row() const { return int(key >> 16); }
+};
+
 // What one Gaussian adds to its gradient in one tile: sums over pixels. With p = dloss / dln(alpha), (u, v)
 // as above:
 enum Moment { RED, GREEN, BLUE, P, P_U, P_V, P_UU, P_UV, P_VV, WEIGHT, ERROR, MOMENTS };
@@ -60,6 +70,17 @@ template <class Real> struct Tile {
     int left, top;     // px, of the tile's first pixel
     int width, height; // px, of the image
     Real log2_alpha_min, alpha_max;
+};
+
+// Some Gaussians, front to back, and the tiles among which those that they touch are looked for.
+template <class Real> struct TileSearch {
+    const Footprint<Real>* footprints;
+    const Drawn* begin;
+    const Drawn* end;
+    size_t first_tile, last_tile; // [first, last), in rows
+    int columns;                  // of tiles in the image
+    int width;                    // px, of the image
+    double log2_alpha_min;
 };
 
 // Light of the pixels of an image; rows packed.
@@ -96,6 +117,10 @@ using Project = void(const GaussianArrays<const Real>&, const Camera&, const Ble
 // How to splat in one precision.
 template <class Real> struct SplatKernels {
     Project<Real>* project;
+    // Adds to counts[tile - first_tile] how many Gaussians touch each tile.
+    void (*count_tiles)(const TileSearch<Real>&, uint32_t* counts);
+    // Writes the Gaussians that touch a tile to entries[next[tile - first_tile]++].
+    void (*list_tiles)(const TileSearch<Real>&, uint32_t* next, uint32_t* entries);
     // Writes the tile's pixels; returns how many pairs of a Gaussian and a pixel were blended.
     size_t (*blend)(const Tile<Real>&, const Pixels<Real>&);
     // Writes MOMENTS sums per entry; the pixels are those that blend wrote.

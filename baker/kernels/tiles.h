@@ -43,7 +43,7 @@ public:
     size_t byte_count() const { return starts.byte_count() + entry_buffer.byte_count(); }
 
 private:
-    template <class Visit> void for_each_tile(size_t chunk, const Band& band, Visit&& visit) const;
+    TileSearch<Real> search(size_t chunk, const Band& band) const;
     void cut_into_bands(size_t band_limit);
     void number_entries(const Band& band);
     Band image() const { return {0, grid.count(), total}; }

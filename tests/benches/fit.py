@@ -64,7 +64,7 @@ def _camera():
 
 
 def _walls(count: int, pinhole: Pinhole) -> Gaussians:
-    """Flat Gaussians on the walls of a unit box, 6 to 10 px in radius (3 standard deviations) as the camera sees them."""
+    """Flat Gaussians on the walls of a unit box; three standard deviations are 6 to 10 px in the image."""
     rng = np.random.default_rng(0)
     axis, side = rng.integers(3, size=count), rng.choice([-0.5, 0.5], count)
     position = rng.uniform(-0.5, 0.5, (count, 3))
