@@ -40,8 +40,8 @@ def twin(raw: RawGaussians, pinhole=PINHOLE) -> tuple[dict[str, torch.Tensor], t
     return p, torch_splat.splat(*activated, pinhole, BLEND)[0]
 
 
-def twin_gradients(raw: RawGaussians, by_image: np.ndarray) -> dict[str, np.ndarray]:
-    parameters, image = twin(raw)
+def twin_gradients(raw: RawGaussians, by_image: np.ndarray, pinhole=PINHOLE) -> dict[str, np.ndarray]:
+    parameters, image = twin(raw, pinhole)
     image.backward(torch.from_numpy(by_image).double())
     return {name: parameter.grad.numpy() for name, parameter in parameters.items()}
 
@@ -273,11 +273,13 @@ def test_gradients_of_another_size_are_refused():
         workspace.step(raw, adam, by_image_of(), RATES, np.zeros((3, 3), np.float32))
 
 
-@pytest.mark.parametrize("growth", [0.0, 3.0], ids=["small", "each covers many tiles"])
-def test_memory_stays_within_the_budget(growth):
-    count, pinhole = 20_000, scenes.inside_camera().pinhole(160, 160)
+@pytest.mark.parametrize(
+    ("growth", "size"), [(-2.0, 160), (1.0, 160), (1.0, 16)], ids=["small", "each on many tiles", "all on one tile"]
+)
+def test_memory_stays_within_the_budget(growth, size):
+    count, pinhole = 20_000, scenes.inside_camera().pinhole(size, size)
     raw = random_raw(count)
-    raw.log_scale[:] += growth - 2
+    raw.log_scale[:] += growth
     adam, workspace = AdamState.zeros(raw), Workspace()
     image, transmittance = workspace.forward(raw, pinhole, BLEND)
     by_image = by_image_of(pinhole)
@@ -285,8 +287,26 @@ def test_memory_stays_within_the_budget(growth):
     arrays = [getattr(group, name) for group in (raw, adam.mean, adam.square) for name in NAMES]
     arrays += [adam.steps, image, transmittance, by_image, *statistics[:4]]
     total = workspace.byte_count + sum(a.nbytes for a in arrays)
-    assert total <= 300 * count + 100 * 160 * 160
-    assert (statistics.radius > 0).mean() > 0.5  # the budget is met while most are drawn
+    assert total <= 300 * count + 100 * size * size
+    assert (statistics.radius > 0).mean() > 0.6  # met while most are drawn
+
+
+def test_a_tile_with_more_gaussians_than_are_held_at_once_has_the_gradients_of_the_twin():
+    camera = scenes.inside_camera()
+    pinhole = camera.pinhole(48, 16)._replace(cx=40.0)  # the crowd is in the last tile
+    raw, by_image = random_raw(1000), by_image_of(pinhole)
+    depth = (camera.position - raw.position) @ camera.world_from_view[:3, 2]
+    axis = camera.position - depth[:, None] * camera.world_from_view[:3, 2]
+    raw.position[:] = axis + 0.2 * (raw.position - axis)
+    raw.log_scale[:] -= 2
+    raw.logit_opacity[:] -= 3
+    adam, workspace = AdamState.zeros(raw), Workspace()
+    expected = twin_gradients(raw, by_image, pinhole)
+    workspace.forward(raw, pinhole, BLEND)
+    found = workspace.step(raw, adam, by_image, RATES)
+    assert (found.contribution > 0).sum() > 500  # far more than 1000 / 16 + 48 * 16 / 4
+    for name, gradient in expected.items():
+        assert_close(getattr(adam.mean, name), (1 - BETA1) * gradient, f"mean of {name}")
 
 
 @pytest.mark.parametrize("count", [0, 1])

@@ -189,12 +189,13 @@ template <class Real> struct MomentSums {
         pvv = fma(by_v, v, pvv);
     }
 
-    ALWAYS_INLINE void store(Real* moments) const
+    ALWAYS_INLINE void add_to(Real* moments) const
     {
         const L all[16] = {red, green, blue, p, pu, pv, puu, puv, pvv, weight, error, 0, 0, 0, 0, 0};
         Real total[16];
         sums(all).store(total);
-        std::memcpy(moments, total, MOMENTS * sizeof(Real));
+        for (int m = 0; m < MOMENTS; ++m)
+            moments[m] += total[m];
     }
 };
 
@@ -226,8 +227,8 @@ ALWAYS_INLINE bool blend_block_backward(const Tile<Real>& tile, const Footprint<
 // Front to back again, so that nothing per pixel but the result of forward is needed: the transmittance has
 // the very bits that it had there, and what lies behind is the pixel's total less what has passed.
 template <class Real>
-inline void blend_tile_backward(
-    const Tile<Real>& tile, const Pixels<const Real>& pixels, const PixelGradients<Real>& by, Real* moments)
+inline void blend_tile_backward(const Tile<Real>& tile, const Pixels<const Real>& pixels,
+    const PixelGradients<Real>& by, const MomentOutput<Real>& output)
 {
     BackwardPlanes<Real> planes(tile, pixels, by);
     uint32_t live = planes.live;
@@ -237,17 +238,19 @@ inline void blend_tile_backward(
         const Footprint<Real>& footprint = tile.footprints[tile.entries[k]];
         const Brush<Real> brush(footprint, tile);
         uint32_t left = brush.blocks & live;
-        if (!left) {
-            std::memset(moments + k * MOMENTS, 0, MOMENTS * sizeof(Real));
+        Real* const moments = output.by_entry ? output.by_entry + k * MOMENTS
+                                              : output.by_gaussian + size_t(tile.entries[k]) * MOMENTS;
+        if (output.by_entry)
+            std::memset(moments, 0, MOMENTS * sizeof(Real));
+        if (!left)
             continue;
-        }
         MomentSums<Real> sums;
         for (; left; left &= left - 1) {
             const int block = __builtin_ctz(left);
             const bool lit = blend_block_backward(tile, footprint, brush, block, planes, sums);
             live &= ~(uint32_t(!lit) << block);
         }
-        sums.store(moments + k * MOMENTS);
+        sums.add_to(moments);
     }
 }
 

@@ -96,6 +96,13 @@ template <class Real> struct PixelGradients {
     const Real* error;            // (height, width)
 };
 
+// Where the moments of a tile go: to a list parallel to the tile's, or, where that is null, straight onto the
+// sums.
+template <class Real> struct MomentOutput {
+    Real* by_entry;    // (entries, MOMENTS)
+    Real* by_gaussian; // (N, MOMENTS)
+};
+
 // Adam's steps (Kingma and Ba 2015), and what density control needs to know.
 struct Step {
     GaussianArrays<float> parameters; // raw
@@ -123,9 +130,9 @@ template <class Real> struct SplatKernels {
     void (*list_tiles)(const TileSearch<Real>&, uint32_t* next, uint32_t* entries);
     // Writes the tile's pixels; returns how many pairs of a Gaussian and a pixel were blended.
     size_t (*blend)(const Tile<Real>&, const Pixels<Real>&);
-    // Writes MOMENTS sums per entry; the pixels are those that blend wrote.
+    // Sums moments; the pixels are those that blend wrote.
     void (*blend_backward)(
-        const Tile<Real>&, const Pixels<const Real>&, const PixelGradients<Real>&, Real* moments);
+        const Tile<Real>&, const Pixels<const Real>&, const PixelGradients<Real>&, const MomentOutput<Real>&);
     // From the sums (N, MOMENTS) to gradients; those of Gaussians that are not drawn are 0.
     void (*gradients)(const GaussianArrays<const Real>&, const Camera&, const Footprint<Real>*,
         const uint32_t* keys, const Real* sums, size_t begin, size_t end, const GaussianArrays<Real>&);

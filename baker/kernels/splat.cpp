@@ -26,7 +26,7 @@ void Frame<Real>::splat(const GaussianArrays<const Real>& gaussians, const Camer
     radiance.reserve(3 * pixel_count), transmittance.reserve(pixel_count);
     const TileGrid grid = {view.width, view.height};
     lists.count(footprint_buffer.get(), drawn.get(), drawn_count, grid, std::log2(blend.alpha_min),
-        count / 8 + pixel_count / 4, 6 * pixel_count);
+        band_limit(), 6 * pixel_count);
     std::atomic<size_t> blended{0};
     for (const Band& band : lists.bands()) {
         lists.fill(band);
@@ -93,13 +93,16 @@ template <class Real> void Frame<Real>::sum_moments(const PixelGradients<Real>& 
         [&](size_t begin, size_t end) { std::fill(sums + begin * MOMENTS, sums + end * MOMENTS, Real(0)); });
     for (const Band& band : lists.bands()) {
         lists.fill(band);
-        Real* const moments = moment_buffer.reserve(band.entry_count * MOMENTS);
+        if (band.entry_count > band_limit()) { // all in one tile, where no Gaussian comes twice
+            for (size_t tile = band.first; tile < band.last; ++tile)
+                splat_kernels<Real>().blend_backward(tile_of(tile), pixels(), by, {nullptr, sums});
+            continue;
+        }
+        Real* const moments = moment_buffer.reserve(band_limit() * MOMENTS);
         parallel_for(band.last - band.first, 1, [&](size_t begin, size_t end) {
-            for (size_t i = begin; i < end; ++i) {
-                const size_t tile = band.first + i;
+            for (size_t tile = band.first + begin; tile < band.first + end; ++tile)
                 splat_kernels<Real>().blend_backward(tile_of(tile), pixels(), by,
-                    moments + (lists.start(0, tile) - lists.start(0, band.first)) * MOMENTS);
-            }
+                    {moments + (lists.start(0, tile) - lists.start(0, band.first)) * MOMENTS, nullptr});
         });
         add_moments(band);
     }

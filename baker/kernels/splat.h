@@ -13,10 +13,10 @@
 
 // One image and what its gradient needs, in memory that later images use again.
 //
-// Per Gaussian at most: footprint 48 bytes, key 4, order 8, sums 44 (before, the sort's scratch),
-// entries 6.5: 110.5. In training there are 56 bytes of parameters (SH degree 0), 112 of Adam's moments, 4 of
-// its steps and 16 of statistics: below 300. Per pixel 16, moments 11, lists 25 and their counters 1/2; in
-// training another 28 for the image and its gradient: below 100.
+// Bytes per Gaussian at most: footprint 48, key 4, order 8, sums 44 (before, the sort's scratch), moments 3,
+// list 4: 111. In training there are 56 of parameters (SH degree 0), 112 of Adam's moments, 4 of its steps
+// and 16 of statistics: below 300. Per pixel 16, moments 11, lists 24 and their counters 1/2; in training 28
+// more for the image and its gradient: below 100.
 template <class Real> class Frame {
 public:
     // `project` is what turns these arrays into footprints: activated or raw.
@@ -42,6 +42,8 @@ private:
     void order(const Real* position);
     Tile<Real> tile_of(size_t index) const;
     void add_moments(const Band&);
+    // Entries of which the moments are held at once, but for a single tile that has more.
+    size_t band_limit() const { return count / 16 + size_t(view.width) * view.height / 4; }
 
     Camera view = {};
     Blend blend = {};
