@@ -16,12 +16,12 @@ REPEATS = 12
 BLEND = Blend(near=0.01)
 YFOV = 1.57  # rad; half of the box is in view, and 15 M pairs are blended where that trainer counted 15.4 M
 RATES = {"position": 1e-5, "rotation": 1e-4, "log_scale": 1e-4, "logit_opacity": 1e-4, "sh": 1e-4}
-# ms that a well-known trainer in C++ took for an iteration of this size on two cores of the machine of the README.
+# ms that a well-known trainer on libtorch took for an iteration of this size.
 OTHERS = {(10_000, 512): 134, (50_000, 512): 305, (200_000, 512): 726, (200_000, 960): 1068}
 
 
 def fit() -> list[dict]:
-    """Milliseconds of one iteration, the least of a few: activate, draw, SSIM and L1, backward, Adam."""
+    """Milliseconds of one iteration, the least of a few: forward with activation, SSIM and L1, backward with Adam."""
     return [_measure(count, width, height) for count, width, height in SIZES]
 
 
