@@ -3,7 +3,7 @@
 // Nothing here may be shared with other objects by name: the linker would keep one copy of an inline
 // function, perhaps the one that this processor cannot run.
 #include "adam.h"
-#include "rasterise.h"
+#include "rasterise_backward.h"
 #include "touch.h"
 
 namespace INSTRUCTION_SET {
