@@ -1,6 +1,9 @@
 """The compiled module by itself: its basis, what it refuses, threads, and what importing it must not change."""
 
+import os
+import signal
 import threading
+import time
 
 import numpy as np
 import oracle
@@ -63,6 +66,53 @@ def test_same_bits_for_any_number_of_threads(dtype):
     assert results[0] == results[1] == results[2]
 
 
+@pytest.fixture(params=_kernels.instruction_sets())
+def instruction_set(request):
+    _kernels.set_instruction_set(request.param)
+    yield request.param
+    _kernels.set_instruction_set(_kernels.instruction_sets()[-1])
+
+
+def splat_bits(count: int, dtype) -> list[bytes]:
+    inputs = arrays(count, 3, dtype)
+    by_image = np.random.default_rng(0).normal(size=(50, 70, 3)).astype(dtype)
+    image, transmittance, frame = _kernels.splat(*inputs, scenes.inside_camera().pinhole(70, 50), BLEND)
+    gradients = _kernels.splat_backward(frame, *inputs, by_image, by_image[..., 0].copy())
+    return [a.tobytes() for a in (image, transmittance, *gradients)]
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_same_bits_for_every_instruction_set(dtype):
+    assert _kernels.instruction_sets()[0] == "scalar"
+    results = []
+    for name in _kernels.instruction_sets():
+        _kernels.set_instruction_set(name)  # the last is the default
+        results.append(splat_bits(100, dtype))
+    assert all(result == results[0] for result in results)
+
+
+def test_unknown_instruction_set_is_refused():
+    with pytest.raises(ValueError, match="abacus"):
+        _kernels.set_instruction_set("abacus")
+
+
+def test_threads_outlive_a_fork():
+    """The child has none of the parent's threads, and must not wait for them."""
+    _kernels.set_thread_count(3)
+    expected = splat_bits(200, np.float32)
+    child = os.fork()
+    if child == 0:
+        os._exit(0 if splat_bits(200, np.float32) == expected else 1)
+    _kernels.set_thread_count(0)
+    deadline = time.monotonic() + 60
+    while not (ended := os.waitpid(child, os.WNOHANG))[0]:
+        if time.monotonic() > deadline:
+            os.kill(child, signal.SIGKILL)
+            pytest.fail("the child hangs")
+        time.sleep(0.01)
+    assert ended[1] == 0
+
+
 @pytest.mark.parametrize("index", range(5))
 def test_splat_rejects_wrong_dtype(index):
     inputs = arrays()
@@ -111,7 +161,7 @@ def test_splat_rejects_impossible_camera_and_blend(pinhole, blend):
         _kernels.splat(*arrays(), pinhole, blend)
 
 
-def test_denormals_survive():
+def test_denormals_survive(instruction_set):
     """A module linked with -ffast-math would turn on flush-to-zero for the process or for the calling thread."""
     smallest = []
 

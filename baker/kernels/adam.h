@@ -1,7 +1,7 @@
 // One step of Adam on raw parameters, straight from the sums over pixels: no gradient is stored.
 //
-// Kingma and Ba 2015. Only Gaussians with a gradient take a step; the correction of the moments' bias is by the steps
-// that a Gaussian took itself, so that one that comes into view late starts like the others.
+// Kingma and Ba 2015. Only Gaussians with a gradient take a step; the correction of the moments' bias is by
+// the steps that a Gaussian took itself, so that one that comes into view late starts like the others.
 #pragma once
 
 #include "gradient.h"
@@ -46,7 +46,8 @@ ALWAYS_INLINE void step_column(
     const Column& c, size_t offset, const Group& group, const Correction& by, Wide gradient, uint32_t lanes)
 {
     const Wide mean = load(c.mean, group, c.stride, offset), square = load(c.square, group, c.stride, offset);
-    const Wide m = mean + (1 - BETA1) * (gradient - mean), s = BETA2 * square + (1 - BETA2) * gradient * gradient;
+    const Wide m = mean + (1 - BETA1) * (gradient - mean),
+               s = BETA2 * square + (1 - BETA2) * gradient * gradient;
     const Wide step = c.rate * by.mean * m / (sqrt(s) * by.root + EPSILON);
     store(c.mean, group, c.stride, offset, m, lanes), store(c.square, group, c.stride, offset, s, lanes);
     store(c.value, group, c.stride, offset, load(c.value, group, c.stride, offset) - step, lanes);
@@ -100,8 +101,8 @@ inline void write_statistics(const Step& step, const Group& group, const Footpri
     store(step.mean2d_gradient, group, 1, 0, sqrt(by.mean_x * by.mean_x + by.mean_y * by.mean_y));
 }
 
-inline void step(const Step& step, const Camera& camera, const Footprint<float>* footprints, const uint32_t* keys,
-    const float* moments, size_t begin, size_t end)
+inline void step(const Step& step, const Camera& camera, const Footprint<float>* footprints,
+    const uint32_t* keys, const float* moments, size_t begin, size_t end)
 {
     for (float* statistic : {step.contribution, step.error, step.radius, step.mean2d_gradient})
         std::memset(statistic + begin, 0, (end - begin) * sizeof(float));

@@ -24,5 +24,6 @@ static Output<double> sh_basis_of(Input<double, -1, 3> direction, int degree)
 
 void bind_sh(nb::module_& m)
 {
-    m.def("sh_basis", &sh_basis_of, "direction"_a.noconvert(), "degree"_a, "(M, 3) unit vectors to (M, K) float64.");
+    m.def("sh_basis", &sh_basis_of, "direction"_a.noconvert(), "degree"_a,
+        "(M, 3) unit vectors to (M, K) float64.");
 }

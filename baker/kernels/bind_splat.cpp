@@ -64,8 +64,9 @@ static nb::tuple backward(Frame<Real>& frame, Input<Real, -1, 3> position, Input
     {
         nb::gil_scoped_release unlocked;
         frame.sum_moments({by_image.data(), by_transmittance.data(), nullptr});
-        frame.gradients(gaussians, {n, gaussians.degree, by_position.data(), by_rotation.data(), by_scale.data(),
-            by_opacity.data(), by_sh.data()});
+        frame.gradients(gaussians,
+            {n, gaussians.degree, by_position.data(), by_rotation.data(), by_scale.data(), by_opacity.data(),
+                by_sh.data()});
     }
     return nb::make_tuple(by_position, by_rotation, by_scale, by_opacity, by_sh);
 }
@@ -73,7 +74,8 @@ static nb::tuple backward(Frame<Real>& frame, Input<Real, -1, 3> position, Input
 template <class Real> static void bind_precision(nb::module_& m, const char* frame_name)
 {
     nb::class_<Frame<Real>>(m, frame_name, "What splat_backward needs to know of splat.")
-        .def_prop_ro("entry_count", &Frame<Real>::entry_count, "Pairs of a Gaussian and a tile that it touches.");
+        .def_prop_ro(
+            "entry_count", &Frame<Real>::entry_count, "Pairs of a Gaussian and a tile that it touches.");
     m.def("splat", &forward<Real>, "position"_a.noconvert(), "rotation"_a.noconvert(), "scale"_a.noconvert(),
         "opacity"_a.noconvert(), "sh"_a.noconvert(), "pinhole"_a, "blend"_a,
         "Image (H, W, 3), transmittance (H, W) and Frame of activated Gaussians.");

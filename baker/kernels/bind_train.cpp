@@ -92,7 +92,8 @@ static nb::tuple step(Workspace& workspace, nb::handle raw, nb::handle adam, Inp
         not_finite = frame.first_not_finite();
         step.update = not_finite < 0;
         parallel_for(n, GRAIN, [&](size_t begin, size_t end) {
-            instruction_set().step(step, frame.camera(), frame.footprints(), frame.keys(), frame.sums(), begin, end);
+            instruction_set().step(
+                step, frame.camera(), frame.footprints(), frame.keys(), frame.sums(), begin, end);
         });
         workspace.stepped = true;
     }
@@ -103,8 +104,10 @@ void bind_train(nb::module_& m)
 {
     nb::class_<Workspace>(m, "Workspace", "Memory of an image and its gradient.")
         .def(nb::init<>())
-        .def("forward", &forward, "raw"_a, "pinhole"_a, "blend"_a, "Image (H, W, 3) and transmittance (H, W).")
-        .def("step", &step, "raw"_a, "adam"_a, "by_image"_a.noconvert(), "rates"_a, "error"_a.noconvert().none(),
+        .def(
+            "forward", &forward, "raw"_a, "pinhole"_a, "blend"_a, "Image (H, W, 3) and transmittance (H, W).")
+        .def("step", &step, "raw"_a, "adam"_a, "by_image"_a.noconvert(), "rates"_a,
+            "error"_a.noconvert().none(),
             "Steps raw and adam in place; contribution, error, radius, mean2d_gradient (N,) and not_finite.")
         .def_prop_ro("byte_count", [](const Workspace& w) { return w.frame.byte_count(); })
         .def_prop_ro(

@@ -39,9 +39,11 @@ inline Vec3 colour_backward(const GaussianArrays<const Real>& arrays, const Grou
     Wide basis[SH_MAX];
     sh_basis(direction, arrays.degree, basis);
     const Vec3 colour = raw_colour(arrays, group, basis);
-    const auto passed = [](Wide channel, Wide gradient) { return select(Wide(0) <= channel, gradient, Wide(0)); };
-    const Vec3 by_colour = {passed(colour.x, by_visible.x), passed(colour.y, by_visible.y),
-        passed(colour.z, by_visible.z)};
+    const auto passed = [](Wide channel, Wide gradient) {
+        return select(Wide(0) <= channel, gradient, Wide(0));
+    };
+    const Vec3 by_colour = {
+        passed(colour.x, by_visible.x), passed(colour.y, by_visible.y), passed(colour.z, by_visible.z)};
 
     Vec3 basis_gradient[SH_MAX];
     sh_basis_gradient(direction, arrays.degree, basis_gradient);

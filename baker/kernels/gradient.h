@@ -32,8 +32,8 @@ ALWAYS_INLINE void for_each_drawn(const uint32_t* keys, size_t begin, size_t end
         flush();
 }
 
-// With z = conic d, the offset of a pixel turned by the conic, the gradient by the mean is sum(p z), that by the
-// covariance 1/2 sum(p z z^T).
+// With z = conic d, the offset of a pixel turned by the conic, the gradient by the mean is sum(p z), that by
+// the covariance 1/2 sum(p z z^T).
 template <class Real>
 inline FootprintGradient gather(const Footprint<Real>* footprints, const Group& group, const Real* moments)
 {
@@ -56,7 +56,8 @@ inline FootprintGradient gather(const Footprint<Real>* footprints, const Group& 
 // Writes GEOMETRY + 3 K gradients by activated parameters, but for the opacity, whose is by its logarithm.
 template <class Real>
 inline FootprintGradient gradient_of(const GaussianArrays<const Real>& arrays, const Gaussian& gaussian,
-    const Group& group, const Camera& camera, const Footprint<Real>* footprints, const Real* moments, Wide* gradient)
+    const Group& group, const Camera& camera, const Footprint<Real>* footprints, const Real* moments,
+    Wide* gradient)
 {
     const FootprintGradient by_footprint = gather(footprints, group, moments);
     const auto m = [&](Moment moment) { return load(moments, group, MOMENTS, moment); };
@@ -65,7 +66,8 @@ inline FootprintGradient gradient_of(const GaussianArrays<const Real>& arrays, c
     const Vec3 position =
         g.position + colour_backward(arrays, group, offset, {m(RED), m(GREEN), m(BLUE)}, gradient + GEOMETRY);
     gradient[0] = position.x, gradient[1] = position.y, gradient[2] = position.z;
-    gradient[3] = g.rotation.x, gradient[4] = g.rotation.y, gradient[5] = g.rotation.z, gradient[6] = g.rotation.w;
+    gradient[3] = g.rotation.x, gradient[4] = g.rotation.y, gradient[5] = g.rotation.z,
+    gradient[6] = g.rotation.w;
     gradient[7] = g.scale.x, gradient[8] = g.scale.y, gradient[9] = g.scale.z;
     gradient[10] = m(P);
     return by_footprint;

@@ -1,15 +1,16 @@
 // The kernels for one instruction set, INSTRUCTION_SET. Compiled once for each.
 //
-// Nothing here may be shared with other objects by name: the linker would keep one copy of an inline function, perhaps
-// the one that this processor cannot run.
+// Nothing here may be shared with other objects by name: the linker would keep one copy of an inline
+// function, perhaps the one that this processor cannot run.
 #include "adam.h"
-#include "rasterise.h"
+#include "rasterise_backward.h"
+#include "touch.h"
 
 namespace INSTRUCTION_SET {
 
 template <class Real>
-static void store_footprints(const Group& group, const Projection& p, const Vec3& colour, const Camera& camera,
-    Footprint<Real>* footprints, uint32_t* keys)
+static void store_footprints(const Group& group, const Projection& p, const Vec3& colour,
+    const Camera& camera, Footprint<Real>* footprints, uint32_t* keys)
 {
     double depth[8], mean_x[8], mean_y[8], whiten_x[8], whiten_y[8], shear[8], log2_opacity[8], half_width[8],
         half_height[8], red[8], green[8], blue[8];
@@ -28,10 +29,11 @@ static void store_footprints(const Group& group, const Projection& p, const Vec3
             continue;
         const float key = float(depth[i]);
         std::memcpy(&keys[group.index[i]], &key, sizeof(key));
-        const int first = low > 0 ? int(low) : 0, last = high < camera.height - 1 ? int(high) : camera.height - 1;
-        footprints[group.index[i]] = {mean_x[i], mean_y[i], Real(whiten_x[i]), Real(whiten_y[i]), Real(shear[i]),
-            Real(log2_opacity[i]), {Real(red[i]), Real(green[i]), Real(blue[i])}, uint16_t(first / TILE_SIZE),
-            uint16_t(last / TILE_SIZE)};
+        const int first = low > 0 ? int(low) : 0,
+                  last = high < camera.height - 1 ? int(high) : camera.height - 1;
+        footprints[group.index[i]] = {mean_x[i], mean_y[i], Real(whiten_x[i]), Real(whiten_y[i]),
+            Real(shear[i]), Real(log2_opacity[i]), {Real(red[i]), Real(green[i]), Real(blue[i])},
+            uint16_t(first / TILE_SIZE), uint16_t(last / TILE_SIZE)};
     }
 }
 
@@ -51,8 +53,8 @@ static void project_range(const GaussianArrays<const Real>& arrays, const Camera
 }
 
 template <class Real>
-constexpr SplatKernels<Real> SPLAT = {
-    project_range<Real, false>, blend_tile<Real>, blend_tile_backward<Real>, gradients<Real>};
+constexpr SplatKernels<Real> SPLAT = {project_range<Real, false>, count_tiles<Real>, list_tiles<Real>,
+    blend_tile<Real>, blend_tile_backward<Real>, gradients<Real>};
 
 #define NAME_OF(name) #name
 #define NAME(name) NAME_OF(name)

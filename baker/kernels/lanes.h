@@ -1,7 +1,8 @@
-// N numbers that go through the same operations: one register, or a tree of halves where registers are narrower.
+// N numbers that go through the same operations: one register, or a tree of halves where registers are
+// narrower.
 //
-// Compiled once per instruction set, each time in a namespace of its own, so that the linker mixes none of them. All
-// give the same bits: nothing is fused but what says fma(), and sums are trees of fixed shape.
+// Compiled once per instruction set, each time in a namespace of its own, so that the linker mixes none of
+// them. All give the same bits: nothing is fused but what says fma(), and sums are trees of fixed shape.
 #pragma once
 
 #include <utility>
@@ -9,6 +10,8 @@
 #include "registers.h"
 
 namespace INSTRUCTION_SET {
+
+constexpr int PREFETCH_AHEAD = 24; // Gaussians: what follows takes some 100 cycles each
 
 template <class T, int N, bool Leaf = N == REGISTER_LANES<T>> struct Mask;
 template <class T, int N, bool Leaf = N == REGISTER_LANES<T>> struct Lanes;
@@ -31,7 +34,10 @@ template <class T, int N> struct Lanes<T, N, true> {
     typename Register<T>::Values leaf;
 
     Lanes() = default;
-    ALWAYS_INLINE Lanes(T all) : leaf(typename Register<T>::Values{} + all) {}
+    ALWAYS_INLINE Lanes(T all)
+        : leaf(typename Register<T>::Values{} + all)
+    {
+    }
     static ALWAYS_INLINE Lanes of(typename Register<T>::Values values)
     {
         Lanes result;
@@ -54,7 +60,10 @@ template <class T, int N> struct Lanes<T, N, true> {
     friend ALWAYS_INLINE Mask<T, N> operator<=(Lanes a, Lanes b) { return {at_most(a.leaf, b.leaf)}; }
     friend ALWAYS_INLINE Lanes fma(Lanes a, Lanes b, Lanes c) { return of(fused(a.leaf, b.leaf, c.leaf)); }
     friend ALWAYS_INLINE Lanes sqrt(Lanes a) { return of(root(a.leaf)); }
-    friend ALWAYS_INLINE Lanes select(Mask<T, N> m, Lanes a, Lanes b) { return of(choose(m.leaf, a.leaf, b.leaf)); }
+    friend ALWAYS_INLINE Lanes select(Mask<T, N> m, Lanes a, Lanes b)
+    {
+        return of(choose(m.leaf, a.leaf, b.leaf));
+    }
     // a 2^n, where the low bits of `shifted` hold n; both are finite and so is the result.
     friend ALWAYS_INLINE Lanes scale_by_power(Lanes a, Lanes shifted)
     {
@@ -79,8 +88,16 @@ template <class T, int N> struct Lanes<T, N, false> {
     Half low, high;
 
     Lanes() = default;
-    ALWAYS_INLINE Lanes(Half l, Half h) : low(l), high(h) {}
-    ALWAYS_INLINE Lanes(T all) : low(all), high(all) {}
+    ALWAYS_INLINE Lanes(Half l, Half h)
+        : low(l)
+        , high(h)
+    {
+    }
+    ALWAYS_INLINE Lanes(T all)
+        : low(all)
+        , high(all)
+    {
+    }
     static ALWAYS_INLINE Lanes load(const T* from) { return {Half::load(from), Half::load(from + N / 2)}; }
     ALWAYS_INLINE void store(T* to) const { low.store(to), high.store(to + N / 2); }
 
@@ -89,7 +106,10 @@ template <class T, int N> struct Lanes<T, N, false> {
     friend ALWAYS_INLINE Lanes operator*(Lanes a, Lanes b) { return {a.low * b.low, a.high * b.high}; }
     friend ALWAYS_INLINE Lanes operator/(Lanes a, Lanes b) { return {a.low / b.low, a.high / b.high}; }
     friend ALWAYS_INLINE Mask<T, N> operator<(Lanes a, Lanes b) { return {a.low < b.low, a.high < b.high}; }
-    friend ALWAYS_INLINE Mask<T, N> operator<=(Lanes a, Lanes b) { return {a.low <= b.low, a.high <= b.high}; }
+    friend ALWAYS_INLINE Mask<T, N> operator<=(Lanes a, Lanes b)
+    {
+        return {a.low <= b.low, a.high <= b.high};
+    }
     friend ALWAYS_INLINE Lanes fma(Lanes a, Lanes b, Lanes c)
     {
         return {fma(a.low, b.low, c.low), fma(a.high, b.high, c.high)};
@@ -144,10 +164,15 @@ template <int Width, class T, int N> ALWAYS_INLINE Lanes<T, N> fold(Lanes<T, N> 
 // The sum of each of 16 vectors of 16 lanes, all as trees of the same shape.
 template <class T> ALWAYS_INLINE Lanes<T, 16> sums(const Lanes<T, 16>* v)
 {
-    const auto quarter = [&](int i) {
-        return fold<4>(fold<8>(v[i], v[i + 1]), fold<8>(v[i + 2], v[i + 3]));
-    };
+    const auto quarter = [&](int i) { return fold<4>(fold<8>(v[i], v[i + 1]), fold<8>(v[i + 2], v[i + 3])); };
     return fold<1>(fold<2>(quarter(0), quarter(4)), fold<2>(quarter(8), quarter(12)));
+}
+
+// Asks the cache for a value, which may lie across two lines.
+template <class Value> ALWAYS_INLINE void prefetch(const Value& value)
+{
+    __builtin_prefetch(&value);
+    __builtin_prefetch(reinterpret_cast<const char*>(&value + 1) - 1);
 }
 
 } // namespace INSTRUCTION_SET

@@ -23,7 +23,8 @@ inline Group consecutive(size_t begin, size_t end)
 }
 
 // Element `offset` of each Gaussian's row of `stride` numbers.
-template <class Real> ALWAYS_INLINE Wide load(const Real* array, const Group& group, size_t stride, size_t offset)
+template <class Real>
+ALWAYS_INLINE Wide load(const Real* array, const Group& group, size_t stride, size_t offset)
 {
     double values[8];
     for (int lane = 0; lane < 8; ++lane)
@@ -31,7 +32,8 @@ template <class Real> ALWAYS_INLINE Wide load(const Real* array, const Group& gr
     return Wide::load(values);
 }
 
-template <class Real> ALWAYS_INLINE Vec3 load3(const Real* array, const Group& group, size_t stride, size_t offset)
+template <class Real>
+ALWAYS_INLINE Vec3 load3(const Real* array, const Group& group, size_t stride, size_t offset)
 {
     return {load(array, group, stride, offset), load(array, group, stride, offset + 1),
         load(array, group, stride, offset + 2)};
@@ -56,7 +58,8 @@ ALWAYS_INLINE void store(
             array[group.index[lane] * stride + offset] = Real(values[lane]);
 }
 
-template <class Real> inline Gaussian load_activated(const GaussianArrays<const Real>& arrays, const Group& group)
+template <class Real>
+inline Gaussian load_activated(const GaussianArrays<const Real>& arrays, const Group& group)
 {
     const auto q = [&](size_t c) { return load(arrays.rotation, group, 4, c); };
     return {load3(arrays.position, group, 3, 0), {q(0), q(1), q(2), q(3)}, load3(arrays.scale, group, 3, 0),

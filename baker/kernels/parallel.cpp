@@ -43,7 +43,10 @@ struct Loop {
 // Threads that wait for loops. Never destroyed: they are detached, and end with the process.
 class Pool {
 public:
-    explicit Pool(pid_t pid) : owner(pid) {}
+    explicit Pool(pid_t pid)
+        : owner(pid)
+    {
+    }
 
     const pid_t owner;
     std::mutex in_use; // one loop at a time

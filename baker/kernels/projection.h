@@ -1,7 +1,7 @@
 // Projects eight Gaussians to their footprints on the image, forward and backward.
 //
-// Kerbl et al. 2023; Zwicker et al. 2002, "EWA Splatting". All in double precision: it costs little beside the
-// pixels, and needles and giants lose no digits.
+// Kerbl et al. 2023; Zwicker et al. 2002, "EWA Splatting". All in double precision: it costs little beside
+// the pixels, and needles and giants lose no digits.
 #pragma once
 
 #include "elementary.h"
@@ -93,7 +93,8 @@ inline Linearisation linearise(const Vec3& position, const Camera& camera)
     const double limit_y = FRUSTUM_CLAMP * (0.5 * camera.height / camera.fy);
     const Wide clamped_x = clamp(x, -limit_x, limit_x), clamped_y = clamp(y, -limit_y, limit_y);
     const Wide zoom_x = camera.fx / depth, zoom_y = -camera.fy / depth;
-    return {depth, x, y, clamped_x, clamped_y, {zoom_x, 0.0, zoom_x * clamped_x}, {0.0, zoom_y, zoom_y * clamped_y}};
+    return {depth, x, y, clamped_x, clamped_y, {zoom_x, 0.0, zoom_x * clamped_x},
+        {0.0, zoom_y, zoom_y * clamped_y}};
 }
 
 inline Axes project_axes(const Gaussian& gaussian, const Camera& camera, const Linearisation& at)
@@ -126,8 +127,8 @@ inline Projection project(const Gaussian& gaussian, const Camera& camera, const 
     p.half_height = sqrt(reach * cov_yy);
 
     const Wide limit = MAX_MAGNITUDE, zero = 0;
-    const auto drawn = (zero < at.depth) & (Wide(blend.near) <= at.depth) & (Wide(blend.alpha_min) <= gaussian.opacity) &
-        (zero < det) & (max(cov_xx, cov_yy) < limit * limit) &
+    const auto drawn = (zero < at.depth) & (Wide(blend.near) <= at.depth) &
+        (Wide(blend.alpha_min) <= gaussian.opacity) & (zero < det) & (max(cov_xx, cov_yy) < limit * limit) &
         (max(absolute(p.mean_x), absolute(p.mean_y)) < limit) &
         (max(max(p.whiten_x, p.whiten_y), absolute(p.whiten_x * p.shear)) < limit);
     p.drawn = bits_of(drawn);
@@ -152,7 +153,8 @@ inline GaussianGradient project_backward(
     const Linearisation at = linearise(gaussian.position, camera);
     const Axes axes = project_axes(gaussian, camera, at);
 
-    // cov2d = sum of outer products of the columns of (x, y), so each column's gradient is 2 * (gradient) * column.
+    // cov2d = sum of outer products of the columns of (x, y), so each column's gradient is 2 * (gradient) *
+    // column.
     const Vec3 by_x = 2.0 * gradient.cov_xx * axes.x + 2.0 * gradient.cov_xy * axes.y;
     const Vec3 by_y = 2.0 * gradient.cov_xy * axes.x + 2.0 * gradient.cov_yy * axes.y;
     const Vec3 by_unit_x = scaled(by_x, gaussian.scale), by_unit_y = scaled(by_y, gaussian.scale);

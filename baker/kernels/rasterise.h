@@ -1,7 +1,8 @@
-// Blends the Gaussians of one tile front to back, and the gradient of that.
+// Blends the Gaussians of one tile front to back.
 //
-// Kerbl et al. 2023. A tile is cut into blocks of 4 x 4 pixels, one per lane; a Gaussian visits only the blocks that
-// it reaches and that still let light through. Real is float, or double for checking the gradients.
+// Kerbl et al. 2023. A tile is cut into blocks of 4 x 4 pixels, one per lane; a Gaussian visits only the
+// blocks that it reaches and that still let light through. Real is float, or double for checking the
+// gradients.
 #pragma once
 
 #include "elementary.h"
@@ -9,10 +10,11 @@
 
 namespace INSTRUCTION_SET {
 
-constexpr int BLOCK = 4;                                      // px
-constexpr int BLOCKS_ACROSS = TILE_SIZE / BLOCK;              // of a tile
+constexpr int BLOCK = 4;                         // px
+constexpr int BLOCKS_ACROSS = TILE_SIZE / BLOCK; // of a tile
 constexpr int BLOCKS = BLOCKS_ACROSS * BLOCKS_ACROSS;
-static_assert(BLOCK * BLOCK == 16 && BLOCKS == 16, "both the pixels of a block and the blocks of a tile are lanes");
+static_assert(
+    BLOCK * BLOCK == 16 && BLOCKS == 16, "both the pixels of a block and the blocks of a tile are lanes");
 
 template <class Real> using Lanes16 = Lanes<Real, 16>;
 
@@ -24,7 +26,8 @@ template <class Real>
 inline constexpr Square<Real> SQUARE = {
     {0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3}, {0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3}};
 
-// Calls visit(block, lane, pixel) for the tile's pixels that lie in the image; `pixel` counts through the image.
+// Calls visit(block, lane, pixel) for the tile's pixels that lie in the image; `pixel` counts through the
+// image.
 template <class Real, class Visit> ALWAYS_INLINE void for_each_pixel(const Tile<Real>& tile, Visit&& visit)
 {
     const int width = tile.width - tile.left < TILE_SIZE ? tile.width - tile.left : TILE_SIZE;
@@ -45,7 +48,7 @@ template <class Real> struct Plane {
 
 // One Gaussian in one tile: u and v of its pixels.
 template <class Real> struct Brush {
-    Lanes16<Real> u, v;      // of the first block
+    Lanes16<Real> u, v;                        // of the first block
     alignas(64) Real block_u[16], block_v[16]; // what each block adds to that
     Lanes16<Real> log2_opacity;
     uint32_t blocks; // bit per block that it may reach
@@ -85,7 +88,8 @@ template <class Real> struct Sample {
 };
 
 template <class Real>
-ALWAYS_INLINE Sample<Real> sample(const Brush<Real>& brush, int block, Mask<Real, 16> lit, const Tile<Real>& tile)
+ALWAYS_INLINE Sample<Real> sample(
+    const Brush<Real>& brush, int block, Mask<Real, 16> lit, const Tile<Real>& tile)
 {
     using L = Lanes16<Real>;
     const L u = brush.u + L(brush.block_u[block]), v = brush.v + L(brush.block_v[block]), zero = 0;
@@ -98,7 +102,8 @@ ALWAYS_INLINE Sample<Real> sample(const Brush<Real>& brush, int block, Mask<Real
 template <class Real> inline size_t blend_tile(const Tile<Real>& tile, const Pixels<Real>& pixels)
 {
     using L = Lanes16<Real>;
-    Plane<Real> red = {}, green = {}, blue = {}, transmittance = {}; // 0 outside the image: nothing is added there
+    Plane<Real> red = {}, green = {}, blue = {};
+    Plane<Real> transmittance = {}; // 0 outside the image: nothing is added there
     uint32_t live = 0;
     for_each_pixel(tile, [&](int block, int lane, size_t) {
         transmittance.value[block][lane] = 1;
@@ -107,8 +112,8 @@ template <class Real> inline size_t blend_tile(const Tile<Real>& tile, const Pix
 
     size_t pairs = 0;
     for (size_t k = 0; k < tile.entry_count && live; ++k) {
-        if (k + 4 < tile.entry_count)
-            __builtin_prefetch(&tile.footprints[tile.entries[k + 4]]);
+        if (k + PREFETCH_AHEAD < tile.entry_count)
+            prefetch(tile.footprints[tile.entries[k + PREFETCH_AHEAD]]);
         const Footprint<Real>& footprint = tile.footprints[tile.entries[k]];
         const Brush<Real> brush(footprint, tile);
         for (uint32_t left = brush.blocks & live; left; left &= left - 1) {
@@ -133,91 +138,6 @@ template <class Real> inline size_t blend_tile(const Tile<Real>& tile, const Pix
         pixels.transmittance[pixel] = transmittance.value[block][lane];
     });
     return pairs;
-}
-
-// What backward keeps per pixel.
-template <class Real> struct BackwardPlanes {
-    Plane<Real> by_red = {}, by_green = {}, by_blue = {}, error = {};
-    Plane<Real> transmittance = {}; // 0 outside the image
-    Plane<Real> behind = {};        // by_radiance . (what the pixel shows behind the current Gaussian)
-    uint32_t live = 0;              // blocks inside the image
-
-    BackwardPlanes(const Tile<Real>& tile, const Pixels<const Real>& pixels, const PixelGradients<Real>& by)
-    {
-        for_each_pixel(tile, [&](int block, int lane, size_t pixel) {
-            const Real* const g = by.by_radiance + 3 * pixel;
-            const Real* const shown = pixels.radiance + 3 * pixel;
-            by_red.value[block][lane] = g[0], by_green.value[block][lane] = g[1], by_blue.value[block][lane] = g[2];
-            error.value[block][lane] = by.error ? by.error[pixel] : Real(0);
-            transmittance.value[block][lane] = 1;
-            const Real background = by.by_transmittance ? by.by_transmittance[pixel] * pixels.transmittance[pixel] : 0;
-            behind.value[block][lane] = g[0] * shown[0] + g[1] * shown[1] + g[2] * shown[2] + background;
-            live |= 1u << block;
-        });
-    }
-};
-
-// Front to back again, so that nothing per pixel but the result of forward is needed: the transmittance has the very
-// bits that it had there, and what lies behind is the pixel's total less what has passed.
-template <class Real>
-inline void blend_tile_backward(const Tile<Real>& tile, const Pixels<const Real>& pixels,
-    const PixelGradients<Real>& by, Real* moments)
-{
-    using L = Lanes16<Real>;
-    BackwardPlanes<Real> planes(tile, pixels, by);
-    uint32_t live = planes.live;
-    for (size_t k = 0; k < tile.entry_count; ++k) {
-        if (k + 4 < tile.entry_count)
-            __builtin_prefetch(&tile.footprints[tile.entries[k + 4]]);
-        const Footprint<Real>& footprint = tile.footprints[tile.entries[k]];
-        const Brush<Real> brush(footprint, tile);
-        uint32_t left = brush.blocks & live;
-        Real* const out = moments + k * MOMENTS;
-        if (!left) {
-            for (int m = 0; m < MOMENTS; ++m)
-                out[m] = 0;
-            continue;
-        }
-        const L zero = 0;
-        L sum_red = zero, sum_green = zero, sum_blue = zero, sum_p = zero, sum_pu = zero, sum_pv = zero;
-        L sum_puu = zero, sum_puv = zero, sum_pvv = zero, sum_weight = zero, sum_error = zero;
-        for (; left; left &= left - 1) {
-            const int block = __builtin_ctz(left);
-            const L t = planes.transmittance.load(block);
-            const auto lit = L(Real(TRANSMITTANCE_MIN)) <= t;
-            live &= ~(uint32_t(bits_of(lit) == 0) << block);
-            const Sample<Real> s = sample(brush, block, lit, tile);
-            const L weight = t * s.alpha;
-            const L by_red = planes.by_red.load(block), by_green = planes.by_green.load(block),
-                    by_blue = planes.by_blue.load(block);
-            const L shown = fma(L(footprint.colour[0]), by_red,
-                fma(L(footprint.colour[1]), by_green, L(footprint.colour[2]) * by_blue));
-            const L added = weight * shown, behind = planes.behind.load(block) - added;
-            planes.transmittance.store(block, t - weight);
-            planes.behind.store(block, behind);
-
-            const L odds = s.alpha / (L(1) - s.alpha);
-            const L p = select((s.unclamped <= L(tile.alpha_max)) & s.drawn, fma(zero - odds, behind, added), zero);
-            const L pu = p * s.u, pv = p * s.v;
-            sum_red = fma(weight, by_red, sum_red);
-            sum_green = fma(weight, by_green, sum_green);
-            sum_blue = fma(weight, by_blue, sum_blue);
-            sum_p = sum_p + p;
-            sum_pu = sum_pu + pu;
-            sum_pv = sum_pv + pv;
-            sum_puu = fma(pu, s.u, sum_puu);
-            sum_puv = fma(pu, s.v, sum_puv);
-            sum_pvv = fma(pv, s.v, sum_pvv);
-            sum_weight = sum_weight + weight;
-            sum_error = fma(weight, planes.error.load(block), sum_error);
-        }
-        const L all[16] = {sum_red, sum_green, sum_blue, sum_p, sum_pu, sum_pv, sum_puu, sum_puv, sum_pvv, sum_weight,
-            sum_error, zero, zero, zero, zero, zero};
-        Real total[16];
-        sums(all).store(total);
-        for (int m = 0; m < MOMENTS; ++m)
-            out[m] = total[m];
-    }
 }
 
 } // namespace INSTRUCTION_SET

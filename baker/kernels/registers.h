@@ -1,5 +1,5 @@
-// One register of numbers: what differs between instruction sets. `Values` are the compiler's own vectors, for which
-// arithmetic is built in.
+// One register of numbers: what differs between instruction sets. `Values` are the compiler's own vectors,
+// for which arithmetic is built in.
 #pragma once
 
 #include <cmath>
@@ -50,18 +50,42 @@ template <> struct RegisterMask<double> {
     __mmask8 set;
 };
 
-ALWAYS_INLINE Floats fused(Floats a, Floats b, Floats c) { return _mm512_fmadd_ps(a, b, c); }
-ALWAYS_INLINE Doubles fused(Doubles a, Doubles b, Doubles c) { return _mm512_fmadd_pd(a, b, c); }
-ALWAYS_INLINE Floats root(Floats a) { return _mm512_sqrt_ps(a); }
-ALWAYS_INLINE Doubles root(Doubles a) { return _mm512_sqrt_pd(a); }
-ALWAYS_INLINE RegisterMask<float> less(Floats a, Floats b) { return {_mm512_cmp_ps_mask(a, b, _CMP_LT_OQ)}; }
-ALWAYS_INLINE RegisterMask<double> less(Doubles a, Doubles b) { return {_mm512_cmp_pd_mask(a, b, _CMP_LT_OQ)}; }
-ALWAYS_INLINE RegisterMask<float> at_most(Floats a, Floats b) { return {_mm512_cmp_ps_mask(a, b, _CMP_LE_OQ)}; }
+ALWAYS_INLINE Floats fused(Floats a, Floats b, Floats c)
+{
+    return _mm512_fmadd_ps(a, b, c);
+}
+ALWAYS_INLINE Doubles fused(Doubles a, Doubles b, Doubles c)
+{
+    return _mm512_fmadd_pd(a, b, c);
+}
+ALWAYS_INLINE Floats root(Floats a)
+{
+    return _mm512_sqrt_ps(a);
+}
+ALWAYS_INLINE Doubles root(Doubles a)
+{
+    return _mm512_sqrt_pd(a);
+}
+ALWAYS_INLINE RegisterMask<float> less(Floats a, Floats b)
+{
+    return {_mm512_cmp_ps_mask(a, b, _CMP_LT_OQ)};
+}
+ALWAYS_INLINE RegisterMask<double> less(Doubles a, Doubles b)
+{
+    return {_mm512_cmp_pd_mask(a, b, _CMP_LT_OQ)};
+}
+ALWAYS_INLINE RegisterMask<float> at_most(Floats a, Floats b)
+{
+    return {_mm512_cmp_ps_mask(a, b, _CMP_LE_OQ)};
+}
 ALWAYS_INLINE RegisterMask<double> at_most(Doubles a, Doubles b)
 {
     return {_mm512_cmp_pd_mask(a, b, _CMP_LE_OQ)};
 }
-ALWAYS_INLINE Floats choose(RegisterMask<float> m, Floats a, Floats b) { return _mm512_mask_blend_ps(m.set, b, a); }
+ALWAYS_INLINE Floats choose(RegisterMask<float> m, Floats a, Floats b)
+{
+    return _mm512_mask_blend_ps(m.set, b, a);
+}
 ALWAYS_INLINE Doubles choose(RegisterMask<double> m, Doubles a, Doubles b)
 {
     return _mm512_mask_blend_pd(m.set, b, a);
@@ -70,7 +94,10 @@ template <class T> ALWAYS_INLINE RegisterMask<T> both(RegisterMask<T> a, Registe
 {
     return {decltype(a.set)(a.set & b.set)};
 }
-template <class T> ALWAYS_INLINE uint32_t bits_of(RegisterMask<T> m) { return m.set; }
+template <class T> ALWAYS_INLINE uint32_t bits_of(RegisterMask<T> m)
+{
+    return m.set;
+}
 
 #elif defined(__AVX2__)
 
@@ -78,16 +105,46 @@ template <class T> struct RegisterMask {
     typename Register<T>::Values set; // all ones or all zeros in each lane
 };
 
-ALWAYS_INLINE Floats fused(Floats a, Floats b, Floats c) { return _mm256_fmadd_ps(a, b, c); }
-ALWAYS_INLINE Doubles fused(Doubles a, Doubles b, Doubles c) { return _mm256_fmadd_pd(a, b, c); }
-ALWAYS_INLINE Floats root(Floats a) { return _mm256_sqrt_ps(a); }
-ALWAYS_INLINE Doubles root(Doubles a) { return _mm256_sqrt_pd(a); }
-ALWAYS_INLINE RegisterMask<float> less(Floats a, Floats b) { return {_mm256_cmp_ps(a, b, _CMP_LT_OQ)}; }
-ALWAYS_INLINE RegisterMask<double> less(Doubles a, Doubles b) { return {_mm256_cmp_pd(a, b, _CMP_LT_OQ)}; }
-ALWAYS_INLINE RegisterMask<float> at_most(Floats a, Floats b) { return {_mm256_cmp_ps(a, b, _CMP_LE_OQ)}; }
-ALWAYS_INLINE RegisterMask<double> at_most(Doubles a, Doubles b) { return {_mm256_cmp_pd(a, b, _CMP_LE_OQ)}; }
-ALWAYS_INLINE Floats choose(RegisterMask<float> m, Floats a, Floats b) { return _mm256_blendv_ps(b, a, m.set); }
-ALWAYS_INLINE Doubles choose(RegisterMask<double> m, Doubles a, Doubles b) { return _mm256_blendv_pd(b, a, m.set); }
+ALWAYS_INLINE Floats fused(Floats a, Floats b, Floats c)
+{
+    return _mm256_fmadd_ps(a, b, c);
+}
+ALWAYS_INLINE Doubles fused(Doubles a, Doubles b, Doubles c)
+{
+    return _mm256_fmadd_pd(a, b, c);
+}
+ALWAYS_INLINE Floats root(Floats a)
+{
+    return _mm256_sqrt_ps(a);
+}
+ALWAYS_INLINE Doubles root(Doubles a)
+{
+    return _mm256_sqrt_pd(a);
+}
+ALWAYS_INLINE RegisterMask<float> less(Floats a, Floats b)
+{
+    return {_mm256_cmp_ps(a, b, _CMP_LT_OQ)};
+}
+ALWAYS_INLINE RegisterMask<double> less(Doubles a, Doubles b)
+{
+    return {_mm256_cmp_pd(a, b, _CMP_LT_OQ)};
+}
+ALWAYS_INLINE RegisterMask<float> at_most(Floats a, Floats b)
+{
+    return {_mm256_cmp_ps(a, b, _CMP_LE_OQ)};
+}
+ALWAYS_INLINE RegisterMask<double> at_most(Doubles a, Doubles b)
+{
+    return {_mm256_cmp_pd(a, b, _CMP_LE_OQ)};
+}
+ALWAYS_INLINE Floats choose(RegisterMask<float> m, Floats a, Floats b)
+{
+    return _mm256_blendv_ps(b, a, m.set);
+}
+ALWAYS_INLINE Doubles choose(RegisterMask<double> m, Doubles a, Doubles b)
+{
+    return _mm256_blendv_pd(b, a, m.set);
+}
 ALWAYS_INLINE RegisterMask<float> both(RegisterMask<float> a, RegisterMask<float> b)
 {
     return {_mm256_and_ps(a.set, b.set)};
@@ -96,8 +153,14 @@ ALWAYS_INLINE RegisterMask<double> both(RegisterMask<double> a, RegisterMask<dou
 {
     return {_mm256_and_pd(a.set, b.set)};
 }
-ALWAYS_INLINE uint32_t bits_of(RegisterMask<float> m) { return _mm256_movemask_ps(m.set); }
-ALWAYS_INLINE uint32_t bits_of(RegisterMask<double> m) { return _mm256_movemask_pd(m.set); }
+ALWAYS_INLINE uint32_t bits_of(RegisterMask<float> m)
+{
+    return _mm256_movemask_ps(m.set);
+}
+ALWAYS_INLINE uint32_t bits_of(RegisterMask<double> m)
+{
+    return _mm256_movemask_pd(m.set);
+}
 
 #else // any processor
 
@@ -117,10 +180,22 @@ template <class Values> ALWAYS_INLINE Values root(Values a)
         a[i] = std::sqrt(a[i]);
     return a;
 }
-ALWAYS_INLINE RegisterMask<float> less(Floats a, Floats b) { return {(Words)(a < b)}; }
-ALWAYS_INLINE RegisterMask<double> less(Doubles a, Doubles b) { return {(LongWords)(a < b)}; }
-ALWAYS_INLINE RegisterMask<float> at_most(Floats a, Floats b) { return {(Words)(a <= b)}; }
-ALWAYS_INLINE RegisterMask<double> at_most(Doubles a, Doubles b) { return {(LongWords)(a <= b)}; }
+ALWAYS_INLINE RegisterMask<float> less(Floats a, Floats b)
+{
+    return {(Words)(a < b)};
+}
+ALWAYS_INLINE RegisterMask<double> less(Doubles a, Doubles b)
+{
+    return {(LongWords)(a < b)};
+}
+ALWAYS_INLINE RegisterMask<float> at_most(Floats a, Floats b)
+{
+    return {(Words)(a <= b)};
+}
+ALWAYS_INLINE RegisterMask<double> at_most(Doubles a, Doubles b)
+{
+    return {(LongWords)(a <= b)};
+}
 ALWAYS_INLINE Floats choose(RegisterMask<float> m, Floats a, Floats b)
 {
     return (Floats)((m.set & (Words)a) | (~m.set & (Words)b));

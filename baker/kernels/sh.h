@@ -1,7 +1,7 @@
 // Real spherical harmonics up to degree 3 and their derivatives.
 //
-// Orthonormal, Condon-Shortley phase, as in Kerbl et al. 2023. The direction is a unit vector; the derivatives are
-// those of the polynomials as written, so a caller projects them onto the sphere.
+// Orthonormal, Condon-Shortley phase, as in Kerbl et al. 2023. The direction is a unit vector; the
+// derivatives are those of the polynomials as written, so a caller projects them onto the sphere.
 #pragma once
 
 #include "constants.glsl"

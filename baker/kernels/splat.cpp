@@ -12,8 +12,8 @@
 static_assert(sizeof(Footprint<float>) == 48);
 
 template <class Real>
-void Frame<Real>::splat(
-    const GaussianArrays<const Real>& gaussians, const Camera& camera, const Blend& operation, Project<Real>* project)
+void Frame<Real>::splat(const GaussianArrays<const Real>& gaussians, const Camera& camera,
+    const Blend& operation, Project<Real>* project)
 {
     view = camera, blend = operation, count = gaussians.count, coefficients = gaussians.coefficients();
     footprint_buffer.reserve(count), key_buffer.reserve(count);
@@ -25,8 +25,8 @@ void Frame<Real>::splat(
     const size_t pixel_count = size_t(view.width) * view.height;
     radiance.reserve(3 * pixel_count), transmittance.reserve(pixel_count);
     const TileGrid grid = {view.width, view.height};
-    lists.count(footprint_buffer.get(), drawn.get(), drawn_count, grid,
-        std::log2(blend.alpha_min), count / 8 + pixel_count / 4);
+    lists.count(footprint_buffer.get(), drawn.get(), drawn_count, grid, std::log2(blend.alpha_min),
+        band_limit(), 6 * pixel_count);
     std::atomic<size_t> blended{0};
     for (const Band& band : lists.bands()) {
         lists.fill(band);
@@ -39,8 +39,10 @@ void Frame<Real>::splat(
     pairs = blended;
 }
 
-// Sorts runs of equal keys by the depth in double precision, equal depths by index: a wall seen head-on keeps its order.
-template <class Real> static void break_ties(Drawn* items, size_t count, const Real* position, const Camera& view)
+// Sorts runs of equal keys by the depth in double precision, equal depths by index: a wall seen head-on keeps
+// its order.
+template <class Real>
+static void break_ties(Drawn* items, size_t count, const Real* position, const Camera& view)
 {
     const auto depth = [&](const Drawn& item) {
         const Real* const p = position + 3 * size_t(item.gaussian);
@@ -79,9 +81,9 @@ template <class Real> Tile<Real> Frame<Real>::tile_of(size_t index) const
 {
     const TileGrid grid = {view.width, view.height};
     const size_t begin = lists.start(0, index), end = lists.start(lists.chunk_count(), index);
-    return {footprint_buffer.get(), lists.entries() + begin, end - begin, int(index % grid.columns()) * TILE_SIZE,
-        int(index / grid.columns()) * TILE_SIZE, view.width, view.height, Real(std::log2(blend.alpha_min)),
-        Real(blend.alpha_max)};
+    return {footprint_buffer.get(), lists.entries() + begin, end - begin,
+        int(index % grid.columns()) * TILE_SIZE, int(index / grid.columns()) * TILE_SIZE, view.width,
+        view.height, Real(std::log2(blend.alpha_min)), Real(blend.alpha_max)};
 }
 
 template <class Real> void Frame<Real>::sum_moments(const PixelGradients<Real>& by)
@@ -91,13 +93,16 @@ template <class Real> void Frame<Real>::sum_moments(const PixelGradients<Real>& 
         [&](size_t begin, size_t end) { std::fill(sums + begin * MOMENTS, sums + end * MOMENTS, Real(0)); });
     for (const Band& band : lists.bands()) {
         lists.fill(band);
-        Real* const moments = moment_buffer.reserve(band.entry_count * MOMENTS);
+        if (band.entry_count > band_limit()) { // all in one tile, where no Gaussian comes twice
+            for (size_t tile = band.first; tile < band.last; ++tile)
+                splat_kernels<Real>().blend_backward(tile_of(tile), pixels(), by, {nullptr, sums});
+            continue;
+        }
+        Real* const moments = moment_buffer.reserve(band_limit() * MOMENTS);
         parallel_for(band.last - band.first, 1, [&](size_t begin, size_t end) {
-            for (size_t i = begin; i < end; ++i) {
-                const size_t tile = band.first + i;
-                splat_kernels<Real>().blend_backward(
-                    tile_of(tile), pixels(), by, moments + lists.start(0, tile) * MOMENTS);
-            }
+            for (size_t tile = band.first + begin; tile < band.first + end; ++tile)
+                splat_kernels<Real>().blend_backward(tile_of(tile), pixels(), by,
+                    {moments + (lists.start(0, tile) - lists.start(0, band.first)) * MOMENTS, nullptr});
         });
         add_moments(band);
     }
@@ -108,12 +113,17 @@ template <class Real> void Frame<Real>::add_moments(const Band& band)
 {
     Real* const sums = reinterpret_cast<Real*>(sum_buffer.get());
     parallel_for(lists.chunk_count(), 1, [&](size_t chunk, size_t) {
-        for (size_t tile = band.first; tile < band.last; ++tile)
-            for (size_t k = lists.start(chunk, tile); k < lists.start(chunk + 1, tile); ++k) {
+        const size_t first = lists.start(0, band.first);
+        for (size_t tile = band.first; tile < band.last; ++tile) {
+            const size_t end = lists.start(chunk + 1, tile);
+            for (size_t k = lists.start(chunk, tile); k < end; ++k) {
+                __builtin_prefetch(sums + size_t(lists.entries()[std::min(k + 8, end - 1)]) * MOMENTS);
                 Real* const sum = sums + size_t(lists.entries()[k]) * MOMENTS;
+                const Real* const added = moment_buffer.get() + (k - first) * MOMENTS;
                 for (int m = 0; m < MOMENTS; ++m)
-                    sum[m] += moment_buffer.get()[k * MOMENTS + m];
+                    sum[m] += added[m];
             }
+        }
     });
 }
 
@@ -123,7 +133,8 @@ template <class Real> int64_t Frame<Real>::first_not_finite() const
     parallel_for(count, GRAIN, [&](size_t begin, size_t end) {
         for (size_t i = begin; i < end; ++i) {
             const Real* const sum = sums() + i * MOMENTS;
-            if (keys()[i] == NOT_DRAWN || std::all_of(sum, sum + MOMENTS, [](Real s) { return std::isfinite(s); }))
+            if (keys()[i] == NOT_DRAWN ||
+                std::all_of(sum, sum + MOMENTS, [](Real s) { return std::isfinite(s); }))
                 continue;
             size_t found = first;
             while (i < found && !first.compare_exchange_weak(found, i)) { }
@@ -134,7 +145,8 @@ template <class Real> int64_t Frame<Real>::first_not_finite() const
 }
 
 template <class Real>
-void Frame<Real>::gradients(const GaussianArrays<const Real>& gaussians, const GaussianArrays<Real>& gradient) const
+void Frame<Real>::gradients(
+    const GaussianArrays<const Real>& gaussians, const GaussianArrays<Real>& gradient) const
 {
     parallel_for(count, GRAIN, [&](size_t begin, size_t end) {
         splat_kernels<Real>().gradients(gaussians, view, footprints(), keys(), sums(), begin, end, gradient);
@@ -144,14 +156,6 @@ void Frame<Real>::gradients(const GaussianArrays<const Real>& gaussians, const G
 template <class Real> bool Frame<Real>::is_of(const GaussianArrays<const Real>& gaussians) const
 {
     return gaussians.count == count && gaussians.coefficients() == coefficients;
-}
-
-template <class Real> size_t Frame<Real>::entry_count() const
-{
-    size_t total = 0;
-    for (const Band& band : lists.bands())
-        total += band.entry_count;
-    return total;
 }
 
 template <class Real> size_t Frame<Real>::byte_count() const

@@ -13,9 +13,10 @@
 
 // One image and what its gradient needs, in memory that later images use again.
 //
-// Per Gaussian at most: footprint 48 bytes, key 4, order 8, sums 44 (before, the sort's scratch), entries 6.5: 110.5. In
-// training there are 56 bytes of parameters (SH degree 0), 112 of Adam's moments, 4 of its steps and 16 of statistics:
-// below 300. Per pixel 16, entries 13 and their counters 1/2; in training as much again for the image and its gradient.
+// Bytes per Gaussian at most: footprint 48, key 4, order 8, sums 44 (before, the sort's scratch), moments 3,
+// list 4: 111. In training there are 56 of parameters (SH degree 0), 112 of Adam's moments, 4 of its steps
+// and 16 of statistics: below 300. Per pixel 16, moments 11, lists 24 and their counters 1/2; in training 28
+// more for the image and its gradient: below 100.
 template <class Real> class Frame {
 public:
     // `project` is what turns these arrays into footprints: activated or raw.
@@ -34,13 +35,15 @@ public:
     const uint32_t* keys() const { return key_buffer.get(); }
     const Real* sums() const { return reinterpret_cast<const Real*>(sum_buffer.get()); }
     size_t pair_count() const { return pairs; }
-    size_t entry_count() const;
+    size_t entry_count() const { return lists.entry_count(); }
     size_t byte_count() const;
 
 private:
     void order(const Real* position);
     Tile<Real> tile_of(size_t index) const;
     void add_moments(const Band&);
+    // Entries of which the moments are held at once, but for a single tile that has more.
+    size_t band_limit() const { return count / 16 + size_t(view.width) * view.height / 4; }
 
     Camera view = {};
     Blend blend = {};

@@ -22,26 +22,31 @@ struct Band {
     size_t entry_count;
 };
 
-// The lists hold one band at a time, so that their memory is bounded whatever the Gaussians' size. Bands and lists do
-// not depend on the number of threads: work is cut into chunks of Gaussians that follow each other in depth.
+// Work is cut into bands of tiles, so that what is kept per entry is bounded whatever the Gaussians' size,
+// and into chunks of Gaussians that follow each other in depth. Neither depends on the number of threads.
 template <class Real> class TileLists {
 public:
-    // `drawn` (count,) front to back. Cuts the image into bands of at most `entry_limit` entries, or one tile.
+    // `drawn` (count,) front to back. Cuts the image into bands of at most `band_limit` entries, or one tile.
+    // Where all entries are at most `list_limit`, they are listed at once; otherwise the lists hold one band
+    // at a time.
     void count(const Footprint<Real>* footprints, const Drawn* drawn, size_t count, const TileGrid& grid,
-        double log2_alpha_min, size_t entry_limit);
-    // Lists one band.
+        double log2_alpha_min, size_t band_limit, size_t list_limit);
+    // Lists one band, unless it is listed already.
     void fill(const Band& band);
 
     const std::vector<Band>& bands() const { return band_list; }
     size_t chunk_count() const { return chunks; }
+    size_t entry_count() const { return total; }
     const uint32_t* entries() const { return entry_buffer.get(); } // Gaussians
     // Where a chunk's part of a tile's list begins; that of chunk_count() is where the list ends.
     uint32_t start(size_t chunk, size_t tile) const { return starts.get()[chunk * grid.count() + tile]; }
     size_t byte_count() const { return starts.byte_count() + entry_buffer.byte_count(); }
 
 private:
-    template <class Visit> void for_each_tile(size_t chunk, const Band& band, Visit&& visit) const;
-    void cut_into_bands(size_t entry_limit);
+    TileSearch<Real> search(size_t chunk, const Band& band) const;
+    void cut_into_bands(size_t band_limit);
+    void number_entries(const Band& band);
+    Band image() const { return {0, grid.count(), total}; }
 
     const Footprint<Real>* footprints = nullptr;
     const Drawn* drawn = nullptr;
@@ -49,7 +54,8 @@ private:
     TileGrid grid = {};
     double log2_alpha_min = 0;
     std::vector<Band> band_list;
-    size_t filled = 0; // first tile of the band that is listed
-    Buffer<uint32_t> starts; // (chunks + 1, tiles), into the entries of the tile's band
+    size_t total = 0;        // entries of the image
+    Band listed = {};        // empty where nothing is
+    Buffer<uint32_t> starts; // (chunks + 1, tiles), into the entries that are listed together
     Buffer<uint32_t> entry_buffer;
 };
