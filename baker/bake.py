@@ -1,84 +1,144 @@
 """The bake of a plan, stage by stage: irradiance -> fit -> encode."""
 
+import dataclasses
+import time
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 
 from gsgi.runtime import codec
 from gsgi.runtime.fingerprint import fingerprint
-from gsgi.runtime.gaussians import Bake, Blend, Effects, Gaussians
+from gsgi.runtime.gaussians import Bake, Effects, Gaussians
 
-from . import denoise
+from . import denoise, dial
 from .cache import task_key
+from .dial import Fitted
 from .plan import SH_DEGREE, Plan
 from .progress import Progress
 from .records import from_arrays, to_arrays
-from .settings import Settings
+from .reference import Reference
 from .traced_light import TracedView
 
-FIT_PACKAGES = ("torch", "numpy")  # whose versions a fit depends on
+FIT_PACKAGES = ("numpy", "scipy")  # whose versions a fit depends on
+
+# The Gaussians that a fit starts from, of its budget: the rest goes where the error is. Beyond so many, they take long
+# to spread evenly.
+START_SHARE, START_MOST = 1 / 2, 1 << 16
 
 
-def bake(plan: Plan, progress: Progress) -> bytes:
+@dataclasses.dataclass(frozen=True)
+class Baked:
+    """`data`: the .gsgi file; `fitted`: the try that it holds, and `tried` all of them; `looks`: its history."""
+
+    fitted: Fitted
+    tried: tuple[Fitted, ...]
+    looks: tuple
+
+    @property
+    def data(self) -> bytes:
+        """Bytes of the .gsgi file."""
+        return self.fitted.data
+
+
+def bake(plan: Plan, progress: Progress, references: Mapping[str, Reference] | None = None, preview=None) -> Baked:
     """Bake the indirect light of a plan's scene to the bytes of a .gsgi file. The same plan gives the same bytes.
 
-    What the plan's cache holds is not computed again, and what is computed goes there.
+    What the plan's cache holds is not computed again, and what is computed goes there. `references` of the held-out
+    views are what a target loss is measured on, and what the progress shows; `preview` draws pictures of them.
     """
-    settings, points = plan.settings, plan.starting_points()
     if not plan.pilot.mean:
         progress.warn("no indirect light reaches what the views see: the file will hold darkness")
-    with progress.stage("irradiance", plan.pixels + len(points), "points") as advance:
-        light = plan.light.at_points(points.position, points.normal, plan.sampling, settings.seed, advance)
+    seen = _traced(plan, progress)
+    return _Fits(plan, progress, seen, references or {}, preview).best()
+
+
+def _traced(plan: Plan, progress: Progress) -> list[TracedView]:
+    """The views to fit, denoised where that is wanted and possible."""
+    settings = plan.settings
+    with progress.stage("irradiance", plan.pixels, "points") as advance:
         seen = plan.light.views(plan.cameras, settings.size, plan.sampling, settings.seed + 1, advance, progress.say)
-        _tell_invalid(light.invalid + sum(view.invalid for view in seen), progress)
-        views = _views_to_fit(plan, seen)
-        tone_scale = _tone_scale(views)
-
-    blend = plan.blend
-    with progress.stage("fit", settings.iterations, "iterations") as advance:
-        gaussians = _fit(points, light.mean, views, blend, tone_scale, settings, plan.light.cache, advance)
-
-    with progress.stage("encode"):
-        effects = plan.effects | (Effects.DENOISED if _denoises(plan) else Effects(0))
-        scene = fingerprint(plan.scene)
-        return codec.encode(Bake(_visible(gaussians), blend, tone_scale, effects, settings.bounces, scene))
-
-
-def _tell_invalid(paths: int, progress: Progress) -> None:
-    if paths:
-        progress.warn(f"{paths} paths gave no finite number and were left out")
+        if paths := sum(view.invalid for view in seen):
+            progress.warn(f"{paths} paths gave no finite number and were left out")
+        if not _denoises(plan):
+            return seen
+        return [dataclasses.replace(v, indirect=denoise.denoise(v.indirect, v.normal, v.valid)) for v in seen]
 
 
 def _denoises(plan: Plan) -> bool:
     return plan.settings.denoise and denoise.available()
 
 
-def _views_to_fit(plan: Plan, seen: list[TracedView]) -> list:
-    """Traced views as the fit takes them: denoised where that is wanted and possible."""
-    from .fit import View
+class _Fits:
+    """Fits of one scene's views, with one budget or another."""
 
-    clean = _denoises(plan)
-    images = [denoise.denoise(v.indirect, v.normal, v.valid) if clean else v.indirect for v in seen]
-    return [View(camera, image, v.valid) for camera, image, v in zip(plan.cameras, images, seen, strict=True)]
+    def __init__(self, plan: Plan, progress: Progress, seen: Sequence[TracedView], references, preview):
+        from .fit import View
+        from .held_out import HeldOutLoss
 
+        self.plan, self.progress, self.seen, self.preview = plan, progress, seen, preview
+        self.views = [View(camera, v.indirect, v.valid) for camera, v in zip(plan.cameras, seen, strict=True)]
+        self.tone_scale = _tone_scale(self.views)
+        held_out = references and HeldOutLoss(references, plan.placement.held_out, self.tone_scale)
+        self.held_out = held_out or None
+        self.looks: dict[int, tuple] = {}
 
-def _fit(points, light: np.ndarray, views, blend: Blend, tone_scale: float, settings: Settings, cache, advance):
-    """Gaussians fitted to the views; interrupted, the fit goes on from its checkpoint; done, it is not done again."""
-    from .checkpoint import Checkpoint
-    from .code_version import code_version
-    from .fit import fit
-    from .initialise import from_surface
+    def best(self) -> Baked:
+        settings = self.plan.settings
+        if settings.target_loss is None:
+            fitted = self.attempt(settings.budget)
+            return Baked(fitted, (fitted,), self.looks[fitted.budget])
+        fitted, tried = dial.turn(settings.target_loss, settings.budget, self.attempt)
+        return Baked(fitted, tuple(tried), self.looks[fitted.budget])
 
-    start = from_surface(points, light, SH_DEGREE)
-    task = start, views, blend, tone_scale, settings.iterations, settings.seed
-    inputs = {"code": code_version("gsgi.baker.fit", FIT_PACKAGES), "task": task}
-    key = task_key("fit", **inputs)
-    if found := cache.get(key):
-        advance(settings.iterations, "from the cache")
-        return from_arrays(Gaussians, found)
-    checkpoint = Checkpoint(cache, task_key("checkpoint", **inputs))
-    gaussians = fit(*task, advance, checkpoint)
-    cache.put(key, to_arrays(gaussians))
-    checkpoint.remove()
-    return gaussians
+    def attempt(self, budget: int) -> Fitted:
+        """A fit with this budget, encoded and judged as a reader will see it."""
+        start = time.perf_counter()
+        gaussians = self._fit(budget)
+        seconds = time.perf_counter() - start
+        with self.progress.stage("encode"):
+            data = self._encode(gaussians)
+        read = codec.decode(data).gaussians
+        loss, psnr = self.held_out.of(read, self.plan.blend) if self.held_out else (float("nan"), float("nan"))
+        if self.held_out:
+            self.progress.say(
+                f"  {len(read)} Gaussians, {len(data)} bytes: held-out loss {loss:.4f}, PSNR {psnr:.2f} dB"
+            )
+        return Fitted(budget, data, len(read), loss, psnr, seconds)
+
+    def _fit(self, budget: int) -> Gaussians:
+        """Interrupted, the fit goes on from its checkpoint; done, it is not done again."""
+        from .checkpoint import Checkpoint
+        from .code_version import code_version
+        from .fit import Course, fit
+        from .initialise import from_views
+        from .watch import Watch
+
+        plan, settings, cache = self.plan, self.plan.settings, self.plan.light.cache
+        count = min(max(round(START_SHARE * budget), 1), START_MOST)
+        with self.progress.stage("fit", settings.iterations, "iterations") as advance:
+            start = from_views(plan.cameras, self.seen, count, settings.seed, SH_DEGREE)
+            course = Course(budget, settings.iterations, settings.seed)
+            task = start, self.views, plan.blend, self.tone_scale, course
+            inputs = {"code": code_version("gsgi.baker.fit", FIT_PACKAGES), "task": task}
+            key = task_key("fit", **inputs)
+            watch = Watch(advance, self.held_out, plan.blend, settings.iterations, self.preview)
+            if found := cache.get(key):
+                advance(settings.iterations, "from the cache")
+                self.looks[budget] = ()
+                return from_arrays(Gaussians, found)
+            checkpoint = Checkpoint(cache, task_key("checkpoint", **inputs))
+            gaussians = fit(*task, watch, checkpoint)
+            cache.put(key, to_arrays(gaussians))
+            checkpoint.remove()
+        self.looks[budget] = tuple(watch.looks)
+        return gaussians
+
+    def _encode(self, gaussians: Gaussians) -> bytes:
+        plan = self.plan
+        effects = plan.effects | (Effects.DENOISED if _denoises(plan) else Effects(0))
+        scene = fingerprint(plan.scene)
+        made = effects, plan.settings.bounces, scene
+        return codec.encode(Bake(_visible(gaussians), plan.blend, self.tone_scale, *made))
 
 
 def _tone_scale(views: list) -> float:

@@ -7,6 +7,7 @@ import torch
 from torch import Tensor
 
 from gsgi.runtime.camera import Pinhole
+from gsgi.runtime.constants import ADAM_BETA1, ADAM_BETA2, ADAM_EPSILON
 from gsgi.runtime.gaussians import Blend
 
 from . import torch_loss
@@ -14,9 +15,6 @@ from .cuda_splat import draw
 from .raw_gaussians import NAMES, RawGaussians
 from .target import INVALID, Target
 from .trainer import AdamState, StepStatistics
-
-BETA1, BETA2 = 0.9, 0.999
-EPSILON = 1e-15  # far below any gradient of a mean over pixels, as Kerbl et al. 2023
 
 
 class CudaOptimiser:
@@ -83,13 +81,13 @@ class CudaOptimiser:
         """Adam (Kingma and Ba 2015), in double, on the Gaussians that have a gradient."""
         moved = torch.stack([g.any(dim=1) for g in _columns(gradients)]).any(dim=0)
         self._steps[moved] += 1
-        bias1, bias2 = (1 - beta ** self._steps[moved].double() for beta in (BETA1, BETA2))
+        bias1, bias2 = (1 - beta ** self._steps[moved].double() for beta in (ADAM_BETA1, ADAM_BETA2))
         for name, gradient in gradients.items():
             per_gaussian = (-1, *[1] * (gradient.ndim - 1))
             g = gradient[moved].double()
-            mean = BETA1 * self._mean[name][moved] + (1 - BETA1) * g
-            square = BETA2 * self._square[name][moved] + (1 - BETA2) * g * g
-            root = (square / bias2.view(per_gaussian)).sqrt() + EPSILON
+            mean = ADAM_BETA1 * self._mean[name][moved] + (1 - ADAM_BETA1) * g
+            square = ADAM_BETA2 * self._square[name][moved] + (1 - ADAM_BETA2) * g * g
+            root = (square / bias2.view(per_gaussian)).sqrt() + ADAM_EPSILON
             step = rates[name] * mean / bias1.view(per_gaussian) / root
             self._mean[name][moved], self._square[name][moved] = mean.float(), square.float()
             self._raw[name][moved] -= step.float()

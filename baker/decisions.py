@@ -39,11 +39,20 @@ def decisions(plan: Plan) -> list[Decision]:
         ("coverage", f"{coverage.seen[VIEWS - 1]:.1%}", seen),
         ("view size", f"{s.size} px", fine),
         ("samples", f"{least} to {s.samples}", f"{until}: {plan.samples:.0f} on average"),
-        ("fit", f"{s.iterations} steps", f"each view about {s.iterations / max(len(fitted), 1):.0f} times"),
+        (
+            "fit",
+            f"{s.iterations} steps",
+            f"each view about {s.iterations / max(len(fitted), 1):.0f} times{_search(plan)}",
+        ),
         ("memory", f"{plan.memory / 1e9:.1f} GB", "at the peak"),
-        ("file", f"{plan.file_bytes} bytes", f"{s.gaussians} Gaussians at most"),
+        ("file", f"{plan.file_bytes} bytes", f"{s.budget} Gaussians at most"),
     ]
     return [Decision(*row) for row in rows]
+
+
+def _search(plan: Plan) -> str:
+    target = plan.settings.target_loss
+    return "" if target is None else f"; again with more Gaussians until the held-out loss is {target:g}"
 
 
 def summary(plan: Plan) -> str:
@@ -51,5 +60,5 @@ def summary(plan: Plan) -> str:
     s = plan.settings
     return (
         f"plan: {s.bounces} bounces, {len(plan.placement.fitted)} views of {s.size} px, about {plan.samples:.0f} paths "
-        f"a pixel, {s.iterations} steps of the fit, {plan.memory / 1e9:.1f} GB"
+        f"a pixel, {s.budget} Gaussians at most, {s.iterations} steps of the fit, {plan.memory / 1e9:.1f} GB"
     )

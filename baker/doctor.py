@@ -9,7 +9,10 @@ TIMEOUT = 120  # s
 _GL = "from gsgi.runtime.context import create_context, renderer_string; print(renderer_string(create_context({!r})))"
 _LLVM = "from gsgi.baker import llvm; print(llvm.select())"
 _MITSUBA = "from gsgi.baker.mitsuba_scene import load_mitsuba; m = load_mitsuba(); print(m.__version__, m.variant())"
-_CUDA = "import torch; assert torch.cuda.is_available(), 'no CUDA device'; print(torch.cuda.get_device_name())"
+_CUDA = (
+    "from gsgi.baker.cuda_splat import unavailable; reason = unavailable(); assert reason is None, reason; "
+    "import torch; print(torch.cuda.get_device_name())"
+)
 _DENOISER = "from gsgi.baker import llvm; llvm.select(); import mitsuba_oidn; print('Open Image Denoise')"
 _OPEN3D = "import open3d; print(open3d.__version__)"
 _KERNELS = "import gsgi.baker._kernels; print('C++ rasteriser')"
@@ -27,7 +30,7 @@ _PARTS = (
     ),
     ("kernels", _KERNELS, True, "build the package: ./dev demo, or pip install ."),
     ("denoiser", _DENOISER, False, "install gsgi with its extra 'bake'; without it, bakes need more samples"),
-    ("CUDA", _CUDA, False, "not needed: this version computes on the CPU"),
+    ("CUDA", _CUDA, False, "not needed: without it, the fit computes on the CPU"),
 )
 
 

@@ -9,16 +9,15 @@ from . import held_out
 from .plan import Plan
 
 POINTS, SAMPLES = 1 << 14, 64
-ITERATIONS = 5
+STEPS = 16  # of the fit
 
 
 def estimate(plan: Plan) -> dict[str, float]:
     """Seconds of each stage of a bake that follows `plan` with an empty cache; its views are placed already."""
     path, step = _seconds_per_path(plan), _seconds_per_step(plan)
     exam = 2 * len(plan.placement.held_out) * held_out.SIZE**2 * held_out.SAMPLES
-    traced = plan.pixels + plan.settings.gaussians
     return {
-        "irradiance": path * traced * plan.samples,
+        "irradiance": path * plan.pixels * plan.samples,
         "fit": step * plan.settings.iterations,
         "held-out": path * exam,
     }
@@ -38,15 +37,23 @@ def _seconds_per_path(plan: Plan) -> float:
 
 
 def _seconds_per_step(plan: Plan) -> float:
-    """A few iterations as large as those of the bake, on grey images."""
-    from .fit import View, fit
+    """A few steps with as many Gaussians as the bake has in the end, on grey images."""
+    from .fit import RATES
     from .initialise import from_surface
+    from .optimiser import CpuOptimiser
+    from .raw_gaussians import RawGaussians
+    from .reshape import State
+    from .target import Target
 
-    size, points = plan.settings.size, plan.starting_points()
-    start = from_surface(points, np.ones_like(points.position), sh_degree=0)
-    grey, everywhere = np.ones((size, size, 3), np.float32), np.ones((size, size), bool)
-    views = [View(camera, grey, everywhere) for camera in plan.cameras[:ITERATIONS]]
-    return _second_run(lambda seed: fit(start, views, plan.blend, 1.0, ITERATIONS, seed)) / ITERATIONS
+    size, seed = plan.settings.size, plan.settings.seed
+    points = plan.triangles.draw(plan.settings.budget, np.random.default_rng(seed))
+    start = from_surface(points.position, points.normal, np.ones_like(points.position), sh_degree=0)
+    state = State.fresh(RawGaussians.from_gaussians(start))
+    optimiser = CpuOptimiser(state.raw, state.adam, plan.blend)
+    grey = Target.of(np.ones((size, size, 3), np.float32), np.ones((size, size), bool), 1.0)
+    pinholes = [camera.pinhole(size, size) for camera in plan.cameras[:: -(-len(plan.cameras) // STEPS)]]
+    still = dict.fromkeys(RATES, 0.0)
+    return _second_run(lambda seed: [optimiser.iterate(p, grey, still) for p in pinholes]) / len(pinholes)
 
 
 def _second_run(run: Callable[[int], object]) -> float:

@@ -20,7 +20,7 @@ from .target import Target
 # Adam's steps per parameter; lengths in units of the start's mean scale, light in units of the tone scale. They fall to
 # RATE_END of themselves, exponentially.
 RATES = {"position": 0.03, "log_scale": 0.05, "rotation": 0.004, "logit_opacity": 0.05, "sh": 0.02}
-RATE_END = 0.03
+RATE_END = 0.1
 
 # When the number of Gaussians changes, as shares of the iterations.
 GROWTH = tuple(np.linspace(0.15, 0.6, 6))
@@ -31,7 +31,7 @@ COARSE, COARSE_EDGE = 0.15, 128
 
 @dataclass(frozen=True)
 class View:
-    """One image to fit: B (H, W, 3) float32 linear, and which pixels (H, W) show a surface that has a B."""
+    """One image to fit: B (H, W, 3) float32 linear, and which pixels (H, W) bool show a surface that has a B."""
 
     camera: Camera
     indirect: np.ndarray

@@ -76,7 +76,9 @@ def plan_of(options: argparse.Namespace, progress: Progress, cache: Cache) -> "P
 def _settings(options: argparse.Namespace) -> Settings:
     """What the flags of `add_settings` say."""
     return Settings(
-        gaussians=options.gaussians,
+        quality=options.quality,
+        budget=options.budget if options.target_bytes is None else _budget(options.target_bytes),
+        target_loss=options.target_loss,
         views=options.views,
         size=options.view_size,
         samples=options.samples,
@@ -88,6 +90,18 @@ def _settings(options: argparse.Namespace) -> Settings:
         ignore=tuple(sorted(set(options.ignore))),
         seed=options.seed,
     )
+
+
+def _budget(size: int) -> int:
+    """How many Gaussians a file of `size` bytes holds. Raises UsageError where that is none."""
+    from gsgi.runtime import codec
+
+    from .plan import SH_DEGREE
+
+    least = codec.HEADER.itemsize + codec.planes(1, SH_DEGREE).itemsize
+    if size < least:
+        raise UsageError(f"--target-bytes {size}: a file with one Gaussian takes {least}")
+    return (size - codec.HEADER.itemsize) // codec.planes(1, SH_DEGREE).itemsize
 
 
 def open_cache(options: argparse.Namespace, progress: Progress) -> Cache:

@@ -1,6 +1,7 @@
 """What a fit changes, step by step: Gaussians and what Adam remembers of them, on the CPU."""
 
 from collections.abc import Mapping
+from importlib.util import find_spec
 
 import numpy as np
 
@@ -40,3 +41,13 @@ class CpuOptimiser:
         if self.raw.sh.shape[1] == 1:  # colours below 0 are cut in the image: they would never get a gradient again
             np.maximum(self.raw.sh, 0, out=self.raw.sh)
         return loss.value, found
+
+
+def optimiser_class() -> type:
+    """The fastest that this machine runs: CudaOptimiser or CpuOptimiser."""
+    if find_spec("gsplat") is None:  # asked first: torch takes seconds to import
+        return CpuOptimiser
+    from .cuda_optimiser import CudaOptimiser
+    from .cuda_splat import unavailable
+
+    return CpuOptimiser if unavailable() else CudaOptimiser

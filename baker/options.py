@@ -5,11 +5,11 @@ from pathlib import Path
 
 from gsgi.runtime.layers import LAYERS
 
-from .settings import EFFECTS, Settings
+from .settings import EFFECTS, QUALITIES, Settings
 
 EXIT_CODES = """\
 exit codes: 0 ok, 1 command line, 2 file cannot be read or written, 3 invalid input, 4 failure while running,
-            5 unsupported here, 130 interrupted"""
+            5 unsupported here, 6 target loss not met (the best file is written), 130 interrupted"""
 
 
 def command(commands, name: str, run, summary: str, examples: str) -> argparse.ArgumentParser:
@@ -79,9 +79,9 @@ def _light_value(key: str):
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
     """What a bake may cost, and decisions taken out of the plan's hands."""
+    _add_dial(parser)
     for flag, lowest, highest, default, unit, what in (
-        ("--gaussians", 1, 2**24, Settings.gaussians, "N", "Gaussians to fit"),
-        ("--iterations", 0, 2**30, None, "N", "steps of the fit (default: by the number of views)"),
+        ("--iterations", 0, 2**30, None, "N", "steps of a fit (default: by quality and the number of views)"),
         ("--views", 1, 2**16, None, "N", "views to fit (default: until 99 %% of what can be seen is seen three times)"),
         ("--view-size", 16, 4096, None, "PX", "edge of a fitted view (default: by the number of views)"),
         ("--samples", 1, 2**20, Settings.samples, "N", "most paths per pixel, in passes of 32"),
@@ -98,6 +98,20 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
                         help=f"leave an effect out; one of {', '.join(EFFECTS)}")  # fmt: skip
     path = '{"cameras": [{"position": [x,y,z], "target": [x,y,z]}, ...]}'
     parser.add_argument("--camera-path", metavar="FILE", help=f"JSON with more cameras to fit: {path}")
+
+
+def _add_dial(parser: argparse.ArgumentParser) -> None:
+    """The dial between accuracy and cost."""
+    group = parser.add_argument_group(
+        "dial", "How accurate, and how large. Losses are 0.2 L1 + 0.8 (1 - SSIM) / 2 of B."
+    )
+    group.add_argument("--quality", choices=QUALITIES, default=Settings.quality,
+                       help="how many Gaussians for the detail that the scene has, and how long they are fitted")  # fmt: skip
+    group.add_argument("--target-loss", type=positive, metavar="X",
+                       help="the fewest Gaussians with at most this loss in views that are not fitted")  # fmt: skip
+    size = group.add_mutually_exclusive_group()
+    size.add_argument("--budget", type=whole(1, 2**24), metavar="N", help="most Gaussians (default: by quality)")
+    size.add_argument("--target-bytes", type=whole(1, 2**32), metavar="N", help="largest .gsgi file, bytes")
 
 
 def add_picture(parser: argparse.ArgumentParser) -> None:

@@ -14,13 +14,14 @@ from gsgi.runtime.scene import Scene
 from . import pilot
 from .cache import Cache
 from .coverage import sample_seen
+from .detail import gaussians_for
 from .effects import effects, without
 from .irradiance import Sampling
 from .memory import peak_memory
 from .pilot import Pilot
 from .progress import Progress
-from .settings import Settings
-from .surface_points import SurfacePoints, Triangles
+from .settings import QUALITIES, Settings
+from .surface_points import Triangles
 from .traced_light import TracedLight
 from .views import Placement, place
 
@@ -32,9 +33,6 @@ SH_DEGREE = 0  # Lambertian surfaces look the same from everywhere
 # Edge of a view, px, where it is left open: as large as PIXELS in all views allow.
 SIZE_MIN, SIZE_MAX, SIZE_STEP = 64, 192, 8
 PIXELS = 5 << 20
-
-# Steps of the fit where they are left open: at least so many, and so many of each view.
-ITERATIONS, VISITS = 1500, 8
 
 
 @dataclass(frozen=True)
@@ -88,16 +86,12 @@ class Plan:
     @property
     def memory(self) -> int:
         """Expected peak of the process, bytes."""
-        return peak_memory(self.scene, self.pixels, self.settings.gaussians)
+        return peak_memory(self.scene, self.pixels, self.settings.budget)
 
     @property
     def file_bytes(self) -> int:
         """Size of the file where no Gaussian is left out."""
-        return codec.HEADER.itemsize + codec.planes(self.settings.gaussians, SH_DEGREE).itemsize
-
-    def starting_points(self) -> SurfacePoints:
-        """Where the Gaussians start: evenly spread over what the views see."""
-        return sample_seen(self.triangles, self.cameras, self.settings.gaussians, self.settings.seed)
+        return codec.HEADER.itemsize + codec.planes(self.settings.budget, SH_DEGREE).itemsize
 
 
 def make_plan(
@@ -124,9 +118,23 @@ def make_plan(
         light = TracedLight(scene, cache)
         probe = pilot.run(light.at_points, points.position, points.normal, settings.seed)
     bounces = probe.bounces(settings.bounce_fraction) if settings.bounces is None else settings.bounces
-    iterations = max(ITERATIONS, VISITS * len(placement.fitted)) if settings.iterations is None else settings.iterations
-    settings = replace(settings, views=len(placement.fitted), size=size, bounces=bounces, iterations=iterations)
+    settings = replace(settings, views=len(placement.fitted), size=size, bounces=bounces)
+    settings = replace(settings, budget=_budget(settings, triangles), iterations=_iterations(settings))
     return Plan(scene, settings, triangles, light, placement, probe, probe.lost.get(bounces))
+
+
+def _budget(settings: Settings, triangles: Triangles) -> int:
+    """Most Gaussians; a search for the fewest may go up to those of high quality."""
+    if settings.budget is not None:
+        return settings.budget
+    quality = QUALITIES[settings.quality if settings.target_loss is None else "high"]
+    return round(quality.gaussians * gaussians_for(triangles, settings.seed))
+
+
+def _iterations(settings: Settings) -> int:
+    """Steps of the fit."""
+    quality = QUALITIES[settings.quality]
+    return max(quality.steps, quality.visits * settings.views) if settings.iterations is None else settings.iterations
 
 
 def _size(views: int) -> int:

@@ -1,22 +1,39 @@
 """What a bake may cost: the defaults of the command line and of the Python call."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 # What a bake can leave out, by the name that the command line has for it.
 EFFECTS = ("punctual", "emissive", "environment", "alpha-mask", "double-sided", "normal-map", "unlit")
+
+
+class Quality(NamedTuple):
+    """A preset of the dial: `gaussians` for each that the scene's detail calls for, and steps of the fit, so many of
+    each view and so many at least."""
+
+    gaussians: float
+    visits: int
+    steps: int
+
+
+QUALITIES = {"draft": Quality(1 / 4, 6, 1500), "medium": Quality(1, 12, 4000), "high": Quality(4, 24, 12000)}
 
 
 @dataclass(frozen=True)
 class Settings:
     """What a bake may cost. None leaves a number to the plan.
 
+    quality: a name of QUALITIES. budget: most Gaussians, None: by quality. target_loss: the fewest Gaussians that reach
+    this loss in views that are not fitted are searched for, within the budget (None: that of high quality).
     size: edge of a fitted view, px. samples: most paths per pixel; fewer are taken where the standard error of B is
     below `error` * (B + its mean) before. bounces: surfaces that a path may visit after the point; None: so many that
     further ones add less than `bounce_fraction` of the picture. ignore: effects (of EFFECTS) that the
     bake leaves out.
     """
 
-    gaussians: int = 4096
+    quality: str = "medium"
+    budget: int | None = None
+    target_loss: float | None = None
     views: int | None = None
     size: int | None = None
     samples: int = 256

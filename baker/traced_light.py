@@ -21,13 +21,13 @@ PACKAGES = ("mitsuba", "drjit", "numpy")
 
 @dataclass(frozen=True)
 class TracedView:
-    """B (H, W, 3) float32 as traced and its standard error (H, W), 0 where not valid; normal (H, W, 3) to guide a
-    denoiser; valid (H, W): which pixels show a diffuse surface (see Surface) and have a B from at least one path;
+    """B (H, W, 3) float32 as traced, 0 where not valid; normal (H, W, 3) and depth (H, W) along the camera's -Z, m, of
+    the surface; valid (H, W): which pixels show a diffuse surface (see Surface) and have a B from at least one path;
     invalid: how many paths gave no finite number."""
 
     indirect: np.ndarray
-    error: np.ndarray
     normal: np.ndarray
+    depth: np.ndarray
     valid: np.ndarray
     invalid: int
 
@@ -90,7 +90,7 @@ class TracedLight:
         light = self.tracer.indirect(*surface.points(), sampling, seed, advance)
         advance(float((~surface.diffuse).sum()))
         valid = surface.image(light.samples > 0)
-        return TracedView(surface.image(light.mean), surface.image(light.error), surface.normal, valid, light.invalid)
+        return TracedView(surface.image(light.mean), surface.normal, surface.depth, valid, light.invalid)
 
     def _key(self, stage: str, **inputs) -> str:
         return task_key(stage, code=code_version(__name__, PACKAGES), scene=self._scene_digest, **inputs)

@@ -38,3 +38,8 @@
 #define NEUTRAL_F90            0.04      // reflectance at normal incidence that the toe takes out
 #define NEUTRAL_START          0.8       // display white below which colours, less NEUTRAL_F90, stay as they are
 #define NEUTRAL_DESATURATION   0.15      // how fast highlights turn white
+
+// The fit's optimiser: Adam (Kingma and Ba 2015).
+#define ADAM_BETA1    0.9    // decay of the mean of gradients, per step
+#define ADAM_BETA2    0.999  // decay of the mean of their squares, per step
+#define ADAM_EPSILON  1e-15  // far below any gradient of a mean over pixels, as Kerbl et al. 2023

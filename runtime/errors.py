@@ -38,6 +38,12 @@ class FormatError(GsgiError):
     exit_code = 3
 
 
+class TargetError(GsgiError):
+    """A target that was not met; the best that was found is written."""
+
+    exit_code = 6
+
+
 class UnsupportedError(GsgiError):
     """Valid input that this version, or this machine, cannot handle."""
 

@@ -39,7 +39,7 @@ def main() -> None:
     with progress.stage("scene"):
         scene = read_gltf(SCENE)
     plan = make_plan(replace(scene, cameras={}), Settings(), progress, Cache())
-    write_atomic(OUT / "cornell.gsgi", bake(plan, progress))
+    write_atomic(OUT / "cornell.gsgi", bake(plan, progress).data)
     baked = read_bake(OUT / "cornell.gsgi")
 
     camera = scene.cameras[CAMERA]

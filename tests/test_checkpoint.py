@@ -1,66 +1,139 @@
 """A fit that is interrupted goes on where it was, to the same bits."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 import scenes
-import torch
 
 from gsgi.baker import checkpoint as module
 from gsgi.baker.cache import Cache, entries, task_key
 from gsgi.baker.checkpoint import Checkpoint
-from gsgi.baker.fit import View, fit
+from gsgi.baker.fit import Course, View, fit
 from gsgi.runtime.gaussians import Blend, Gaussians
 
 KEY = task_key("checkpoint", number=1)
 FIELDS = ("position", "rotation", "scale", "opacity", "sh")
+ITERATIONS, COUNT, BUDGET = 40, 20, 60
 
 
 class Killed(BaseException):
     """Ends a fit as a signal would."""
 
 
-def problem() -> tuple:
-    """start, views, blend, tone scale, iterations and seed of a small fit."""
+def problem(degree: int = 0) -> tuple:
+    """start, views, blend, tone scale and course of a small fit."""
     rng = np.random.default_rng(0)
-    position = rng.uniform(-0.5, 0.5, (20, 3)).astype(np.float32) - np.float32([0, 0, 1])
-    rotation = np.tile(np.float32([0, 0, 0, 1]), (20, 1))
-    start = Gaussians(
-        position,
-        rotation,
-        np.full((20, 3), 0.1, np.float32),
-        np.full(20, 0.5, np.float32),
-        rng.random((20, 1, 3), np.float32),
-    )
+    position = rng.uniform(-0.5, 0.5, (COUNT, 3)).astype(np.float32) - np.float32([0, 0, 1])
+    rotation = np.tile(np.float32([0, 0, 0, 1]), (COUNT, 1))
+    sh = rng.random((COUNT, (degree + 1) ** 2, 3), np.float32)
+    start = Gaussians(position, rotation, np.full((COUNT, 3), 0.1, np.float32), np.full(COUNT, 0.5, np.float32), sh)
     views = [
         View(scenes.inside_camera(), rng.random((24, 24, 3), np.float32), np.ones((24, 24), bool)) for _ in range(3)
     ]
-    return start, views, Blend(near=0.01), 0.5, 30, 0
+    return start, views, Blend(near=0.01), 0.5, Course(BUDGET, ITERATIONS, seed=5)
+
+
+@pytest.fixture
+def always_due(monkeypatch):
+    """A state is kept after each iteration."""
+    monkeypatch.setattr(module, "INTERVAL", 0.0)
+    monkeypatch.setattr(module, "SHARE", 1e9)
 
 
 @pytest.fixture(scope="module")
-def undisturbed() -> Gaussians:
-    return fit(*problem())
+def undisturbed() -> tuple[Gaussians, list[tuple]]:
+    """The result, and what `watch` was told: iteration, loss, number of Gaussians."""
+    told = []
+    return fit(*problem(), lambda *args: told.append(heard(*args))), told
 
 
-@pytest.mark.parametrize("stop", [1, 13, 29])
-def test_an_interrupted_fit_ends_in_the_same_bits(tmp_path, monkeypatch, undisturbed, stop):
-    monkeypatch.setattr(module, "INTERVAL", 0.0)
-    monkeypatch.setattr(module, "SHARE", 1e9)
-    done = []
+def heard(iteration: int, loss: float, optimiser) -> tuple:
+    return iteration, loss, len(optimiser.raw)
 
-    def advance(amount, note=""):
-        done.append(amount)
-        if len(done) == stop + 1:
+
+def run_until(stop: int, folder, degree: int = 0, kind: type = Checkpoint) -> list[tuple]:
+    """Killed in iteration `stop`, before its state was kept; what `watch` was told."""
+    told = []
+
+    def watch(*args):
+        told.append(heard(*args))
+        if args[0] == stop:
             raise Killed
 
     with pytest.raises(Killed):
-        fit(*problem(), advance, Checkpoint(Cache(tmp_path), KEY))
-    assert len(entries(tmp_path)) == 1  # the latest state only
-    steps = []
-    again = fit(*problem(), lambda amount, note="": steps.append(amount), Checkpoint(Cache(tmp_path), KEY))
-    assert steps == [stop] + [1] * (30 - stop)  # nothing was done twice
+        fit(*problem(degree), watch, kind(Cache(folder), KEY))
+    return told
+
+
+def assert_same(a: Gaussians, b: Gaussians):
     for name in FIELDS:
-        np.testing.assert_array_equal(getattr(again, name), getattr(undisturbed, name))
+        np.testing.assert_array_equal(getattr(a, name), getattr(b, name), err_msg=name)
+
+
+def changes(told: list[tuple]) -> list[int]:
+    """Iterations that were the first with another number of Gaussians."""
+    return [b[0] for a, b in pairwise(told) if a[2] != b[2]]
+
+
+def test_the_number_of_gaussians_changes_while_it_is_interrupted(undisturbed):
+    """Else the tests below would show less than they say."""
+    assert len(changes(undisturbed[1])) >= 3
+    assert COUNT < len(undisturbed[0]) <= BUDGET
+
+
+@pytest.mark.parametrize("stop", range(1, ITERATIONS + 1))
+def test_an_interrupted_fit_ends_in_the_same_bits(tmp_path, always_due, undisturbed, stop):
+    expected, told = undisturbed
+    assert run_until(stop, tmp_path) == told[:stop]
+    assert len(entries(tmp_path)) == (stop > 1)  # the latest state only
+    again = []
+    result = fit(*problem(), lambda *args: again.append(heard(*args)), Checkpoint(Cache(tmp_path), KEY))
+    assert again == told[stop - 1 :]  # nothing was done twice, but for what was not kept
+    assert_same(result, expected)
+
+
+def test_a_fit_that_is_interrupted_all_the_time_ends_in_the_same_bits(tmp_path, always_due, undisturbed):
+    for stop in range(2, ITERATIONS + 1):
+        assert len(run_until(stop, tmp_path)) == 2  # the one before was not kept
+    assert_same(fit(*problem(), checkpoint=Checkpoint(Cache(tmp_path), KEY)), undisturbed[0])
+
+
+def test_colours_that_depend_on_the_direction_are_kept(tmp_path, always_due):
+    run_until(ITERATIONS // 2, tmp_path, degree=2)
+    assert_same(fit(*problem(2), checkpoint=Checkpoint(Cache(tmp_path), KEY)), fit(*problem(2)))
+
+
+def test_states_seldom_kept_lead_to_the_same_bits(tmp_path, monkeypatch, undisturbed):
+    """A state as old as the number of Gaussians was another."""
+    saves = []
+
+    class Seldom(Checkpoint):
+        def due(self) -> bool:
+            saves.append(None)
+            return len(saves) == 2
+
+    stop = changes(undisturbed[1])[-1] + 1
+    run_until(stop, tmp_path, kind=Seldom)
+    assert int(Cache(tmp_path).get(KEY)["iteration"]) == 2
+    assert_same(fit(*problem(), checkpoint=Checkpoint(Cache(tmp_path), KEY)), undisturbed[0])
+
+
+def test_a_finished_state_is_the_result(tmp_path, always_due, undisturbed):
+    fit(*problem(), checkpoint=Checkpoint(Cache(tmp_path), KEY))
+    again = []
+    result = fit(*problem(), lambda *args: again.append(args), Checkpoint(Cache(tmp_path), KEY))
+    assert not again
+    assert_same(result, undisturbed[0])
+
+
+def test_a_state_that_is_removed_is_not_found(tmp_path):
+    checkpoint = Checkpoint(Cache(tmp_path), KEY)
+    assert checkpoint.load() is None
+    checkpoint.save({"a": np.arange(3)})
+    np.testing.assert_array_equal(Checkpoint(Cache(tmp_path), KEY).load()["a"], np.arange(3))
+    checkpoint.remove()
+    assert checkpoint.load() is None
 
 
 def test_saving_takes_little_of_the_time(tmp_path, monkeypatch):
@@ -80,23 +153,3 @@ def test_saving_takes_little_of_the_time(tmp_path, monkeypatch):
     assert not checkpoint.due()
     clock[0] += 0.02 / module.SHARE
     assert checkpoint.due()
-
-
-def test_a_state_restores_everything_a_step_depends_on():
-    from gsgi.baker.adam import Adam
-
-    def steps(p, adam, count):
-        for _ in range(count):
-            ((p - 0.3) ** 4).sum().backward()
-            adam.step()
-
-    p = torch.linspace(-1, 1, 7).requires_grad_()
-    adam = Adam({"p": p}, {"p": 0.03})
-    steps(p, adam, 5)
-    state = adam.state()
-    steps(p, adam, 5)
-    q = torch.zeros(7).requires_grad_()
-    other = Adam({"p": q}, {"p": 0.03})
-    other.restore(state)
-    steps(q, other, 5)
-    assert torch.equal(p, q)

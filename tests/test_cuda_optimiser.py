@@ -1,6 +1,7 @@
 """The GPU's iteration equals the CPU's. Without CUDA a twin stands in for gsplat; with it the same tests run both."""
 
 import dataclasses
+import subprocess
 import sys
 from types import SimpleNamespace
 
@@ -13,14 +14,15 @@ import torch_gsplat
 import torch_splat
 
 from gsgi.baker import cuda_splat, torch_loss
-from gsgi.baker.cuda_optimiser import BETA1, BETA2, CudaOptimiser
+from gsgi.baker.cuda_optimiser import CudaOptimiser
 from gsgi.baker.cuda_splat import unavailable
 from gsgi.baker.loss import image_loss
+from gsgi.baker.optimiser import CpuOptimiser, optimiser_class
 from gsgi.baker.raw_gaussians import NAMES, RawGaussians
 from gsgi.baker.splat import rasterise, splat
 from gsgi.baker.target import Target
 from gsgi.baker.trainer import AdamState
-from gsgi.runtime.constants import SH_C0
+from gsgi.runtime.constants import ADAM_BETA1, ADAM_BETA2, SH_C0
 from gsgi.runtime.gaussians import Blend, Gaussians
 
 BLEND = Blend(near=0.6, dilation=0.2)  # unlike gsplat's defaults; some Gaussians are nearer
@@ -129,13 +131,13 @@ def test_iterations_are_those_of_the_twin_and_numpys_adam(device, degree):
         stepped = adam.steps == iteration
         assert stepped.sum() > 40
         for name in NAMES:
-            mean[name] = BETA1 * mean[name] + (1 - BETA1) * gradients[name]
-            square[name] = BETA2 * square[name] + (1 - BETA2) * gradients[name] ** 2
+            mean[name] = ADAM_BETA1 * mean[name] + (1 - ADAM_BETA1) * gradients[name]
+            square[name] = ADAM_BETA2 * square[name] + (1 - ADAM_BETA2) * gradients[name] ** 2
             assert_close(getattr(adam.mean, name), mean[name], f"mean of {name}")
             assert_close(getattr(adam.square, name), square[name], f"square of {name}")
             # From the optimiser's own moments: where a gradient nearly vanishes, only its rounding has a direction.
-            root = np.sqrt(getattr(adam.square, name).astype(float) / (1 - BETA2**iteration)) + 1e-15
-            step = RATES[name] * getattr(adam.mean, name) / (1 - BETA1**iteration) / root
+            root = np.sqrt(getattr(adam.square, name).astype(float) / (1 - ADAM_BETA2**iteration)) + 1e-15
+            step = RATES[name] * getattr(adam.mean, name) / (1 - ADAM_BETA1**iteration) / root
             expected = getattr(before, name) - step
             if degree == 0 and name == "sh":
                 expected = np.maximum(expected, 0)
@@ -151,7 +153,7 @@ def test_each_gaussian_has_the_bias_correction_of_its_own_steps(device):
     moved = np.abs(optimiser.raw.sh - raw.sh)[:, 0].max(axis=1)
     steps = optimiser.adam.steps
     np.testing.assert_allclose(moved[steps == 1], RATES["sh"], rtol=TOLERANCE)
-    ratio = 0.1 / np.sqrt(0.001 / (1 - BETA2**1001))
+    ratio = 0.1 / np.sqrt(0.001 / (1 - ADAM_BETA2**1001))
     np.testing.assert_allclose(moved[steps == 1001], RATES["sh"] * ratio, rtol=TOLERANCE)
     assert min((steps == 1).sum(), (steps == 1001).sum()) > 10
 
@@ -295,3 +297,19 @@ def test_the_reason_says_what_is_missing(monkeypatch):
     assert "nvcc" in unavailable()
     monkeypatch.setattr("torch.utils.cpp_extension.CUDA_HOME", "/usr/local/cuda")
     assert unavailable() is None
+
+
+def test_the_optimiser_is_the_one_that_can_run_here(monkeypatch):
+    assert optimiser_class() is (CudaOptimiser if unavailable() is None else CpuOptimiser)
+    monkeypatch.setattr("gsgi.baker.optimiser.find_spec", lambda name: name)
+    for reason, expected in (("no device", CpuOptimiser), (None, CudaOptimiser)):
+        monkeypatch.setattr(cuda_splat, "unavailable", lambda reason=reason: reason)
+        assert optimiser_class() is expected
+
+
+def test_the_choice_loads_no_torch_where_there_is_no_gsplat():
+    """Torch takes seconds to import."""
+    code = "import sys; sys.modules['gsplat'] = None; " if NO_CUDA is None else "import sys; "
+    code += "from gsgi.baker.optimiser import optimiser_class; optimiser_class(); print('torch' in sys.modules)"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "False"

@@ -140,6 +140,6 @@ def test_gl_equals_the_cpp_rasteriser_on_surfaces(gl):
     """What a bake makes: thousands of opaque, flat Gaussians side by side on walls, seen close and at a slant."""
     points = Triangles(scenes.furnace()).sample(3000, seed=0)
     light = np.random.default_rng(1).uniform(0, 1, (3000, 3)).astype(np.float32)
-    gaussians = from_surface(points, light, sh_degree=0)
+    gaussians = from_surface(points.position, points.normal, light, sh_degree=0)
     image, _ = draw(gl, gaussians)
     assert np.abs(image - rasterise(gaussians, CAMERA.pinhole(*SIZE), BLEND)).max() < TOLERANCE

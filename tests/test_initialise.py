@@ -17,7 +17,7 @@ def room() -> Triangles:
 def test_first_gaussians_lie_flat_on_the_surface(room):
     points = room.sample(500, seed=0)
     light = np.full((500, 3), 0.25, np.float32)
-    gaussians = from_surface(points, light, sh_degree=1)
+    gaussians = from_surface(points.position, points.normal, light, sh_degree=1)
     x, y, z, w = gaussians.rotation.T
     axis = np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], axis=1)
     np.testing.assert_allclose(axis, points.normal, atol=1e-5)
@@ -29,7 +29,8 @@ def test_first_gaussians_lie_flat_on_the_surface(room):
 
 @pytest.mark.parametrize("count", [1, 2, 3, 5])
 def test_few_points_still_get_a_finite_scale(room, count):
-    gaussians = from_surface(room.sample(count, 0), np.ones((count, 3), np.float32), 0)
+    points = room.sample(count, 0)
+    gaussians = from_surface(points.position, points.normal, np.ones((count, 3), np.float32), 0)
     assert len(gaussians) == count
     assert np.isfinite(gaussians.scale).all()
     assert (gaussians.scale > 0).all()

@@ -103,6 +103,19 @@ def test_same_bits_for_any_number_of_threads(dtype):
     assert results[0] == results[1] == results[2]
 
 
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("shape", [(5, 31), (70, 97)])
+def test_same_bits_for_every_instruction_set(shape, dtype):
+    image, light = images(shape, dtype=dtype)
+    target = target_of(light, np.random.default_rng(1).uniform(size=shape) > 0.1)
+    results = []
+    for name in _kernels.instruction_sets():
+        _kernels.set_instruction_set(name)  # the last is the default
+        loss = image_loss(image, target)
+        results.append((loss.value, loss.by_image.tobytes(), loss.error.tobytes()))
+    assert all(result == results[0] for result in results)
+
+
 def test_invalid_pixels_do_not_count_and_get_no_gradient():
     image, light = images()
     valid = np.zeros(image.shape[:2], bool)

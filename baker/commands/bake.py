@@ -15,25 +15,30 @@ def add(commands) -> None:
         "Trace the indirect light of a glTF scene and fit Gaussians to it.",
         "  gsgi bake room.glb -o room.gsgi\n"
         "  gsgi bake room.glb -o room.gsgi --sun 140,35 --env sky.hdr           # light that the file lacks\n"
-        "  gsgi bake room.glb -o room.gsgi --gaussians 8192 --iterations 3000   # closer, larger, slower\n"
+        "  gsgi bake room.glb -o room.gsgi --quality high                       # closer, larger, slower\n"
+        "  gsgi bake room.glb -o room.gsgi --target-loss 0.01                   # as small as that allows\n"
+        "  gsgi bake room.glb -o room.gsgi --target-bytes 100000                # as good as that allows\n"
         "  gsgi bake room.glb -o room.gsgi --quiet --json > room.json           # in a build",
     )
     shared.add_scene(parser)
     shared.add_light(parser)
     parser.add_argument("-o", "--output", metavar="FILE", required=True, help="the .gsgi file to write")
     shared.add_settings(parser)
+    parser.add_argument("--preview", metavar="DIR", type=Path, help="write pictures of the fit there while it runs")
     shared.add_cache(parser)
     shared.add_verbosity(parser)
     shared.add_json(parser, "print what was reached as JSON on stdout")
 
 
 def run(options: argparse.Namespace) -> None:
-    """Plan, bake, write the file, then judge it."""
+    """Plan, trace, fit, write the file, then judge it. Raises TargetError where a target loss was not met."""
+    from gsgi.baker import held_out
     from gsgi.baker.bake import bake
     from gsgi.baker.coverage import coverage_summary
     from gsgi.baker.decisions import summary
     from gsgi.baker.inputs import open_cache, plan_of
     from gsgi.baker.json_output import print_json
+    from gsgi.baker.preview import Preview
     from gsgi.baker.progress import Progress
     from gsgi.runtime import codec
     from gsgi.runtime.atomic import check_writable, write_atomic
@@ -47,42 +52,59 @@ def run(options: argparse.Namespace) -> None:
     plan = plan_of(options, progress, cache)
     for line in (*coverage_summary(plan.placement.coverage), summary(plan)):
         progress.say(line)
-    data = bake(plan, progress)
-    write_atomic(options.output, data)
-    baked = codec.decode(data)
-    progress.say(f"wrote {options.output}: {len(baked.gaussians)} Gaussians, {len(data)} bytes")
-    # Where nobody would see what it reached, that is not found out.
-    exam = _examine(plan, baked, progress) if options.json or not options.quiet else None
-    cache.trim()
-    if options.json:
-        print_json(_report(plan, len(baked.gaussians), len(data), progress, exam))
-
-
-def _examine(plan, baked, progress):
-    """The exam of a bake, told line by line."""
-    from gsgi.baker import held_out
-
-    with progress.stage("held-out", held_out.points(plan), "points") as advance:
-        references = held_out.references(plan, advance)
-        exam = held_out.judge(references, plan.placement.held_out, baked)
+    references = {}
+    # Where nobody would see what the bake reaches, that is not found out.
+    if options.json or options.preview or options.target_loss is not None or not options.quiet:
+        with progress.stage("held-out", held_out.points(plan), "points") as advance:
+            references = held_out.references(plan, advance)
+    preview = options.preview and Preview(options.preview, references, plan.placement.held_out)
+    baked = bake(plan, progress, references, preview)
+    write_atomic(options.output, baked.data)
+    progress.say(f"wrote {options.output}: {baked.fitted.count} Gaussians, {len(baked.data)} bytes")
+    with progress.stage("exam"):
+        exam = held_out.judge(references, plan.placement.held_out, codec.decode(baked.data))
     for view in (*exam.views, exam.mean) if exam.views else ():
         progress.say(f"  {view.name}: loss {view.loss:.4f}; B at {_told(view.indirect)}; frame at {_told(view.final)}")
-    return exam
+    cache.trim()
+    if options.json:
+        print_json(_report(plan, baked, progress, exam))
+    _check_target(options, plan, baked)
+
+
+def _check_target(options: argparse.Namespace, plan, baked) -> None:
+    from gsgi.runtime.errors import TargetError
+
+    loss, target = baked.fitted.loss, options.target_loss
+    if target is None or loss <= target:
+        return
+    most = max(fitted.count for fitted in baked.tried)
+    reason = "more Gaussians did not help" if most < plan.settings.budget else "the budget is spent"
+    raise TargetError(
+        f"{options.output}: the loss in held-out views is {loss:.4f} at best, {loss / target - 1:.0%} above the target "
+        f"of {target:g}, with {baked.fitted.count} Gaussians: {reason}"
+    )
 
 
 def _told(score) -> str:
     return f"PSNR {score.psnr:.2f} dB, SSIM {score.ssim:.4f} (ceiling {score.ssim_ceiling:.4f}), FLIP {score.flip:.4f}"
 
 
-def _report(plan, gaussians: int, size: int, progress, exam) -> dict:
+def _report(plan, baked, progress, exam) -> dict:
     """What was done and reached, for machines."""
     import dataclasses
     import resource
 
     coverage = plan.placement.coverage
     return {
-        "gaussians": gaussians,
-        "bytes": size,
+        "gaussians": baked.fitted.count,
+        "bytes": len(baked.data),
+        "budget": plan.settings.budget,
+        "target_loss": plan.settings.target_loss,
+        "dial": [
+            {"gaussians": f.count, "bytes": len(f.data), "loss": f.loss, "psnr": f.psnr, "fit_s": round(f.seconds, 3)}
+            for f in baked.tried
+        ],
+        "looks": [look._asdict() for look in baked.looks],
         "bounces": plan.settings.bounces,
         "views": len(plan.placement.fitted),
         "view_size": plan.settings.size,

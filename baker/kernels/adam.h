@@ -8,9 +8,8 @@
 
 namespace INSTRUCTION_SET {
 
-constexpr double BETA1 = 0.9, BETA2 = 0.999;
+// log2 of ADAM_BETA1 and ADAM_BETA2.
 constexpr double LOG2_BETA1 = -0.15200309344504997, LOG2_BETA2 = -0.0014434168696687174;
-constexpr double EPSILON = 1e-15; // far below any gradient of a mean over pixels, as Kerbl et al. 2023
 
 // Turns gradients by activated parameters into those by raw ones.
 inline void chain_to_raw(const Gaussian& raw, const Gaussian& activated, Wide* g)
@@ -46,9 +45,9 @@ ALWAYS_INLINE void step_column(
     const Column& c, size_t offset, const Group& group, const Correction& by, Wide gradient, uint32_t lanes)
 {
     const Wide mean = load(c.mean, group, c.stride, offset), square = load(c.square, group, c.stride, offset);
-    const Wide m = mean + (1 - BETA1) * (gradient - mean),
-               s = BETA2 * square + (1 - BETA2) * gradient * gradient;
-    const Wide step = c.rate * by.mean * m / (sqrt(s) * by.root + EPSILON);
+    const Wide m = mean + (1 - ADAM_BETA1) * (gradient - mean),
+               s = ADAM_BETA2 * square + (1 - ADAM_BETA2) * gradient * gradient;
+    const Wide step = c.rate * by.mean * m / (sqrt(s) * by.root + ADAM_EPSILON);
     store(c.mean, group, c.stride, offset, m, lanes), store(c.square, group, c.stride, offset, s, lanes);
     store(c.value, group, c.stride, offset, load(c.value, group, c.stride, offset) - step, lanes);
 }

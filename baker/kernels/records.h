@@ -5,6 +5,7 @@
 #include <cstdint>
 
 #include "constants.glsl"
+#include "loss_records.h"
 
 // Space: the camera looks down -Z, image row 0 on top.
 struct Camera {
@@ -147,4 +148,6 @@ struct InstructionSet {
     // Steps the raw parameters from the sums (N, MOMENTS) and writes the statistics.
     void (*step)(const Step&, const Camera&, const Footprint<float>*, const uint32_t* keys, const float* sums,
         size_t begin, size_t end);
+    LossBand<float>* loss_float;
+    LossBand<double>* loss_double;
 };

@@ -24,7 +24,7 @@ def stages() -> list[dict]:
         with progress.stage("scene"):
             scene = read_gltf(SCENES / f"{name}.glb")
         plan = make_plan(scene, Settings(), progress, Cache())
-        data = bake(plan, progress)
+        data = bake(plan, progress).data
         baked = codec.decode(data)
         with progress.stage("render"):
             draw(scene, baked, next(iter(scene.cameras.values())), 512, 512, "auto")

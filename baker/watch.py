@@ -1,0 +1,60 @@
+"""What a fit shows while it runs: loss, held-out PSNR, number of Gaussians, and pictures."""
+
+import time
+from collections.abc import Callable
+from typing import NamedTuple
+
+from gsgi.runtime.gaussians import Blend
+
+from .held_out import HeldOutLoss
+from .optimiser import CpuOptimiser
+from .preview import Preview
+
+LOOKS = 25  # at the held-out views, evenly over the iterations
+MEMORY = 0.98  # of the running mean of the loss, per iteration
+
+
+class Look(NamedTuple):
+    """After so many iterations and seconds of fitting: Gaussians, and loss and PSNR (dB) of B in held-out views."""
+
+    iteration: int
+    seconds: float
+    gaussians: int
+    loss: float
+    psnr: float
+
+
+class Watch:
+    """Called after each iteration of a fit. `looks` is its history; the seconds of looking do not count."""
+
+    def __init__(
+        self,
+        advance: Callable[..., None],
+        held_out: HeldOutLoss | None,
+        blend: Blend,
+        iterations: int,
+        preview: Preview | None,
+    ):
+        self.looks: list[Look] = []
+        self._advance, self._held_out, self._blend, self._preview = advance, held_out, blend, preview
+        self._interval = max(iterations // LOOKS, 1)
+        self._iteration, self._loss, self._note = 0, None, ""
+        self._start = time.perf_counter()
+
+    def __call__(self, iteration: int, loss: float, optimiser: CpuOptimiser) -> None:
+        self._loss = loss if self._loss is None else MEMORY * self._loss + (1 - MEMORY) * loss
+        if self._held_out and iteration % self._interval == 0:
+            self._look(iteration, optimiser)
+        note = f"loss {self._loss:.4f}, {len(optimiser.raw)} Gaussians{self._note}"
+        self._advance(iteration - self._iteration, note)
+        self._iteration = iteration
+
+    def _look(self, iteration: int, optimiser: CpuOptimiser) -> None:
+        before = time.perf_counter()
+        gaussians = optimiser.raw.to_gaussians()
+        loss, psnr = self._held_out.of(gaussians, self._blend)
+        self.looks.append(Look(iteration, before - self._start, len(gaussians), loss, psnr))
+        self._note = f", held-out {psnr:.1f} dB"
+        if self._preview:
+            self._preview.draw(iteration, gaussians, self._blend)
+        self._start += time.perf_counter() - before
