@@ -31,6 +31,7 @@ def decisions(plan: Plan) -> list[Decision]:
     until = f"until the standard error is {s.error:.0%} of B and its mean" if s.error else "all of them"
     least = PASS_SAMPLES if s.error else s.samples
     seen = f"of the visible area is seen by {VIEWS} views at {length(coverage.texel_limit)} per texel or finer"
+    visits = s.iterations / max(len(fitted), 1)
     rows = [
         *((f.name, f.found, f.cost) for f in findings(plan.scene)),
         ("bounces", f"{s.bounces}", bounces),
@@ -39,11 +40,7 @@ def decisions(plan: Plan) -> list[Decision]:
         ("coverage", f"{coverage.seen[VIEWS - 1]:.1%}", seen),
         ("view size", f"{s.size} px", fine),
         ("samples", f"{least} to {s.samples}", f"{until}: {plan.samples:.0f} on average"),
-        (
-            "fit",
-            f"{s.iterations} steps",
-            f"each view about {s.iterations / max(len(fitted), 1):.0f} times{_search(plan)}",
-        ),
+        ("fit", f"{s.iterations} steps", f"each view {visits:.0f} times{_search(plan)}"),
         ("memory", f"{plan.memory / 1e9:.1f} GB", "at the peak"),
         ("file", f"{plan.file_bytes} bytes", f"{s.budget} Gaussians at most"),
     ]

@@ -1,7 +1,7 @@
 """The dial between accuracy and cost: the fewest Gaussians whose loss in views that were not fitted meets a target.
 
-Budgets are tried in rising order, each a fit of its own that knows nothing of the target. A tighter target goes on where
-a looser one stops: it never ends with fewer Gaussians.
+Budgets are tried in rising order, each a fit of its own that knows nothing of the target. A tighter target goes on
+where a looser one stops: it never ends with fewer Gaussians.
 """
 
 from collections.abc import Callable, Iterator

@@ -1,4 +1,4 @@
-"""Fits Gaussians to views of B: rasterise, compare, step, and now and then change how many there are (Kerbl et al. 2023)."""
+"""Fits Gaussians to views of B (Kerbl et al. 2023): draw, compare, step, and now and then change how many there are."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -47,7 +47,7 @@ class Course:
     seed: int = 0
 
     def change_at(self, iteration: int, start: int) -> int | None:
-        """How many Gaussians there may be from this iteration on, if their number changes here; the first are `start`."""
+        """How many Gaussians there may be from here on, where that changes; `start` is how many there were at first."""
         events = [round(share * self.iterations) for share in GROWTH]
         if iteration not in events:
             return None

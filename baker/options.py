@@ -106,7 +106,7 @@ def _add_dial(parser: argparse.ArgumentParser) -> None:
         "dial", "How accurate, and how large. Losses are 0.2 L1 + 0.8 (1 - SSIM) / 2 of B."
     )
     group.add_argument("--quality", choices=QUALITIES, default=Settings.quality,
-                       help="how many Gaussians for the detail that the scene has, and how long they are fitted")  # fmt: skip
+                       help="how many Gaussians for the scene's detail, and how long they are fitted")  # fmt: skip
     group.add_argument("--target-loss", type=positive, metavar="X",
                        help="the fewest Gaussians with at most this loss in views that are not fitted")  # fmt: skip
     size = group.add_mutually_exclusive_group()
