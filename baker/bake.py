@@ -49,7 +49,7 @@ def bake(plan: Plan, progress: Progress, references: Mapping[str, Reference] | N
     if not plan.pilot.mean:
         progress.warn("no indirect light reaches what the views see: the file will hold darkness")
     seen = _traced(plan, progress)
-    return _Fits(plan, progress, seen, references or {}, preview).best()
+    return _Fits(plan, progress, seen, references, preview).best()
 
 
 def _traced(plan: Plan, progress: Progress) -> list[TracedView]:
@@ -61,7 +61,13 @@ def _traced(plan: Plan, progress: Progress) -> list[TracedView]:
             progress.warn(f"{paths} paths gave no finite number and were left out")
         if not _denoises(plan):
             return seen
-        return [dataclasses.replace(v, indirect=denoise.denoise(v.indirect, v.normal, v.valid)) for v in seen]
+        return [_denoised(view) for view in seen]
+
+
+def _denoised(view: TracedView) -> TracedView:
+    if not view.indirect.any():
+        return view  # the denoiser leaves traces of light where there is none
+    return dataclasses.replace(view, indirect=denoise.denoise(view.indirect, view.normal, view.valid))
 
 
 def _denoises(plan: Plan) -> bool:
@@ -78,8 +84,8 @@ class _Fits:
         self.plan, self.progress, self.seen, self.preview = plan, progress, seen, preview
         self.views = [View(camera, v.indirect, v.valid) for camera, v in zip(plan.cameras, seen, strict=True)]
         self.tone_scale = _tone_scale(self.views)
-        held_out = references and HeldOutLoss(references, plan.placement.held_out, self.tone_scale)
-        self.held_out = held_out or None
+        judged = references is not None
+        self.held_out = HeldOutLoss(references, plan.placement.held_out, self.tone_scale) if judged else None
         self.looks: dict[int, tuple] = {}
 
     def best(self) -> Baked:
@@ -87,6 +93,7 @@ class _Fits:
         if settings.target_loss is None:
             fitted = self.attempt(settings.budget)
             return Baked(fitted, (fitted,), self.looks[fitted.budget])
+        assert self.held_out, "a target loss needs references"
         fitted, tried = dial.turn(settings.target_loss, settings.budget, self.attempt)
         return Baked(fitted, tuple(tried), self.looks[fitted.budget])
 

@@ -22,8 +22,9 @@ DIVISIBLE_RADIUS = 0.7
 # Largest standard deviation on any image, px, up to which one is cloned rather than split.
 CLONED_RADIUS = 2.0
 
-# Two merge where they are this near, in standard deviations, and this alike in colour, in units of white.
-MERGE_DISTANCE, MERGE_COLOUR = 0.5, 0.01
+# Two merge where they are this near, in standard deviations, and this alike in colour, in units of white, in the
+# logarithm of their scales, and in their normals (cosine).
+MERGE_DISTANCE, MERGE_COLOUR, MERGE_LOG_SCALE, MERGE_COSINE = 0.5, 0.01, 0.5, 0.9
 
 
 def count_after(start: int, budget: int, done: float) -> int:
@@ -31,9 +32,11 @@ def count_after(start: int, budget: int, done: float) -> int:
     return round(start + (budget - start) * (1 - (1 - done) ** 2))
 
 
-def to_remove(gaussians: Gaussians, contribution: np.ndarray) -> np.ndarray:
-    """Which (N,) bool nobody would miss. `contribution` (N,): pixels that each made up in one round of the views."""
-    return (gaussians.opacity < DEAD_OPACITY) | (contribution < SEEN_PIXELS)
+def to_remove(gaussians: Gaussians, contribution: np.ndarray | None) -> np.ndarray:
+    """Which (N,) bool nobody would miss. `contribution` (N,): pixels that each made up in one round of the views; None
+    where not every view has been looked at."""
+    dead = gaussians.opacity < DEAD_OPACITY
+    return dead if contribution is None else dead | (contribution < SEEN_PIXELS)
 
 
 def to_divide(error: np.ndarray, radius: np.ndarray, count: int) -> np.ndarray:
@@ -54,10 +57,12 @@ def to_clone(radius: np.ndarray) -> np.ndarray:
 def to_merge(gaussians: Gaussians, tone_scale: float) -> np.ndarray:
     """Pairs (P, 2) of Gaussians that say the same at the same place; no Gaussian is in two pairs.
 
-    Each is the other's nearest, nearer than MERGE_DISTANCE of the smaller one's size, and their colours are less than
-    MERGE_COLOUR apart through the tone curve x / (x + tone_scale).
+    Each is the other's nearest, nearer than MERGE_DISTANCE of the smaller one's size; they are as long, wide and thick
+    and face the same way; and their colours are less than MERGE_COLOUR apart through the tone curve
+    x / (x + tone_scale).
     """
     from scipy.spatial import cKDTree
+    from scipy.spatial.transform import Rotation
 
     if len(gaussians) < 2:
         return np.empty((0, 2), int)
@@ -69,5 +74,9 @@ def to_merge(gaussians: Gaussians, tone_scale: float) -> np.ndarray:
     tone = gaussians.sh[:, 0] / (np.abs(gaussians.sh[:, 0]) + tone_scale)
     alike = np.abs(tone - tone[other]).max(axis=1) < MERGE_COLOUR
     near = distance[:, 1] < MERGE_DISTANCE * np.minimum(size, size[other])
-    chosen = (other[other] == first) & (first < other) & near & alike
+    log_scale = np.log(np.maximum(gaussians.scale, np.finfo(np.float32).tiny))
+    as_large = np.abs(log_scale - log_scale[other]).max(axis=1) < MERGE_LOG_SCALE
+    normal = Rotation.from_quat(gaussians.rotation).as_matrix()[:, :, 2]
+    parallel = (normal * normal[other]).sum(axis=1) > MERGE_COSINE
+    chosen = (other[other] == first) & (first < other) & near & alike & as_large & parallel
     return np.stack([first[chosen], other[chosen]], axis=1)

@@ -11,7 +11,7 @@ from gsgi.runtime.gaussians import Blend, Gaussians
 from .checkpoint import Checkpoint
 from .density import count_after
 from .growth import Seen, grow
-from .optimiser import CpuOptimiser
+from .optimiser import CpuOptimiser, optimiser_class
 from .raw_gaussians import NAMES, RawGaussians
 from .records import from_arrays, to_arrays
 from .reshape import State
@@ -23,10 +23,7 @@ RATES = {"position": 0.03, "log_scale": 0.05, "rotation": 0.004, "logit_opacity"
 RATE_END = 0.1
 
 # When the number of Gaussians changes, as shares of the iterations.
-GROWTH = tuple(np.linspace(0.15, 0.6, 6))
-
-# The share of the iterations that sees views at half their size, and the smallest edge (px) that is worth it.
-COARSE, COARSE_EDGE = 0.15, 128
+GROWTH = 0.2, 0.4, 0.6
 
 
 @dataclass(frozen=True)
@@ -51,7 +48,8 @@ class Course:
         events = [round(share * self.iterations) for share in GROWTH]
         if iteration not in events:
             return None
-        return count_after(min(start, self.budget), self.budget, (events.index(iteration) + 1) / len(events))
+        done = 1 - events[::-1].index(iteration) / len(events)
+        return count_after(min(start, self.budget), self.budget, done)
 
 
 def fit(
@@ -70,30 +68,37 @@ def fit(
     threads, and wherever it was interrupted. Raises FloatingPointError at the first loss or gradient that is not
     finite, naming iteration, view and Gaussian.
     """
-    images = [_Image.of(view, tone_scale) for view in views]
+    _check(start)
+    images = [_image(view, tone_scale) for view in views]
     units = {"position": float(start.scale.mean()) if len(start) else 0.0, "sh": tone_scale}
     order = _order(len(views), course.iterations, course.seed)
     run = _Run(State.fresh(RawGaussians.from_gaussians(start)), Seen.nothing(len(start)), 0)
     if checkpoint and (arrays := checkpoint.load()):
         run = from_arrays(_Run, arrays)
-    optimiser = CpuOptimiser(run.state.raw, run.state.adam, blend)
-    while run.iteration < course.iterations:
-        if limit := course.change_at(run.iteration, len(start)):
-            state = grow(run.state, run.seen.per_round(len(views)), limit, tone_scale)
-            run = _Run(state, Seen.nothing(len(state)), run.iteration)
-            optimiser = CpuOptimiser(state.raw, state.adam, blend)
-        view, done = order[run.iteration], run.iteration / course.iterations
+    make = optimiser_class()
+    optimiser, seen = make(run.state.raw, run.state.adam, blend), run.seen
+    for iteration in range(run.iteration, course.iterations):
+        if limit := course.change_at(iteration, len(start)):
+            state = grow(State(optimiser.raw, optimiser.adam), seen, len(views), limit, tone_scale)
+            optimiser, seen = make(state.raw, state.adam, blend), Seen.nothing(len(state))
+        view, done = order[iteration], iteration / course.iterations
         rates = {name: RATE_END**done * RATES[name] * units.get(name, 1.0) for name in NAMES}
         try:
-            loss, found = optimiser.iterate(*images[view].at(done), rates)
+            loss, found = optimiser.iterate(*images[view], rates)
         except FloatingPointError as error:
-            raise FloatingPointError(f"{error} at iteration {run.iteration}, view {view}") from error
-        run = _Run(run.state, run.seen.with_step(found), run.iteration + 1)
+            raise FloatingPointError(f"{error} at iteration {iteration}, view {view}") from error
+        seen = seen.with_step(found)
         if watch:
-            watch(run.iteration, loss, optimiser)
+            watch(iteration + 1, loss, optimiser)
         if checkpoint and checkpoint.due():
-            checkpoint.save(to_arrays(run))
-    return run.state.raw.to_gaussians()
+            checkpoint.save(to_arrays(_Run(State(optimiser.raw, optimiser.adam), seen, iteration + 1)))
+    return optimiser.raw.to_gaussians()
+
+
+def _check(start: Gaussians) -> None:
+    for name, values in vars(start).items():
+        if len(broken := np.argwhere(~np.isfinite(values))):
+            raise FloatingPointError(f"the {name} of Gaussian {broken[0][0]} is not finite before the first iteration")
 
 
 @dataclass(frozen=True)
@@ -105,27 +110,10 @@ class _Run:
     iteration: int
 
 
-@dataclass(frozen=True)
-class _Image:
-    """A view as the fit compares it, and the same at half its size."""
-
-    fine: tuple[Pinhole, Target]
-    coarse: tuple[Pinhole, Target]
-
-    @staticmethod
-    def of(view: View, tone_scale: float) -> "_Image":
-        height, width = view.valid.shape
-        pinhole, target = view.camera.pinhole(width, height), Target.of(view.indirect, view.valid, tone_scale)
-        if min(height, width) < COARSE_EDGE:
-            return _Image((pinhole, target), (pinhole, target))
-        half = target.coarser(2)
-        scaled = {name: getattr(pinhole, name) / 2 for name in ("fx", "fy", "cx", "cy")}
-        size = {"height": half.tone.shape[0], "width": half.tone.shape[1]}
-        return _Image((pinhole, target), (pinhole._replace(**scaled, **size), half))
-
-    def at(self, done: float) -> tuple[Pinhole, Target]:
-        """As it is compared once a share `done` of the iterations is over."""
-        return self.coarse if done < COARSE else self.fine
+def _image(view: View, tone_scale: float) -> tuple[Pinhole, Target]:
+    """A view as the optimiser takes it."""
+    height, width = view.valid.shape
+    return view.camera.pinhole(width, height), Target.of(view.indirect, view.valid, tone_scale)
 
 
 def _order(views: int, iterations: int, seed: int) -> list[int]:

@@ -34,7 +34,7 @@ class Seen:
     def per_round(self, views: int) -> "Seen":
         """Sums as one round of so many views would give them."""
         share = np.float32(views / max(self.steps, 1))
-        return Seen(self.contribution * share, self.error * share, self.radius, views)
+        return Seen(self.contribution * share, self.error * share, self.radius, self.steps)
 
     def keep(self, which: np.ndarray) -> "Seen":
         """Of those in `which`, (N,) bool or indices."""
@@ -48,9 +48,11 @@ class Seen:
         return Seen(*sums, np.concatenate([self.radius[others], self.radius[pairs].max(axis=1)]), self.steps)
 
 
-def grow(state: State, seen: Seen, limit: int, tone_scale: float) -> State:
-    """At most `limit` Gaussians, from what one round of the views showed."""
-    wanted = ~to_remove(state.raw.to_gaussians(), seen.contribution)
+def grow(state: State, seen: Seen, views: int, limit: int, tone_scale: float) -> State:
+    """At most `limit` Gaussians, from what was seen of them in so many different `views`, each once in a round."""
+    every_view = seen.steps >= 2 * views - 1
+    seen = seen.per_round(views)
+    wanted = ~to_remove(state.raw.to_gaussians(), seen.contribution if every_view else None)
     state, seen = keep(state, wanted), seen.keep(wanted)
     pairs = to_merge(state.raw.to_gaussians(), tone_scale)
     state, seen = merge(state, pairs), seen.merge(pairs)

@@ -30,9 +30,12 @@ NEAR = 2e-3
 
 SH_DEGREE = 0  # Lambertian surfaces look the same from everywhere
 
-# Edge of a view, px, where it is left open: as large as PIXELS in all views allow.
-SIZE_MIN, SIZE_MAX, SIZE_STEP = 64, 192, 8
+# Edge of a view, px, where it is left open: as large as PIXELS in all views allow. Many small views beat few large
+# ones: of as many pixels, 22 of 192 px left twice the loss in held-out views of a Cornell box that 86 of 96 px did.
+SIZE_MIN, SIZE_MAX, SIZE_STEP = 64, 96, 8
 PIXELS = 5 << 20
+
+PLACED_SIZE = 192  # px, edge that views are placed for
 
 
 @dataclass(frozen=True)
@@ -110,9 +113,9 @@ def make_plan(
     with progress.stage("views"):
         triangles = Triangles(scene)
         given = scene.cameras | dict(path or {})
-        placement = place(triangles, given, settings.size or SIZE_MAX, settings.seed, settings.views)
+        placement = place(triangles, given, settings.size or PLACED_SIZE, settings.seed, settings.views)
         size = settings.size or _size(len(placement.fitted))
-        placement = _at_size(placement, size / (settings.size or SIZE_MAX))
+        placement = _at_size(placement, size / (settings.size or PLACED_SIZE))
     with progress.stage("plan"):
         points = sample_seen(triangles, list(placement.fitted.values()), pilot.POINTS, settings.seed)
         light = TracedLight(scene, cache)

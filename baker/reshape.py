@@ -53,10 +53,13 @@ def divide(state: State, which: np.ndarray, clone: np.ndarray) -> State:
 
 
 def merge(state: State, pairs: np.ndarray) -> State:
-    """One in place of each pair (P, 2) of indices: the middle in position, logarithmic scale, opacity and colour, with
-    the first's rotation."""
+    """One in place of each pair (P, 2) of indices: the middle in position, logarithmic scale and colour, with the
+    first's rotation, and as opaque as both together."""
     a, b = (_taken(state.raw, side) for side in pairs.T)
     middle = {name: (getattr(a, name) + getattr(b, name)) / 2 for name in NAMES} | {"rotation": a.rotation}
+    # In logarithms, so that neither full opacity nor none becomes infinite: 1 - o = (1 - o_a)(1 - o_b).
+    clear = -np.logaddexp(0, a.logit_opacity.astype(np.float64)) - np.logaddexp(0, b.logit_opacity.astype(np.float64))
+    middle["logit_opacity"] = (np.log(-np.expm1(clear)) - clear).astype(np.float32)
     others = np.ones(len(state), bool)
     others[pairs.reshape(-1)] = False
     return extend(keep(state, others), RawGaussians(**middle))
@@ -72,10 +75,9 @@ def _halves(parents: RawGaussians, sign: np.ndarray) -> RawGaussians:
     position = parents.position + (SPLIT_OFFSET * sign * length)[:, None] * direction
     log_scale = parents.log_scale.copy()
     log_scale[rows, axis] += np.where(sign == 0, 0, 0.5 * np.log(1 - SPLIT_OFFSET**2))
-    # Two layers of 1 - sqrt(1 - o) let through what one of o does.
-    opacity = 1 / (1 + np.exp(-parents.logit_opacity.astype(np.float64)))
-    half = 1 - np.sqrt(1 - opacity)
-    logit = np.where(sign == 0, np.log(half / (1 - half)), parents.logit_opacity)
+    # Two layers of 1 - sqrt(1 - o) let through what one of o does; in logarithms, as in `merge`.
+    clear = -0.5 * np.logaddexp(0, parents.logit_opacity.astype(np.float64))
+    logit = np.where(sign == 0, np.log(-np.expm1(clear)) - clear, parents.logit_opacity)
     arrays = position, parents.rotation, log_scale, logit, parents.sh
     return RawGaussians(*(np.ascontiguousarray(array, np.float32) for array in arrays))
 

@@ -44,22 +44,3 @@ class Target:
         """B (H, W, 3) float32, linear; 0 where nothing counts."""
         tone = np.where(self.valid[..., None], self.tone, 0).astype(np.float32)
         return tone / (INVALID - tone) * np.float32(self.tone_scale)
-
-    def coarser(self, factor: int) -> "Target":
-        """The target at 1 / `factor` of its size, rounded up: means of linear light over factor x factor pixels.
-
-        Only pixels that count enter a mean, and it counts where they are at least half of the pixels it could have;
-        at the right and lower edges these may be fewer than factor x factor. In the coarse image's camera fx, fy, cx
-        and cy are those of this one, divided by `factor`.
-        """
-        valid = self.valid
-        present = _box_sums(np.ones_like(valid, np.float32), factor)
-        counted = _box_sums(valid.astype(np.float32), factor)
-        light = _box_sums(self.indirect, factor) / np.maximum(counted, 1)[..., None]
-        return Target.of(light, 2 * counted >= present, self.tone_scale)
-
-
-def _box_sums(values: np.ndarray, factor: int) -> np.ndarray:
-    """Sums over boxes of factor x factor pixels of (H, W, ...), cut off at the right and lower edges."""
-    rows = np.add.reduceat(values, np.arange(0, values.shape[0], factor), axis=0)
-    return np.add.reduceat(rows, np.arange(0, values.shape[1], factor), axis=1)

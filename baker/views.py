@@ -18,7 +18,7 @@ from .surface_points import Triangles
 YFOV = 1.2  # rad; wide enough to see a room's corner from its middle, narrow enough to keep texels even
 NEAR = 0.1  # of the eyes' clearance
 
-FEWEST, MOST = 24, 1024  # cameras, where their number is left open
+FEWEST, MOST = 320, 1024  # cameras, where their number is left open
 HELD_OUT = 6
 OUTSIDE_SHARE, OUTSIDE_FEWEST = 8, 4  # views from outside: one for so many others, but so many at least
 

@@ -43,18 +43,19 @@ class Watch:
 
     def __call__(self, iteration: int, loss: float, optimiser: CpuOptimiser) -> None:
         self._loss = loss if self._loss is None else MEMORY * self._loss + (1 - MEMORY) * loss
-        if self._held_out and iteration % self._interval == 0:
+        if iteration % self._interval == 0:
             self._look(iteration, optimiser)
-        note = f"loss {self._loss:.4f}, {len(optimiser.raw)} Gaussians{self._note}"
-        self._advance(iteration - self._iteration, note)
+        self._advance(iteration - self._iteration, f"loss {self._loss:.4f}{self._note}")
         self._iteration = iteration
 
     def _look(self, iteration: int, optimiser: CpuOptimiser) -> None:
         before = time.perf_counter()
         gaussians = optimiser.raw.to_gaussians()
-        loss, psnr = self._held_out.of(gaussians, self._blend)
-        self.looks.append(Look(iteration, before - self._start, len(gaussians), loss, psnr))
-        self._note = f", held-out {psnr:.1f} dB"
+        self._note = f", {len(gaussians)} Gaussians"
+        if self._held_out:
+            loss, psnr = self._held_out.of(gaussians, self._blend)
+            self.looks.append(Look(iteration, before - self._start, len(gaussians), loss, psnr))
+            self._note += f", held-out {psnr:.1f} dB"
         if self._preview:
             self._preview.draw(iteration, gaussians, self._blend)
         self._start += time.perf_counter() - before

@@ -7,7 +7,9 @@ import platform
 import subprocess
 from pathlib import Path
 
+from benches.dial import dial
 from benches.fit import fit
+from benches.quality import quality
 from benches.scenes import scenes
 from benches.stages import stages
 from benches.trace import trace
@@ -17,7 +19,7 @@ from gsgi.runtime.atomic import check_writable, write_atomic
 
 ROOT = Path(__file__).resolve().parents[1]
 
-BENCHES = {"fit": fit, "stages": stages, "trace": trace, "scenes": scenes, "triangles": triangles}
+BENCHES = {bench.__name__: bench for bench in (fit, stages, trace, scenes, triangles, dial, quality)}
 
 
 def machine() -> dict[str, str]:

@@ -7,7 +7,7 @@ import scenes
 from gsgi.baker import optimiser
 from gsgi.baker.cache import Cache, task_key
 from gsgi.baker.checkpoint import Checkpoint
-from gsgi.baker.fit import COARSE_EDGE, Course, View, fit
+from gsgi.baker.fit import Course, View, fit
 from gsgi.baker.initialise import from_surface
 from gsgi.baker.loss import image_loss
 from gsgi.baker.settings import QUALITIES
@@ -88,9 +88,8 @@ def test_the_fit_finds_the_light_of_known_gaussians(start, views):
 
 def test_more_gaussians_come_closer(start, views):
     few = first_of(start, 40)
-    losses = [mean_loss(fit(few, views, BLEND, TONE_SCALE, Course(budget, 400)), views) for budget in (40, 120, 300)]
-    assert losses[0] > losses[1] > losses[2]
-    assert losses[0] > 1.2 * losses[2]
+    losses = [mean_loss(fit(few, views, BLEND, TONE_SCALE, Course(budget, 400)), views) for budget in (40, 300)]
+    assert losses[0] > 1.1 * losses[1]
 
 
 @pytest.mark.parametrize("budget", [1, 60, 100, 400])
@@ -109,8 +108,11 @@ def test_there_are_never_more_gaussians_than_the_budget(start, views, budget):
 
 
 def test_a_start_beyond_the_budget_shrinks_to_it(start, views):
-    fitted = fit(start, views, BLEND, TONE_SCALE, Course(50, 200))
-    assert 40 < len(fitted) <= 50
+    counts = []
+    fit(start, views, BLEND, TONE_SCALE, Course(50, 200), lambda _, __, optimiser: counts.append(len(optimiser.raw)))
+    changed = next(count for count in counts if count < COUNT)
+    assert changed <= 50  # at once
+    assert 40 < counts[-1] <= 50
 
 
 def test_a_budget_beyond_what_is_useful_is_not_used_up(start, views):
@@ -156,23 +158,6 @@ def test_the_same_seed_gives_the_same_bits_on_one_and_two_threads(start, views):
         assert_same(results[0], other)
     other = run(2)
     assert len(other) != len(results[0]) or (other.position != results[0].position).any()
-
-
-def test_large_views_are_compared_at_half_their_size_first(start, views, monkeypatch):
-    """Odd edges too: half of them is rounded up."""
-    shapes, size = [], COARSE_EDGE + 5
-    monkeypatch.setattr(optimiser, "image_loss", lambda i, target: (shapes.append(i.shape), image_loss(i, target))[1])
-    grey = np.full((size, size + 2, 3), 0.2, np.float32)
-    large = [View(v.camera, grey, np.ones(grey.shape[:2], bool)) for v in views[:2]]
-    losses = []
-    fit(start, large, BLEND, TONE_SCALE, Course(COUNT, 40), lambda _, loss, __: losses.append(loss))
-    changed = shapes.index(grey.shape)
-    assert 0 < changed < 20
-    assert set(shapes[:changed]) == {(size // 2 + 1, size // 2 + 2, 3)}
-    assert set(shapes[changed:]) == {grey.shape}
-    assert losses[-1] < losses[0]
-    # Of an even grey wall both sizes show the same: the camera is halved with the image.
-    assert losses[changed] == pytest.approx(losses[changed - 1], rel=0.2)
 
 
 def test_no_iterations_return_the_start(start, views):

@@ -1,5 +1,7 @@
 """A change of the number of Gaussians: within the limit, to where the error is, keeping those that show most."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -53,7 +55,7 @@ def test_a_round_is_as_many_steps_as_there_are_views():
     assert found.contribution.tolist() == [2, 1]
     assert found.error.tolist() == [2, 1]
     assert found.radius.tolist() == [6, 3]
-    assert found.steps == 2
+    assert found.steps == 6
 
 
 def test_before_the_first_view_a_round_is_nothing():
@@ -77,43 +79,50 @@ def test_there_are_never_more_than_the_limit(limit, twins):
     state = row_of(10)
     if twins:
         state.raw.position[1::2] = state.raw.position[::2]
-    result = grow(state, seen(np.arange(1, 11), np.arange(1, 11)), limit, TONE_SCALE)
+    result = grow(state, seen(np.arange(1, 11), np.arange(1, 11)), 1, limit, TONE_SCALE)
     assert len(result) == min(limit, 10 if twins else 20)
 
 
 def test_over_the_limit_the_strongest_stay():
-    result = grow(row_of(6), seen([3, 9, 1, 7, 8, 2], 1.0), 3, TONE_SCALE)
+    result = grow(row_of(6), seen([3, 9, 1, 7, 8, 2], 1.0), 1, 3, TONE_SCALE)
     assert places(result).tolist() == [1, 3, 4]
 
 
 def test_growth_goes_where_the_error_is():
     error = [0.1, 5, 0.2, 9, 0]
-    result = grow(row_of(5), seen(10.0, error), 7, TONE_SCALE)
+    result = grow(row_of(5), seen(10.0, error), 1, 7, TONE_SCALE)
     assert np.bincount(places(result)).tolist() == [1, 2, 1, 2, 1]
 
 
 def test_without_error_nothing_grows():
     state = row_of(5)
-    result = grow(state, seen([10.0] * 5, 0.0), 100, TONE_SCALE)
+    result = grow(state, seen([10.0] * 5, 0.0), 1, 100, TONE_SCALE)
     for name in NAMES:
         np.testing.assert_array_equal(getattr(result.raw, name), getattr(state.raw, name))
 
 
 def test_who_shows_nothing_makes_room():
-    result = grow(row_of(4), seen([10, 0, 10, 10], [1, 0, 2, 3]), 4, TONE_SCALE)
+    result = grow(row_of(4), seen([10, 0, 10, 10], [1, 0, 2, 3]), 1, 4, TONE_SCALE)
     assert np.bincount(places(result)).tolist() == [1, 0, 1, 2]
+
+
+def test_who_was_not_looked_at_stays():
+    """Two views in shuffled rounds are sure to have been seen after three steps, not after two."""
+    for steps, left in ((2, [1, 1, 1, 1]), (3, [1, 0, 1, 1])):
+        found = replace(seen([10, 0, 10, 10], 0.0), steps=steps)
+        assert np.bincount(places(grow(row_of(4), found, 2, 4, TONE_SCALE)), minlength=4).tolist() == left
 
 
 def test_twins_make_room_and_their_errors_add_up():
     state = row_of(4)
     state.raw.position[1] = state.raw.position[0]
-    result = grow(state, seen(10.0, [2, 2, 3, 1]), 4, TONE_SCALE)
+    result = grow(state, seen(10.0, [2, 2, 3, 1]), 1, 4, TONE_SCALE)
     assert np.bincount(places(result), minlength=4).tolist() == [2, 0, 1, 1]
 
 
 def test_the_small_are_cloned_and_the_large_split():
     radius = [density.CLONED_RADIUS, LARGE]
-    result = grow(row_of(2), seen(10.0, 1.0, radius), 4, TONE_SCALE)
+    result = grow(row_of(2), seen(10.0, 1.0, radius), 1, 4, TONE_SCALE)
     apart = [np.ptp(result.raw.position[places(result) == place, 0]) for place in (0, 1)]
     assert apart[0] == 0 < apart[1]
 
@@ -121,6 +130,6 @@ def test_the_small_are_cloned_and_the_large_split():
 def test_of_the_dead_nobody_stays():
     state = row_of(5)
     state.raw.logit_opacity[:] = -20
-    assert len(grow(state, seen([10.0] * 5, 1.0), 100, TONE_SCALE)) == 0
-    assert len(grow(row_of(5), Seen.nothing(5).with_step(statistics(*[[0] * 5] * 3)), 100, TONE_SCALE)) == 0
-    assert len(grow(row_of(0), Seen.nothing(0), 100, TONE_SCALE)) == 0
+    assert len(grow(state, seen([10.0] * 5, 1.0), 1, 100, TONE_SCALE)) == 0
+    assert len(grow(row_of(5), Seen.nothing(5).with_step(statistics(*[[0] * 5] * 3)), 1, 100, TONE_SCALE)) == 0
+    assert len(grow(row_of(0), Seen.nothing(0), 1, 100, TONE_SCALE)) == 0

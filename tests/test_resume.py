@@ -9,7 +9,9 @@ import sys
 from pathlib import Path
 
 CORNELL = Path(__file__).resolve().parents[1] / "samples" / "scenes" / "cornell.glb"
-SETTINGS = ["--gaussians", "64", "--views", "12", "--view-size", "24", "--iterations", "300"]
+SETTINGS = ["--views", "12", "--view-size", "24", "--iterations", "300"]
+ONE_FIT, SEARCH = ["--budget", "64"], ["--budget", "600", "--target-loss", "1e-9", "--iterations", "2000"]
+MISSED = 6  # the exit code of a search for what cannot be reached
 KILLS = 10
 
 # The command line with frequent checkpoints and a check that is as small as the bake.
@@ -23,15 +25,16 @@ cli.main()
 
 # Stages after whose line in the log a kill may come, and the longest wait until then, s. One that is over is no kill.
 MOMENTS = (("scene", 2.0), *[("views", 1.5)] * 3, ("irradiance", 1.5), ("wrote", 0.1))
+SEARCHING = (("irradiance", 0.5), *[("fit", 0.5)] * 3)
 
 
 class Bake:
     """One run of the command."""
 
-    def __init__(self, output: Path, cache: Path):
+    def __init__(self, output: Path, cache: Path, dial: list[str]):
         command = [sys.executable, "-c", GSGI, "bake", str(CORNELL), "-o", str(output), "--cache", str(cache)]
         self.log = ""
-        self.process = subprocess.Popen([*command, *SETTINGS], stderr=subprocess.PIPE, text=True)
+        self.process = subprocess.Popen([*command, *SETTINGS, *dial], stderr=subprocess.PIPE, text=True)
 
     def kill(self, stage: str, seconds: float) -> bool:
         """Kill it that long after the line of a stage; False if it was done by then."""
@@ -44,12 +47,16 @@ class Bake:
         except subprocess.TimeoutExpired:
             self.process.kill()
         self.finish()
-        assert self.process.returncode in (0, -signal.SIGKILL), self.log
-        return self.process.returncode != 0
+        assert self.process.returncode in (0, MISSED, -signal.SIGKILL), self.log
+        return self.process.returncode == -signal.SIGKILL
 
     def finish(self) -> None:
         """Wait for its end."""
         self.log += self.process.communicate(timeout=120)[1]
+
+    def fits_found(self) -> int:
+        """How many fits it had from the cache."""
+        return len(re.findall(r"^fit .* from the cache$", self.log, re.MULTILINE))
 
     def views_found(self) -> set[int]:
         """How many views it had from the cache."""
@@ -57,7 +64,7 @@ class Bake:
 
 
 def test_a_bake_that_is_killed_ten_times_ends_with_the_same_bytes(tmp_path):
-    undisturbed = Bake(tmp_path / "undisturbed.gsgi", tmp_path / "other")
+    undisturbed = Bake(tmp_path / "undisturbed.gsgi", tmp_path / "other", ONE_FIT)
     undisturbed.finish()
     assert undisturbed.process.returncode == 0, undisturbed.log
     expected = (tmp_path / "undisturbed.gsgi").read_bytes()
@@ -67,15 +74,38 @@ def test_a_bake_that_is_killed_ten_times_ends_with_the_same_bytes(tmp_path):
     kills, found = 0, set()
     while kills < KILLS:
         stage, longest = rng.choice(MOMENTS)
-        bake = Bake(output, cache)
+        bake = Bake(output, cache, ONE_FIT)
         killed = bake.kill(stage, rng.uniform(0, longest))
         kills += killed
         found |= bake.views_found()
         assert not output.exists() or output.read_bytes() == expected
         if not killed:  # from the start again
             shutil.rmtree(cache)
-    last = Bake(output, cache)
+    last = Bake(output, cache, ONE_FIT)
     last.finish()
     assert last.process.returncode == 0, last.log
     assert output.read_bytes() == expected
     assert found | last.views_found(), "no view was found again"
+
+
+def test_a_search_that_is_killed_goes_on_with_the_fit_that_it_was_at(tmp_path):
+    output, cache = tmp_path / "x.gsgi", tmp_path / "cache"
+    undisturbed = Bake(tmp_path / "undisturbed.gsgi", tmp_path / "other", SEARCH)
+    undisturbed.finish()
+    assert undisturbed.process.returncode == MISSED, undisturbed.log
+    expected = (tmp_path / "undisturbed.gsgi").read_bytes()
+    rng = random.Random(5)
+    kills, found = 0, []
+    for stage, longest in SEARCHING:
+        bake = Bake(output, cache, SEARCH)
+        kills += bake.kill(stage, rng.uniform(0, longest))
+        found.append(bake.fits_found())
+        assert not output.exists() or output.read_bytes() == expected
+    last = Bake(output, cache, SEARCH)
+    last.finish()
+    assert last.process.returncode == MISSED, last.log
+    assert kills > 1
+    assert output.read_bytes() == expected
+    assert undisturbed.fits_found() == 0
+    assert found == sorted(found)  # what one run finished is found by all that follow
+    assert last.fits_found() > 0

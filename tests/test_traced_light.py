@@ -64,7 +64,7 @@ def test_views_are_traced_once(tmp_path, calls):
     assert done == done_again == 3 * SIZE**2
     for a, b in zip(first, second, strict=True):
         assert a.invalid == b.invalid == 3
-        for name in ("indirect", "error", "normal", "valid"):
+        for name in ("indirect", "normal", "depth", "valid"):
             np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
 
 
@@ -74,8 +74,10 @@ def test_pixels_count_that_are_diffuse_and_have_a_path(tmp_path, calls):
     assert not view.valid[1, 0]
     assert view.valid[1, 1:].all()
     assert view.valid[2:].all()
-    assert not view.error[0].any()
-    assert (view.error[1:] == 10 / 8).all()
+    assert not view.indirect[0].any()
+    assert (view.indirect[1:] == 10).all()
+    assert view.depth.shape == (SIZE, SIZE)
+    assert (view.depth == 1).all()
 
 
 def test_an_interrupted_run_finds_its_views_again(tmp_path, calls):

@@ -52,7 +52,7 @@ def run(options: argparse.Namespace) -> None:
     plan = plan_of(options, progress, cache)
     for line in (*coverage_summary(plan.placement.coverage), summary(plan)):
         progress.say(line)
-    references = {}
+    references = None
     # Where nobody would see what the bake reaches, that is not found out.
     if options.json or options.preview or options.target_loss is not None or not options.quiet:
         with progress.stage("held-out", held_out.points(plan), "points") as advance:
@@ -62,7 +62,7 @@ def run(options: argparse.Namespace) -> None:
     write_atomic(options.output, baked.data)
     progress.say(f"wrote {options.output}: {baked.fitted.count} Gaussians, {len(baked.data)} bytes")
     with progress.stage("exam"):
-        exam = held_out.judge(references, plan.placement.held_out, codec.decode(baked.data))
+        exam = held_out.judge(references or {}, plan.placement.held_out, codec.decode(baked.data))
     for view in (*exam.views, exam.mean) if exam.views else ():
         progress.say(f"  {view.name}: loss {view.loss:.4f}; B at {_told(view.indirect)}; frame at {_told(view.final)}")
     cache.trim()
@@ -77,7 +77,7 @@ def _check_target(options: argparse.Namespace, plan, baked) -> None:
     loss, target = baked.fitted.loss, options.target_loss
     if target is None or loss <= target:
         return
-    most = max(fitted.count for fitted in baked.tried)
+    most = max(fitted.budget for fitted in baked.tried)
     reason = "more Gaussians did not help" if most < plan.settings.budget else "the budget is spent"
     raise TargetError(
         f"{options.output}: the loss in held-out views is {loss:.4f} at best, {loss / target - 1:.0%} above the target "

@@ -26,15 +26,10 @@ inline Group consecutive(size_t begin, size_t end)
 template <class Real>
 ALWAYS_INLINE Wide load(const Real* array, const Group& group, size_t stride, size_t offset)
 {
-    // A vector, not an array: what was written in pieces could not be read at once without waiting.
-    typedef Real Eight __attribute__((vector_size(8 * sizeof(Real))));
-    typedef double Wanted __attribute__((vector_size(8 * sizeof(double))));
-    const auto at = [&](int lane) { return array[group.index[lane] * stride + offset]; };
-    const Eight values = {at(0), at(1), at(2), at(3), at(4), at(5), at(6), at(7)};
-    const Wanted wanted = __builtin_convertvector(values, Wanted);
-    double lanes[8];
-    std::memcpy(lanes, &wanted, sizeof(lanes));
-    return Wide::load(lanes);
+    double values[8];
+    for (int lane = 0; lane < 8; ++lane)
+        values[lane] = array[group.index[lane] * stride + offset];
+    return Wide::load(values);
 }
 
 template <class Real>
@@ -58,12 +53,9 @@ ALWAYS_INLINE void store(
 {
     double values[8];
     narrow<Real>(value).store(values);
-    Real narrowed[8];
-    for (int lane = 0; lane < 8; ++lane)
-        narrowed[lane] = Real(values[lane]);
     for (int lane = 0; lane < group.count; ++lane)
         if (lanes >> lane & 1)
-            array[group.index[lane] * stride + offset] = narrowed[lane];
+            array[group.index[lane] * stride + offset] = Real(values[lane]);
 }
 
 template <class Real>

@@ -21,7 +21,7 @@ BLEND = Blend(near=0.01)
 YFOV = 1.57  # rad; half of the box is in view, and 15 M pairs are blended where that trainer counted 15.4 M
 RATES = {"position": 1e-5, "rotation": 1e-4, "log_scale": 1e-4, "logit_opacity": 1e-4, "sh": 1e-4}
 TONE_SCALE = 0.5  # radiance
-# ms that a well-known trainer on libtorch took for an iteration of this size, on two cores of this kind.
+# ms that a well-known trainer on libtorch took for an iteration of this size.
 LIBTORCH = {(10_000, 512): 134, (50_000, 512): 305, (200_000, 512): 726, (200_000, 960): 1068}
 
 

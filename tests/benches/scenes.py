@@ -18,12 +18,18 @@ def scenes() -> list[dict]:
     return [row(path) for path in paths]
 
 
+def bake(path: Path, cache: Path, *flags: str) -> dict:
+    """The report of one bake by the command line, under the light that the scene needs."""
+    with tempfile.TemporaryDirectory() as folder:
+        where = ["-o", f"{folder}/out.gsgi", "--cache", str(cache)]
+        command = [sys.executable, "-m", "gsgi.baker", "bake", str(path), *where, "--json", *LIGHT.get(path.stem, [])]
+        return json.loads(subprocess.run([*command, *flags], stdout=subprocess.PIPE, check=True).stdout)
+
+
 def row(path: Path) -> dict:
     """One bake."""
-    with tempfile.TemporaryDirectory() as folder:
-        flags = ["-o", f"{folder}/out.gsgi", "--cache", f"{folder}/cache", "--json", *LIGHT.get(path.stem, [])]
-        command = [sys.executable, "-m", "gsgi.baker", "bake", str(path), *flags]
-        report = json.loads(subprocess.run(command, stdout=subprocess.PIPE, check=True).stdout)
+    with tempfile.TemporaryDirectory() as cache:
+        report = bake(path, Path(cache))
     seconds = {f"{stage['stage']}_s": round(stage["seconds"], 1) for stage in report["stages"]}
     scores = [view["indirect"] for view in report["held_out"]["views"]]
     names = "views", "view_size", "bounces", "samples", "bytes"

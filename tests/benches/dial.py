@@ -1,0 +1,153 @@
+"""Accuracy against cost: what a number of Gaussians reaches in views that were not fitted, and the dial's answers."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from gsgi.baker import held_out
+from gsgi.baker.bake import bake
+from gsgi.baker.cache import Cache, size_limit
+from gsgi.baker.dial import Fitted, budgets, turn
+from gsgi.baker.held_out import HeldOut
+from gsgi.baker.plan import make_plan
+from gsgi.baker.progress import Progress
+from gsgi.baker.settings import Settings
+from gsgi.baker.traced_light import TracedView
+from gsgi.runtime import codec
+from gsgi.runtime.atomic import write_atomic
+from gsgi.runtime.gltf import read_gltf
+
+from .curve import Curve, draw
+from .trace import ROOT, SHARED
+
+SCENES = (
+    ROOT / "samples/scenes/cornell.glb",
+    ROOT / "samples/scenes/two_rooms.glb",
+    SHARED / "modern_hall/modern_hall.gltf",
+)
+FOLDER = ROOT / "build" / "bench"
+CACHE = FOLDER / "cache"  # of traced light: a second run traces nothing
+
+MOST = 16384
+BUDGETS = (64, *budgets(MOST))  # all that the dial tries, and one below
+TARGETS = 8
+REPEATED, SEEDS = 2048, 3  # the budget that is fitted once for each seed
+SIGNIFICANT = 2 * 2**0.5  # standard deviations of a fit: two of the difference between two fits
+
+
+@dataclass(frozen=True)
+class Traced:
+    """Stands for the light of a plan whose views are traced already: the same for every seed. Keeps no fit."""
+
+    seen: list[TracedView]
+    cache: Cache = field(default_factory=Cache)
+
+    def views(self, *_) -> list[TracedView]:
+        """The views to fit."""
+        return self.seen
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A fit and what it reached, mean over the held-out views."""
+
+    fitted: Fitted
+    reached: HeldOut
+
+
+def dial() -> list[dict]:
+    """SSIM, PSNR and FLIP of 64 to 16384 Gaussians, their noise, and the dial's answers; draws build/bench/dial.svg.
+
+    A row with a target is what the dial answers from the fits above it. A budget between two of theirs counts as the
+    smaller one: a search of its own tries one such budget at the end, and may save up to 30 % of the Gaussians more.
+    """
+    rows, curves, progress = [], [], Progress()
+    for path in SCENES:
+        if path.exists():
+            measured, repeated = measure(path, Settings(), progress)
+            rows += rows_of(path.stem, measured, repeated)
+            curves.append(curve_of(path.stem, measured))
+        else:
+            progress.say(f"bench: no {path.stem} here, left out")
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    write_atomic(FOLDER / "dial.svg", draw(curves).encode())
+    return rows
+
+
+def measure(path: Path, settings: Settings, progress: Progress) -> tuple[list[Measured], list[Measured]]:
+    """A fit of a scene for each of BUDGETS, and those of the budget that is repeated. The views are traced once."""
+    cache = Cache(CACHE, size_limit(), progress.warn)
+    progress.say(f"bench: dial of {path.stem}")
+    plan = make_plan(read_gltf(path), settings, progress, cache)
+    s = plan.settings
+    with progress.stage("irradiance", plan.pixels, "points") as advance:
+        seen = plan.light.views(plan.cameras, s.size, plan.sampling, s.seed + 1, advance, progress.say)
+    with progress.stage("held-out", held_out.points(plan), "points") as advance:
+        references = held_out.references(plan, advance)
+    cache.trim()
+
+    def fit(budget: int, seed: int) -> Measured:
+        course = replace(plan, settings=replace(s, budget=budget, seed=seed), light=Traced(seen))
+        fitted = bake(course, progress, references).fitted
+        return Measured(fitted, held_out.judge(references, plan.placement.held_out, codec.decode(fitted.data)).mean)
+
+    measured = [fit(budget, s.seed) for budget in BUDGETS]
+    others = [fit(REPEATED, s.seed + i) for i in range(1, SEEDS)]
+    return measured, [measured[BUDGETS.index(REPEATED)], *others]
+
+
+def rows_of(scene: str, measured: list[Measured], repeated: list[Measured]) -> list[dict]:
+    """The fits of a scene, the answers of its dial, and how far both can be trusted."""
+    answers = list(answers_of(measured))
+    loss_sd = np.std([m.fitted.loss for m in repeated], ddof=1)
+    ssim_sd = np.std([m.reached.indirect.ssim for m in repeated], ddof=1)
+    return [
+        *({"scene": scene, "target": ""} | _row(m) for m in measured),
+        *(
+            {"scene": scene, "target": round(target, 4)}
+            | {name: value for name, value in _row(m).items() if name in ("gaussians", "bytes", "loss", "ssim")}
+            | {"met": "yes" if m.fitted.loss <= target else "no"}
+            for target, m in answers
+        ),
+        {"scene": scene, "repeated": REPEATED, "loss_sd": f"{loss_sd:.5f}", "ssim_sd": f"{ssim_sd:.5f}",
+         "monotone": monotone([m for _, m in answers], SIGNIFICANT * ssim_sd)},
+    ]  # fmt: skip
+
+
+def _row(measured: Measured) -> dict:
+    fitted, indirect, final = measured.fitted, measured.reached.indirect, measured.reached.final
+    return {
+        "gaussians": fitted.count, "bytes": len(fitted.data), "loss": round(fitted.loss, 4),
+        "ssim": round(indirect.ssim, 4), "ssim_ceiling": round(indirect.ssim_ceiling, 4),
+        "psnr": round(indirect.psnr, 2), "flip": round(indirect.flip, 4), "final_ssim": round(final.ssim, 4),
+        "fit_s": round(fitted.seconds, 1),
+    }  # fmt: skip
+
+
+def answers_of(measured: list[Measured]) -> Iterator[tuple[float, Measured]]:
+    """Targets from the loosest that costs anything to the tightest that was met, and what the dial answers."""
+    by_budget = {m.fitted.budget: m for m in measured}
+    losses = [by_budget[budget].fitted.loss for budget in budgets(MOST)]
+
+    def attempt(budget: int) -> Fitted:
+        return by_budget[max(b for b in by_budget if b <= budget)].fitted
+
+    for target in np.geomspace(max(losses), min(losses), TARGETS).tolist():
+        yield target, by_budget[turn(target, MOST, attempt)[0].budget]
+
+
+def monotone(answers: list[Measured], margin: float) -> str:
+    """Whether no answer has fewer Gaussians than one to a looser target, nor an SSIM that is worse by `margin`."""
+    counts = [m.fitted.count for m in answers]
+    ssims = np.array([m.reached.indirect.ssim for m in answers])
+    if counts != sorted(counts):
+        return "no, fewer Gaussians"
+    return "no, worse SSIM" if (ssims < np.maximum.accumulate(ssims) - margin).any() else "yes"
+
+
+def curve_of(scene: str, measured: list[Measured]) -> Curve:
+    """What the picture shows of a scene."""
+    points = [(m.fitted.count, m.reached.indirect.ssim) for m in measured]
+    return Curve(scene, points, measured[0].reached.indirect.ssim_ceiling)

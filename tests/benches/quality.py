@@ -1,0 +1,71 @@
+"""What draft, medium and high quality cost and reach, each bake in a process of its own."""
+
+from pathlib import Path
+
+from gsgi.baker.cache import entries
+
+from .dial import CACHE
+from .scenes import bake
+from .trace import ROOT, SHARED
+
+SCENES = (
+    ROOT / "samples/scenes/cornell.glb",
+    SHARED / "modern_hall/modern_hall.gltf",
+    SHARED / "sponza_crytek/sponza_sun.gltf",
+)
+QUALITIES = "draft", "medium", "high"
+
+
+def quality() -> list[dict]:
+    """Seconds of the fit until 90 % and 99 % of its PSNR, memory, and what it reaches, by scene and quality.
+
+    `fit_s` also counts what comes before the first step, and the looks at the held-out views. `peak_GB` is of a process
+    that finds its views in the cache, `trace_GB` of the one before them, which traces those that are missing.
+    """
+    return [row for path in SCENES if path.exists() for row in rows_of(path, CACHE)]
+
+
+def rows_of(path: Path, cache: Path, *flags: str) -> list[dict]:
+    """The bakes of one scene. The first one fits nothing: it leaves traced views in the cache for the others."""
+    traced = bake(path, cache, *flags, "--iterations", "0")
+    rows = []
+    for name in QUALITIES:
+        _forget_fits(cache)
+        report = bake(path, cache, "--quality", name, *flags)
+        rows.append({"scene": path.stem, "quality": name} | row_of(report) | {"trace_GB": _gigabytes(traced)})
+    return rows
+
+
+def row_of(report: dict) -> dict:
+    """Columns of one bake, from what `gsgi bake --json` printed."""
+    tried, mean = report["dial"][-1], report["held_out"]["mean"]
+    scores = {
+        f"{prefix}{name}": round(mean[layer][name], 2 if name == "psnr" else 4)
+        for prefix, layer in (("", "indirect"), ("final_", "final"))
+        for name in ("psnr", "ssim", "ssim_ceiling", "flip")
+    }
+    return {
+        "gaussians": report["gaussians"],
+        "bytes": report["bytes"],
+        "fit_s": round(tried["fit_s"], 1),
+        **{f"to_{share}_s": round(seconds_to(report["looks"], share / 100), 1) for share in (90, 99)},
+        "peak_GB": _gigabytes(report),
+        **scores,
+    }
+
+
+def seconds_to(looks: list[dict], share: float) -> float:
+    """Seconds of fitting until the held-out PSNR (dB) has this share of what it ends with."""
+    *before, last = looks
+    return next((look["seconds"] for look in before if look["psnr"] >= share * last["psnr"]), last["seconds"])
+
+
+def _gigabytes(report: dict) -> float:
+    return round(report["peak_memory"] / 1e9, 2)
+
+
+def _forget_fits(cache: Path) -> None:
+    """A fit that is found in the cache takes no seconds."""
+    for entry in entries(cache):
+        if entry.stage in ("fit", "checkpoint"):
+            entry.path.unlink(missing_ok=True)
