@@ -1,5 +1,7 @@
 """The dial: the fewest Gaussians that meet a target, whatever the losses that the budgets turn out to have."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -37,7 +39,7 @@ def falling(budget: int) -> float:
 
 def noisy_table(seed: int, noise: float) -> dict[int, float]:
     """A loss for each budget that a search may ask for: falling, with noise as large as one likes."""
-    between = [round((a * b) ** 0.5) for a, b in zip(RUNGS, RUNGS[1:], strict=False)]
+    between = [round((a * b) ** 0.5) for a, b in pairwise(RUNGS)]
     rng = np.random.default_rng(seed)
     return {budget: falling(budget) * float(np.exp(noise * rng.normal())) for budget in (*RUNGS, *between)}
 

@@ -18,11 +18,12 @@ GREY, RED = np.float32([0.2, 0.2, 0.2]), np.float32([0.3, 0.0, 0.0])
 
 
 def reference(colour) -> SimpleNamespace:
-    """An image of one colour, the left column of which shows no B."""
+    """An image of one colour, half as bright again with its noise; the left column shows no B."""
     image = np.tile(colour, (SIZE, SIZE, 1))
     valid = np.ones((SIZE, SIZE), bool)
     valid[:, 0] = False
-    return SimpleNamespace(indirect=np.where(valid[..., None], image, 0), clean=image, valid=valid)
+    noisy = np.where(valid[..., None], np.float32(1.5) * image, 0)
+    return SimpleNamespace(indirect=noisy, clean=image, valid=valid)
 
 
 def wall(colour) -> Gaussians:
@@ -80,7 +81,7 @@ def test_without_a_reference_there_is_no_picture(tmp_path):
 def test_a_folder_that_cannot_be_made_is_named(tmp_path):
     (tmp_path / "file").write_text("")
     for folder in (tmp_path / "file", tmp_path / "file" / "below"):
-        with pytest.raises(FileError, match="file.*cannot make the folder"):
+        with pytest.raises(FileError, match=r"file.*cannot make the folder"):
             Preview(folder, {}, CAMERAS)
 
 

@@ -34,3 +34,11 @@ def test_a_stage_that_fails_is_not_reported_as_done(capsys):
         raise ValueError("broken")
     assert progress.seconds == {}
     assert capsys.readouterr().err == ""
+
+
+def test_a_long_stage_says_how_far_it_is_and_how_long_the_rest_takes(capsys, monkeypatch):
+    clock = iter([0.0, 0.0, 20.0, 20.0, 20.0])
+    monkeypatch.setattr("gsgi.baker.progress.time.perf_counter", lambda: next(clock, 20.0))
+    with Progress().stage("fit", 10, "iterations") as advance:
+        advance(4, "loss 0.1")
+        assert capsys.readouterr().err == "fit         4/10 iterations, 30 s left, loss 0.1\n"

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from gsgi.baker.cache import entries
+from gsgi.baker.settings import QUALITIES
 
 from .dial import CACHE
 from .scenes import bake
@@ -13,7 +14,6 @@ SCENES = (
     SHARED / "modern_hall/modern_hall.gltf",
     SHARED / "sponza_crytek/sponza_sun.gltf",
 )
-QUALITIES = "draft", "medium", "high"
 
 
 def quality() -> list[dict]:
