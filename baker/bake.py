@@ -17,13 +17,14 @@ from .plan import SH_DEGREE, Plan
 from .progress import Progress
 from .records import from_arrays, to_arrays
 from .reference import Reference
+from .settings import BUDGET_MAX
 from .traced_light import TracedView
 
-FIT_PACKAGES = ("numpy", "scipy")  # whose versions a fit depends on
+FIT_PACKAGES = ("numpy", "scipy", "torch", "gsplat")  # whose versions a fit depends on
 
 # The Gaussians that a fit starts from, of its budget: the rest goes where the error is. Beyond so many, they take long
 # to spread evenly.
-START_SHARE, START_MOST = 1 / 2, 1 << 16
+START_SHARE, START_MOST = 1 / 2, BUDGET_MAX // 8
 
 
 @dataclasses.dataclass(frozen=True)
@@ -84,16 +85,15 @@ class _Fits:
         self.plan, self.progress, self.seen, self.preview = plan, progress, seen, preview
         self.views = [View(camera, v.indirect, v.valid) for camera, v in zip(plan.cameras, seen, strict=True)]
         self.tone_scale = _tone_scale(self.views)
-        judged = references is not None
-        self.held_out = HeldOutLoss(references, plan.placement.held_out, self.tone_scale) if judged else None
+        self.held_out = HeldOutLoss(references, plan.placement.held_out, self.tone_scale) if references else None
         self.looks: dict[int, tuple] = {}
+        self.scene = fingerprint(plan.scene)
 
     def best(self) -> Baked:
         settings = self.plan.settings
-        if settings.target_loss is None:
+        if settings.target_loss is None or self.held_out is None:
             fitted = self.attempt(settings.budget)
             return Baked(fitted, (fitted,), self.looks[fitted.budget])
-        assert self.held_out, "a target loss needs references"
         fitted, tried = dial.turn(settings.target_loss, settings.budget, self.attempt)
         return Baked(fitted, tuple(tried), self.looks[fitted.budget])
 
@@ -105,7 +105,7 @@ class _Fits:
         with self.progress.stage("encode"):
             data = self._encode(gaussians)
         read = codec.decode(data).gaussians
-        loss, psnr = self.held_out.of(read, self.plan.blend) if self.held_out else (float("nan"), float("nan"))
+        loss, psnr = self.held_out.of(read, self.plan.blend) if self.held_out else (None, None)
         if self.held_out:
             self.progress.say(
                 f"  {len(read)} Gaussians, {len(data)} bytes: held-out loss {loss:.4f}, PSNR {psnr:.2f} dB"
@@ -118,6 +118,7 @@ class _Fits:
         from .code_version import code_version
         from .fit import Course, fit
         from .initialise import from_views
+        from .optimiser import optimiser_class
         from .watch import Watch
 
         plan, settings, cache = self.plan, self.plan.settings, self.plan.light.cache
@@ -126,7 +127,8 @@ class _Fits:
             start = from_views(plan.cameras, self.seen, count, settings.seed, SH_DEGREE)
             course = Course(budget, settings.iterations, settings.seed)
             task = start, self.views, plan.blend, self.tone_scale, course
-            inputs = {"code": code_version("gsgi.baker.fit", FIT_PACKAGES), "task": task}
+            code = code_version("gsgi.baker.fit", FIT_PACKAGES)
+            inputs = {"code": code, "optimiser": optimiser_class().__name__, "task": task}
             key = task_key("fit", **inputs)
             watch = Watch(advance, self.held_out, plan.blend, settings.iterations, self.preview)
             if found := cache.get(key):
@@ -143,8 +145,7 @@ class _Fits:
     def _encode(self, gaussians: Gaussians) -> bytes:
         plan = self.plan
         effects = plan.effects | (Effects.DENOISED if _denoises(plan) else Effects(0))
-        scene = fingerprint(plan.scene)
-        made = effects, plan.settings.bounces, scene
+        made = effects, plan.settings.bounces, self.scene
         return codec.encode(Bake(_visible(gaussians), plan.blend, self.tone_scale, *made))
 
 

@@ -2,10 +2,6 @@
 
 import numpy as np
 
-# Disks of diameter r that random placement packs onto an area A: 0.547 of it is covered (Feder 1980), so N r^2 is this
-# times A.
-JAMMED = 0.547 * 4 / np.pi
-
 ATTEMPTS = 4  # to find the radius
 SURPLUS = 1.04  # more than this times the count is not even any more once the rest is left out at random
 
@@ -20,33 +16,42 @@ def thin(position: np.ndarray, normal: np.ndarray, count: int, rng: np.random.Ge
 
     if len(position) <= count or count < 1:
         return np.arange(len(position))[:count]
-    tree = cKDTree(position)
-    radius = float(np.median(tree.query(position, k=2)[0][:, 1])) * np.sqrt(len(position) / count)
+    spacing = float(np.median(cKDTree(position).query(position, k=2)[0][:, 1])) or np.ptp(position) / len(position)
+    radius = spacing * np.sqrt(len(position) / count)
     best = np.arange(len(position))
     for _ in range(ATTEMPTS):
-        chosen = _maximal(tree, normal, radius, rng.permutation(len(position)))
+        chosen = _apart(position, normal, radius, rng.permutation(len(position)))
         if count <= len(chosen) < len(best):
             best = chosen
-        if count <= len(best) <= SURPLUS * count:
+        if len(best) <= SURPLUS * count:
             break
-        radius *= np.sqrt(len(chosen) / count) if len(chosen) > count else np.sqrt(len(chosen) / (count * 1.02))
+        radius *= np.sqrt(len(chosen) / (count if len(chosen) > count else (1 + SURPLUS) / 2 * count))
     return np.sort(rng.permutation(best)[:count])
 
 
-def _maximal(tree, normal: np.ndarray, radius: float, rank: np.ndarray) -> np.ndarray:
-    """Indices of points no two of which are neighbours, to which none can be added: the lowest `rank` wins."""
-    pairs = tree.query_pairs(radius, output_type="ndarray")
+def _apart(position: np.ndarray, normal: np.ndarray, radius: float, rank: np.ndarray) -> np.ndarray:
+    """Indices of points no two of which are neighbours, and to which few could be added: the lowest `rank` wins.
+
+    Of those in a cell so small that all in it are neighbours only the lowest takes part: a crowd costs no more pairs.
+    """
+    from scipy.spatial import cKDTree
+
+    by_rank = np.argsort(rank)
+    cell = np.floor(position[by_rank] / (radius / np.sqrt(3)))
+    _, first = np.unique(np.column_stack([cell, normal[by_rank] > 0]), axis=0, return_index=True)
+    left = np.sort(by_rank[first])
+    pairs = left[cKDTree(position[left]).query_pairs(radius, output_type="ndarray")]
     pairs = pairs[(normal[pairs[:, 0]] * normal[pairs[:, 1]]).sum(axis=1) > 0]
-    chosen = np.zeros(len(rank), bool)
-    open_ = np.ones(len(rank), bool)
-    while open_.any():
+    undecided, chosen = np.zeros(len(rank), bool), np.zeros(len(rank), bool)
+    undecided[left] = True
+    while undecided.any():
         lowest = rank.copy()
         np.minimum.at(lowest, pairs[:, 0], rank[pairs[:, 1]])
         np.minimum.at(lowest, pairs[:, 1], rank[pairs[:, 0]])
-        won = open_ & (lowest == rank)
+        won = undecided & (lowest == rank)
         chosen |= won
-        open_ &= ~won
+        undecided &= ~won
         for a, b in ((0, 1), (1, 0)):
-            open_[pairs[won[pairs[:, a]], b]] = False
-        pairs = pairs[open_[pairs[:, 0]] & open_[pairs[:, 1]]]
+            undecided[pairs[won[pairs[:, a]], b]] = False
+        pairs = pairs[undecided[pairs].all(axis=1)]
     return np.flatnonzero(chosen)

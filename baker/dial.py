@@ -1,7 +1,7 @@
 """The dial between accuracy and cost: the fewest Gaussians whose loss in views that were not fitted meets a target.
 
-Budgets are tried in rising order, each a fit of its own that knows nothing of the target. A tighter target goes on
-where a looser one stops: it never ends with fewer Gaussians.
+The fewest to within a factor of 1.4. Budgets are tried in rising order, each a fit of its own that knows nothing of the
+target. A tighter target goes on where a looser one stops: it never ends with fewer Gaussians.
 """
 
 from collections.abc import Callable, Iterator
@@ -14,14 +14,15 @@ GAIN = 0.02  # share of the loss; two budgets in a row that gain less end the se
 
 @dataclass(frozen=True)
 class Fitted:
-    """One try: the `data` of its file with `count` Gaussians, of `budget` that it might have had, its loss and the PSNR
-    of B (dB) in the views that were not fitted, and the seconds of its fit."""
+    """One try: the `data` of its file with `count` Gaussians, of `budget` that it might have had; its loss and the PSNR
+    of B (dB) in the views that were not fitted, None where none shows a B; and the seconds that it took, its start and
+    looks at those views included, next to none where the cache held it."""
 
     budget: int
     data: bytes
     count: int
-    loss: float
-    psnr: float
+    loss: float | None
+    psnr: float | None
     seconds: float
 
 

@@ -13,9 +13,12 @@ STEPS = 16  # of the fit
 
 
 def estimate(plan: Plan) -> dict[str, float]:
-    """Seconds of each stage of a bake that follows `plan` with an empty cache; its views are placed already."""
+    """Seconds of each stage of a bake that follows `plan` with an empty cache; its views are placed already.
+
+    The fit is that of the whole budget, which takes longest where a target loss is searched for.
+    """
     path, step = _seconds_per_path(plan), _seconds_per_step(plan)
-    exam = 2 * len(plan.placement.held_out) * held_out.SIZE**2 * held_out.SAMPLES
+    exam = held_out.points(plan) * held_out.SAMPLES / 2
     return {
         "irradiance": path * plan.pixels * plan.samples,
         "fit": step * plan.settings.iterations,
@@ -40,7 +43,7 @@ def _seconds_per_step(plan: Plan) -> float:
     """A few steps with as many Gaussians as the bake has in the end, on grey images."""
     from .fit import RATES
     from .initialise import from_surface
-    from .optimiser import CpuOptimiser
+    from .optimiser import optimiser_class
     from .raw_gaussians import RawGaussians
     from .reshape import State
     from .target import Target
@@ -49,7 +52,7 @@ def _seconds_per_step(plan: Plan) -> float:
     points = plan.triangles.draw(plan.settings.budget, np.random.default_rng(seed))
     start = from_surface(points.position, points.normal, np.ones_like(points.position), sh_degree=0)
     state = State.fresh(RawGaussians.from_gaussians(start))
-    optimiser = CpuOptimiser(state.raw, state.adam, plan.blend)
+    optimiser = optimiser_class()(state.raw, state.adam, plan.blend)
     grey = Target.of(np.ones((size, size, 3), np.float32), np.ones((size, size), bool), 1.0)
     pinholes = [camera.pinhole(size, size) for camera in plan.cameras[:: -(-len(plan.cameras) // STEPS)]]
     still = dict.fromkeys(RATES, 0.0)

@@ -22,7 +22,7 @@ from .target import Target
 RATES = {"position": 0.03, "log_scale": 0.05, "rotation": 0.004, "logit_opacity": 0.05, "sh": 0.02}
 RATE_END = 0.1
 
-# When the number of Gaussians changes, as shares of the iterations.
+# When the number of Gaussians changes, as shares of the iterations; moved to the nearest end of a round of the views.
 GROWTH = 0.2, 0.4, 0.6
 
 
@@ -43,10 +43,13 @@ class Course:
     iterations: int
     seed: int = 0
 
-    def change_at(self, iteration: int, start: int) -> int | None:
-        """How many Gaussians there may be from here on, where that changes; `start` is how many there were at first."""
-        events = [round(share * self.iterations) for share in GROWTH]
-        if iteration not in events:
+    def change_at(self, iteration: int, views: int, start: int) -> int | None:
+        """How many Gaussians there may be from here on, where that changes: after whole rounds of the `views`.
+
+        `start` is how many there were at first.
+        """
+        events = [views * round(share * self.iterations / views) for share in GROWTH]
+        if iteration == 0 or iteration not in events:
             return None
         done = 1 - events[::-1].index(iteration) / len(events)
         return count_after(min(start, self.budget), self.budget, done)
@@ -65,8 +68,8 @@ def fit(
 
     `tone_scale` is in radiance. `watch(iteration, loss, optimiser)` is called after each iteration. Goes on from
     `checkpoint` where it holds a state and keeps states there. Deterministic for a seed, whatever the number of
-    threads, and wherever it was interrupted. Raises FloatingPointError at the first loss or gradient that is not
-    finite, naming iteration, view and Gaussian.
+    threads, and wherever it was interrupted, unless gsplat fits. Raises FloatingPointError at the first loss or
+    gradient that is not finite, naming iteration, view and Gaussian.
     """
     _check(start)
     images = [_image(view, tone_scale) for view in views]
@@ -78,7 +81,7 @@ def fit(
     make = optimiser_class()
     optimiser, seen = make(run.state.raw, run.state.adam, blend), run.seen
     for iteration in range(run.iteration, course.iterations):
-        if limit := course.change_at(iteration, len(start)):
+        if limit := course.change_at(iteration, len(views), len(start)):
             state = grow(State(optimiser.raw, optimiser.adam), seen, len(views), limit, tone_scale)
             optimiser, seen = make(state.raw, state.adam, blend), Seen.nothing(len(state))
         view, done = order[iteration], iteration / course.iterations

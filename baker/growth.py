@@ -49,8 +49,8 @@ class Seen:
 
 
 def grow(state: State, seen: Seen, views: int, limit: int, tone_scale: float) -> State:
-    """At most `limit` Gaussians, from what was seen of them in so many different `views`, each once in a round."""
-    every_view = seen.steps >= 2 * views - 1
+    """At most `limit` Gaussians, from what whole rounds of the `views` showed of them."""
+    every_view = seen.steps >= views
     seen = seen.per_round(views)
     wanted = ~to_remove(state.raw.to_gaussians(), seen.contribution if every_view else None)
     state, seen = keep(state, wanted), seen.keep(wanted)

@@ -80,7 +80,7 @@ class HeldOutLoss:
         """Means over the views, as in `Exam`: the loss, and the PSNR of B (dB). (0, 100) where there is no view."""
         if not self.references:
             return 0.0, psnr(0.0)
-        images = [_draw(gaussians, *view, blend) for view in zip(self.cameras, self.references, strict=True)]
+        images = [draw(gaussians, *view, blend) for view in zip(self.cameras, self.references, strict=True)]
         losses = [image_loss(image, target).value for image, target in zip(images, self.targets, strict=True)]
         errors = [
             squared_error(image, r.indirect_a, r.indirect_b, self.exposure, r.valid)
@@ -98,7 +98,7 @@ def judge(references: Mapping[str, Reference], cameras: Mapping[str, Camera], ba
     of_indirect, of_final = (exposure([getattr(t, layer) for t in truths]) for layer in ("indirect", "final"))
     views = []
     for name, truth in references.items():
-        image = _draw(baked.gaussians, cameras[name], truth, baked.blend)
+        image = draw(baked.gaussians, cameras[name], truth, baked.blend)
         loss = image_loss(image, _target(truth, baked.tone_scale)).value
         indirect = judge_indirect(image, truth, of_indirect)
         final = judge_frame(truth.lit(image), truth, of_final)
@@ -118,8 +118,9 @@ def exposure(images: Sequence[np.ndarray]) -> float:
     return float(constants.MID_GREY / brightness) if brightness > 0 else 1.0
 
 
-def _draw(gaussians: Gaussians, camera: Camera, reference: Reference, blend: Blend) -> np.ndarray:
-    from .splat import rasterise
+def draw(gaussians: Gaussians, camera: Camera, reference: Reference, blend: Blend) -> np.ndarray:
+    """B (H, W, 3) float32 as Gaussians show it where `reference` was traced."""
+    from .rasterise import rasterise
 
     height, width = reference.valid.shape
     return rasterise(gaussians, camera.pinhole(width, height), blend)

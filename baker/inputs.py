@@ -14,7 +14,7 @@ from gsgi.runtime.scene import Scene
 
 from .cache import Cache, default_folder, size_limit
 from .progress import Progress
-from .settings import Settings
+from .settings import BUDGET_MAX, Settings
 
 if TYPE_CHECKING:
     from .plan import Plan
@@ -101,7 +101,7 @@ def _budget(size: int) -> int:
     least = codec.HEADER.itemsize + codec.planes(1, SH_DEGREE).itemsize
     if size < least:
         raise UsageError(f"--target-bytes {size}: a file with one Gaussian takes {least}")
-    return (size - codec.HEADER.itemsize) // codec.planes(1, SH_DEGREE).itemsize
+    return min((size - codec.HEADER.itemsize) // codec.planes(1, SH_DEGREE).itemsize, BUDGET_MAX)
 
 
 def open_cache(options: argparse.Namespace, progress: Progress) -> Cache:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from gsgi.runtime.layers import LAYERS
 
-from .settings import EFFECTS, QUALITIES, Settings
+from .settings import BUDGET_MAX, EFFECTS, QUALITIES, Settings
 
 EXIT_CODES = """\
 exit codes: 0 ok, 1 command line, 2 file cannot be read or written, 3 invalid input, 4 failure while running,
@@ -110,7 +110,7 @@ def _add_dial(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--target-loss", type=positive, metavar="X",
                        help="the fewest Gaussians with at most this loss in views that are not fitted")  # fmt: skip
     size = group.add_mutually_exclusive_group()
-    size.add_argument("--budget", type=whole(1, 2**24), metavar="N", help="most Gaussians (default: by quality)")
+    size.add_argument("--budget", type=whole(1, BUDGET_MAX), metavar="N", help="most Gaussians (default: by quality)")
     size.add_argument("--target-bytes", type=whole(1, 2**32), metavar="N", help="largest .gsgi file, bytes")
 
 

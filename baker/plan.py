@@ -20,7 +20,7 @@ from .irradiance import Sampling
 from .memory import peak_memory
 from .pilot import Pilot
 from .progress import Progress
-from .settings import QUALITIES, Settings
+from .settings import BUDGET_MAX, QUALITIES, Settings
 from .surface_points import Triangles
 from .traced_light import TracedLight
 from .views import Placement, place
@@ -43,8 +43,8 @@ class Plan:
     """The decisions of one bake. `scene` is what is baked: without the effects that the settings leave out; `light`
     traces it, for every stage.
 
-    `settings` have no None left. `lost` is the share of the picture that further bounces would add, None where it was
-    not measured.
+    `settings` have no None left but where no target loss is asked for. `lost` is the share of the picture that further
+    bounces would add, None where it was not measured.
     """
 
     scene: Scene
@@ -131,7 +131,7 @@ def _budget(settings: Settings, triangles: Triangles) -> int:
     if settings.budget is not None:
         return settings.budget
     quality = QUALITIES[settings.quality if settings.target_loss is None else "high"]
-    return round(quality.gaussians * gaussians_for(triangles, settings.seed))
+    return min(round(quality.gaussians * gaussians_for(triangles, settings.seed)), BUDGET_MAX)
 
 
 def _iterations(settings: Settings) -> int:

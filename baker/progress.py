@@ -87,11 +87,12 @@ class _Terminal:
 class _Lines:
     def __init__(self, name: str, total: float, unit: str):
         self.name, self.total, self.unit = name, total, unit
-        self.done, self.note = 0.0, ""
-        self.start = self.last = time.perf_counter()
+        self.done, self.note, self.last = 0.0, "", time.perf_counter()
+        self.paced = None  # when the first part was done, and how much that was: it may come from a cache
 
     def advance(self, amount: float = 1, note: str = "") -> None:
         self.done, self.note = self.done + amount, note or self.note
+        self.paced = self.paced or (time.perf_counter(), self.done)
         if time.perf_counter() - self.last >= LINE_INTERVAL:
             self.last = time.perf_counter()
             of = f"{self.done:.0f}/{self.total:.0f} {self.unit}{self._left()}" if self.total else ""
@@ -99,9 +100,10 @@ class _Lines:
 
     def _left(self) -> str:
         """How long the rest takes at the pace so far."""
-        if not 0 < self.done <= self.total:
+        start, before = self.paced
+        if not before < self.done <= self.total:
             return ""
-        return f", {(self.total / self.done - 1) * (self.last - self.start):.0f} s left,"
+        return f", {(self.total - self.done) / (self.done - before) * (self.last - start):.0f} s left,"
 
     def stop(self) -> None:
         """A stage that did not end has no line: the error has its own."""

@@ -16,6 +16,9 @@ class Quality(NamedTuple):
     steps: int
 
 
+# Most Gaussians of a bake: 9 MB. A fit starts from an eighth of that and doubles three times at most.
+BUDGET_MAX = 1 << 19
+
 QUALITIES = {"draft": Quality(1 / 4, 6, 1500), "medium": Quality(1, 12, 4000), "high": Quality(4, 24, 12000)}
 
 

@@ -1,15 +1,12 @@
 """Gaussians to an image with the `over` operator, differentiable: the CPU kernel as a torch function."""
 
-import numpy as np
 import torch
 from torch import Tensor
 
 from gsgi.runtime.camera import Pinhole
-from gsgi.runtime.gaussians import Blend, Gaussians
+from gsgi.runtime.gaussians import Blend
 
 from . import _kernels
-
-set_thread_count = _kernels.set_thread_count
 
 
 def splat(
@@ -33,13 +30,6 @@ def splat(
     Kerbl et al. 2023; Zwicker et al. 2002, "EWA Splatting".
     """
     return _Splat.apply(position, rotation, scale, opacity, sh, pinhole, blend)
-
-
-def rasterise(gaussians: Gaussians, pinhole: Pinhole, blend: Blend) -> np.ndarray:
-    """Image (H, W, 3) float32 of linear radiance."""
-    g = gaussians
-    arrays = (np.ascontiguousarray(a) for a in (g.position, g.rotation, g.scale, g.opacity, g.sh))
-    return _kernels.splat(*arrays, pinhole, blend)[0]
 
 
 class _Splat(torch.autograd.Function):

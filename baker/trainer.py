@@ -66,7 +66,7 @@ class Workspace:
 
         `raw` is as `forward` drew it; each forward allows one step (ValueError). `rates` are per name of RawGaussians.
         Only Gaussians that were drawn and whose gradient is not all zero are stepped, each with the bias correction of
-        its own number of steps; the others keep their bits. Nothing is stepped where a gradient is not finite.
+        its own number of steps; the others keep their bits. Nothing is stepped where a gradient's sums are not finite.
         `error` (H, W) is what StepStatistics.error weighs.
         """
         found = self._kernel.step(raw, adam, by_image, [rates[name] for name in NAMES], error)

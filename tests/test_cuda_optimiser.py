@@ -18,8 +18,9 @@ from gsgi.baker.cuda_optimiser import CudaOptimiser
 from gsgi.baker.cuda_splat import unavailable
 from gsgi.baker.loss import image_loss
 from gsgi.baker.optimiser import CpuOptimiser, optimiser_class
+from gsgi.baker.rasterise import rasterise
 from gsgi.baker.raw_gaussians import NAMES, RawGaussians
-from gsgi.baker.splat import rasterise, splat
+from gsgi.baker.splat import splat
 from gsgi.baker.target import Target
 from gsgi.baker.trainer import AdamState
 from gsgi.runtime.constants import ADAM_BETA1, ADAM_BETA2, SH_C0

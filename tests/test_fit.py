@@ -10,8 +10,8 @@ from gsgi.baker.checkpoint import Checkpoint
 from gsgi.baker.fit import Course, View, fit
 from gsgi.baker.initialise import from_surface
 from gsgi.baker.loss import image_loss
+from gsgi.baker.rasterise import rasterise, set_thread_count
 from gsgi.baker.settings import QUALITIES
-from gsgi.baker.splat import rasterise, set_thread_count
 from gsgi.baker.target import Target
 from gsgi.runtime.camera import look_at
 from gsgi.runtime.gaussians import Blend, Gaussians

@@ -8,7 +8,7 @@ import pytest
 import scenes
 
 from gsgi.baker.initialise import from_surface
-from gsgi.baker.splat import rasterise
+from gsgi.baker.rasterise import rasterise
 from gsgi.baker.surface_points import Triangles
 from gsgi.runtime.camera import look_at
 from gsgi.runtime.gaussians import Bake, Blend, Gaussians

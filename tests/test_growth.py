@@ -107,8 +107,8 @@ def test_who_shows_nothing_makes_room():
 
 
 def test_who_was_not_looked_at_stays():
-    """Two views in shuffled rounds are sure to have been seen after three steps, not after two."""
-    for steps, left in ((2, [1, 1, 1, 1]), (3, [1, 0, 1, 1])):
+    """Of two views, one step has seen one."""
+    for steps, left in ((1, [1, 1, 1, 1]), (2, [1, 0, 1, 1])):
         found = replace(seen([10, 0, 10, 10], 0.0), steps=steps)
         assert np.bincount(places(grow(row_of(4), found, 2, 4, TONE_SCALE)), minlength=4).tolist() == left
 

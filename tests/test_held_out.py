@@ -11,8 +11,8 @@ import scenes
 from gsgi.baker import held_out
 from gsgi.baker.held_out import HeldOutLoss, exposure, judge
 from gsgi.baker.irradiance import Surface
+from gsgi.baker.rasterise import rasterise
 from gsgi.baker.reference import Reference, judge_indirect
-from gsgi.baker.splat import rasterise
 from gsgi.runtime.camera import look_at
 from gsgi.runtime.display import auto_exposure
 from gsgi.runtime.gaussians import Bake, Blend, Gaussians

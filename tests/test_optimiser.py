@@ -8,8 +8,8 @@ import scenes
 from gsgi.baker import optimiser as module
 from gsgi.baker.loss import image_loss
 from gsgi.baker.optimiser import CpuOptimiser
+from gsgi.baker.rasterise import rasterise
 from gsgi.baker.raw_gaussians import NAMES, RawGaussians
-from gsgi.baker.splat import rasterise
 from gsgi.baker.target import Target
 from gsgi.baker.trainer import AdamState
 from gsgi.runtime.gaussians import Blend

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scenes
 
-from gsgi.baker.preview import Preview
+from gsgi.baker.preview import Preview, make_folder
 from gsgi.runtime.errors import FileError
 from gsgi.runtime.gaussians import Blend, Gaussians
 from gsgi.runtime.image import read_image
@@ -33,6 +33,7 @@ def wall(colour) -> Gaussians:
 
 
 def drawn(folder, references, gaussians=None) -> list:
+    make_folder(folder)
     preview = Preview(folder, references, CAMERAS)
     preview.draw(12, wall(GREY) if gaussians is None else gaussians, BLEND)
     return sorted(folder.iterdir())
@@ -74,15 +75,11 @@ def test_no_gaussians_and_no_light_are_black(tmp_path):
     assert not read_image(path).any()
 
 
-def test_without_a_reference_there_is_no_picture(tmp_path):
-    assert drawn(tmp_path, {}) == []
-
-
 def test_a_folder_that_cannot_be_made_is_named(tmp_path):
     (tmp_path / "file").write_text("")
     for folder in (tmp_path / "file", tmp_path / "file" / "below"):
         with pytest.raises(FileError, match=r"file.*cannot make the folder"):
-            Preview(folder, {}, CAMERAS)
+            make_folder(folder)
 
 
 def test_a_folder_that_exists_keeps_what_it_holds(tmp_path):

@@ -5,9 +5,9 @@ import oracle
 import pytest
 import scenes
 
+from gsgi.baker.rasterise import rasterise
 from gsgi.baker.raw_gaussians import NAMES, RawGaussians
 from gsgi.baker.reshape import State, divide, extend, keep, merge
-from gsgi.baker.splat import rasterise
 from gsgi.baker.trainer import AdamState
 from gsgi.runtime.constants import ALPHA_MIN, SH_C0
 from gsgi.runtime.gaussians import Blend, Gaussians

@@ -9,7 +9,8 @@ import scenes
 import torch
 import torch_splat
 
-from gsgi.baker.splat import rasterise, splat
+from gsgi.baker.rasterise import rasterise
+from gsgi.baker.splat import splat
 from gsgi.runtime.constants import ALPHA_MAX, SH_C0
 from gsgi.runtime.gaussians import Blend, Gaussians
 

@@ -8,8 +8,8 @@ import torch
 import torch_splat
 
 from gsgi.baker import _kernels
+from gsgi.baker.rasterise import rasterise, set_thread_count
 from gsgi.baker.raw_gaussians import NAMES, RawGaussians
-from gsgi.baker.splat import rasterise, set_thread_count
 from gsgi.baker.trainer import AdamState, Workspace
 from gsgi.runtime.gaussians import Blend
 

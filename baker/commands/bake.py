@@ -38,13 +38,15 @@ def run(options: argparse.Namespace) -> None:
     from gsgi.baker.decisions import summary
     from gsgi.baker.inputs import open_cache, plan_of
     from gsgi.baker.json_output import print_json
-    from gsgi.baker.preview import Preview
+    from gsgi.baker.preview import Preview, make_folder
     from gsgi.baker.progress import Progress
     from gsgi.runtime import codec
     from gsgi.runtime.atomic import check_writable, write_atomic
     from gsgi.runtime.errors import UsageError
 
     check_writable(options.output)
+    if options.preview:
+        make_folder(options.preview)
     if Path(options.output).resolve() == Path(options.scene).resolve():
         raise UsageError(f"{options.output}: the output would overwrite the scene")
     progress = Progress(options.quiet)
@@ -57,7 +59,9 @@ def run(options: argparse.Namespace) -> None:
     if options.json or options.preview or options.target_loss is not None or not options.quiet:
         with progress.stage("held-out", held_out.points(plan), "points") as advance:
             references = held_out.references(plan, advance)
-    preview = options.preview and Preview(options.preview, references, plan.placement.held_out)
+    if options.target_loss is not None and not references:
+        progress.warn("no held-out view shows a surface with indirect light: there is no loss to aim at")
+    preview = options.preview and references and Preview(options.preview, references, plan.placement.held_out)
     baked = bake(plan, progress, references, preview)
     write_atomic(options.output, baked.data)
     progress.say(f"wrote {options.output}: {baked.fitted.count} Gaussians, {len(baked.data)} bytes")
@@ -75,7 +79,7 @@ def _check_target(options: argparse.Namespace, plan, baked) -> None:
     from gsgi.runtime.errors import TargetError
 
     loss, target = baked.fitted.loss, options.target_loss
-    if target is None or loss <= target:
+    if target is None or loss is None or loss <= target:
         return
     most = max(fitted.budget for fitted in baked.tried)
     reason = "more Gaussians did not help" if most < plan.settings.budget else "the budget is spent"

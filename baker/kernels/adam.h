@@ -9,6 +9,7 @@
 namespace INSTRUCTION_SET {
 
 // log2 of ADAM_BETA1 and ADAM_BETA2.
+static_assert(ADAM_BETA1 == 0.9 && ADAM_BETA2 == 0.999);
 constexpr double LOG2_BETA1 = -0.15200309344504997, LOG2_BETA2 = -0.0014434168696687174;
 
 // Turns gradients by activated parameters into those by raw ones.

@@ -28,7 +28,8 @@ NB_MODULE(_kernels, m)
         "Threads of later calls; 0 means one per core (default).");
     m.def("thread_count", &thread_count);
     m.def("instruction_sets", &instruction_set_names, "Those that this processor runs, fastest last.");
-    m.def("set_instruction_set", &set_instruction_set, "name"_a, "The one for later calls; default: the fastest.");
+    m.def("set_instruction_set", &set_instruction_set, "name"_a,
+        "The one for later calls; default: the fastest.");
     bind_loss(m);
     bind_sh(m);
     bind_splat(m);

@@ -58,6 +58,7 @@ static nb::tuple forward(Workspace& workspace, nb::handle raw, nb::handle pinhol
     auto image = allocate<float>({height, width, 3}), transmittance = allocate<float>({height, width});
     {
         nb::gil_scoped_release unlocked;
+        workspace.stepped = true; // unless all goes well
         workspace.frame.splat(gaussians, camera, operation, instruction_set().project_raw);
         workspace.stepped = false;
         std::copy_n(workspace.frame.pixels().radiance, 3 * width * height, image.data());

@@ -10,7 +10,7 @@ public:
     Value* reserve(size_t count)
     {
         if (count > capacity) {
-            data.reset(); // before the larger one is allocated: never both
+            data.reset(), capacity = 0; // before the larger one is allocated: never both
             data = std::make_unique_for_overwrite<Value[]>(count);
             capacity = count;
         }

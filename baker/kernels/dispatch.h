@@ -16,3 +16,5 @@ const InstructionSet& instruction_set();
 void set_instruction_set(const std::string& name);
 
 template <class Real> const SplatKernels<Real>& splat_kernels();
+template <> const SplatKernels<float>& splat_kernels();
+template <> const SplatKernels<double>& splat_kernels();

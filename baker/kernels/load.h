@@ -6,7 +6,7 @@
 
 namespace INSTRUCTION_SET {
 
-// Which Gaussians the lanes hold; the first `count` count, the others repeat the last.
+// Which Gaussians the lanes hold; the first `count` count, the others repeat one of these.
 struct Group {
     size_t index[8];
     int count;

@@ -30,7 +30,8 @@ struct Loop {
     std::atomic<int> places; // helpers that may still join
     std::atomic<size_t> next{0}, finished{0};
 
-    void work()
+    // A body that throws ends the process: others still use what its caller owns.
+    void work() noexcept
     {
         for (size_t chunk = next.fetch_add(1); chunk < chunks; chunk = next.fetch_add(1)) {
             body(chunk * grain, std::min(chunk * grain + grain, count));
