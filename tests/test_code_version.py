@@ -14,7 +14,7 @@ def test_the_closure_holds_what_a_stage_computes_with_and_no_more():
     assert {"gsgi.baker.irradiance", "gsgi.baker.paths", "gsgi.baker.lights", "gsgi.runtime.scene"} <= traced
     assert not {"gsgi.baker.cli", "gsgi.baker.fit", "gsgi.baker.cache", "gsgi.runtime.gltf"} & traced
     fitted = closure("gsgi.baker.fit")
-    assert {"gsgi.baker.splat", "gsgi.baker.loss", "gsgi.runtime.camera"} <= set(fitted)
+    assert {"gsgi.baker.trainer", "gsgi.baker.loss", "gsgi.runtime.camera"} <= set(fitted)
     assert fitted["gsgi.baker._kernels"].suffix == ".so"
     assert all(name.split(".")[0] == "gsgi" for name in fitted)
 

@@ -47,7 +47,7 @@ def test_a_room_is_covered_from_inside(room, placed):
     assert placed.coverage.visible_area == pytest.approx(24, rel=0.01)
     assert sum(hidden.share for hidden in placed.coverage.hidden) < 0.01
     assert 0 < placed.coverage.texel_median <= placed.coverage.texel_p95 <= placed.coverage.texel_limit
-    assert views.FEWEST <= len(placed.fitted) < 200
+    assert len(placed.fitted) == views.FEWEST  # fewer would do
 
 
 def test_coverage_is_what_brute_force_finds():
