@@ -12,7 +12,7 @@ from gsgi.baker.cache import Cache
 from gsgi.baker.decisions import decisions, summary
 from gsgi.baker.detail import gaussians_for
 from gsgi.baker.irradiance import Surface
-from gsgi.baker.plan import PIXELS, SIZE_MAX, SIZE_MIN, Plan, make_plan
+from gsgi.baker.plan import PIXELS, PIXELS_PER_GAUSSIAN, SIZE_MAX, SIZE_MIN, Plan, make_plan
 from gsgi.baker.progress import Progress
 from gsgi.baker.rasterise import rasterise
 from gsgi.baker.reference import Reference
@@ -59,7 +59,14 @@ def triangles() -> Triangles:
 
 @pytest.mark.parametrize(("quality", "factor"), [("draft", 1 / 4), ("medium", 1), ("high", 4)])
 def test_a_quality_is_so_many_gaussians_for_the_detail_of_the_scene(triangles, quality, factor):
-    assert planning._budget(Settings(quality=quality), triangles) == round(factor * gaussians_for(triangles, 0))
+    settings = Settings(quality=quality, views=1000, size=96)
+    assert planning._budget(settings, triangles) == round(factor * gaussians_for(triangles, 0))
+
+
+def test_there_are_no_more_gaussians_than_the_views_can_tell_apart(triangles):
+    for quality in QUALITIES:
+        settings = Settings(quality=quality, views=2, size=64)
+        assert planning._budget(settings, triangles) == 2 * 64**2 // PIXELS_PER_GAUSSIAN
 
 
 def test_a_budget_wins_over_the_quality(triangles):
@@ -70,14 +77,15 @@ def test_a_budget_wins_over_the_quality(triangles):
 
 
 def test_a_search_may_go_as_far_as_high_quality(triangles):
-    high = planning._budget(Settings(quality="high"), triangles)
+    many = Settings(views=1000, size=96)
+    high = planning._budget(replace(many, quality="high"), triangles)
     for quality in QUALITIES:
-        assert planning._budget(Settings(quality=quality, target_loss=0.01), triangles) == high
+        assert planning._budget(replace(many, quality=quality, target_loss=0.01), triangles) == high
 
 
 def test_a_search_is_told():
     plan = planned(room(), replace(SMALL, budget=None, target_loss=0.01))
-    assert plan.settings.budget == 4 * gaussians_for(plan.triangles, 0)
+    assert plan.settings.budget == plan.pixels // PIXELS_PER_GAUSSIAN
     (fit,) = (row for row in decisions(plan) if row.what == "fit")
     assert fit.why.endswith("again with more Gaussians until the held-out loss is 0.01")
     (fit,) = (row for row in decisions(replace(plan, settings=SMALL)) if row.what == "fit")
