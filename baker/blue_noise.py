@@ -16,7 +16,11 @@ def thin(position: np.ndarray, normal: np.ndarray, count: int, rng: np.random.Ge
 
     if len(position) <= count or count < 1:
         return np.arange(len(position))[:count]
-    spacing = float(np.median(cKDTree(position).query(position, k=2)[0][:, 1])) or np.ptp(position) / len(position)
+    spacing = (
+        float(np.median(cKDTree(position).query(position, k=2)[0][:, 1]))
+        or float(np.ptp(position)) / len(position)
+        or 1.0
+    )
     radius = spacing * np.sqrt(len(position) / count)
     best = np.arange(len(position))
     for _ in range(ATTEMPTS):

@@ -171,7 +171,7 @@ def test_one_gaussian(turned):
 
 
 def test_a_target_that_any_fit_meets_takes_one_try(turned):
-    code, report, data, said = turned("--target-loss", "0.99")
+    code, report, data, said = turned("--target-loss", "0.99", "--budget", "600")
     assert code == 0
     (attempt,) = report["dial"]
     assert attempt["gaussians"] == report["gaussians"] <= FEWEST < report["budget"]
