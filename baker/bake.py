@@ -29,11 +29,10 @@ START_SHARE, START_MOST = 1 / 2, BUDGET_MAX // 8
 
 @dataclasses.dataclass(frozen=True)
 class Baked:
-    """`data`: the .gsgi file; `fitted`: the try that it holds, and `tried` all of them; `looks`: its history."""
+    """`data`: the .gsgi file; `fitted`: the try that it holds, and `tried` all of them."""
 
     fitted: Fitted
     tried: tuple[Fitted, ...]
-    looks: tuple
 
     @property
     def data(self) -> bytes:
@@ -86,21 +85,20 @@ class _Fits:
         self.views = [View(camera, v.indirect, v.valid) for camera, v in zip(plan.cameras, seen, strict=True)]
         self.tone_scale = _tone_scale(self.views)
         self.held_out = HeldOutLoss(references, plan.placement.held_out, self.tone_scale) if references else None
-        self.looks: dict[int, tuple] = {}
         self.scene = fingerprint(plan.scene)
 
     def best(self) -> Baked:
         settings = self.plan.settings
         if settings.target_loss is None or self.held_out is None:
             fitted = self.attempt(settings.budget)
-            return Baked(fitted, (fitted,), self.looks[fitted.budget])
+            return Baked(fitted, (fitted,))
         fitted, tried = dial.turn(settings.target_loss, settings.budget, self.attempt)
-        return Baked(fitted, tuple(tried), self.looks[fitted.budget])
+        return Baked(fitted, tuple(tried))
 
     def attempt(self, budget: int) -> Fitted:
         """A fit with this budget, encoded and judged as a reader will see it."""
         start = time.perf_counter()
-        gaussians = self._fit(budget)
+        gaussians, looks = self._fit(budget)
         seconds = time.perf_counter() - start
         with self.progress.stage("encode"):
             data = self._encode(gaussians)
@@ -110,10 +108,10 @@ class _Fits:
             self.progress.say(
                 f"  {len(read)} Gaussians, {len(data)} bytes: held-out loss {loss:.4f}, PSNR {psnr:.2f} dB"
             )
-        return Fitted(budget, data, len(read), loss, psnr, seconds)
+        return Fitted(budget, data, len(read), loss, psnr, seconds, looks)
 
-    def _fit(self, budget: int) -> Gaussians:
-        """Interrupted, the fit goes on from its checkpoint; done, it is not done again."""
+    def _fit(self, budget: int) -> tuple[Gaussians, tuple]:
+        """Gaussians and the looks at them. Interrupted, it goes on from its checkpoint; done, it is not done again."""
         from .checkpoint import Checkpoint
         from .code_version import code_version
         from .fit import Course, fit
@@ -133,14 +131,12 @@ class _Fits:
             watch = Watch(advance, self.held_out, plan.blend, settings.iterations, self.preview)
             if found := cache.get(key):
                 advance(settings.iterations, "from the cache")
-                self.looks[budget] = ()
-                return from_arrays(Gaussians, found)
+                return from_arrays(Gaussians, found), ()
             checkpoint = Checkpoint(cache, task_key("checkpoint", **inputs))
             gaussians = fit(*task, watch, checkpoint)
             cache.put(key, to_arrays(gaussians))
             checkpoint.remove()
-        self.looks[budget] = tuple(watch.looks)
-        return gaussians
+        return gaussians, tuple(watch.looks)
 
     def _encode(self, gaussians: Gaussians) -> bytes:
         plan = self.plan

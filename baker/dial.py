@@ -16,7 +16,8 @@ GAIN = 0.02  # share of the loss; two budgets in a row that gain less end the se
 class Fitted:
     """One try: the `data` of its file with `count` Gaussians, of `budget` that it might have had; its loss and the PSNR
     of B (dB) in the views that were not fitted, None where none shows a B; and the seconds that it took, its start and
-    looks at those views included, next to none where the cache held it."""
+    looks at those views included, next to none where the cache held it. `looks` is its history, see `watch.Look`, empty
+    where the cache held it."""
 
     budget: int
     data: bytes
@@ -24,6 +25,7 @@ class Fitted:
     loss: float | None
     psnr: float | None
     seconds: float
+    looks: tuple = ()
 
 
 def turn(target: float, most: int, attempt: Callable[[int], Fitted]) -> tuple[Fitted, list[Fitted]]:
