@@ -8,7 +8,7 @@ from torch import Tensor
 
 from gsgi.runtime.camera import Pinhole
 from gsgi.runtime.constants import ADAM_BETA1, ADAM_BETA2, ADAM_EPSILON
-from gsgi.runtime.gaussians import Blend
+from gsgi.runtime.gaussians import OverBlend
 
 from . import torch_loss
 from .cuda_splat import draw
@@ -23,7 +23,7 @@ class CudaOptimiser:
     Adam is ours, since torch's loads Triton, whose LLVM crashes a process in which Mesa has drawn with its own.
     """
 
-    def __init__(self, raw: RawGaussians, adam: AdamState, blend: Blend, device: str = "cuda"):
+    def __init__(self, raw: RawGaussians, adam: AdamState, blend: OverBlend, device: str = "cuda"):
         self._blend, self._device = blend, device
         self._raw, self._mean, self._square = (self._upload(group) for group in (raw, adam.mean, adam.square))
         self._steps = torch.tensor(adam.steps, device=device)

@@ -21,7 +21,7 @@ from torch import Tensor
 
 from gsgi.runtime import constants
 from gsgi.runtime.camera import Pinhole
-from gsgi.runtime.gaussians import Blend
+from gsgi.runtime.gaussians import OverBlend
 
 from .torch_sh import sh_basis
 
@@ -51,7 +51,7 @@ def unavailable() -> str | None:
     return None
 
 
-def draw(raw: Mapping[str, Tensor], pinhole: Pinhole, blend: Blend, extra_channels: int = 0) -> Drawn:
+def draw(raw: Mapping[str, Tensor], pinhole: Pinhole, blend: OverBlend, extra_channels: int = 0) -> Drawn:
     """Draw Gaussians given by the five float32 tensors of RawGaussians.
 
     `extra_channels` is the D of Drawn: channels of zeros, which change no other gradient. Their own gradient is, for

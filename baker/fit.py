@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gsgi.runtime.camera import Camera, Pinhole
-from gsgi.runtime.gaussians import Blend, Gaussians
+from gsgi.runtime.gaussians import Gaussians, OverBlend
 
 from .checkpoint import Checkpoint
 from .density import count_after
@@ -58,7 +58,7 @@ class Course:
 def fit(
     start: Gaussians,
     views: Sequence[View],
-    blend: Blend,
+    blend: OverBlend,
     tone_scale: float,
     course: Course,
     watch: Callable[[int, float, CpuOptimiser], None] | None = None,

@@ -8,7 +8,7 @@ import numpy as np
 from gsgi.runtime import constants
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.display import auto_exposure
-from gsgi.runtime.gaussians import Bake, Blend, Gaussians
+from gsgi.runtime.gaussians import Bake, Gaussians, OverBlend
 
 from .loss import image_loss
 from .metrics import mean_psnr, psnr, squared_error
@@ -76,7 +76,7 @@ class HeldOutLoss:
         self.targets = [_target(reference, tone_scale) for reference in self.references]
         self.exposure = exposure([reference.indirect for reference in self.references])
 
-    def of(self, gaussians: Gaussians, blend: Blend) -> tuple[float, float]:
+    def of(self, gaussians: Gaussians, blend: OverBlend) -> tuple[float, float]:
         """Means over the views, as in `Exam`: the loss, and the PSNR of B (dB). (0, 100) where there is no view."""
         if not self.references:
             return 0.0, psnr(0.0)
@@ -118,7 +118,7 @@ def exposure(images: Sequence[np.ndarray]) -> float:
     return float(constants.MID_GREY / brightness) if brightness > 0 else 1.0
 
 
-def draw(gaussians: Gaussians, camera: Camera, reference: Reference, blend: Blend) -> np.ndarray:
+def draw(gaussians: Gaussians, camera: Camera, reference: Reference, blend: OverBlend) -> np.ndarray:
     """B (H, W, 3) float32 as Gaussians show it where `reference` was traced."""
     from .rasterise import rasterise
 

@@ -6,7 +6,7 @@ from importlib.util import find_spec
 import numpy as np
 
 from gsgi.runtime.camera import Pinhole
-from gsgi.runtime.gaussians import Blend
+from gsgi.runtime.gaussians import OverBlend
 
 from .loss import image_loss
 from .raw_gaussians import RawGaussians
@@ -17,7 +17,7 @@ from .trainer import AdamState, StepStatistics, Workspace
 class CpuOptimiser:
     """Steps N Gaussians, view by view. The same bits for any number of threads."""
 
-    def __init__(self, raw: RawGaussians, adam: AdamState, blend: Blend):
+    def __init__(self, raw: RawGaussians, adam: AdamState, blend: OverBlend):
         self.raw, self.adam, self._blend = raw, adam, blend
         self._workspace = Workspace()
 

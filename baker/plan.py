@@ -8,7 +8,7 @@ import numpy as np
 from gsgi.runtime import codec
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.errors import SceneError
-from gsgi.runtime.gaussians import Blend, Effects
+from gsgi.runtime.gaussians import Effects, OverBlend
 from gsgi.runtime.scene import Scene
 
 from . import pilot
@@ -69,9 +69,9 @@ class Plan:
         return Sampling(s.samples, s.bounces, s.error, self.pilot.mean or 1.0)
 
     @property
-    def blend(self) -> Blend:
+    def blend(self) -> OverBlend:
         """How the Gaussians are drawn."""
-        return Blend(NEAR * self.scene.diagonal(), DILATION)
+        return OverBlend(NEAR * self.scene.diagonal(), DILATION)
 
     @property
     def cameras(self) -> list[Camera]:

@@ -8,7 +8,7 @@ import numpy as np
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.display import to_uint8, tone_map
 from gsgi.runtime.errors import FileError
-from gsgi.runtime.gaussians import Blend, Gaussians
+from gsgi.runtime.gaussians import Gaussians, OverBlend
 from gsgi.runtime.image import write_image
 
 from .held_out import draw, exposure
@@ -32,7 +32,7 @@ class Preview:
         self._views = [(cameras[name], reference) for name, reference in references.items()]
         self._exposure = exposure([reference.indirect for _, reference in self._views])
 
-    def draw(self, iteration: int, gaussians: Gaussians, blend: Blend) -> None:
+    def draw(self, iteration: int, gaussians: Gaussians, blend: OverBlend) -> None:
         """Write the picture of this iteration."""
         columns = []
         for camera, reference in self._views:

@@ -3,14 +3,14 @@
 import numpy as np
 
 from gsgi.runtime.camera import Pinhole
-from gsgi.runtime.gaussians import Blend, Gaussians
+from gsgi.runtime.gaussians import Gaussians, OverBlend
 
 from . import _kernels
 
 set_thread_count = _kernels.set_thread_count
 
 
-def rasterise(gaussians: Gaussians, pinhole: Pinhole, blend: Blend) -> np.ndarray:
+def rasterise(gaussians: Gaussians, pinhole: Pinhole, blend: OverBlend) -> np.ndarray:
     """Image (H, W, 3) float32 of linear radiance."""
     g = gaussians
     arrays = (np.ascontiguousarray(a) for a in (g.position, g.rotation, g.scale, g.opacity, g.sh))

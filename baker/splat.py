@@ -4,7 +4,7 @@ import torch
 from torch import Tensor
 
 from gsgi.runtime.camera import Pinhole
-from gsgi.runtime.gaussians import Blend
+from gsgi.runtime.gaussians import OverBlend
 
 from . import _kernels
 
@@ -16,7 +16,7 @@ def splat(
     opacity: Tensor,
     sh: Tensor,
     pinhole: Pinhole,
-    blend: Blend,
+    blend: OverBlend,
 ) -> tuple[Tensor, Tensor]:
     """Image (H, W, 3) of linear radiance and transmittance (H, W) in [0, 1] of N Gaussians, blended front to back.
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gsgi.runtime.camera import Pinhole
-from gsgi.runtime.gaussians import Blend
+from gsgi.runtime.gaussians import OverBlend
 
 from . import _kernels
 from .raw_gaussians import NAMES, RawGaussians
@@ -47,7 +47,7 @@ class Workspace:
     def __init__(self):
         self._kernel = _kernels.Workspace()
 
-    def forward(self, raw: RawGaussians, pinhole: Pinhole, blend: Blend) -> tuple[np.ndarray, np.ndarray]:
+    def forward(self, raw: RawGaussians, pinhole: Pinhole, blend: OverBlend) -> tuple[np.ndarray, np.ndarray]:
         """Image (H, W, 3) of linear radiance and transmittance (H, W), float32.
 
         Raises TypeError for arrays of other shapes or dtypes than RawGaussians has.

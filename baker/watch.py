@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 from typing import NamedTuple
 
-from gsgi.runtime.gaussians import Blend
+from gsgi.runtime.gaussians import OverBlend
 
 from .held_out import HeldOutLoss
 from .optimiser import CpuOptimiser
@@ -31,7 +31,7 @@ class Watch:
         self,
         advance: Callable[..., None],
         held_out: HeldOutLoss | None,
-        blend: Blend,
+        blend: OverBlend,
         iterations: int,
         preview: Preview | None,
     ):

@@ -7,7 +7,7 @@ import numpy as np
 
 from . import constants
 from .errors import FormatError
-from .gaussians import Bake, Blend, Effects, Gaussians
+from .gaussians import Bake, Effects, Gaussians, OverBlend
 
 MAGIC = b"GSGI"
 VERSION = 2
@@ -108,7 +108,7 @@ def decode(data: bytes) -> Bake:
         opacity=body["opacity"].astype(np.float32) / np.float32(255),
         sh=np.concatenate([dc[:, None, :], rest], axis=1).astype(np.float32),
     )
-    blend = Blend(*(float(header[name]) for name in ("near", "dilation", "alpha_min", "alpha_max")))
+    blend = OverBlend(*(float(header[name]) for name in ("near", "dilation", "alpha_min", "alpha_max")))
     return Bake(
         gaussians,
         blend,

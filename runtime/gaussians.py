@@ -43,13 +43,33 @@ class Gaussians:
 
 
 @dataclass(frozen=True)
-class Blend:
+class OverBlend:
     """Parameters of the `over` operator. Trainer and shader read the same values: they travel in the file."""
 
     near: float  # m; Gaussians whose centre is nearer to the eye plane are not drawn
     dilation: float = constants.DILATION  # px^2
     alpha_min: float = constants.ALPHA_MIN
     alpha_max: float = constants.ALPHA_MAX
+
+
+@dataclass(frozen=True)
+class SurfaceBlend:
+    """Parameters of the `surface` operator: at a surface point x with normal n, both in world space,
+
+    B(x, n) = sum w_i c_i(n) / sum w_i, w_i = opacity_i max(0, G_i(x) - cutoff) max(0, n . n_i)^sharpness
+
+    with G_i(x) = exp(-1/2 (x - position)^T Sigma^-1 (x - position)), n_i the +z axis of the rotation, and c_i SH of n.
+    Of Gaussians of the coarse level w_i is opacity_i max(0, G_i(x) - cutoff) coarse_weight: they face every way.
+    """
+
+    cutoff: float = constants.CUTOFF
+    sharpness: int = constants.SHARPNESS
+    coarse_weight: float = constants.COARSE_WEIGHT
+
+    @property
+    def radius(self) -> float:
+        """Standard deviations from the centre at which a Gaussian ends."""
+        return float(np.sqrt(-2 * np.log(self.cutoff)))
 
 
 class Effects(IntFlag):
@@ -71,12 +91,14 @@ class Bake:
 
     `tone_scale` is k of the loss's tone curve x / (x + k), in units of radiance. `bounces`: how many surfaces a traced
     path may visit after the point whose light it brings, below 2^16; 0 is unknown. `scene`: the `fingerprint` of the
-    scene, 64 bits; 0 is unknown.
+    scene, 64 bits; 0 is unknown. `coarse`: the level that gives light where none of `gaussians` is near; with
+    SurfaceBlend always, with OverBlend never.
     """
 
     gaussians: Gaussians
-    blend: Blend
+    blend: OverBlend | SurfaceBlend
     tone_scale: float = 1.0
     effects: Effects = field(default=Effects(0))
     bounces: int = 0
     scene: int = 0
+    coarse: Gaussians | None = None

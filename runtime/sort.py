@@ -4,10 +4,10 @@ import numpy as np
 
 from . import constants
 from .camera import Pinhole
-from .gaussians import Blend
+from .gaussians import OverBlend
 
 
-def visible_order(position: np.ndarray, pinhole: Pinhole, blend: Blend, radius: np.ndarray) -> np.ndarray:
+def visible_order(position: np.ndarray, pinhole: Pinhole, blend: OverBlend, radius: np.ndarray) -> np.ndarray:
     """Indices (M,) uint32 of the Gaussians that may show in the image, farthest first.
 
     `position` (N, 3) float32, world space, m; `radius` (N,) float32: distance from the centre, m, beyond which alpha
@@ -35,7 +35,7 @@ def _ascending(depth: np.ndarray) -> np.ndarray:
 
 
 def _overlaps_image(
-    x: np.ndarray, y: np.ndarray, depth: np.ndarray, pinhole: Pinhole, blend: Blend, radius: np.ndarray
+    x: np.ndarray, y: np.ndarray, depth: np.ndarray, pinhole: Pinhole, blend: OverBlend, radius: np.ndarray
 ) -> np.ndarray:
     """Conservative test of centres (x, y, -1) * depth in view space: the spectral norm of the projection's Jacobian
     bounds a splat's size in px."""

@@ -7,7 +7,7 @@ import scenes
 
 from gsgi.runtime.camera import Pinhole
 from gsgi.runtime.constants import FRUSTUM_CLAMP, TRANSMITTANCE_MIN
-from gsgi.runtime.gaussians import Blend, Gaussians
+from gsgi.runtime.gaussians import Gaussians, OverBlend
 
 
 class Projected(NamedTuple):
@@ -48,7 +48,7 @@ def rotation_matrix(rotation: np.ndarray) -> np.ndarray:
     ).transpose(2, 0, 1)
 
 
-def project(gaussians: Gaussians, pinhole: Pinhole, blend: Blend) -> Projected:
+def project(gaussians: Gaussians, pinhole: Pinhole, blend: OverBlend) -> Projected:
     """Zwicker et al. 2002: the ellipsoid's covariance through the projection linearised at its centre."""
     p = pinhole
     count = len(gaussians)
@@ -78,7 +78,7 @@ def colour(gaussians: Gaussians, pinhole: Pinhole) -> np.ndarray:
     return np.maximum(0, np.einsum("nk,nkc->nc", sh_basis(direction, gaussians.sh_degree), gaussians.sh))
 
 
-def splat(gaussians: Gaussians, pinhole: Pinhole, blend: Blend) -> tuple[np.ndarray, np.ndarray]:
+def splat(gaussians: Gaussians, pinhole: Pinhole, blend: OverBlend) -> tuple[np.ndarray, np.ndarray]:
     """Image (H, W, 3) and transmittance (H, W), float64: Kerbl et al. 2023, one Gaussian after the other."""
     columns, rows = np.meshgrid(np.arange(pinhole.width) + 0.5, np.arange(pinhole.height) + 0.5)
     image, transmittance = np.zeros((*rows.shape, 3)), np.ones(rows.shape)

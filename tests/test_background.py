@@ -9,7 +9,7 @@ import scenes
 
 from gsgi.runtime.camera import look_at
 from gsgi.runtime.constants import HALF_MAX
-from gsgi.runtime.gaussians import Bake, Blend
+from gsgi.runtime.gaussians import Bake, OverBlend
 from gsgi.runtime.renderer import DeferredRenderer
 from gsgi.runtime.scene import Environment, Light, Scene
 
@@ -84,7 +84,7 @@ def test_surfaces_hide_it_and_lights_leave_it_alone(gl):
     sky = Environment(np.float32([[[1, 2, 3]]]))
     sun = Light("directional", np.ones(3), np.zeros(3), np.array([0.0, -1.0, 0.0]))
     scene = replace(scenes.lit_floor(sun, 1.0), environment=sky)
-    bake = Bake(oracle.random_gaussians(200, 0, seed=1), Blend(near=0.1))
+    bake = Bake(oracle.random_gaussians(200, 0, seed=1), OverBlend(near=0.1))
     layers = "primary", "final", "indirect", "depth", "albedo"
     camera = scenes.above_camera()
     primary, final, indirect, depth, albedo = draw(gl, scene, camera, layers, bake)

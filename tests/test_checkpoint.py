@@ -10,7 +10,7 @@ from gsgi.baker import checkpoint as module
 from gsgi.baker.cache import Cache, entries, task_key
 from gsgi.baker.checkpoint import Checkpoint
 from gsgi.baker.fit import Course, View, fit
-from gsgi.runtime.gaussians import Blend, Gaussians
+from gsgi.runtime.gaussians import Gaussians, OverBlend
 
 KEY = task_key("checkpoint", number=1)
 FIELDS = ("position", "rotation", "scale", "opacity", "sh")
@@ -31,7 +31,7 @@ def problem(degree: int = 0) -> tuple:
     views = [
         View(scenes.inside_camera(), rng.random((24, 24, 3), np.float32), np.ones((24, 24), bool)) for _ in range(3)
     ]
-    return start, views, Blend(near=0.01), 0.5, Course(BUDGET, ITERATIONS, seed=5)
+    return start, views, OverBlend(near=0.01), 0.5, Course(BUDGET, ITERATIONS, seed=5)
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ import pytest
 
 from gsgi.runtime import codec, constants
 from gsgi.runtime.errors import FormatError
-from gsgi.runtime.gaussians import Bake, Blend, Effects, Gaussians
+from gsgi.runtime.gaussians import Bake, Effects, Gaussians, OverBlend
 
 FORMAT = Path(codec.__file__).with_name("FORMAT.md").read_text(encoding="utf-8")
 DATA = Path(__file__).with_name("data")
@@ -32,7 +32,9 @@ def example(count: int = 200, degree: int = 0, seed: int = 7) -> Bake:
         sh=sh.astype(np.float32),
     )
     effects = Effects.PUNCTUAL | Effects.DENOISED | Effects.UNLIT
-    return Bake(gaussians, Blend(near=0.01), tone_scale=0.7, effects=effects, bounces=300, scene=0xFEDC_BA98_7654_3210)
+    return Bake(
+        gaussians, OverBlend(near=0.01), tone_scale=0.7, effects=effects, bounces=300, scene=0xFEDC_BA98_7654_3210
+    )
 
 
 def reseal(data: bytes) -> bytes:

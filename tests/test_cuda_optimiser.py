@@ -24,9 +24,9 @@ from gsgi.baker.splat import splat
 from gsgi.baker.target import Target
 from gsgi.baker.trainer import AdamState
 from gsgi.runtime.constants import ADAM_BETA1, ADAM_BETA2, SH_C0
-from gsgi.runtime.gaussians import Blend, Gaussians
+from gsgi.runtime.gaussians import Gaussians, OverBlend
 
-BLEND = Blend(near=0.6, dilation=0.2)  # unlike gsplat's defaults; some Gaussians are nearer
+BLEND = OverBlend(near=0.6, dilation=0.2)  # unlike gsplat's defaults; some Gaussians are nearer
 CAMERA = scenes.inside_camera()
 PINHOLE = CAMERA.pinhole(48, 40)._replace(fy=41.0)
 RATES = {"position": 0.01, "rotation": 0.02, "log_scale": 0.03, "logit_opacity": 0.04, "sh": 0.05}
@@ -282,7 +282,9 @@ def test_what_is_not_finite_stops_before_the_step(device, monkeypatch):
 
 
 def test_other_values_of_alpha_min_are_refused(device):
-    optimiser = CudaOptimiser(thin_gaussians(), AdamState.zeros(thin_gaussians()), Blend(0.01, alpha_min=0.01), device)
+    optimiser = CudaOptimiser(
+        thin_gaussians(), AdamState.zeros(thin_gaussians()), OverBlend(0.01, alpha_min=0.01), device
+    )
     with pytest.raises(AssertionError, match="alpha_min"):
         optimiser.render(PINHOLE)
 

@@ -14,9 +14,9 @@ from gsgi.baker.rasterise import rasterise, set_thread_count
 from gsgi.baker.settings import QUALITIES
 from gsgi.baker.target import Target
 from gsgi.runtime.camera import look_at
-from gsgi.runtime.gaussians import Blend, Gaussians
+from gsgi.runtime.gaussians import Gaussians, OverBlend
 
-BLEND = Blend(near=0.01)
+BLEND = OverBlend(near=0.01)
 SIZE, TONE_SCALE = 48, 0.5
 EDGE = 7  # Gaussians along the edge of a wall
 COUNT = 6 * EDGE**2

@@ -11,11 +11,11 @@ from gsgi.baker.initialise import from_surface
 from gsgi.baker.rasterise import rasterise
 from gsgi.baker.surface_points import Triangles
 from gsgi.runtime.camera import look_at
-from gsgi.runtime.gaussians import Bake, Blend, Gaussians
+from gsgi.runtime.gaussians import Bake, Gaussians, OverBlend
 from gsgi.runtime.splat import Splats, visible_radius
 
 SIZE = (96, 64)
-BLEND = Blend(near=0.2)
+BLEND = OverBlend(near=0.2)
 CAMERA = scenes.inside_camera()
 TOLERANCE = 2 / 255
 
@@ -55,7 +55,7 @@ def test_random_gaussians(gl, degree):
 
 
 def test_recorded_parameters_are_used(gl):
-    blend = Blend(near=1.0, dilation=3.0, alpha_min=0.05, alpha_max=0.6)
+    blend = OverBlend(near=1.0, dilation=3.0, alpha_min=0.05, alpha_max=0.6)
     assert_equals_oracle(gl, oracle.random_gaussians(100, 0, seed=9), blend=blend)
 
 

@@ -15,10 +15,10 @@ from gsgi.baker.rasterise import rasterise
 from gsgi.baker.reference import Reference, judge_indirect
 from gsgi.runtime.camera import look_at
 from gsgi.runtime.display import auto_exposure
-from gsgi.runtime.gaussians import Bake, Blend, Gaussians
+from gsgi.runtime.gaussians import Bake, Gaussians, OverBlend
 
 SIZE = 40
-BLEND = Blend(near=0.01)
+BLEND = OverBlend(near=0.01)
 UP = np.array([0.0, 1.0, 0.0])
 CAMERAS = {
     "front": scenes.inside_camera(),

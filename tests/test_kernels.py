@@ -12,9 +12,9 @@ import scenes
 
 from gsgi.baker import _kernels
 from gsgi.runtime import constants
-from gsgi.runtime.gaussians import Blend
+from gsgi.runtime.gaussians import OverBlend
 
-BLEND = Blend(near=0.01)
+BLEND = OverBlend(near=0.01)
 PINHOLE = scenes.inside_camera().pinhole(48, 40)
 
 
@@ -151,9 +151,9 @@ def test_splat_backward_rejects_gradient_of_another_size():
     [
         (PINHOLE._replace(width=0), BLEND),
         (PINHOLE._replace(fx=0.0), BLEND),
-        (PINHOLE, Blend(near=0.01, alpha_max=1.0)),
-        (PINHOLE, Blend(near=0.01, alpha_min=0.0)),
-        (PINHOLE, Blend(near=0.01, dilation=-0.1)),
+        (PINHOLE, OverBlend(near=0.01, alpha_max=1.0)),
+        (PINHOLE, OverBlend(near=0.01, alpha_min=0.0)),
+        (PINHOLE, OverBlend(near=0.01, dilation=-0.1)),
     ],
 )
 def test_splat_rejects_impossible_camera_and_blend(pinhole, blend):

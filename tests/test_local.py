@@ -6,7 +6,7 @@ import numpy as np
 import oracle
 import scenes
 
-from gsgi.runtime.gaussians import Bake, Blend
+from gsgi.runtime.gaussians import Bake, OverBlend
 from gsgi.runtime.layers import LAYERS
 from gsgi.runtime.local import local_bake, local_camera, local_scene, origin_of
 from gsgi.runtime.renderer import DeferredRenderer
@@ -37,7 +37,7 @@ def test_only_a_far_scene_is_moved():
 
 
 def test_a_far_scene_looks_as_it_does_at_the_origin(gl):
-    bake = Bake(oracle.random_gaussians(200, 1, seed=1), Blend(near=0.1))
+    bake = Bake(oracle.random_gaussians(200, 1, seed=1), OverBlend(near=0.1))
     position = np.round(bake.gaussians.position * 64) / 64
     bake = replace(bake, gaussians=replace(bake.gaussians, position=position.astype(np.float32)))
     near = draw(gl, room(), bake, scenes.inside_camera())

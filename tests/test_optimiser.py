@@ -12,9 +12,9 @@ from gsgi.baker.rasterise import rasterise
 from gsgi.baker.raw_gaussians import NAMES, RawGaussians
 from gsgi.baker.target import Target
 from gsgi.baker.trainer import AdamState
-from gsgi.runtime.gaussians import Blend
+from gsgi.runtime.gaussians import OverBlend
 
-BLEND = Blend(near=0.01)
+BLEND = OverBlend(near=0.01)
 CAMERA = scenes.inside_camera()
 PINHOLE = CAMERA.pinhole(48, 40)
 TONE_SCALE = 0.5

@@ -8,11 +8,11 @@ import scenes
 
 from gsgi.baker.preview import Preview, make_folder
 from gsgi.runtime.errors import FileError
-from gsgi.runtime.gaussians import Blend, Gaussians
+from gsgi.runtime.gaussians import Gaussians, OverBlend
 from gsgi.runtime.image import read_image
 
 SIZE = 24
-BLEND = Blend(near=0.01)
+BLEND = OverBlend(near=0.01)
 CAMERAS = {"one": scenes.inside_camera(), "unused": scenes.above_camera(), "two": scenes.inside_camera()}
 GREY, RED = np.float32([0.2, 0.2, 0.2]), np.float32([0.3, 0.0, 0.0])
 

@@ -12,7 +12,7 @@ import scenes
 
 from gsgi.runtime.constants import HALF_MAX
 from gsgi.runtime.display import to_uint8, tone_map
-from gsgi.runtime.gaussians import Bake, Blend
+from gsgi.runtime.gaussians import Bake, OverBlend
 from gsgi.runtime.renderer import LAYERS, DeferredRenderer
 from gsgi.runtime.scene import Environment, Light, Material, Mesh, Scene, Texture, TextureSlot
 
@@ -53,7 +53,7 @@ def tangent_of(mesh: Mesh) -> np.ndarray:
 
 
 def bake() -> Bake:
-    return Bake(oracle.random_gaussians(500, 2, seed=1), Blend(near=0.1))
+    return Bake(oracle.random_gaussians(500, 2, seed=1), OverBlend(near=0.1))
 
 
 def render(ctx, scene, baked, exposure=1.0) -> dict[str, np.ndarray]:

@@ -10,7 +10,7 @@ from gsgi.baker.raw_gaussians import NAMES, RawGaussians
 from gsgi.baker.reshape import State, divide, extend, keep, merge
 from gsgi.baker.trainer import AdamState
 from gsgi.runtime.constants import ALPHA_MIN, SH_C0
-from gsgi.runtime.gaussians import Blend, Gaussians
+from gsgi.runtime.gaussians import Gaussians, OverBlend
 
 # Lengths and covariances in single precision.
 TOLERANCE = 1e-5
@@ -195,7 +195,7 @@ def test_clones_are_finite_however_opaque_the_parent_is(logit):
 @pytest.mark.parametrize("opacity", [0.1, 0.5, 0.9])
 def test_clones_look_like_the_parent(opacity):
     """Two layers of alpha o' g add o'^2 g (1 - g) to one of o g, where g is 1 at the centre and falls to 0."""
-    camera, blend = scenes.inside_camera(), Blend(near=0.01)
+    camera, blend = scenes.inside_camera(), OverBlend(near=0.01)
     pinhole = camera.pinhole(41, 41)._replace(cx=20.5, cy=20.5)  # the centre of a pixel
     parent = one((0.1, 0.1, 0.1), opacity=opacity, position=camera.position - 1.5 * camera.world_from_view[:3, 2])
     colour = parent.sh[0, 0] * SH_C0

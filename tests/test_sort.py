@@ -3,7 +3,7 @@
 import numpy as np
 
 from gsgi.runtime.camera import look_at
-from gsgi.runtime.gaussians import Blend
+from gsgi.runtime.gaussians import OverBlend
 from gsgi.runtime.sort import visible_order
 
 CAMERA = look_at(np.array([0.0, 0, 5]), np.zeros(3), np.array([0.0, 1, 0]), 0.8, 0.1)
@@ -12,7 +12,7 @@ PINHOLE = CAMERA.pinhole(160, 120)
 
 def order(position, radius=0.01, near=0.1):
     position = np.asarray(position, np.float32)
-    return visible_order(position, PINHOLE, Blend(near), np.full(len(position), radius, np.float32))
+    return visible_order(position, PINHOLE, OverBlend(near), np.full(len(position), radius, np.float32))
 
 
 def test_farthest_first():

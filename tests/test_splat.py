@@ -12,10 +12,10 @@ import torch_splat
 from gsgi.baker.rasterise import rasterise
 from gsgi.baker.splat import splat
 from gsgi.runtime.constants import ALPHA_MAX, SH_C0
-from gsgi.runtime.gaussians import Blend, Gaussians
+from gsgi.runtime.gaussians import Gaussians, OverBlend
 
 NAMES = ("position", "rotation", "scale", "opacity", "sh")
-BLEND = Blend(near=0.01)
+BLEND = OverBlend(near=0.01)
 CAMERA = scenes.inside_camera()
 PINHOLE = CAMERA.pinhole(48, 40)
 
@@ -92,7 +92,7 @@ def test_near_opaque_gaussian_hides_the_far_one_whatever_their_order():
 
 def test_gaussian_is_not_drawn_before_the_near_plane():
     for depth, drawn in ((0.99, False), (1.01, True)):
-        assert rasterise(gaussian((0, 0, -depth)), PINHOLE, Blend(near=1.0)).any() == drawn
+        assert rasterise(gaussian((0, 0, -depth)), PINHOLE, OverBlend(near=1.0)).any() == drawn
 
 
 @pytest.mark.parametrize("degree", range(4))
@@ -138,7 +138,7 @@ def test_needles_of_any_direction_equal_the_oracle():
         assert_close(rasterise(scene, pinhole, BLEND), expected, FLOAT_TOLERANCE)
 
 
-def finite_difference_scene() -> tuple[Gaussians, Blend]:
+def finite_difference_scene() -> tuple[Gaussians, OverBlend]:
     """Off every cut-off: no alpha reaches alpha_max, no pixel ends, the step at alpha_min is too small to see.
 
     A round one, a needle at 45 degrees, one beyond the frustum clamp on both axes, and one turned about a slanted axis.
@@ -153,7 +153,7 @@ def finite_difference_scene() -> tuple[Gaussians, Blend]:
     scene = concatenate(*parts)
     rng = np.random.default_rng(1)
     sh = np.concatenate([scene.sh, 0.2 * rng.normal(size=(4, 15, 3))], axis=1).astype(np.float32)
-    return dataclasses.replace(scene, sh=sh), Blend(near=0.01, alpha_min=1e-14)
+    return dataclasses.replace(scene, sh=sh), OverBlend(near=0.01, alpha_min=1e-14)
 
 
 def test_gradients_equal_finite_differences():
@@ -268,7 +268,7 @@ HARD_CASES = {
 def test_hard_cases_stay_finite(case, dtype, dilation, near):
     for width, height in ((1, 1), (33, 17)):
         parameters = tensors(HARD_CASES[case](), dtype)
-        image, transmittance = splat(*parameters, CAMERA.pinhole(width, height), Blend(near, dilation))
+        image, transmittance = splat(*parameters, CAMERA.pinhole(width, height), OverBlend(near, dilation))
         (image.sum() + transmittance.sum()).backward()
         assert image.isfinite().all()
         assert transmittance.isfinite().all()

@@ -11,9 +11,9 @@ from gsgi.baker import _kernels
 from gsgi.baker.rasterise import rasterise, set_thread_count
 from gsgi.baker.raw_gaussians import NAMES, RawGaussians
 from gsgi.baker.trainer import AdamState, Workspace
-from gsgi.runtime.gaussians import Blend
+from gsgi.runtime.gaussians import OverBlend
 
-BLEND = Blend(near=0.01)
+BLEND = OverBlend(near=0.01)
 PINHOLE = scenes.inside_camera().pinhole(48, 40)
 RATES = {"position": 0.01, "rotation": 0.02, "log_scale": 0.03, "logit_opacity": 0.04, "sh": 0.05}
 BETA1, BETA2, EPSILON = 0.9, 0.999, 1e-15

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from gsgi.baker.watch import LOOKS, MEMORY, Watch
-from gsgi.runtime.gaussians import Blend
+from gsgi.runtime.gaussians import OverBlend
 
-BLEND = Blend(near=0.01)
+BLEND = OverBlend(near=0.01)
 SLOW = 0.05  # s that a look takes
 
 

@@ -6,7 +6,7 @@ from torch import Tensor
 from gsgi.baker.torch_sh import sh_basis
 from gsgi.runtime import constants as c
 from gsgi.runtime.camera import Pinhole
-from gsgi.runtime.gaussians import Blend
+from gsgi.runtime.gaussians import OverBlend
 
 
 def splat(
@@ -16,7 +16,7 @@ def splat(
     opacity: Tensor,  # (N,)
     sh: Tensor,  # (N, K, 3)
     pinhole: Pinhole,
-    blend: Blend,
+    blend: OverBlend,
 ) -> tuple[Tensor, Tensor]:
     """Image (H, W, 3) and transmittance (H, W). Memory: some ten floats per pixel and Gaussian."""
     view_from_world = torch.as_tensor(pinhole.view_from_world, dtype=position.dtype)
@@ -42,7 +42,7 @@ def splat(
 
 
 def _project(
-    view: Tensor, rotation: Tensor, scale: Tensor, rotation_of_view: Tensor, p: Pinhole, blend: Blend
+    view: Tensor, rotation: Tensor, scale: Tensor, rotation_of_view: Tensor, p: Pinhole, blend: OverBlend
 ) -> tuple[Tensor, Tensor]:
     """Means (N, 2) px and covariances (N, 2, 2) px^2: Zwicker et al. 2002."""
     depth = -view[:, 2]

@@ -13,11 +13,11 @@ from gsgi.baker.raw_gaussians import RawGaussians
 from gsgi.baker.target import INVALID, Target
 from gsgi.baker.trainer import AdamState, Workspace
 from gsgi.runtime.camera import Pinhole, look_at
-from gsgi.runtime.gaussians import Blend, Gaussians
+from gsgi.runtime.gaussians import Gaussians, OverBlend
 
 SIZES = ((10_000, 512, 512), (50_000, 512, 512), (200_000, 512, 512), (200_000, 960, 540))
 REPEATS = 20
-BLEND = Blend(near=0.01)
+BLEND = OverBlend(near=0.01)
 YFOV = 1.57  # rad; half of the box is in view, and 15 M pairs are blended where that trainer counted 15.4 M
 RATES = {"position": 1e-5, "rotation": 1e-4, "log_scale": 1e-4, "logit_opacity": 1e-4, "sh": 1e-4}
 TONE_SCALE = 0.5  # radiance
