@@ -10,11 +10,6 @@
 #define FRUSTUM_CLAMP      1.3            // of tan(fov/2); the projection is linearised no further out than this (stops off-screen fans)
 #define TILE_SIZE          16             // px; edge of a rasteriser tile: 256 pixels of state stay in the L1 cache
 
-// Reading at the surface, the `surface` operator. Defaults: each .gsgi file records the values that it was fitted with.
-#define CUTOFF         0.05   // of exp(-q / 2); what is below weighs nothing, what is above is lowered by it: weights end without a step
-#define SHARPNESS      4      // power of the cosine between normals; an integer
-#define COARSE_WEIGHT  0.001  // of the coarse level next to the fine one: seen only where nothing fine is near
-
 // Real spherical harmonics, orthonormal on the sphere, Condon-Shortley phase, coefficient order (l, m): 0,0; 1,-1 1,0 1,1; ...
 #define SH_C0    0.28209479177387814  // 1/2 sqrt(1/pi)
 #define SH_C1    0.4886025119029199   // 1/2 sqrt(3/pi)

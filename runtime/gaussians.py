@@ -62,9 +62,9 @@ class SurfaceBlend:
     Of Gaussians of the coarse level w_i is opacity_i max(0, G_i(x) - cutoff) coarse_weight: they face every way.
     """
 
-    cutoff: float = constants.CUTOFF
-    sharpness: int = constants.SHARPNESS
-    coarse_weight: float = constants.COARSE_WEIGHT
+    cutoff: float = 0.05
+    sharpness: int = 4
+    coarse_weight: float = 0.001  # seen only where nothing fine is near
 
     @property
     def radius(self) -> float:
