@@ -2,6 +2,7 @@
 
 import argparse
 import re
+from bisect import bisect_right
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -98,10 +99,10 @@ def _budget(size: int) -> int:
 
     from .plan import SH_DEGREE
 
-    least = codec.HEADER.itemsize + codec.planes(1, SH_DEGREE).itemsize
+    least = codec.file_bytes(1, SH_DEGREE)
     if size < least:
         raise UsageError(f"--target-bytes {size}: a file with one Gaussian takes {least}")
-    return min((size - codec.HEADER.itemsize) // codec.planes(1, SH_DEGREE).itemsize, BUDGET_MAX)
+    return bisect_right(range(1, BUDGET_MAX + 1), size, key=lambda count: codec.file_bytes(count, SH_DEGREE))
 
 
 def open_cache(options: argparse.Namespace, progress: Progress) -> Cache:

@@ -101,7 +101,7 @@ class Plan:
     @property
     def file_bytes(self) -> int:
         """Size of the file where no Gaussian is left out."""
-        return codec.HEADER.itemsize + codec.planes(self.settings.budget, SH_DEGREE).itemsize
+        return codec.file_bytes(self.settings.budget, SH_DEGREE)
 
 
 def make_plan(

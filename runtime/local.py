@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from .camera import Camera
-from .gaussians import Bake
+from .gaussians import Bake, Gaussians
 from .scene import Scene
 
 # Scene diagonals from the origin. Nearer, a float32 position is off by 1e-6 diagonals: less than shadows allow for.
@@ -30,9 +30,9 @@ def local_scene(scene: Scene, origin: np.ndarray) -> Scene:
 
 
 def local_bake(bake: Bake, origin: np.ndarray) -> Bake:
-    """The Gaussians of a bake relative to `origin` (3,)."""
-    position = (bake.gaussians.position - origin).astype(np.float32)
-    return replace(bake, gaussians=replace(bake.gaussians, position=position))
+    """The Gaussians of a bake, of both levels, relative to `origin` (3,)."""
+    coarse = None if bake.coarse is None else _local_gaussians(bake.coarse, origin)
+    return replace(bake, gaussians=_local_gaussians(bake.gaussians, origin), coarse=coarse)
 
 
 def local_camera(camera: Camera, origin: np.ndarray) -> Camera:
@@ -40,3 +40,7 @@ def local_camera(camera: Camera, origin: np.ndarray) -> Camera:
     pose = camera.world_from_view.copy()
     pose[:3, 3] -= origin
     return replace(camera, world_from_view=pose)
+
+
+def _local_gaussians(gaussians: Gaussians, origin: np.ndarray) -> Gaussians:
+    return replace(gaussians, position=(gaussians.position - origin).astype(np.float32))

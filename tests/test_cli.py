@@ -147,19 +147,19 @@ def turned(traced, tmp_path, capsys):
     return run
 
 
-@pytest.mark.parametrize("size", [106 + 17, 825])
+@pytest.mark.parametrize("size", [162 + 17, 881])
 def test_a_file_of_at_most_so_many_bytes(turned, size):
     code, report, data, _ = turned("--target-bytes", size, "-q")
     assert code == 0
-    assert size - 36 < 88 + 18 * report["budget"] <= size  # as many as fit
+    assert size - 36 < 144 + 18 * report["budget"] <= size  # as many as fit
     assert len(data) == report["bytes"] <= size
     assert len(codec.decode(data).gaussians) == report["gaussians"] <= report["budget"]
     assert len(report["dial"]) == 1
 
 
 def test_no_gaussian_fits_the_bytes(capsys, tmp_path):
-    line = refused(capsys, 1, "bake", CORNELL, "-o", tmp_path / "x.gsgi", "-q", "--target-bytes", 105)
-    assert "--target-bytes 105: a file with one Gaussian takes 106" in line
+    line = refused(capsys, 1, "bake", CORNELL, "-o", tmp_path / "x.gsgi", "-q", "--target-bytes", 161)
+    assert "--target-bytes 161: a file with one Gaussian takes 162" in line
     assert not (tmp_path / "x.gsgi").exists()
 
 
@@ -327,6 +327,21 @@ def test_inspect_says_what_the_file_holds(baked):
     assert "punctual" in facts["effects"]
     assert "emissive" not in facts["effects"]
     assert "gaussians" in gsgi("inspect", baked / "c.gsgi").stdout
+    assert not any("coarse" in name for name in facts)
+
+
+def test_inspect_shows_both_levels_of_a_file_for_the_surface_operator(capsys):
+    path = str(Path(__file__).with_name("data") / "v3_surface.gsgi")
+    assert cli.run(["inspect", path, "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert (facts["version"], facts["operator"], facts["sharpness"]) == (3, "surface", 4)
+    assert (facts["gaussians"], facts["sh_degree"]) == (3, 1)
+    assert (facts["coarse_gaussians"], facts["coarse_sh_degree"]) == (2, 2)
+    assert "alpha_min" not in facts
+    assert cli.run(["inspect", path]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == len(facts)
+    assert len({len(line) - len(line[line.index("  ") :].lstrip()) for line in lines if "  " in line}) == 1
 
 
 def test_help_answers_fast_and_shows_examples():

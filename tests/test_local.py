@@ -6,7 +6,7 @@ import numpy as np
 import oracle
 import scenes
 
-from gsgi.runtime.gaussians import Bake, OverBlend
+from gsgi.runtime.gaussians import Bake, OverBlend, SurfaceBlend
 from gsgi.runtime.layers import LAYERS
 from gsgi.runtime.local import local_bake, local_camera, local_scene, origin_of
 from gsgi.runtime.renderer import DeferredRenderer
@@ -45,3 +45,12 @@ def test_a_far_scene_looks_as_it_does_at_the_origin(gl):
     for layer in LAYERS:
         assert near[layer].any(), layer
         np.testing.assert_allclose(far[layer], near[layer], rtol=1e-3, atol=1e-4, err_msg=layer)
+
+
+def test_both_levels_of_a_bake_are_moved():
+    fine, coarse = oracle.random_gaussians(20, 0, seed=1), oracle.random_gaussians(5, 2, seed=2)
+    moved = local_bake(Bake(fine, SurfaceBlend(), coarse=coarse), -AWAY)
+    for before, after in [(fine, moved.gaussians), (coarse, moved.coarse)]:
+        assert np.array_equal(after.position, (before.position + AWAY).astype(np.float32))
+        assert after.sh is before.sh
+    assert local_bake(Bake(fine, OverBlend(near=0.1)), -AWAY).coarse is None

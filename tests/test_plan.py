@@ -210,4 +210,4 @@ def test_where_no_held_out_view_sees_a_b_there_is_no_search():
 
 def test_what_a_scene_has_none_of_takes_no_bytes():
     lit = room(environment=Environment(np.arange(24, dtype=np.float32).reshape(2, 4, 3)))
-    assert planned(room()).file_bytes == planned(lit).file_bytes == 88 + 18 * SMALL.budget
+    assert planned(room()).file_bytes == planned(lit).file_bytes == 144 + 18 * SMALL.budget

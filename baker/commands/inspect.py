@@ -28,8 +28,9 @@ def run(options: argparse.Namespace) -> None:
     if options.json:
         print_json(facts)
         return
+    width = max(map(len, facts))
     for name, value in facts.items():
-        print(f"{name.replace('_', ' '):<10} {_plain(value)}")
+        print(f"{name.replace('_', ' '):<{width}} {_plain(value)}")
 
 
 def _facts(baked, data: bytes) -> dict:
@@ -38,19 +39,24 @@ def _facts(baked, data: bytes) -> dict:
     from gsgi.runtime import codec
     from gsgi.runtime.gaussians import Effects
 
-    gaussians = baked.gaussians
     facts = {
         "version": codec.version(data),
-        "gaussians": len(gaussians),
         "bytes": len(data),
-        "sh_degree": gaussians.sh_degree,
-        "operator": "over",
+        "operator": codec.OPERATOR_NAMES[type(baked.blend)],
         "effects": [effect.name.lower() for effect in Effects if effect in baked.effects],
         **{name: round(value, 9) for name, value in dataclasses.asdict(baked.blend).items()},
         "tone_scale": baked.tone_scale,
         "bounces": baked.bounces or None,
         "scene": f"{baked.scene:016x}" if baked.scene else None,
+        **_level(baked.gaussians),
     }
+    if baked.coarse is not None:
+        facts |= {f"coarse_{name}": value for name, value in _level(baked.coarse).items()}
+    return facts
+
+
+def _level(gaussians) -> dict:
+    facts = {"gaussians": len(gaussians), "sh_degree": gaussians.sh_degree}
     if len(gaussians):
         facts |= {
             "bounds": [gaussians.position.min(axis=0).tolist(), gaussians.position.max(axis=0).tolist()],

@@ -111,7 +111,7 @@ def _spread(heights: list[float]) -> list[float]:
 
 
 def _kilobytes(count: int) -> str:
-    size = (codec.HEADER.itemsize + codec.planes(count, 0).itemsize) / 1000
+    size = codec.file_bytes(count, 0) / 1000
     return f"{size:.1f}" if size < 10 else f"{size:.0f}"
 
 

@@ -1,0 +1,63 @@
+"""Bakes to encode, and .gsgi files to read and to damage."""
+
+import struct
+import zlib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from gsgi.runtime import codec
+from gsgi.runtime.gaussians import Bake, Effects, Gaussians, OverBlend, SurfaceBlend
+from gsgi.runtime.header import HEADERS
+
+DATA = Path(__file__).with_name("data")
+STORED = ("v1", "v2", "v3_over", "v3_surface")
+ARRAYS = ("position", "rotation", "scale", "opacity", "sh")
+
+
+def gaussians(count: int, degree: int, seed: int = 7) -> Gaussians:
+    rng = np.random.default_rng(seed)
+    rotation = rng.normal(size=(count, 4))
+    rotation /= np.linalg.norm(rotation, axis=1, keepdims=True)
+    sh = rng.normal(size=(count, (degree + 1) ** 2, 3)) * 0.3
+    sh[:, 0] = rng.exponential(size=(count, 3)) * 10 ** rng.uniform(-3, 3, (count, 1))
+    sh[:, 1:] *= sh[:, :1]
+    return Gaussians(
+        position=rng.uniform([-3, 0, -7], [4, 2, 9], (count, 3)).astype(np.float32),
+        rotation=rotation.astype(np.float32),
+        scale=np.exp(rng.uniform(-6, 0, (count, 3))).astype(np.float32),
+        opacity=rng.uniform(0, 1, count).astype(np.float32),
+        sh=sh.astype(np.float32),
+    )
+
+
+def example(count: int = 200, degree: int = 0) -> Bake:
+    effects = Effects.PUNCTUAL | Effects.DENOISED | Effects.UNLIT
+    blend = OverBlend(near=0.01)
+    return Bake(gaussians(count, degree), blend, 0.7, effects, bounces=300, scene=0xFEDC_BA98_7654_3210)
+
+
+def surface_example(count: int = 200, degree: int = 0, coarse_count: int = 30, coarse_degree: int = 2) -> Bake:
+    blend = SurfaceBlend(cutoff=0.04, sharpness=4, coarse_weight=0.002)
+    return replace(example(count, degree), blend=blend, coarse=gaussians(coarse_count, coarse_degree, seed=8))
+
+
+def reseal(data: bytes) -> bytes:
+    """The same bytes with a fitting checksum."""
+    data = data[:8] + bytes(4) + data[12:]
+    return data[:8] + struct.pack("<I", zlib.crc32(data)) + data[12:]
+
+
+def stored(name: str) -> bytes:
+    """The file of that name: three Gaussians of degree 1; with `surface` two coarse ones of degree 2 besides."""
+    return (DATA / f"{name}.gsgi").read_bytes()
+
+
+def changed(data: bytes, field: str, value) -> bytes:
+    """The same file with another value in its header, at `field` or `level.field`, resealed."""
+    layout = HEADERS[codec.version(data)]
+    header = np.frombuffer(data, layout, 1).copy()
+    level, _, name = field.rpartition(".")
+    (header[level] if level else header)[name] = value
+    return reseal(header.tobytes() + data[layout.itemsize :])
