@@ -38,12 +38,12 @@ def from_surface(position: np.ndarray, normal: np.ndarray, indirect: np.ndarray,
     Scale is the mean distance to the three nearest points (Kerbl et al. 2023), FLATNESS of it along the normal, which
     is the +z axis of the rotation.
     """
-    spacing = _spacing(position)
+    spacing = spacing(position)
     scale = spacing[:, None] * np.array([1, 1, FLATNESS], np.float32)
     sh = np.zeros((len(position), (sh_degree + 1) ** 2, 3), np.float32)
     sh[:, 0] = indirect / constants.SH_C0
     opacity = np.full(len(position), OPACITY, np.float32)
-    return Gaussians(position.astype(np.float32), _rotation_to(normal), scale.astype(np.float32), opacity, sh)
+    return Gaussians(position.astype(np.float32), rotation_to(normal), scale.astype(np.float32), opacity, sh)
 
 
 def _surface(camera: Camera, view: TracedView, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -58,7 +58,7 @@ def _surface(camera: Camera, view: TracedView, chosen: np.ndarray) -> tuple[np.n
     return position, view.normal[row, column], view.indirect[row, column]
 
 
-def _spacing(position: np.ndarray) -> np.ndarray:
+def spacing(position: np.ndarray) -> np.ndarray:
     """Mean distance (N,) float32, m, to the nearest NEIGHBOURS other points."""
     from scipy.spatial import cKDTree
 
@@ -69,7 +69,7 @@ def _spacing(position: np.ndarray) -> np.ndarray:
     return distance[:, 1:].mean(axis=1).astype(np.float32)
 
 
-def _rotation_to(normal: np.ndarray) -> np.ndarray:
+def rotation_to(normal: np.ndarray) -> np.ndarray:
     """Unit quaternions xyzw (N, 4) float32 that turn +z onto `normal` (N, 3) by the shortest way."""
     x, y, z = normal.astype(np.float64).T
     rotation = np.stack([-y, x, np.zeros_like(x), 1 + z], axis=1)

@@ -63,7 +63,7 @@ class SurfaceBlend:
     """
 
     cutoff: float = 0.05
-    sharpness: int = 4
+    sharpness: int = 2
     coarse_weight: float = 0.001  # seen only where nothing fine is near
 
     @property

@@ -8,6 +8,7 @@
 
 using namespace nb::literals;
 
+void bind_field(nb::module_& m);
 void bind_loss(nb::module_& m);
 void bind_sh(nb::module_& m);
 void bind_splat(nb::module_& m);
@@ -30,6 +31,7 @@ NB_MODULE(_kernels, m)
     m.def("instruction_sets", &instruction_set_names, "Those that this processor runs, fastest last.");
     m.def("set_instruction_set", &set_instruction_set, "name"_a,
         "The one for later calls; default: the fastest.");
+    bind_field(m);
     bind_loss(m);
     bind_sh(m);
     bind_splat(m);

@@ -59,3 +59,13 @@ template <> const SplatKernels<double>& splat_kernels()
 {
     return instruction_set().splat_double;
 }
+
+template <> const FieldKernels<float>& field_kernels()
+{
+    return instruction_set().field_float;
+}
+
+template <> const FieldKernels<double>& field_kernels()
+{
+    return instruction_set().field_double;
+}

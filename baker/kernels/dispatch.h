@@ -18,3 +18,7 @@ void set_instruction_set(const std::string& name);
 template <class Real> const SplatKernels<Real>& splat_kernels();
 template <> const SplatKernels<float>& splat_kernels();
 template <> const SplatKernels<double>& splat_kernels();
+
+template <class Real> const FieldKernels<Real>& field_kernels();
+template <> const FieldKernels<float>& field_kernels();
+template <> const FieldKernels<double>& field_kernels();

@@ -3,6 +3,7 @@
 // Nothing here may be shared with other objects by name: the linker would keep one copy of an inline
 // function, perhaps the one that this processor cannot run.
 #include "adam.h"
+#include "field_read.h"
 #include "loss_band.h"
 #include "rasterise_backward.h"
 #include "touch.h"
@@ -63,6 +64,6 @@ constexpr SplatKernels<Real> SPLAT = {project_range<Real, false>, count_tiles<Re
 extern const InstructionSet KERNELS;
 const InstructionSet KERNELS = {
     NAME(INSTRUCTION_SET), SPLAT<float>, SPLAT<double>, project_range<float, true>, step, visit_band<float>,
-    visit_band<double>};
+    visit_band<double>, FIELD<float>, FIELD<double>};
 
 } // namespace INSTRUCTION_SET

@@ -5,6 +5,7 @@
 #include <cstdint>
 
 #include "constants.glsl"
+#include "field_records.h"
 #include "loss_records.h"
 
 // Space: the camera looks down -Z, image row 0 on top.
@@ -150,4 +151,6 @@ struct InstructionSet {
         size_t begin, size_t end);
     LossBand<float>* loss_float;
     LossBand<double>* loss_double;
+    FieldKernels<float> field_float;
+    FieldKernels<double> field_double;
 };

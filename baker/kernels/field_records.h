@@ -1,0 +1,78 @@
+// Records of reading Gaussians at surface points, the `surface` operator: plain data, no code.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+constexpr int FIELD_LANES = 16; // points that are read together
+constexpr int FIELD_MOMENTS = 16;
+constexpr int FIELD_SH_MAX = 9;
+
+// Activated Gaussians; coefficients of K = 1, 4 or 9 spherical harmonics of the normal.
+template <class Real> struct FieldArrays {
+    size_t count;         // N
+    size_t coefficients;  // K
+    const Real* position; // (N, 3) m
+    const Real* rotation; // (N, 4) xyzw, unit
+    const Real* scale;    // (N, 3) m
+    const Real* opacity;  // (N,)
+    const Real* sh;       // (N, K, 3)
+};
+
+// weight = opacity max(0, exp(-q / 2) - cutoff) max(0, n . n_i)^sharpness; with sharpness 0 no factor of n.
+struct FieldBlend {
+    double cutoff;
+    int sharpness;
+};
+
+// One Gaussian, ready to be read: e = inverse_scale (axes (x - position)), q = e . e.
+template <class Real> struct Reader {
+    Real position[3];
+    Real axes[3][3]; // rows: the ellipsoid's axes, unit; the last is the Gaussian's normal
+    Real inverse_scale[3];
+    Real opacity;
+};
+
+// Points that lie together, one per lane; those that fill up the last block have normal 0.
+template <class Real> struct PointBlock {
+    alignas(64) Real position[3][FIELD_LANES];
+    alignas(64) Real normal[3][FIELD_LANES];
+};
+
+struct Box {
+    float low[3], high[3];
+};
+
+// A Gaussian that reaches a block, and its place in the list by Gaussian.
+struct Reach {
+    uint32_t gaussian;
+    uint32_t entry;
+};
+
+// What a block has to read: `sums` are sum w c and sum w, (lanes, 4).
+template <class Real> struct BlockReading {
+    const PointBlock<Real>* points;
+    const Reach* reached;
+    size_t reached_count;
+    const Reader<Real>* readers;
+    const Real* sh; // (N, K, 3)
+    size_t coefficients;
+    FieldBlend blend;
+};
+
+// Sums over the points that a Gaussian reaches, with p = dloss / dw, g = p dw / dG G and h = p dw / dcosine:
+// of g e (3), g e e^T (xx, xy, xz, yy, yz, zz), p w, h n_x, h n_y in the Gaussian's axes, share dloss/dB (3), share error,
+// where share = w / sum w.
+enum FieldMoment { E_X, E_Y, E_Z, E_XX, E_XY, E_XZ, E_YY, E_YZ, E_ZZ, P_W, H_X, H_Y, S_RED, S_GREEN, S_BLUE, S_ERROR };
+
+template <class Real> struct FieldKernels {
+    // Whether a Gaussian weighs anything at some point of a block, were it `margin` times as large.
+    bool (*touches)(const Reader<Real>&, const PointBlock<Real>&, const FieldBlend&, double margin);
+    // Adds to sums (lanes, 4).
+    void (*read)(const BlockReading<Real>&, Real* sums);
+    // Writes to moments[entry] (FIELD_MOMENTS); `light`, `by_light` (lanes, 3), `by_weight` = 1 / sum w, `error` (lanes,).
+    void (*read_backward)(const BlockReading<Real>&, const Real* light, const Real* by_light, const Real* inverse_weight,
+        const Real* error, Real* moments);
+    // Writes sum_s share Y_k values_s to spread[entry] (K, 3).
+    void (*spread)(const BlockReading<Real>&, const Real* values, const Real* inverse_weight, Real* spread);
+};

@@ -1,0 +1,105 @@
+"""Fits Gaussians of the `surface` operator to samples of B: shapes by gradient, colours by least squares at each change of
+their number."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
+
+from .blue_noise import thin
+from .checkpoint import Checkpoint
+from .density import count_after
+from .fit import Course
+from .initialise import CANDIDATES, rotation_to, spacing
+from .records import from_arrays, to_arrays
+from .surface_optimiser import Seen, SurfaceOptimiser
+from .surface_samples import SurfaceSamples
+from .surface_state import SurfaceState, to_merge, to_remove, to_split
+
+# Adam's steps: lengths in standard deviations, turns in rad, light in units of the tone scale. They fall to RATE_END of
+# themselves, exponentially.
+RATES = {"place": 0.06, "turn": 0.04, "log_scale": 0.06, "logit_opacity": 0.05, "colour": 0.03}
+RATE_END = 0.1
+
+# When the number of Gaussians changes, as shares of the steps, and the share of the budget that the fit starts with.
+GROWTH = 0.2, 0.35, 0.5
+START_SHARE = 0.7
+
+SOLVE_FIRST, SOLVE_AGAIN = 10, 5  # iterations of the colours' least squares: at the start, and where the number changed
+
+# The start: of the distance to the three nearest, in the surface and along its normal. Neighbours overlap.
+WIDTH, THICKNESS = 1.3, 0.8
+OPACITY = 0.5
+
+
+@dataclass(frozen=True)
+class _Run:
+    """All that the rest of a fit depends on, after `iteration` steps."""
+
+    state: SurfaceState
+    iteration: int
+
+
+def fit_surface(
+    samples: SurfaceSamples,
+    coarse: Gaussians,
+    blend: SurfaceBlend,
+    tone_scale: float,
+    course: Course,
+    watch: Callable[[int, float, Gaussians], None] | None = None,
+    checkpoint: Checkpoint | None = None,
+) -> Gaussians:
+    """The fine level: at most `course.budget` Gaussians of SH degree 0 that, with the `coarse` level, meet the samples.
+
+    `tone_scale` is the mean B, radiance. `watch(iteration, loss, gaussians)` is called after each step. Goes on from
+    `checkpoint` where it holds a state and keeps states there. Deterministic for a seed, whatever the number of threads,
+    and wherever it was interrupted. Raises FloatingPointError at the first loss or gradient that is not finite.
+    """
+    rng = np.random.default_rng(course.seed)
+    optimiser = SurfaceOptimiser(samples, coarse, blend, tone_scale)
+    if checkpoint and (arrays := checkpoint.load()):
+        run = from_arrays(_Run, arrays)
+    else:
+        first = start(samples, max(round(START_SHARE * course.budget), 1), rng)
+        run = _Run(SurfaceState.fresh(optimiser.solve(first, SOLVE_FIRST)), 0)
+    state, seen = run.state, None
+    changes = {round(share * course.iterations): (i + 1) / len(GROWTH) for i, share in enumerate(GROWTH)}
+    for iteration in range(run.iteration, course.iterations):
+        if iteration in changes and iteration > 0:
+            seen = seen or optimiser.step(state, dict.fromkeys(RATES, 0.0), iteration)[1]
+            limit = count_after(round(START_SHARE * course.budget), course.budget, changes[iteration])
+            state = changed(state, seen, limit, optimiser, tone_scale)
+        falling = RATE_END ** (iteration / course.iterations)
+        try:
+            state, seen = optimiser.step(state, {name: falling * rate for name, rate in RATES.items()}, iteration + 1)
+        except FloatingPointError as error:
+            raise FloatingPointError(f"{error} at iteration {iteration}") from error
+        if watch:
+            watch(iteration + 1, seen.loss, state.gaussians)
+        if checkpoint and checkpoint.due():
+            checkpoint.save(to_arrays(_Run(state, iteration + 1)))
+    return state.gaussians
+
+
+def start(samples: SurfaceSamples, count: int, rng: np.random.Generator) -> Gaussians:
+    """At most `count` Gaussians evenly apart on the samples' surfaces, flat along the normal, which is their +z axis."""
+    chosen = np.sort(rng.permutation(len(samples))[: CANDIDATES * count])
+    position, normal = samples.position[chosen], samples.normal[chosen]
+    even = thin(position, normal, count, rng)
+    position, normal, light = position[even], normal[even], samples.indirect[chosen][even]
+    scale = spacing(position)[:, None] * np.array([WIDTH, WIDTH, THICKNESS], np.float32)
+    opacity = np.full(len(position), OPACITY, np.float32)
+    return Gaussians(position, rotation_to(normal), scale, opacity, light[:, None, :])
+
+
+def changed(
+    state: SurfaceState, seen: Seen, limit: int, optimiser: SurfaceOptimiser, tone_scale: float
+) -> SurfaceState:
+    """At most `limit` Gaussians: without those that no sample sees or that a neighbour makes superfluous, and with those
+    split under which most error lies, `seen` by the last step."""
+    wanted = ~(to_remove(optimiser.share(state.gaussians)) | to_merge(state.gaussians, tone_scale))
+    state, error = state.keep(wanted), seen.error[wanted]
+    state = state.split(to_split(error, limit - len(state)))
+    return replace(state, gaussians=optimiser.solve(state.gaussians, SOLVE_AGAIN))

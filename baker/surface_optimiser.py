@@ -1,0 +1,150 @@
+"""Steps Gaussians of the `surface` operator against all samples at once."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gsgi.runtime import constants
+from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
+
+from . import _kernels, colours
+from .evaluate import coarse_sums
+from .point_order import coherent
+from .surface_samples import SurfaceSamples
+from .surface_state import PARAMETERS, SurfaceState, axes
+
+MARGIN = 1.1  # by which Gaussians may grow or move, in units of themselves, before it is looked anew which samples they reach
+LIST_STEPS = 10
+
+# Adam (Kingma and Ba 2015). All samples take part in each step: the square need not remember long.
+BETA_1, BETA_2, EPSILON = 0.9, 0.98, 1e-20
+
+DARK = 1.5  # mean B; light counts relative to itself and so much more
+SIZE_COST = (
+    0.01  # of the loss, for all Gaussians e times as large: of shapes that fit the same the small one costs less
+)
+LOGIT_MAX = 5.0
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What a step found: the loss, and each Gaussian's share (N,) float32 of the samples' error, free of their noise."""
+
+    loss: float
+    error: np.ndarray
+
+
+class SurfaceOptimiser:
+    """The loss is the mean over samples of importance |B - light|^2, linear light, importance = 1 / (B + DARK mean)^2.
+
+    Squared error in linear light has its minimum at the mean of noisy samples; the importance depends on B alone, which
+    hardly knows the noise. Deterministic, whatever the number of threads.
+    """
+
+    def __init__(self, samples: SurfaceSamples, coarse: Gaussians, blend: SurfaceBlend, tone_scale: float):
+        samples = samples[coherent(samples.position, samples.normal)]
+        self._a, self._b, self._light = samples.indirect_a, samples.indirect_b, samples.indirect
+        self._field = _kernels.FieldFloat(samples.position, samples.normal)
+        self._base = coarse_sums(self._field, coarse, blend)
+        self._blend, self._dark, self._unit = blend, np.float32(DARK * tone_scale), tone_scale
+        self._listed, self._age = 0, LIST_STEPS
+
+    def solve(self, gaussians: Gaussians, iterations: int) -> Gaussians:
+        """With the best colours for their shapes."""
+        self._list(gaussians)
+        light, _ = self._read(gaussians)
+        importance = self._importance(light)
+        sh = colours.solve(self._field, gaussians, self._base, self._light, importance, iterations)
+        return replace(gaussians, sh=sh)
+
+    def share(self, gaussians: Gaussians) -> np.ndarray:
+        """Of how many samples (N,) float32 each Gaussian makes up the light: sums of w over sum w."""
+        self._list(gaussians)
+        light, inverse = self._read(gaussians)
+        return self._field.spread(gaussians, np.ones_like(light), inverse)[:, 0, 0] / np.float32(constants.SH_C0)
+
+    def step(self, state: SurfaceState, rates: Mapping[str, float], steps: int) -> tuple[SurfaceState, Seen]:
+        """One step of Adam, the `steps`-th since it began. Raises FloatingPointError where the loss or a gradient is not
+        finite, naming the Gaussian."""
+        if self._age >= LIST_STEPS or self._listed != len(state):
+            self._list(state.gaussians)
+        self._age += 1
+        moments, loss = self._moments(state.gaussians)
+        if not np.isfinite(loss):
+            raise FloatingPointError(f"the loss is {loss}")
+        if len(broken := np.flatnonzero(~np.isfinite(moments).all(axis=1))):
+            raise FloatingPointError(f"the gradient of Gaussian {broken[0]} is not finite")
+        gradient = parameter_gradient(moments, state.gaussians)
+        gradient[:, 6:9] += SIZE_COST * loss / max(len(state), 1)
+        rate = np.repeat([rates[name] for name in PARAMETERS], list(PARAMETERS.values()))
+        mean = BETA_1 * state.mean + np.float32(1 - BETA_1) * gradient
+        square = BETA_2 * state.square + np.float32(1 - BETA_2) * gradient**2
+        change = -rate * (mean / (1 - BETA_1**steps)) / (np.sqrt(square / (1 - BETA_2**steps)) + EPSILON)
+        stepped = moved(state.gaussians, change, self._unit, state.smallest, state.largest)
+        seen = Seen(loss, moments[:, 15])
+        return replace(state, gaussians=stepped, mean=mean.astype(np.float32), square=square.astype(np.float32)), seen
+
+    def _list(self, gaussians: Gaussians) -> None:
+        self._field.list(gaussians, self._blend.cutoff, self._blend.sharpness, MARGIN)
+        self._listed, self._age = len(gaussians), 0
+
+    def _read(self, gaussians: Gaussians) -> tuple[np.ndarray, np.ndarray]:
+        """B (S, 3) and 1 / sum w (S,)."""
+        sums = self._field.read(gaussians) + self._base
+        inverse = np.divide(1, sums[:, 3], out=np.zeros(len(sums), np.float32), where=sums[:, 3] > 0)
+        return sums[:, :3] * inverse[:, None], inverse
+
+    def _importance(self, light: np.ndarray) -> np.ndarray:
+        return 1 / np.square(np.maximum(light.mean(axis=1), 0) + self._dark)
+
+    def _moments(self, gaussians: Gaussians) -> tuple[np.ndarray, float]:
+        """Moments (N, 16), see FieldMoment, and the loss."""
+        light, inverse = self._read(gaussians)
+        importance = self._importance(light)
+        residual = light - self._light
+        by_light = (2 / len(light)) * importance[:, None] * residual
+        error = importance * ((light - self._a) * (light - self._b)).sum(axis=1)
+        loss = float((importance * np.square(residual).sum(axis=1)).mean(dtype=np.float64))
+        return self._field.backward(gaussians, light, by_light, inverse, error), loss
+
+
+def parameter_gradient(moments: np.ndarray, gaussians: Gaussians) -> np.ndarray:
+    """The loss's gradient (N, 13) float32 by PARAMETERS, from sums (N, 16) as FieldMoment names them.
+
+    A place u moves the centre by R S u, a turn w rotates the axes by w about themselves: both at 0. A colour is the
+    constant SH coefficient.
+    """
+    e_x, e_y, e_z, xx, xy, xz, yy, yz, zz, p_w, h_x, h_y, red, green, blue = moments[:, :15].T
+    x, y, z = gaussians.scale.T
+    columns = [
+        *(e_x, e_y, e_z),
+        *(yz * (y / z - z / y) - h_y, xz * (z / x - x / z) + h_x, xy * (x / y - y / x)),
+        *(xx, yy, zz),
+        p_w * (1 - gaussians.opacity),
+        *(constants.SH_C0 * colour for colour in (red, green, blue)),
+    ]
+    return np.stack(columns, axis=1).astype(np.float32)
+
+
+def moved(
+    gaussians: Gaussians, change: np.ndarray, unit: float, smallest: np.ndarray, largest: np.ndarray
+) -> Gaussians:
+    """Gaussians after a change (N, 13) of PARAMETERS, colours in units of `unit` (radiance), none below 0; standard
+    deviations stay between `smallest` and `largest` (N, 3)."""
+    from scipy.spatial.transform import Rotation
+
+    g = gaussians
+    place, turn, log_scale, logit, colour = np.split(change, np.cumsum(list(PARAMETERS.values()))[:-1], axis=1)
+    position = g.position + (axes(g.rotation) * (g.scale * place)[:, None, :]).sum(axis=2)
+    rotation = (Rotation.from_quat(g.rotation) * Rotation.from_rotvec(turn)).as_quat().reshape(-1, 4)
+    opacity = g.opacity.astype(np.float64)
+    odds = np.clip(np.log(opacity / (1 - opacity)) + logit[:, 0], -LOGIT_MAX, LOGIT_MAX)
+    arrays = (
+        position,
+        rotation,
+        np.clip(g.scale * np.exp(log_scale), smallest, largest),
+        1 / (1 + np.exp(-odds)),
+        np.maximum(g.sh + (unit / constants.SH_C0 * colour)[:, None, :], 0),
+    )
+    return Gaussians(*(array.astype(np.float32) for array in arrays))
