@@ -99,7 +99,7 @@ class SurfaceOptimiser:
         return 1 / np.square(np.maximum(light.mean(axis=1), 0) + self._dark)
 
     def _moments(self, gaussians: Gaussians) -> tuple[np.ndarray, float]:
-        """Moments (N, 16), see FieldMoment, and the loss."""
+        """Moments (N, 16), see FIELD_MOMENTS, and the loss."""
         light, inverse = self._read(gaussians)
         importance = self._importance(light)
         residual = light - self._light
@@ -110,7 +110,7 @@ class SurfaceOptimiser:
 
 
 def parameter_gradient(moments: np.ndarray, gaussians: Gaussians) -> np.ndarray:
-    """The loss's gradient (N, 13) float32 by PARAMETERS, from sums (N, 16) as FieldMoment names them.
+    """The loss's gradient (N, 13) float32 by PARAMETERS, from the sums (N, 16) of FIELD_MOMENTS.
 
     A place u moves the centre by R S u, a turn w rotates the axes by w about themselves: both at 0. A colour is the
     constant SH coefficient.
