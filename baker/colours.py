@@ -1,8 +1,12 @@
 """The colours of Gaussians whose shapes are given: linear least squares by conjugate gradients (Hestenes, Stiefel 1952)."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from gsgi.runtime import constants
+
+from .evaluate import inverse_weight
 
 # Of a Gaussian's mass: how strongly its colour is held to the mean of the light that it sees. Keeps Gaussians that
 # overlap much from making up for each other's colours, and few samples from being believed.
@@ -16,10 +20,7 @@ def solve(field, gaussians, base: np.ndarray, light: np.ndarray, importance: np.
     that the field has listed, have now. `base` (S, 4) is what further Gaussians add to sum w c and sum w. The constant
     coefficient comes out at 0 or more.
     """
-    from dataclasses import replace
-
-    reading = field.read(gaussians)[:, 3] + base[:, 3]
-    inverse = np.divide(1, reading, out=np.zeros_like(reading), where=reading > 0)
+    inverse = inverse_weight(field.read(gaussians) + base)
     given = base[:, :3] * inverse[:, None]
     weight = importance.astype(np.float32)[:, None]
 
