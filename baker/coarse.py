@@ -1,4 +1,4 @@
-"""The coarse level: round Gaussians throughout free space, so that every point has light, and a moving object its own."""
+"""The coarse level: round Gaussians throughout free space, so that every point has light, a moving object its own."""
 
 from dataclasses import replace
 

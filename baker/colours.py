@@ -1,4 +1,4 @@
-"""The colours of Gaussians whose shapes are given: linear least squares by conjugate gradients (Hestenes, Stiefel 1952)."""
+"""Colours of Gaussians whose shapes are given: linear least squares by conjugate gradients (Hestenes, Stiefel 1952)."""
 
 from dataclasses import replace
 

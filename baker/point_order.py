@@ -6,8 +6,8 @@ BITS = 10  # of each coordinate
 
 
 def coherent(position: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """Indices (S,) that sort points (S, 3), m, by the axis that their normals (S, 3) are nearest to, then along a Z-order
-    curve (Morton 1966)."""
+    """Indices (S,) that sort points (S, 3), m, by the axis that their normals (S, 3) are nearest to, then along a
+    Z-order curve (Morton 1966)."""
     if not len(position):
         return np.empty(0, np.int64)
     low = position.min(axis=0).astype(np.float64)

@@ -37,8 +37,8 @@ OPACITY = 0.5
 
 @dataclass(frozen=True)
 class _Run:
-    """All that the rest of a fit depends on, after `iteration` steps, a multiple of LIST_STEPS; `error` (N,) is what the
-    last of them saw."""
+    """All that the rest of a fit depends on, after `iteration` steps, a multiple of LIST_STEPS; `error` (N,) is what
+    the last of them saw."""
 
     state: SurfaceState
     error: np.ndarray
@@ -56,9 +56,10 @@ def fit_surface(
 ) -> Gaussians:
     """The fine level: at most `course.budget` Gaussians of SH degree 0 that, with the `coarse` level, meet the samples.
 
-    `tone_scale` is the mean B, radiance. `watch(iteration, loss, gaussians)` is called after each step. Goes on from
-    `checkpoint` where it holds a state and keeps states there. Deterministic for a seed, whatever the number of threads,
-    and wherever it was interrupted. Raises FloatingPointError at the first loss or gradient that is not finite.
+    `tone_scale` is the mean B, radiance. `watch(iteration, loss, gaussians)` is called after each step; gaussians() are
+    those that it led to. Goes on from `checkpoint` where it holds a state and keeps states there. Deterministic for a
+    seed, whatever the number of threads, and wherever it was interrupted. Raises FloatingPointError at the first
+    gradient or loss that is not finite, naming iteration and Gaussian.
     """
     rng = np.random.default_rng(course.seed)
     optimiser = SurfaceOptimiser(samples, coarse, blend, tone_scale)
@@ -87,7 +88,7 @@ def fit_surface(
 
 
 def start(samples: SurfaceSamples, count: int, rng: np.random.Generator) -> Gaussians:
-    """At most `count` Gaussians evenly apart on the samples' surfaces, flat along the normal, which is their +z axis."""
+    """At most `count` Gaussians evenly apart on the samples' surfaces, flat along the normal, their +z axis."""
     chosen = np.sort(rng.permutation(len(samples))[: CANDIDATES * count])
     position, normal = samples.position[chosen], samples.normal[chosen]
     even = thin(position, normal, count, rng)
@@ -100,8 +101,8 @@ def start(samples: SurfaceSamples, count: int, rng: np.random.Generator) -> Gaus
 def changed(
     state: SurfaceState, error: np.ndarray, limit: int, optimiser: SurfaceOptimiser, tone_scale: float
 ) -> SurfaceState:
-    """At most `limit` Gaussians: without those that no sample sees or that a neighbour makes superfluous, and with those
-    split under which most `error` (N,) lies."""
+    """At most `limit` Gaussians: without those that no sample sees or that a neighbour makes superfluous, and with
+    those split under which most `error` (N,) lies."""
     wanted = ~(to_remove(optimiser.share(state.gaussians)) | to_merge(state.gaussians, tone_scale))
     state = state.keep(wanted)
     state = state.split(to_split(error[wanted], limit - len(state)))

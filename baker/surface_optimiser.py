@@ -27,7 +27,7 @@ LOGIT_MAX = 5.0  # of the opacity
 
 @dataclass(frozen=True)
 class Seen:
-    """What a step found: the loss, and each Gaussian's share (N,) float32 of the samples' error, free of their noise."""
+    """What a step found: the loss, and the error (N,) float32 of the samples, free of their noise, by Gaussian."""
 
     loss: float
     error: np.ndarray
@@ -63,10 +63,10 @@ class SurfaceOptimiser:
         return self._field.spread(gaussians, np.ones_like(light), inverse)[:, 0, 0] / np.float32(constants.SH_C0)
 
     def step(self, state: SurfaceState, rates: Mapping[str, float], steps: int) -> tuple[SurfaceState, Seen]:
-        """One step of Adam, the `steps`-th since it began. Raises FloatingPointError where a gradient, naming the Gaussian,
-        or the loss is not finite.
+        """One step of Adam, the `steps`-th since it began.
 
-        Depends on earlier steps through what was listed, unless `steps` - 1 is a multiple of LIST_STEPS.
+        Raises FloatingPointError where a gradient, naming the Gaussian, or the loss is not finite. Depends on earlier
+        steps by what they listed, unless `steps` - 1 is a multiple of LIST_STEPS.
         """
         if (steps - 1) % LIST_STEPS == 0 or self._listed != len(state):
             self._list(state.gaussians)
