@@ -22,6 +22,7 @@ ITERATIONS, DARK = (10, 30), 0.5
 
 # One Gaussian reaches every point of the scene and far beyond, weighing next to nothing.
 EVERYWHERE_SCALE, EVERYWHERE_OPACITY = 1.0, 1 / 255
+SCALE_MIN = 1e-6  # m; points may coincide
 
 
 def coarse_level(samples: SurfaceSamples, count: int, blend: SurfaceBlend, tone_scale: float, seed: int) -> Gaussians:
@@ -55,7 +56,7 @@ def _evenly_apart(position: np.ndarray, count: int, rng: np.random.Generator) ->
     return Gaussians(
         np.concatenate([[(low + high) / 2], centres]).astype(np.float32),
         np.tile(np.float32([0, 0, 0, 1]), (n, 1)),
-        np.repeat(np.maximum(scale, 1e-6)[:, None], 3, axis=1).astype(np.float32),
+        np.repeat(np.maximum(scale, SCALE_MIN)[:, None], 3, axis=1).astype(np.float32),
         np.concatenate([[EVERYWHERE_OPACITY], np.ones(n - 1)]).astype(np.float32),
         np.zeros((n, (SH_DEGREE + 1) ** 2, 3), np.float32),
     )

@@ -33,6 +33,7 @@ SOLVE_FIRST, SOLVE_AGAIN = 10, 5  # iterations of the colours' least squares: at
 # The start: of the distance to the three nearest, in the surface and along its normal. Neighbours overlap.
 WIDTH, THICKNESS = 1.3, 0.8
 OPACITY = 0.5
+SPACING_MIN = 1e-6  # m; points may coincide
 
 
 @dataclass(frozen=True)
@@ -93,7 +94,9 @@ def start(samples: SurfaceSamples, count: int, rng: np.random.Generator) -> Gaus
     position, normal = samples.position[chosen], samples.normal[chosen]
     even = thin(position, normal, count, rng)
     position, normal, light = position[even], normal[even], samples.indirect[chosen][even]
-    scale = spacing(position)[:, None] * np.array([WIDTH, WIDTH, THICKNESS], np.float32)
+    scale = np.maximum(spacing(position), np.float32(SPACING_MIN))[:, None] * np.array(
+        [WIDTH, WIDTH, THICKNESS], np.float32
+    )
     opacity = np.full(len(position), OPACITY, np.float32)
     return Gaussians(position, rotation_to(normal), scale, opacity, light[:, None, :] / np.float32(constants.SH_C0))
 
