@@ -1,4 +1,4 @@
-"""Where the `surface` operator is fitted: on what cameras see, by area, in two halves that know nothing of each other."""
+"""Where the `surface` operator is fitted: on what cameras see, by area, in two halves that are independent."""
 
 from dataclasses import replace
 
