@@ -48,7 +48,7 @@ def fit_surface(
     blend: SurfaceBlend,
     tone_scale: float,
     course: Course,
-    watch: Callable[[int, float, Gaussians], None] | None = None,
+    watch: Callable[[int, float, Callable[[], Gaussians]], None] | None = None,
     checkpoint: Checkpoint | None = None,
 ) -> Gaussians:
     """The fine level: at most `course.budget` Gaussians of SH degree 0 that, with the `coarse` level, meet the samples.
@@ -77,7 +77,7 @@ def fit_surface(
         except FloatingPointError as error:
             raise FloatingPointError(f"{error} at iteration {iteration}") from error
         if watch:
-            watch(iteration + 1, seen.loss, state.gaussians)
+            watch(iteration + 1, seen.loss, lambda gaussians=state.gaussians: gaussians)
         if checkpoint and checkpoint.due():
             checkpoint.save(to_arrays(_Run(state, iteration + 1)))
     return state.gaussians

@@ -68,11 +68,11 @@ class Sampler:
     def surface(self, count: int, advance: Callable[..., None]) -> SurfaceSamples:
         """At least `count` samples (whole chunks; fewer where a path found nothing) of the surfaces that the cameras
         see, as many as their area says in each camera's image. `advance(points)` is called with 2 for each."""
-        return self._chunks("surface samples", -(-count // CHUNK), advance, lambda seen, rng: seen.surface(CHUNK, rng))
+        return self._chunks("surface", -(-count // CHUNK), advance, lambda seen, rng: seen.surface(CHUNK, rng))
 
     def free(self, advance: Callable[..., None]) -> SurfaceSamples:
         """CHUNK samples in the free space before the cameras, normals in all directions alike."""
-        return self._chunks("free samples", 1, advance, lambda seen, rng: seen.free(CHUNK, rng))
+        return self._chunks("free", 1, advance, lambda seen, rng: seen.free(CHUNK, rng))
 
     def _chunks(self, stage: str, count: int, advance, draw) -> SurfaceSamples:
         return joined([self._chunk(stage, i, advance, draw) for i in range(count)])
@@ -87,7 +87,7 @@ class Sampler:
             return from_arrays(SurfaceSamples, found)
         if self._seen is None:
             self._seen = _look(self._light.tracer, self._cameras)
-        seeds = np.random.SeedSequence((self._seed, index, stage == "free samples"))
+        seeds = np.random.SeedSequence((self._seed, index, stage == "free"))
         points = draw(self._seen, np.random.default_rng(seeds))
         samples = _trace(self._light.tracer, points, self._sampling, seeds.generate_state(2).tolist(), advance)
         cache.put(key, to_arrays(samples))
