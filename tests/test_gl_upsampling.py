@@ -3,12 +3,14 @@
 from dataclasses import replace
 
 import numpy as np
+import oracle
 import pytest
 import scenes
 from test_gl_surface import draw, nothing, one, room, seen_points, surface_gaussians
 
 from gsgi.runtime.camera import look_at
-from gsgi.runtime.gaussians import Gaussians
+from gsgi.runtime.gaussians import Bake, Gaussians, SurfaceBlend
+from gsgi.runtime.renderer import DeferredRenderer
 from gsgi.runtime.scene import Scene
 
 SIZE = 160, 120
@@ -108,14 +110,36 @@ def test_size_may_be_odd(gl, splat_scale, size):
     assert np.allclose(low, 0.7, rtol=1e-3)
 
 
-def test_the_points_lie_where_the_upsampling_expects_them(gl):
+@pytest.mark.parametrize("size", [SIZE, (159, 121)])
+def test_the_points_lie_where_the_upsampling_expects_them(gl, size):
     """A linear field over a wall is reproduced but for what single Gaussians add to it."""
     scene = Scene((wall(-2.0, (-4, -4), (4, 4)),), (scenes.WHITE,))
     fine = lit(scene, lambda position, _: 1 + 0.2 * position)
-    depth = draw(gl, fine, scene=scene, camera=FRONT, size=SIZE)[1]
+    depth = draw(gl, fine, scene=scene, camera=FRONT, size=size)[1]
     expected = 1 + 0.2 * seen_points(depth, FRONT)
     errors = [
-        np.abs(draw(gl, fine, scene=scene, camera=FRONT, size=SIZE, splat_scale=s)[0] - expected)[8:-8, 8:-8].mean()
+        np.abs(draw(gl, fine, scene=scene, camera=FRONT, size=size, splat_scale=s)[0] - expected)[8:-8, 8:-8].mean()
         for s in (1, 2, 4)
     ]
     assert errors[2] < 1.5 * errors[0] + 1e-3
+
+
+@SCALES
+def test_quads_cover_all_that_a_pixel_may_read(gl, splat_scale):
+    """Specks smaller than a pixel of the target: what is read of them is what the oracle says of the points read."""
+    scene = Scene((wall(-2.0, (-4, -4), (4, 4)),), (scenes.WHITE,))
+    fine = lit(scene, lambda position, _: np.ones_like(position))
+    fine = replace(fine, scale=fine.scale * np.float32([0.2, 0.2, 1]))
+    for size in (SIZE, (157, 119)):
+        bake = Bake(fine, SurfaceBlend(), coarse=nothing())
+        renderer = DeferredRenderer(gl, scene, bake, *size, splat_scale)
+        renderer.render(FRONT)
+        splats = renderer.splats
+        position, plane, sums = (
+            np.frombuffer(texture.read(), np.float32).reshape(-1, 4)
+            for texture in (splats._points.position, splats._points.plane, splats._sums)
+        )
+        expected, _ = oracle.read_surface(fine, nothing(), bake.blend, position[:, :3], plane[:, :3].astype(float))
+        assert (expected[:, 3] > 0).mean() > 0.1
+        np.testing.assert_allclose(sums, expected, rtol=1e-3, atol=1e-4)
+        renderer.release()
