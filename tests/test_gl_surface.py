@@ -147,16 +147,19 @@ def test_one_faint_gaussian_of_the_coarse_level(gl, light):
     assert indirect[32, 48] == pytest.approx([light] * 3, rel=TOLERANCE)
 
 
-def test_a_flat_gaussian_covers_the_wall_it_lies_on_from_afar(gl):
-    """Thinner than a step of the depth buffer there, which is 2 mm with the near plane at 1 cm."""
-    for eye in ((0.0, 18.0, 0.0), (3.0, 17.0, 0.0), (0.0, 12.0, 9.0), (-5.0, 11.3, 7.0)):
-        camera = look_at(np.array(eye), np.zeros(3), np.array([0.0, 0.0, -1.0]), 0.3, 0.01)
-        indirect, depth, normal = draw(gl, one(scale=(1, 1, 1e-4)), scene=FLOOR, camera=camera)
-        points = seen_points(depth, camera).reshape(-1, 3), normal.reshape(-1, 3).astype(float)
-        sums, _ = oracle.read_surface(one(scale=(1, 1, 1e-4)), nothing(), BLEND, *points)
-        inside = sums[:, 3].reshape(depth.shape) > 0.01  # nearer to the rim rounding decides
-        assert inside.sum() > 500
-        assert np.allclose(indirect[inside], 1, rtol=TOLERANCE)
+@pytest.mark.parametrize(
+    ("eye", "yfov", "thickness"), [((0, 18, 0), 0.3, 1e-4), ((-5, 11, 7), 0.3, 1e-4), ((0, 400, 0), 0.01, 0.05)]
+)
+def test_a_flat_gaussian_covers_the_wall_it_lies_on_from_afar(gl, eye, yfov, thickness):
+    """Thinner than a step of the depth buffer there: 2 mm at 18 m, 1 m at 400 m, with the near plane at 1 cm."""
+    camera = look_at(np.array(eye, float), np.zeros(3), np.array([0.0, 0.0, -1.0]), yfov, 0.01)
+    fine = one(scale=(1, 1, thickness))
+    indirect, depth, normal = draw(gl, fine, scene=FLOOR, camera=camera)
+    points = seen_points(depth, camera).reshape(-1, 3), normal.reshape(-1, 3).astype(float)
+    sums, _ = oracle.read_surface(fine, nothing(), BLEND, *points)
+    inside = sums[:, 3].reshape(depth.shape) > 0.01  # nearer to the rim rounding decides
+    assert inside.sum() > 500
+    assert np.allclose(indirect[inside], 1, rtol=TOLERANCE)
 
 
 @pytest.mark.parametrize("field", ["position", "rotation", "scale", "opacity", "sh"])
