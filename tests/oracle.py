@@ -7,7 +7,7 @@ import scenes
 
 from gsgi.runtime.camera import Pinhole
 from gsgi.runtime.constants import FRUSTUM_CLAMP, TRANSMITTANCE_MIN
-from gsgi.runtime.gaussians import Gaussians, OverBlend
+from gsgi.runtime.gaussians import Gaussians, OverBlend, SurfaceBlend
 
 
 class Projected(NamedTuple):
@@ -93,6 +93,28 @@ def splat(gaussians: Gaussians, pinhole: Pinhole, blend: OverBlend) -> tuple[np.
         image += (transmittance * alpha)[..., None] * colours[i]
         transmittance *= 1 - alpha
     return image, transmittance
+
+
+def read_surface(
+    gaussians: Gaussians, coarse: Gaussians, blend: SurfaceBlend, position: np.ndarray, normal: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The `surface` operator at points (N, 3) with unit normals (N, 3): sums (N, 4) float64 of w c and w; B (N, 3).
+
+    One Gaussian after the other, as `SurfaceBlend` says.
+    """
+    sums = np.zeros((len(position), 4))
+    for level, sharpness, weight in ((gaussians, blend.sharpness, 1.0), (coarse, None, blend.coarse_weight)):
+        basis = sh_basis(normal, level.sh_degree)
+        rotations = rotation_matrix(level.rotation.astype(float))
+        for i in range(len(level)):
+            deviations = (position - level.position[i]) @ rotations[i] / level.scale[i]
+            nearness = np.maximum(0, np.exp(-0.5 * (deviations**2).sum(axis=1)) - blend.cutoff)
+            facing = 1.0 if sharpness is None else np.maximum(0, normal @ rotations[i][:, 2]) ** sharpness
+            w = weight * level.opacity[i].astype(float) * nearness * facing
+            sums += w[:, None] * np.concatenate([basis @ level.sh[i], np.ones((len(basis), 1))], axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        mean = np.where(sums[:, 3:] > 0, sums[:, :3] / sums[:, 3:], 0)
+    return sums, np.maximum(0, mean)
 
 
 def random_gaussians(n: int, degree: int, seed: int) -> Gaussians:
