@@ -134,9 +134,9 @@ def make_plan(
         light = TracedLight(scene, cache)
         probe = pilot.run(light.at_points, points.position, points.normal, settings.seed)
     bounces = probe.bounces(settings.bounce_fraction) if settings.bounces is None else settings.bounces
-    samples = SAMPLES[settings.operator] if settings.samples is None else settings.samples
-    settings = replace(settings, views=len(placement.fitted), size=size, bounces=bounces, samples=samples)
+    settings = replace(settings, views=len(placement.fitted), size=size, bounces=bounces)
     settings = replace(settings, budget=_budget(settings, triangles), iterations=_iterations(settings))
+    settings = replace(settings, samples=_samples(settings, probe))
     return Plan(scene, settings, triangles, light, placement, probe, probe.lost.get(bounces))
 
 
@@ -154,6 +154,13 @@ def _budget(settings: Settings, triangles: Triangles) -> int:
     if settings.operator == "over":
         wanted = min(wanted, settings.views * settings.size**2 // PIXELS_PER_GAUSSIAN)
     return max(min(wanted, BUDGET_MAX), 1)
+
+
+def _samples(settings: Settings, probe: Pilot) -> int:
+    """Most paths of a pixel, or those of a surface sample."""
+    if settings.samples is not None:
+        return settings.samples
+    return SAMPLES if settings.operator == "over" else surface_budget.path_count(settings.budget, probe.noise)
 
 
 def _iterations(settings: Settings) -> int:

@@ -27,8 +27,7 @@ QUALITIES = {
     "surface": {"draft": Quality(1 / 16, 0, 80), "medium": Quality(1 / 4, 0, 150), "high": Quality(1, 0, 300)},
 }
 
-# Paths per pixel of a view, at most, and per sample of a surface.
-SAMPLES = {"over": 256, "surface": 64}
+SAMPLES = 256  # most paths per pixel of a view
 
 
 @dataclass(frozen=True)
