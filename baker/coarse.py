@@ -1,11 +1,14 @@
 """The coarse level: round Gaussians throughout free space, so that every point has light, and a moving object its own."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
 
 from . import _kernels, colours
 from .blue_noise import thin
+from .evaluate import light_of
 from .initialise import spacing
 from .point_order import coherent
 from .surface_samples import SurfaceSamples
@@ -13,11 +16,12 @@ from .surface_samples import SurfaceSamples
 SH_DEGREE = 2  # irradiance is smooth in the normal (Ramamoorthi and Hanrahan 2001)
 CANDIDATES = 16  # points in free space for each Gaussian, from which those evenly apart are taken
 WIDTH = 1.0  # standard deviation, of the distance to the three nearest
-ITERATIONS = 30
+
+# Of least squares: to know what is bright, then with light that counts relative to itself and so much more (mean B).
+ITERATIONS, DARK = (10, 30), 0.5
 
 # One Gaussian reaches every point of the scene and far beyond, weighing next to nothing.
 EVERYWHERE_SCALE, EVERYWHERE_OPACITY = 1.0, 1 / 255
-DARK = 0.5  # mean B; light counts relative to itself and so much more
 
 
 def coarse_level(samples: SurfaceSamples, count: int, blend: SurfaceBlend, tone_scale: float, seed: int) -> Gaussians:
@@ -30,10 +34,13 @@ def coarse_level(samples: SurfaceSamples, count: int, blend: SurfaceBlend, tone_
     samples = samples[coherent(samples.position, samples.normal)]
     field = _kernels.FieldFloat(samples.position, samples.normal)
     field.list(gaussians, blend.cutoff, 0, 1.0)
-    light = samples.indirect
-    importance = 1 / np.square(light.mean() + np.float32(DARK * tone_scale)) * np.ones(len(light), np.float32)
-    sh = colours.solve(field, gaussians, np.zeros((len(light), 4), np.float32), light, importance, ITERATIONS)
-    return Gaussians(gaussians.position, gaussians.rotation, gaussians.scale, gaussians.opacity, sh)
+    nothing, importance = np.zeros((len(samples), 4), np.float32), np.ones(len(samples), np.float32)
+    for iterations in ITERATIONS:
+        sh = colours.solve(field, gaussians, nothing, samples.indirect, importance, iterations)
+        gaussians = replace(gaussians, sh=sh)
+        brightness = light_of(field.read(gaussians)).mean(axis=1)
+        importance = 1 / np.square(brightness + np.float32(DARK * tone_scale))
+    return gaussians
 
 
 def _evenly_apart(position: np.ndarray, count: int, rng: np.random.Generator) -> Gaussians:

@@ -1,12 +1,18 @@
 """The colours of Gaussians whose shapes are given: linear least squares by conjugate gradients (Hestenes, Stiefel 1952)."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from gsgi.runtime import constants
 
+from .evaluate import inverse_weight
+
 # Of a Gaussian's mass: how strongly its colour is held to the mean of the light that it sees. Keeps Gaussians that
 # overlap much from making up for each other's colours, and few samples from being believed.
 RIDGE = 1e-2
+
+SH_BOUND = 2.0  # of band 1 the cosine lobe has 1.15 times the constant coefficient, radiance from one direction 1.73
 
 
 def solve(field, gaussians, base: np.ndarray, light: np.ndarray, importance: np.ndarray, iterations: int) -> np.ndarray:
@@ -16,10 +22,7 @@ def solve(field, gaussians, base: np.ndarray, light: np.ndarray, importance: np.
     that the field has listed, have now. `base` (S, 4) is what further Gaussians add to sum w c and sum w. The constant
     coefficient comes out at 0 or more.
     """
-    from dataclasses import replace
-
-    reading = field.read(gaussians)[:, 3] + base[:, 3]
-    inverse = np.divide(1, reading, out=np.zeros_like(reading), where=reading > 0)
+    inverse = inverse_weight(field.read(gaussians) + base)
     given = base[:, :3] * inverse[:, None]
     weight = importance.astype(np.float32)[:, None]
 
@@ -43,8 +46,15 @@ def solve(field, gaussians, base: np.ndarray, light: np.ndarray, importance: np.
         np.divide(1, unit + ridge, out=np.zeros_like(unit), where=unit > 0),
         iterations,
     )
-    sh[:, 0] = np.maximum(sh[:, 0], 0)
-    return sh.astype(np.float32)
+    return _bounded(sh).astype(np.float32)
+
+
+def _bounded(sh: np.ndarray) -> np.ndarray:
+    """Coefficients (N, K, 3) that light which is nowhere negative could have: the constant ones are 0 or more, and none
+    of the others is larger than SH_BOUND times the largest of those."""
+    constant = np.maximum(sh[:, :1], 0)
+    most = SH_BOUND * constant.max(axis=2, keepdims=True)
+    return np.concatenate([constant, np.clip(sh[:, 1:], -most, most)], axis=1)
 
 
 def _conjugate_gradients(apply, right: np.ndarray, x: np.ndarray, preconditioner: np.ndarray, iterations: int):

@@ -37,5 +37,10 @@ def coarse_sums(field: _kernels.FieldFloat, coarse: Gaussians, blend: SurfaceBle
 
 def light_of(sums: np.ndarray) -> np.ndarray:
     """B (S, 3) of sum w c and sum w (S, 4): 0 where it is negative, and where nothing weighs anything."""
-    light, weight = np.maximum(sums[:, :3], 0), sums[:, 3:]
-    return np.divide(light, weight, out=np.zeros_like(light), where=weight > 0)
+    return np.maximum(sums[:, :3] * inverse_weight(sums)[:, None], 0)
+
+
+def inverse_weight(sums: np.ndarray) -> np.ndarray:
+    """1 / sum w (S,) of sums (S, 4), 0 where it is so small that it has no inverse."""
+    weight = sums[:, 3]
+    return np.divide(1, weight, out=np.zeros_like(weight), where=weight >= np.finfo(weight.dtype).tiny)

@@ -1,11 +1,12 @@
-"""Fits Gaussians of the `surface` operator to samples of B: shapes by gradient, colours by least squares at each change of
-their number."""
+"""Fits Gaussians of the `surface` operator to samples of B: shapes by gradient, colours by least squares whenever their
+number changes."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gsgi.runtime import constants
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
 
 from .blue_noise import thin
@@ -14,7 +15,7 @@ from .density import count_after
 from .fit import Course
 from .initialise import CANDIDATES, rotation_to, spacing
 from .records import from_arrays, to_arrays
-from .surface_optimiser import Seen, SurfaceOptimiser
+from .surface_optimiser import LIST_STEPS, SurfaceOptimiser
 from .surface_samples import SurfaceSamples
 from .surface_state import SurfaceState, to_merge, to_remove, to_split
 
@@ -27,7 +28,9 @@ RATE_END = 0.1
 GROWTH = 0.2, 0.35, 0.5
 START_SHARE = 0.7
 
-SOLVE_FIRST, SOLVE_AGAIN = 10, 5  # iterations of the colours' least squares: at the start, and where the number changed
+# Iterations of the colours' least squares: at the start, where the number changed, and at the end. Adam leaves some
+# light where there is none.
+SOLVE_FIRST, SOLVE_AGAIN, SOLVE_LAST = 10, 5, 10
 
 # The start: of the distance to the three nearest, in the surface and along its normal. Neighbours overlap.
 WIDTH, THICKNESS = 1.3, 0.8
@@ -36,9 +39,11 @@ OPACITY = 0.5
 
 @dataclass(frozen=True)
 class _Run:
-    """All that the rest of a fit depends on, after `iteration` steps."""
+    """All that the rest of a fit depends on, after `iteration` steps, a multiple of LIST_STEPS; `error` (N,) is what the
+    last of them saw."""
 
     state: SurfaceState
+    error: np.ndarray
     iteration: int
 
 
@@ -62,25 +67,25 @@ def fit_surface(
     if checkpoint and (arrays := checkpoint.load()):
         run = from_arrays(_Run, arrays)
     else:
-        first = start(samples, max(round(START_SHARE * course.budget), 1), rng)
-        run = _Run(SurfaceState.fresh(optimiser.solve(first, SOLVE_FIRST)), 0)
-    state, seen = run.state, None
+        first = start(samples, round(START_SHARE * course.budget), rng)
+        run = _Run(SurfaceState.fresh(optimiser.solve(first, SOLVE_FIRST)), np.zeros(len(first), np.float32), 0)
+    state, error = run.state, run.error
     changes = {round(share * course.iterations): (i + 1) / len(GROWTH) for i, share in enumerate(GROWTH)}
     for iteration in range(run.iteration, course.iterations):
         if iteration in changes and iteration > 0:
-            seen = seen or optimiser.step(state, dict.fromkeys(RATES, 0.0), iteration)[1]
             limit = count_after(round(START_SHARE * course.budget), course.budget, changes[iteration])
-            state = changed(state, seen, limit, optimiser, tone_scale)
+            state = changed(state, error, limit, optimiser, tone_scale)
         falling = RATE_END ** (iteration / course.iterations)
         try:
             state, seen = optimiser.step(state, {name: falling * rate for name, rate in RATES.items()}, iteration + 1)
-        except FloatingPointError as error:
-            raise FloatingPointError(f"{error} at iteration {iteration}") from error
+        except FloatingPointError as broken:
+            raise FloatingPointError(f"{broken} at iteration {iteration}") from broken
+        error = seen.error
         if watch:
             watch(iteration + 1, seen.loss, lambda gaussians=state.gaussians: gaussians)
-        if checkpoint and checkpoint.due():
-            checkpoint.save(to_arrays(_Run(state, iteration + 1)))
-    return state.gaussians
+        if checkpoint and (iteration + 1) % LIST_STEPS == 0 and checkpoint.due():
+            checkpoint.save(to_arrays(_Run(state, error, iteration + 1)))
+    return optimiser.solve(state.gaussians, SOLVE_LAST)
 
 
 def start(samples: SurfaceSamples, count: int, rng: np.random.Generator) -> Gaussians:
@@ -91,15 +96,15 @@ def start(samples: SurfaceSamples, count: int, rng: np.random.Generator) -> Gaus
     position, normal, light = position[even], normal[even], samples.indirect[chosen][even]
     scale = spacing(position)[:, None] * np.array([WIDTH, WIDTH, THICKNESS], np.float32)
     opacity = np.full(len(position), OPACITY, np.float32)
-    return Gaussians(position, rotation_to(normal), scale, opacity, light[:, None, :])
+    return Gaussians(position, rotation_to(normal), scale, opacity, light[:, None, :] / np.float32(constants.SH_C0))
 
 
 def changed(
-    state: SurfaceState, seen: Seen, limit: int, optimiser: SurfaceOptimiser, tone_scale: float
+    state: SurfaceState, error: np.ndarray, limit: int, optimiser: SurfaceOptimiser, tone_scale: float
 ) -> SurfaceState:
     """At most `limit` Gaussians: without those that no sample sees or that a neighbour makes superfluous, and with those
-    split under which most error lies, `seen` by the last step."""
+    split under which most `error` (N,) lies."""
     wanted = ~(to_remove(optimiser.share(state.gaussians)) | to_merge(state.gaussians, tone_scale))
-    state, error = state.keep(wanted), seen.error[wanted]
-    state = state.split(to_split(error, limit - len(state)))
+    state = state.keep(wanted)
+    state = state.split(to_split(error[wanted], limit - len(state)))
     return replace(state, gaussians=optimiser.solve(state.gaussians, SOLVE_AGAIN))

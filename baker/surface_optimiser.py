@@ -9,22 +9,20 @@ from gsgi.runtime import constants
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
 
 from . import _kernels, colours
-from .evaluate import coarse_sums
+from .evaluate import coarse_sums, inverse_weight
 from .point_order import coherent
 from .surface_samples import SurfaceSamples
 from .surface_state import PARAMETERS, SurfaceState, axes
 
-MARGIN = 1.1  # by which Gaussians may grow or move, in units of themselves, before it is looked anew which samples they reach
-LIST_STEPS = 10
+# Which samples Gaussians reach is looked up every so many steps, as if they were so much larger: they grow and move.
+LIST_STEPS, MARGIN = 10, 1.1
 
 # Adam (Kingma and Ba 2015). All samples take part in each step: the square need not remember long.
 BETA_1, BETA_2, EPSILON = 0.9, 0.98, 1e-20
 
 DARK = 1.5  # mean B; light counts relative to itself and so much more
-SIZE_COST = (
-    0.01  # of the loss, for all Gaussians e times as large: of shapes that fit the same the small one costs less
-)
-LOGIT_MAX = 5.0
+SIZE_COST = 0.01  # of the loss, for all Gaussians e times as large: of shapes that fit alike the small one costs less
+LOGIT_MAX = 5.0  # of the opacity
 
 
 @dataclass(frozen=True)
@@ -48,7 +46,7 @@ class SurfaceOptimiser:
         self._field = _kernels.FieldFloat(samples.position, samples.normal)
         self._base = coarse_sums(self._field, coarse, blend)
         self._blend, self._dark, self._unit = blend, np.float32(DARK * tone_scale), tone_scale
-        self._listed, self._age = 0, LIST_STEPS
+        self._listed = 0
 
     def solve(self, gaussians: Gaussians, iterations: int) -> Gaussians:
         """With the best colours for their shapes."""
@@ -65,16 +63,18 @@ class SurfaceOptimiser:
         return self._field.spread(gaussians, np.ones_like(light), inverse)[:, 0, 0] / np.float32(constants.SH_C0)
 
     def step(self, state: SurfaceState, rates: Mapping[str, float], steps: int) -> tuple[SurfaceState, Seen]:
-        """One step of Adam, the `steps`-th since it began. Raises FloatingPointError where the loss or a gradient is not
-        finite, naming the Gaussian."""
-        if self._age >= LIST_STEPS or self._listed != len(state):
+        """One step of Adam, the `steps`-th since it began. Raises FloatingPointError where a gradient, naming the Gaussian,
+        or the loss is not finite.
+
+        Depends on earlier steps through what was listed, unless `steps` - 1 is a multiple of LIST_STEPS.
+        """
+        if (steps - 1) % LIST_STEPS == 0 or self._listed != len(state):
             self._list(state.gaussians)
-        self._age += 1
         moments, loss = self._moments(state.gaussians)
-        if not np.isfinite(loss):
-            raise FloatingPointError(f"the loss is {loss}")
         if len(broken := np.flatnonzero(~np.isfinite(moments).all(axis=1))):
             raise FloatingPointError(f"the gradient of Gaussian {broken[0]} is not finite")
+        if not np.isfinite(loss):
+            raise FloatingPointError(f"the loss is {loss}")
         gradient = parameter_gradient(moments, state.gaussians)
         gradient[:, 6:9] += SIZE_COST * loss / max(len(state), 1)
         rate = np.repeat([rates[name] for name in PARAMETERS], list(PARAMETERS.values()))
@@ -87,30 +87,31 @@ class SurfaceOptimiser:
 
     def _list(self, gaussians: Gaussians) -> None:
         self._field.list(gaussians, self._blend.cutoff, self._blend.sharpness, MARGIN)
-        self._listed, self._age = len(gaussians), 0
+        self._listed = len(gaussians)
 
     def _read(self, gaussians: Gaussians) -> tuple[np.ndarray, np.ndarray]:
         """B (S, 3) and 1 / sum w (S,)."""
         sums = self._field.read(gaussians) + self._base
-        inverse = np.divide(1, sums[:, 3], out=np.zeros(len(sums), np.float32), where=sums[:, 3] > 0)
+        inverse = inverse_weight(sums)
         return sums[:, :3] * inverse[:, None], inverse
 
     def _importance(self, light: np.ndarray) -> np.ndarray:
         return 1 / np.square(np.maximum(light.mean(axis=1), 0) + self._dark)
 
     def _moments(self, gaussians: Gaussians) -> tuple[np.ndarray, float]:
-        """Moments (N, 16), see FieldMoment, and the loss."""
+        """Moments (N, 16), see FIELD_MOMENTS, and the loss."""
         light, inverse = self._read(gaussians)
         importance = self._importance(light)
         residual = light - self._light
-        by_light = (2 / len(light)) * importance[:, None] * residual
+        count = max(len(light), 1)
+        by_light = np.float32(2 / count) * importance[:, None] * residual
         error = importance * ((light - self._a) * (light - self._b)).sum(axis=1)
-        loss = float((importance * np.square(residual).sum(axis=1)).mean(dtype=np.float64))
+        loss = float((importance * np.square(residual).sum(axis=1)).sum(dtype=np.float64)) / count
         return self._field.backward(gaussians, light, by_light, inverse, error), loss
 
 
 def parameter_gradient(moments: np.ndarray, gaussians: Gaussians) -> np.ndarray:
-    """The loss's gradient (N, 13) float32 by PARAMETERS, from sums (N, 16) as FieldMoment names them.
+    """The loss's gradient (N, 13) float32 by PARAMETERS, from the sums (N, 16) of FIELD_MOMENTS.
 
     A place u moves the centre by R S u, a turn w rotates the axes by w about themselves: both at 0. A colour is the
     constant SH coefficient.

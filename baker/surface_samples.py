@@ -136,11 +136,11 @@ def _look(tracer: Tracer, cameras: list[Camera]) -> _Seen:
     columns = []
     for camera in cameras:
         position, normal, geometric = (surface := tracer.surface(camera, LOOK_SIZE, LOOK_SIZE)).points()
-        way = camera.position - position
-        cosine = np.abs((way * geometric).sum(axis=1)) / np.linalg.norm(way, axis=1)
-        pixel = surface.depth[surface.diffuse] / camera.pinhole(LOOK_SIZE, LOOK_SIZE).fx
+        depth = surface.depth[surface.diffuse].astype(np.float64)
+        above = np.abs(((camera.position - position) * geometric).sum(axis=1))  # the eye, over the surface's plane
+        area = depth**3 / np.maximum(above, np.finfo(np.float32).tiny) / camera.pinhole(LOOK_SIZE, LOOK_SIZE).fx ** 2
         eye = np.broadcast_to(camera.position.astype(np.float32), position.shape)
-        columns.append((position, normal, geometric, eye, pixel**2 / np.maximum(cosine, np.finfo(np.float32).eps)))
+        columns.append((position, normal, geometric, eye, area))
     *arrays, area = (np.concatenate(column) for column in zip(*columns, strict=True))
     if len(area):
         area = np.minimum(area, np.quantile(area, FOOTPRINT_QUANTILE))

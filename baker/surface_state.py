@@ -60,7 +60,7 @@ def to_remove(share: np.ndarray) -> np.ndarray:
 
 def to_split(error: np.ndarray, count: int) -> np.ndarray:
     """Indices, in rising order, of at most `count` Gaussians under which most error (N,) lies."""
-    order = np.argsort(-error, kind="stable")[:count]
+    order = np.argsort(-error, kind="stable")[: max(count, 0)]
     return np.sort(order[error[order] > 0])
 
 

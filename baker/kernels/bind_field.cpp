@@ -13,7 +13,8 @@ template <class Real> static FieldArrays<Real> arrays_of(nb::handle gaussians)
     if (!nb::try_cast(gaussians.attr("position"), position, false) ||
         !nb::try_cast(gaussians.attr("rotation"), rotation, false) ||
         !nb::try_cast(gaussians.attr("scale"), scale, false) ||
-        !nb::try_cast(gaussians.attr("opacity"), opacity, false) || !nb::try_cast(gaussians.attr("sh"), sh, false))
+        !nb::try_cast(gaussians.attr("opacity"), opacity, false) ||
+        !nb::try_cast(gaussians.attr("sh"), sh, false))
         throw nb::type_error("Gaussians: wrong dtype, shape or layout");
     const size_t n = position.shape(0), k = sh.shape(1);
     if (rotation.shape(0) != n || scale.shape(0) != n || opacity.shape(0) != n || sh.shape(0) != n)
@@ -38,7 +39,8 @@ template <class Real> static void bind_precision(nb::module_& m, const char* nam
         .def(
             "__init__",
             [](Field<Real>* self, Vectors position, Vectors normal) {
-                require(position.shape(0) == normal.shape(0), "position and normal must have the same length");
+                require(
+                    position.shape(0) == normal.shape(0), "position and normal must have the same length");
                 new (self) Field<Real>(position.shape(0), position.data(), normal.data());
             },
             "position"_a.noconvert(), "normal"_a.noconvert())
@@ -46,6 +48,9 @@ template <class Real> static void bind_precision(nb::module_& m, const char* nam
             "list",
             [](Field<Real>& self, nb::handle gaussians, double cutoff, int sharpness, double margin) {
                 const auto arrays = arrays_of<Real>(gaussians);
+                require(cutoff > 0 && cutoff < 1, "cutoff must lie between 0 and 1");
+                require(sharpness >= 0, "sharpness must not be negative");
+                require(margin >= 1, "margin must be at least 1");
                 nb::gil_scoped_release unlocked;
                 self.list(arrays, {cutoff, sharpness}, margin);
             },
@@ -56,26 +61,25 @@ template <class Real> static void bind_precision(nb::module_& m, const char* nam
                 const auto arrays = listed(self, gaussians);
                 auto sums = allocate<Real>({self.count(), 4});
                 nb::gil_scoped_release unlocked;
-                std::fill_n(sums.data(), 4 * self.count(), Real(0));
                 self.read(arrays, sums.data());
                 return sums;
             },
             "gaussians"_a, "sum w c and sum w (S, 4).")
         .def(
             "backward",
-            [](Field<Real>& self, nb::handle gaussians, Vectors light, Vectors by_light, Values inverse_weight,
-                Values error) {
+            [](Field<Real>& self, nb::handle gaussians, Vectors light, Vectors by_light,
+                Values inverse_weight, Values error) {
                 const auto arrays = listed(self, gaussians);
                 for (size_t n : {light.shape(0), by_light.shape(0), inverse_weight.shape(0), error.shape(0)})
                     require(n == self.count(), "one value per point is needed");
                 auto moments = allocate<Real>({arrays.count, FIELD_MOMENTS});
                 nb::gil_scoped_release unlocked;
-                self.backward(
-                    arrays, light.data(), by_light.data(), inverse_weight.data(), error.data(), moments.data());
+                self.backward(arrays, light.data(), by_light.data(), inverse_weight.data(), error.data(),
+                    moments.data());
                 return moments;
             },
             "gaussians"_a, "light"_a.noconvert(), "by_light"_a.noconvert(), "inverse_weight"_a.noconvert(),
-            "error"_a.noconvert(), "Sums (N, 16) over the points, see FieldMoment.")
+            "error"_a.noconvert(), "Sums (N, 16) over the points, see FIELD_MOMENTS.")
         .def(
             "spread",
             [](Field<Real>& self, nb::handle gaussians, Vectors values, Values inverse_weight) {
@@ -89,7 +93,8 @@ template <class Real> static void bind_precision(nb::module_& m, const char* nam
             },
             "gaussians"_a, "values"_a.noconvert(), "inverse_weight"_a.noconvert(),
             "sum of w / (sum w) Y_k(n) values over the points, (N, K, 3).")
-        .def_prop_ro("entry_count", &Field<Real>::entry_count, "Pairs of a Gaussian and a block that it reaches.");
+        .def_prop_ro(
+            "entry_count", &Field<Real>::entry_count, "Pairs of a Gaussian and a block that it reaches.");
 }
 
 void bind_field(nb::module_& m)

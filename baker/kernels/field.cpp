@@ -8,14 +8,16 @@
 
 namespace {
 
-constexpr size_t FAN = 8;
-constexpr size_t GAUSSIAN_GRAIN = 64, BLOCK_GRAIN = 32;
+constexpr double SCALE_MIN = 1e-12; // m; its inverse times any distance is a float
+constexpr size_t FAN = 8;           // boxes of one level in a box of the next
+constexpr size_t READER_GRAIN = 1024, GAUSSIAN_GRAIN = 64, BLOCK_GRAIN = 32; // of parallel loops
 
 template <class Real> Box box_of(const PointBlock<Real>& block)
 {
     Box box;
     for (int axis = 0; axis < 3; ++axis) {
-        const auto [low, high] = std::minmax_element(block.position[axis], block.position[axis] + FIELD_LANES);
+        const auto [low, high] =
+            std::minmax_element(block.position[axis], block.position[axis] + FIELD_LANES);
         box.low[axis] = float(*low), box.high[axis] = float(*high);
     }
     return box;
@@ -34,18 +36,30 @@ Box united(const Box* boxes, size_t count)
 
 template <class Real> Reader<Real> reader_of(const FieldArrays<Real>& a, size_t i)
 {
-    const Real x = a.rotation[4 * i], y = a.rotation[4 * i + 1], z = a.rotation[4 * i + 2], w = a.rotation[4 * i + 3];
-    Reader<Real> r = {{}, // the columns of the rotation
+    const Real x = a.rotation[4 * i], y = a.rotation[4 * i + 1], z = a.rotation[4 * i + 2],
+               w = a.rotation[4 * i + 3];
+    // The axes are the columns of the rotation.
+    Reader<Real> r = {{},
         {{1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)},
             {2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)},
             {2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)}},
         {}, a.opacity[i]};
     for (int axis = 0; axis < 3; ++axis) {
         r.position[axis] = a.position[3 * i + axis];
-        r.inverse_scale[axis] = 1 / a.scale[3 * i + axis];
+        r.inverse_scale[axis] = 1 / std::max(a.scale[3 * i + axis], Real(SCALE_MIN));
     }
     return r;
 }
+
+// The values of a block's points; those of the lanes that fill it up are 0.
+template <class Real> struct BlockValues {
+    alignas(64) Real value[3 * FIELD_LANES] = {};
+
+    BlockValues(const Real* values, size_t columns, size_t first, size_t count)
+    {
+        std::copy_n(values + columns * first, columns * count, value);
+    }
+};
 
 } // namespace
 
@@ -53,6 +67,8 @@ template <class Real>
 Field<Real>::Field(size_t count, const Real* position, const Real* normal)
     : points(count)
     , blocks((count + FIELD_LANES - 1) / FIELD_LANES)
+    , first_entry(1)
+    , first_reach(blocks.size() + 1)
 {
     for (size_t b = 0; b < blocks.size(); ++b)
         for (size_t lane = 0; lane < FIELD_LANES; ++lane) {
@@ -73,7 +89,7 @@ Field<Real>::Field(size_t count, const Real* position, const Real* normal)
     }
 }
 
-// Calls visit(block) in rising order.
+// Calls visit(block), in rising order, for the blocks that a Gaussian `margin` times as large would reach.
 template <class Real>
 template <class Visit>
 void Field<Real>::visit_touched(const Reader<Real>& reader, double radius, double margin, Visit&& visit) const
@@ -106,7 +122,7 @@ void Field<Real>::visit_touched(const Reader<Real>& reader, double radius, doubl
 template <class Real> void Field<Real>::prepare(const FieldArrays<Real>& gaussians)
 {
     readers.reserve(gaussians.count);
-    parallel_for(gaussians.count, 1024, [&](size_t begin, size_t end) {
+    parallel_for(gaussians.count, READER_GRAIN, [&](size_t begin, size_t end) {
         for (size_t i = begin; i < end; ++i)
             readers.get()[i] = reader_of(gaussians, i);
     });
@@ -129,7 +145,8 @@ void Field<Real>::list(const FieldArrays<Real>& gaussians, const FieldBlend& ope
     parallel_for(gaussians.count, GAUSSIAN_GRAIN, [&](size_t begin, size_t end) {
         for (size_t i = begin; i < end; ++i) {
             size_t next = first_entry[i];
-            visit_touched(readers.get()[i], radius, margin, [&](size_t b) { block_of[next++] = uint32_t(b); });
+            visit_touched(
+                readers.get()[i], radius, margin, [&](size_t b) { block_of[next++] = uint32_t(b); });
         }
     });
     first_reach.assign(blocks.size() + 1, 0);
@@ -153,8 +170,9 @@ void Field<Real>::for_each_block(const FieldArrays<Real>& gaussians, Body&& body
     parallel_for(blocks.size(), BLOCK_GRAIN, [&](size_t begin, size_t end) {
         for (size_t b = begin; b < end; ++b) {
             const size_t first = b * FIELD_LANES;
-            const BlockReading<Real> reading = {&blocks[b], reached.data() + first_reach[b], first_reach[b + 1] - first_reach[b],
-                readers.get(), gaussians.sh, gaussians.coefficients, blend};
+            const BlockReading<Real> reading = {&blocks[b], reached.data() + first_reach[b],
+                first_reach[b + 1] - first_reach[b], readers.get(), gaussians.sh, gaussians.coefficients,
+                blend};
             body(reading, first, std::min(size_t(FIELD_LANES), points - first));
         }
     });
@@ -163,40 +181,27 @@ void Field<Real>::for_each_block(const FieldArrays<Real>& gaussians, Body&& body
 template <class Real> void Field<Real>::read(const FieldArrays<Real>& gaussians, Real* sums)
 {
     for_each_block(gaussians, [&](const BlockReading<Real>& reading, size_t first, size_t count) {
-        Real local[4 * FIELD_LANES] = {};
+        Real local[4 * FIELD_LANES];
         field_kernels<Real>().read(reading, local);
-        for (size_t i = 0; i < 4 * count; ++i)
-            sums[4 * first + i] += local[i];
+        std::copy_n(local, 4 * count, sums + 4 * first);
     });
 }
 
-// Sums rows (entries, columns) of each Gaussian, in the order of the blocks.
+// Writes to (gaussians, columns) the sums of each Gaussian's rows of by_entry, in the order of the blocks.
 template <class Real> void Field<Real>::sum_entries(size_t gaussians, size_t columns, Real* to) const
 {
     parallel_for(gaussians, GAUSSIAN_GRAIN, [&](size_t begin, size_t end) {
+        std::vector<double> total(columns);
         for (size_t i = begin; i < end; ++i) {
-            std::vector<double> total(columns);
+            std::fill(total.begin(), total.end(), 0.0);
             for (size_t entry = first_entry[i]; entry < first_entry[i + 1]; ++entry)
                 for (size_t c = 0; c < columns; ++c)
                     total[c] += by_entry.get()[entry * columns + c];
-            std::transform(total.begin(), total.end(), to + i * columns, [](double sum) { return Real(sum); });
+            std::transform(
+                total.begin(), total.end(), to + i * columns, [](double sum) { return Real(sum); });
         }
     });
 }
-
-namespace {
-
-// The values of a block's points; those of the lanes that fill it up are 0.
-template <class Real> struct BlockValues {
-    alignas(64) Real value[3 * FIELD_LANES] = {};
-
-    BlockValues(const Real* values, size_t columns, size_t first, size_t count)
-    {
-        std::copy_n(values + columns * first, columns * count, value);
-    }
-};
-
-} // namespace
 
 template <class Real>
 void Field<Real>::backward(const FieldArrays<Real>& gaussians, const Real* light, const Real* by_light,
@@ -206,7 +211,8 @@ void Field<Real>::backward(const FieldArrays<Real>& gaussians, const Real* light
     for_each_block(gaussians, [&](const BlockReading<Real>& reading, size_t first, size_t count) {
         const BlockValues<Real> l(light, 3, first, count), by(by_light, 3, first, count),
             inverse(inverse_weight, 1, first, count), e(error, 1, first, count);
-        field_kernels<Real>().read_backward(reading, l.value, by.value, inverse.value, e.value, by_entry.get());
+        field_kernels<Real>().read_backward(
+            reading, l.value, by.value, inverse.value, e.value, by_entry.get());
     });
     sum_entries(gaussians.count, FIELD_MOMENTS, moments);
 }

@@ -5,8 +5,12 @@
 #include <cstdint>
 
 constexpr int FIELD_LANES = 16; // points that are read together
+constexpr int FIELD_SH_MAX = 9; // coefficients
+
+// Sums over the points that a Gaussian reaches, with p = dloss / dw, g = p dw / dG G, h = p dw / dcosine and
+// share = w / sum w: of g e (x, y, z); g e e^T (xx, xy, xz, yy, yz, zz); p w; h n (x, y in the Gaussian's
+// axes); share dloss / dB (red, green, blue); share error.
 constexpr int FIELD_MOMENTS = 16;
-constexpr int FIELD_SH_MAX = 9;
 
 // Activated Gaussians; coefficients of K = 1, 4 or 9 spherical harmonics of the normal.
 template <class Real> struct FieldArrays {
@@ -39,6 +43,7 @@ template <class Real> struct PointBlock {
     alignas(64) Real normal[3][FIELD_LANES];
 };
 
+// Around points, m.
 struct Box {
     float low[3], high[3];
 };
@@ -49,7 +54,7 @@ struct Reach {
     uint32_t entry;
 };
 
-// What a block has to read: `sums` are sum w c and sum w, (lanes, 4).
+// A block and the Gaussians to be read there.
 template <class Real> struct BlockReading {
     const PointBlock<Real>* points;
     const Reach* reached;
@@ -60,19 +65,14 @@ template <class Real> struct BlockReading {
     FieldBlend blend;
 };
 
-// Sums over the points that a Gaussian reaches, with p = dloss / dw, g = p dw / dG G and h = p dw / dcosine:
-// of g e (3), g e e^T (xx, xy, xz, yy, yz, zz), p w, h n_x, h n_y in the Gaussian's axes, share dloss/dB (3), share error,
-// where share = w / sum w.
-enum FieldMoment { E_X, E_Y, E_Z, E_XX, E_XY, E_XZ, E_YY, E_YZ, E_ZZ, P_W, H_X, H_Y, S_RED, S_GREEN, S_BLUE, S_ERROR };
-
 template <class Real> struct FieldKernels {
     // Whether a Gaussian weighs anything at some point of a block, were it `margin` times as large.
     bool (*touches)(const Reader<Real>&, const PointBlock<Real>&, const FieldBlend&, double margin);
-    // Adds to sums (lanes, 4).
+    // Writes sums (lanes, 4) of w c and w.
     void (*read)(const BlockReading<Real>&, Real* sums);
-    // Writes to moments[entry] (FIELD_MOMENTS); `light`, `by_light` (lanes, 3), `by_weight` = 1 / sum w, `error` (lanes,).
-    void (*read_backward)(const BlockReading<Real>&, const Real* light, const Real* by_light, const Real* inverse_weight,
-        const Real* error, Real* moments);
-    // Writes sum_s share Y_k values_s to spread[entry] (K, 3).
+    // Writes moments[entry] (FIELD_MOMENTS) from B and dloss / dB (lanes, 3), 1 / sum w and error (lanes,).
+    void (*read_backward)(const BlockReading<Real>&, const Real* light, const Real* by_light,
+        const Real* inverse_weight, const Real* error, Real* moments);
+    // Writes spread[entry] (K, 3), the sums over the lanes of share Y_k(n) values (lanes, 3).
     void (*spread)(const BlockReading<Real>&, const Real* values, const Real* inverse_weight, Real* spread);
 };

@@ -62,8 +62,7 @@ constexpr SplatKernels<Real> SPLAT = {project_range<Real, false>, count_tiles<Re
 #define NAME(name) NAME_OF(name)
 
 extern const InstructionSet KERNELS;
-const InstructionSet KERNELS = {
-    NAME(INSTRUCTION_SET), SPLAT<float>, SPLAT<double>, project_range<float, true>, step, visit_band<float>,
-    visit_band<double>, FIELD<float>, FIELD<double>};
+const InstructionSet KERNELS = {NAME(INSTRUCTION_SET), SPLAT<float>, SPLAT<double>,
+    project_range<float, true>, step, visit_band<float>, visit_band<double>, FIELD<float>, FIELD<double>};
 
 } // namespace INSTRUCTION_SET
