@@ -12,6 +12,8 @@ from .evaluate import inverse_weight
 # overlap much from making up for each other's colours, and few samples from being believed.
 RIDGE = 1e-2
 
+SH_BOUND = 2.0  # of band 1 the cosine lobe has 1.15 times the constant coefficient, radiance from one direction 1.73
+
 
 def solve(field, gaussians, base: np.ndarray, light: np.ndarray, importance: np.ndarray, iterations: int) -> np.ndarray:
     """Coefficients (N, K, 3) float32 that meet `light` (S, 3), radiance, at the points of `field`.
@@ -44,8 +46,15 @@ def solve(field, gaussians, base: np.ndarray, light: np.ndarray, importance: np.
         np.divide(1, unit + ridge, out=np.zeros_like(unit), where=unit > 0),
         iterations,
     )
-    sh[:, 0] = np.maximum(sh[:, 0], 0)
-    return sh.astype(np.float32)
+    return _bounded(sh).astype(np.float32)
+
+
+def _bounded(sh: np.ndarray) -> np.ndarray:
+    """Coefficients (N, K, 3) that light which is nowhere negative could have: the constant ones are 0 or more, and none
+    of the others is larger than SH_BOUND times the largest of those."""
+    constant = np.maximum(sh[:, :1], 0)
+    most = SH_BOUND * constant.max(axis=2, keepdims=True)
+    return np.concatenate([constant, np.clip(sh[:, 1:], -most, most)], axis=1)
 
 
 def _conjugate_gradients(apply, right: np.ndarray, x: np.ndarray, preconditioner: np.ndarray, iterations: int):

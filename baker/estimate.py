@@ -17,10 +17,11 @@ def estimate(plan: Plan) -> dict[str, float]:
 
     The fit is that of the whole budget, which takes longest where a target loss is searched for.
     """
-    path, step = _seconds_per_path(plan), _seconds_per_step(plan)
+    path = _seconds_per_path(plan)
+    step = _seconds_per_surface_step(plan) if plan.settings.operator == "surface" else _seconds_per_step(plan)
     exam = held_out.points(plan) * held_out.SAMPLES / 2
     return {
-        "irradiance": path * plan.pixels * plan.samples,
+        "irradiance": path * plan.points * plan.samples,
         "fit": step * plan.settings.iterations,
         "held-out": path * exam,
     }
@@ -57,6 +58,25 @@ def _seconds_per_step(plan: Plan) -> float:
     pinholes = [camera.pinhole(size, size) for camera in plan.cameras[:: -(-len(plan.cameras) // STEPS)]]
     still = dict.fromkeys(RATES, 0.0)
     return _second_run(lambda seed: [optimiser.iterate(p, grey, still) for p in pinholes]) / len(pinholes)
+
+
+def _seconds_per_surface_step(plan: Plan) -> float:
+    """A few steps with as many Gaussians as the bake has in the end, at as many grey samples."""
+    from .coarse import coarse_level
+    from .surface_fit import RATES, start
+    from .surface_optimiser import SurfaceOptimiser
+    from .surface_samples import SurfaceSamples
+    from .surface_state import SurfaceState
+
+    rng = np.random.default_rng(plan.settings.seed)
+    points = plan.triangles.draw(plan.points, rng)
+    grey = np.ones_like(points.position)
+    samples = SurfaceSamples(points.position, points.normal, grey, grey, 0)
+    coarse = coarse_level(samples, 1, plan.blend, 1.0, plan.settings.seed)
+    optimiser = SurfaceOptimiser(samples, coarse, plan.blend, 1.0)
+    state = SurfaceState.fresh(start(samples, plan.settings.budget, rng))
+    still = dict.fromkeys(RATES, 0.0)
+    return _second_run(lambda seed: [optimiser.step(state, still, 1 + i) for i in range(STEPS)]) / STEPS
 
 
 def _second_run(run: Callable[[int], object]) -> float:

@@ -11,7 +11,7 @@ from gsgi.runtime.gaussians import Gaussians, OverBlend
 from .checkpoint import Checkpoint
 from .density import count_after
 from .growth import Seen, grow
-from .optimiser import CpuOptimiser, optimiser_class
+from .optimiser import optimiser_class
 from .raw_gaussians import NAMES, RawGaussians
 from .records import from_arrays, to_arrays
 from .reshape import State
@@ -61,15 +61,15 @@ def fit(
     blend: OverBlend,
     tone_scale: float,
     course: Course,
-    watch: Callable[[int, float, CpuOptimiser], None] | None = None,
+    watch: Callable[[int, float, Callable[[], Gaussians]], None] | None = None,
     checkpoint: Checkpoint | None = None,
 ) -> Gaussians:
     """Gaussians whose images match the views, from `start`, by Adam on 0.2 L1 + 0.8 D-SSIM, one view per iteration.
 
-    `tone_scale` is in radiance. `watch(iteration, loss, optimiser)` is called after each iteration. Goes on from
-    `checkpoint` where it holds a state and keeps states there. Deterministic for a seed, whatever the number of
-    threads, and wherever it was interrupted, unless gsplat fits. Raises FloatingPointError at the first loss or
-    gradient that is not finite, naming iteration, view and Gaussian.
+    `tone_scale` is in radiance. `watch(iteration, loss, gaussians)` is called after each iteration; gaussians() returns
+    its Gaussians. Goes on from `checkpoint` where it holds a state and keeps states there. Deterministic for a seed,
+    whatever the number of threads, and wherever it was interrupted, unless gsplat fits. Raises FloatingPointError at
+    the first loss or gradient that is not finite, naming iteration, view and Gaussian.
     """
     _check(start)
     images = [_image(view, tone_scale) for view in views]
@@ -92,7 +92,7 @@ def fit(
             raise FloatingPointError(f"{error} at iteration {iteration}, view {view}") from error
         seen = seen.with_step(found)
         if watch:
-            watch(iteration + 1, loss, optimiser)
+            watch(iteration + 1, loss, optimiser.raw.to_gaussians)
         if checkpoint and checkpoint.due():
             checkpoint.save(to_arrays(_Run(State(optimiser.raw, optimiser.adam), seen, iteration + 1)))
     return optimiser.raw.to_gaussians()

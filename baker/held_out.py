@@ -8,7 +8,7 @@ import numpy as np
 from gsgi.runtime import constants
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.display import auto_exposure
-from gsgi.runtime.gaussians import Bake, Gaussians, OverBlend
+from gsgi.runtime.gaussians import Bake, OverBlend
 
 from .loss import image_loss
 from .metrics import mean_psnr, psnr, squared_error
@@ -76,11 +76,11 @@ class HeldOutLoss:
         self.targets = [_target(reference, tone_scale) for reference in self.references]
         self.exposure = exposure([reference.indirect for reference in self.references])
 
-    def of(self, gaussians: Gaussians, blend: OverBlend) -> tuple[float, float]:
+    def of(self, baked: Bake) -> tuple[float, float]:
         """Means over the views, as in `Exam`: the loss, and the PSNR of B (dB). (0, 100) where there is no view."""
         if not self.references:
             return 0.0, psnr(0.0)
-        images = [draw(gaussians, *view, blend) for view in zip(self.cameras, self.references, strict=True)]
+        images = [draw(baked, *view) for view in zip(self.cameras, self.references, strict=True)]
         losses = [image_loss(image, target).value for image, target in zip(images, self.targets, strict=True)]
         errors = [
             squared_error(image, r.indirect_a, r.indirect_b, self.exposure, r.valid)
@@ -98,7 +98,7 @@ def judge(references: Mapping[str, Reference], cameras: Mapping[str, Camera], ba
     of_indirect, of_final = (exposure([getattr(t, layer) for t in truths]) for layer in ("indirect", "final"))
     views = []
     for name, truth in references.items():
-        image = draw(baked.gaussians, cameras[name], truth, baked.blend)
+        image = draw(baked, cameras[name], truth)
         loss = image_loss(image, _target(truth, baked.tone_scale)).value
         indirect = judge_indirect(image, truth, of_indirect)
         final = judge_frame(truth.lit(image), truth, of_final)
@@ -118,12 +118,20 @@ def exposure(images: Sequence[np.ndarray]) -> float:
     return float(constants.MID_GREY / brightness) if brightness > 0 else 1.0
 
 
-def draw(gaussians: Gaussians, camera: Camera, reference: Reference, blend: OverBlend) -> np.ndarray:
-    """B (H, W, 3) float32 as Gaussians show it where `reference` was traced."""
-    from .rasterise import rasterise
-
+def draw(baked: Bake, camera: Camera, reference: Reference) -> np.ndarray:
+    """B (H, W, 3) float32 as a bake shows it where `reference` was traced."""
     height, width = reference.valid.shape
-    return rasterise(gaussians, camera.pinhole(width, height), blend)
+    if isinstance(baked.blend, OverBlend):
+        from .rasterise import rasterise
+
+        return rasterise(baked.gaussians, camera.pinhole(width, height), baked.blend)
+    from .evaluate import evaluate
+
+    surface = reference.surface
+    points = surface.position[reference.valid], surface.normal[reference.valid]
+    image = np.zeros((height, width, 3), np.float32)
+    image[reference.valid], _ = evaluate(baked.gaussians, baked.coarse, baked.blend, *points)
+    return image
 
 
 def _target(reference: Reference, tone_scale: float) -> Target:

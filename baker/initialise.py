@@ -38,8 +38,7 @@ def from_surface(position: np.ndarray, normal: np.ndarray, indirect: np.ndarray,
     Scale is the mean distance to the three nearest points (Kerbl et al. 2023), FLATNESS of it along the normal, which
     is the +z axis of the rotation.
     """
-    spacing = spacing(position)
-    scale = spacing[:, None] * np.array([1, 1, FLATNESS], np.float32)
+    scale = spacing(position)[:, None] * np.array([1, 1, FLATNESS], np.float32)
     sh = np.zeros((len(position), (sh_degree + 1) ** 2, 3), np.float32)
     sh[:, 0] = indirect / constants.SH_C0
     opacity = np.full(len(position), OPACITY, np.float32)

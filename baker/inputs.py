@@ -77,8 +77,9 @@ def plan_of(options: argparse.Namespace, progress: Progress, cache: Cache) -> "P
 def _settings(options: argparse.Namespace) -> Settings:
     """What the flags of `add_settings` say."""
     return Settings(
+        operator=options.operator,
         quality=options.quality,
-        budget=options.budget if options.target_bytes is None else _budget(options.target_bytes),
+        budget=options.budget if options.target_bytes is None else _budget(options.operator, options.target_bytes),
         target_loss=options.target_loss,
         views=options.views,
         size=options.view_size,
@@ -93,16 +94,14 @@ def _settings(options: argparse.Namespace) -> Settings:
     )
 
 
-def _budget(size: int) -> int:
+def _budget(operator: str, size: int) -> int:
     """How many Gaussians a file of `size` bytes holds. Raises UsageError where that is none."""
-    from gsgi.runtime import codec
+    from .plan import file_bytes
 
-    from .plan import SH_DEGREE
-
-    least = codec.file_bytes(1, SH_DEGREE)
+    least = file_bytes(operator, 1)
     if size < least:
         raise UsageError(f"--target-bytes {size}: a file with one Gaussian takes {least}")
-    return bisect_right(range(1, BUDGET_MAX + 1), size, key=lambda count: codec.file_bytes(count, SH_DEGREE))
+    return bisect_right(range(1, BUDGET_MAX + 1), size, key=lambda count: file_bytes(operator, count))
 
 
 def open_cache(options: argparse.Namespace, progress: Progress) -> Cache:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from gsgi.runtime.layers import LAYERS
 
-from .settings import BUDGET_MAX, EFFECTS, QUALITIES, Settings
+from .settings import BUDGET_MAX, EFFECTS, OPERATORS, QUALITIES, Settings
 
 EXIT_CODES = """\
 exit codes: 0 ok, 1 command line, 2 file cannot be read or written, 3 invalid input, 4 failure while running,
@@ -81,19 +81,26 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     """What a bake may cost, and decisions taken out of the plan's hands."""
     _add_dial(parser)
     for flag, lowest, highest, default, unit, what in (
-        ("--iterations", 0, 2**30, None, "N", "steps of a fit (default: by quality and the number of views)"),
-        ("--views", 1, 2**16, None, "N", "views to fit (default: until 99 %% of what can be seen is seen three times)"),
-        ("--view-size", 16, 4096, None, "PX", "edge of a fitted view (default: by the number of views)"),
-        ("--samples", 1, 2**20, Settings.samples, "N", "most paths per pixel, in passes of 32"),
+        ("--iterations", 0, 2**30, None, "N", "steps of a fit (default: by quality)"),
+        (
+            "--views",
+            1,
+            2**16,
+            None,
+            "N",
+            "views to look from (default: until 99 %% of the visible is seen three times)",
+        ),
+        ("--view-size", 16, 4096, None, "PX", "edge of a view (default: by the number of views)"),
+        ("--samples", 1, 2**20, None, "N", "paths per point, in passes of 32 (default: by operator)"),
         ("--bounces", 1, 64, None, "N", "surfaces that light may meet (default: until more change nothing)"),
         ("--seed", 0, 2**30, Settings.seed, "N", "the same seed gives the same bytes"),
     ):
         parser.add_argument(flag, type=whole(lowest, highest), default=default, metavar=unit, help=what)
     parser.add_argument("--error", type=share, default=Settings.error, metavar="X",
-                        help="a pixel is done at this standard error, of B and its mean; 0: never before")  # fmt: skip
+                        help="over: a pixel is done at this standard error of B and its mean; 0: never before")  # fmt: skip
     parser.add_argument("--bounce-fraction", type=share, default=Settings.bounce_fraction, metavar="X",
                         help="share of the picture that further bounces may miss")  # fmt: skip
-    parser.add_argument("--denoise", choices=("auto", "off"), default="auto", help="denoise the fitted views")
+    parser.add_argument("--denoise", choices=("auto", "off"), default="auto", help="over: denoise the fitted views")
     parser.add_argument("--ignore", choices=EFFECTS, action="append", default=[], metavar="EFFECT",
                         help=f"leave an effect out; one of {', '.join(EFFECTS)}")  # fmt: skip
     path = '{"cameras": [{"position": [x,y,z], "target": [x,y,z]}, ...]}'
@@ -105,7 +112,9 @@ def _add_dial(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group(
         "dial", "How accurate, and how large. Losses are 0.2 L1 + 0.8 (1 - SSIM) / 2 of B."
     )
-    group.add_argument("--quality", choices=QUALITIES, default=Settings.quality,
+    group.add_argument("--operator", choices=OPERATORS, default=Settings.operator,
+                       help="read Gaussians at surface points, or blend them along the ray as in the paper")  # fmt: skip
+    group.add_argument("--quality", choices=QUALITIES[Settings.operator], default=Settings.quality,
                        help="how many Gaussians for the scene's detail, and how long they are fitted")  # fmt: skip
     group.add_argument("--target-loss", type=positive, metavar="X",
                        help="the fewest Gaussians with at most this loss in views that are not fitted")  # fmt: skip

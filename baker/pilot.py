@@ -27,6 +27,13 @@ class Pilot:
         """The fewest bounces beyond which less than `fraction` of the picture is lost."""
         return next(k for k, lost in self.lost.items() if lost <= fraction)
 
+    @property
+    def noise(self) -> float:
+        """Standard deviation of a path's light next to the light and its mean, root mean square over the points."""
+        if not self.mean:
+            return 0.0
+        return float(np.sqrt(np.mean(np.square(self.deviation / (self.light + self.mean)))))
+
     def samples(self, sampling: Sampling) -> float:
         """How many paths a point takes on average until `sampling` is content with it."""
         if not sampling.error:

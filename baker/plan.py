@@ -8,10 +8,10 @@ import numpy as np
 from gsgi.runtime import codec
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.errors import SceneError
-from gsgi.runtime.gaussians import Effects, OverBlend
+from gsgi.runtime.gaussians import Effects, OverBlend, SurfaceBlend
 from gsgi.runtime.scene import Scene
 
-from . import pilot
+from . import pilot, surface_budget
 from .cache import Cache
 from .coverage import sample_seen
 from .detail import gaussians_for
@@ -20,7 +20,7 @@ from .irradiance import Sampling
 from .memory import peak_memory
 from .pilot import Pilot
 from .progress import Progress
-from .settings import BUDGET_MAX, QUALITIES, Settings
+from .settings import BUDGET_MAX, QUALITIES, SAMPLES, Settings
 from .surface_points import Triangles
 from .traced_light import TracedLight
 from .views import Placement, place
@@ -64,13 +64,15 @@ class Plan:
 
     @property
     def sampling(self) -> Sampling:
-        """How each pixel is traced."""
+        """How each pixel of a view is traced."""
         s = self.settings
         return Sampling(s.samples, s.bounces, s.error, self.pilot.mean or 1.0)
 
     @property
-    def blend(self) -> OverBlend:
-        """How the Gaussians are drawn."""
+    def blend(self) -> OverBlend | SurfaceBlend:
+        """How the Gaussians become light."""
+        if self.settings.operator == "surface":
+            return SurfaceBlend()
         return OverBlend(NEAR * self.scene.diagonal(), DILATION)
 
     @property
@@ -84,24 +86,28 @@ class Plan:
         return effects(self.scene)
 
     @property
-    def pixels(self) -> int:
-        """Of all fitted views."""
+    def points(self) -> int:
+        """Where B is traced: pixels of all fitted views, or samples of the surfaces for the whole budget."""
+        if self.settings.operator == "surface":
+            return surface_budget.sample_count(self.settings.budget)
         return len(self.placement.fitted) * self.settings.size**2
 
     @property
     def samples(self) -> float:
-        """Paths that a pixel is expected to take, on average."""
+        """Paths that a point is expected to take, on average."""
+        if self.settings.operator == "surface":
+            return self.settings.samples
         return self.pilot.samples(self.sampling)
 
     @property
     def memory(self) -> int:
         """Expected peak of the process, bytes."""
-        return peak_memory(self.scene, self.pixels, self.settings.budget)
+        return peak_memory(self.scene, self.points, self.settings.budget)
 
     @property
     def file_bytes(self) -> int:
         """Size of the file where no Gaussian is left out."""
-        return codec.file_bytes(self.settings.budget, SH_DEGREE)
+        return file_bytes(self.settings.operator, self.settings.budget)
 
 
 def make_plan(
@@ -130,21 +136,36 @@ def make_plan(
     bounces = probe.bounces(settings.bounce_fraction) if settings.bounces is None else settings.bounces
     settings = replace(settings, views=len(placement.fitted), size=size, bounces=bounces)
     settings = replace(settings, budget=_budget(settings, triangles), iterations=_iterations(settings))
+    settings = replace(settings, samples=_samples(settings, probe))
     return Plan(scene, settings, triangles, light, placement, probe, probe.lost.get(bounces))
+
+
+def file_bytes(operator: str, budget: int) -> int:
+    """Size of the file with so many Gaussians."""
+    return surface_budget.file_bytes(budget) if operator == "surface" else codec.file_bytes(budget, SH_DEGREE)
 
 
 def _budget(settings: Settings, triangles: Triangles) -> int:
     """Most Gaussians; a search for the fewest may go up to those of high quality."""
     if settings.budget is not None:
         return settings.budget
-    quality = QUALITIES[settings.quality if settings.target_loss is None else "high"]
-    told_apart = settings.views * settings.size**2 // PIXELS_PER_GAUSSIAN
-    return max(min(round(quality.gaussians * gaussians_for(triangles, settings.seed)), told_apart, BUDGET_MAX), 1)
+    quality = QUALITIES[settings.operator][settings.quality if settings.target_loss is None else "high"]
+    wanted = round(quality.gaussians * gaussians_for(triangles, settings.seed))
+    if settings.operator == "over":
+        wanted = min(wanted, settings.views * settings.size**2 // PIXELS_PER_GAUSSIAN)
+    return max(min(wanted, BUDGET_MAX), 1)
+
+
+def _samples(settings: Settings, probe: Pilot) -> int:
+    """Most paths of a pixel, or those of a surface sample."""
+    if settings.samples is not None:
+        return settings.samples
+    return SAMPLES if settings.operator == "over" else surface_budget.path_count(settings.budget, probe.noise)
 
 
 def _iterations(settings: Settings) -> int:
     """Steps of the fit."""
-    quality = QUALITIES[settings.quality]
+    quality = QUALITIES[settings.operator][settings.quality]
     return max(quality.steps, quality.visits * settings.views) if settings.iterations is None else settings.iterations
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.display import to_uint8, tone_map
 from gsgi.runtime.errors import FileError
-from gsgi.runtime.gaussians import Gaussians, OverBlend
+from gsgi.runtime.gaussians import Bake
 from gsgi.runtime.image import write_image
 
 from .held_out import draw, exposure
@@ -32,12 +32,12 @@ class Preview:
         self._views = [(cameras[name], reference) for name, reference in references.items()]
         self._exposure = exposure([reference.indirect for _, reference in self._views])
 
-    def draw(self, iteration: int, gaussians: Gaussians, blend: OverBlend) -> None:
+    def draw(self, iteration: int, baked: Bake) -> None:
         """Write the picture of this iteration."""
         columns = []
         for camera, reference in self._views:
-            image = draw(gaussians, camera, reference, blend)
+            image = draw(baked, camera, reference)
             pair = (np.where(reference.valid[..., None], b, 0) for b in (image, reference.clean))
             columns.append(np.concatenate([tone_map(b, self._exposure) for b in pair]))
-        name = f"fit-{len(gaussians):06d}-{iteration:06d}.png"
+        name = f"fit-{len(baked.gaussians):06d}-{iteration:06d}.png"
         write_image(str(self._folder / name), to_uint8(np.concatenate(columns, axis=1)))

@@ -4,10 +4,9 @@ import time
 from collections.abc import Callable
 from typing import NamedTuple
 
-from gsgi.runtime.gaussians import OverBlend
+from gsgi.runtime.gaussians import Bake, Gaussians
 
 from .held_out import HeldOutLoss
-from .optimiser import CpuOptimiser
 from .preview import Preview
 
 LOOKS = 25  # at the held-out views, evenly over the iterations
@@ -25,37 +24,40 @@ class Look(NamedTuple):
 
 
 class Watch:
-    """Called after each iteration of a fit. `looks` is its history; the seconds of looking do not count."""
+    """Called after each iteration of a fit. `looks` is its history; the seconds of looking do not count.
+
+    `baked` makes a bake of the Gaussians of an iteration.
+    """
 
     def __init__(
         self,
         advance: Callable[..., None],
         held_out: HeldOutLoss | None,
-        blend: OverBlend,
+        baked: Callable[[Gaussians], Bake],
         iterations: int,
         preview: Preview | None,
     ):
         self.looks: list[Look] = []
-        self._advance, self._held_out, self._blend, self._preview = advance, held_out, blend, preview
+        self._advance, self._held_out, self._baked, self._preview = advance, held_out, baked, preview
         self._interval = max(iterations // LOOKS, 1)
         self._iteration, self._loss, self._note = 0, None, ""
         self._start = time.perf_counter()
 
-    def __call__(self, iteration: int, loss: float, optimiser: CpuOptimiser) -> None:
+    def __call__(self, iteration: int, loss: float, gaussians: Callable[[], Gaussians]) -> None:
         self._loss = loss if self._loss is None else MEMORY * self._loss + (1 - MEMORY) * loss
         if iteration % self._interval == 0:
-            self._look(iteration, optimiser)
+            self._look(iteration, gaussians())
         self._advance(iteration - self._iteration, f"loss {self._loss:.4f}{self._note}")
         self._iteration = iteration
 
-    def _look(self, iteration: int, optimiser: CpuOptimiser) -> None:
+    def _look(self, iteration: int, gaussians: Gaussians) -> None:
         before = time.perf_counter()
-        gaussians = optimiser.raw.to_gaussians()
+        baked = self._baked(gaussians)
         self._note = f", {len(gaussians)} Gaussians"
         if self._held_out:
-            loss, psnr = self._held_out.of(gaussians, self._blend)
+            loss, psnr = self._held_out.of(baked)
             self.looks.append(Look(iteration, before - self._start, len(gaussians), loss, psnr))
             self._note += f", held-out {psnr:.1f} dB"
         if self._preview:
-            self._preview.draw(iteration, gaussians, self._blend)
+            self._preview.draw(iteration, baked)
         self._start += time.perf_counter() - before

@@ -26,10 +26,8 @@ Gaussian fetch_gaussian(highp sampler2D shape, int index) {
     return Gaussian(first.xyz, first.w, rotation, last.xyz);
 }
 
-// Light that Gaussian `index` sends along the unit direction `d` (from the camera to its centre, world space).
-vec3 fetch_color(highp sampler2D sh, int index, vec3 d) {
-    float basis[SH_COUNT];
-    sh_basis(d, basis);
+// SH coefficients of Gaussian `index`.
+void fetch_sh(highp sampler2D sh, int index, out vec3 coefficients[SH_COUNT]) {
     float values[SH_TEXELS * 4];
     for (int i = 0; i < SH_TEXELS; ++i) {
         vec4 v = fetch_data(sh, index * SH_TEXELS + i);
@@ -38,8 +36,13 @@ vec3 fetch_color(highp sampler2D sh, int index, vec3 d) {
         values[4 * i + 2] = v.z;
         values[4 * i + 3] = v.w;
     }
-    vec3 color = vec3(0.0);
     for (int k = 0; k < SH_COUNT; ++k)
-        color += basis[k] * vec3(values[3 * k], values[3 * k + 1], values[3 * k + 2]);
-    return clamp(color, 0.0, HALF_MAX);
+        coefficients[k] = vec3(values[3 * k], values[3 * k + 1], values[3 * k + 2]);
+}
+
+// Light that Gaussian `index` sends along the unit direction `d` (from the camera to its centre, world space).
+vec3 fetch_color(highp sampler2D sh, int index, vec3 d) {
+    vec3 coefficients[SH_COUNT];
+    fetch_sh(sh, index, coefficients);
+    return clamp(sh_sum(coefficients, d), 0.0, HALF_MAX);
 }

@@ -32,3 +32,12 @@ void sh_basis(vec3 d, out float basis[SH_COUNT]) {
     basis[15] = -SH_C3_0 * d.x * (xx - 3.0 * yy);
 #endif
 }
+
+// The function of these coefficients in the unit direction `d`.
+vec3 sh_sum(vec3 coefficients[SH_COUNT], vec3 d) {
+    float basis[SH_COUNT];
+    sh_basis(d, basis);
+    vec3 sum = vec3(0.0);
+    for (int k = 0; k < SH_COUNT; ++k) sum += basis[k] * coefficients[k];
+    return sum;
+}

@@ -6,7 +6,7 @@ import numpy as np
 from .background import Background
 from .camera import Camera
 from .composite import Composite, Display
-from .gaussians import Bake
+from .gaussians import Bake, OverBlend
 from .gbuffer import GBuffer
 from .geometry import Geometry
 from .layers import LAYERS
@@ -15,17 +15,21 @@ from .primary import Primary
 from .scene import Scene
 from .shadow import Shadow
 from .splat import Splats
+from .surface_splat import SurfaceSplats
 
 
 class DeferredRenderer:
     """Draws `scene` with the indirect light of `bake` into targets of `width` x `height` px of its own.
 
     Only what the scene calls for is made: no bake, no splats and no composite; no lights, no shadows; no environment,
-    no background. Leaves the framebuffer, blending, depth test and culling of `ctx` changed. Raises UnsupportedError
-    for textures or Gaussians that the driver cannot hold.
+    no background. A bake of the `surface` operator is read once per `splat_scale` x `splat_scale` pixels (1, 2 or 4)
+    and upsampled; with the `over` operator `splat_scale` is 1. Leaves the framebuffer, blending, depth test and culling
+    of `ctx` changed. Raises UnsupportedError for textures or Gaussians that the driver cannot hold.
     """
 
-    def __init__(self, ctx: moderngl.Context, scene: Scene, bake: Bake | None, width: int, height: int):
+    def __init__(
+        self, ctx: moderngl.Context, scene: Scene, bake: Bake | None, width: int, height: int, splat_scale: int = 1
+    ):
         size = (width, height)
         self._origin = origin_of(scene)
         if self._origin.any():
@@ -40,7 +44,7 @@ class DeferredRenderer:
             self.shadow = Shadow(ctx, self.geometry, scene.bounds())
             self.primary = Primary(ctx, self.gbuffer, self.shadow, scene.lights)
         if bake is not None:
-            self.splats = Splats(ctx, bake, size)
+            self.splats = _splats(ctx, bake, self.gbuffer, splat_scale)
             self.composite = Composite(ctx, self.gbuffer, self.splats.indirect)
         # Background and light passes write to the G-buffer's emission: afterwards that target holds primary light.
         self._final = self.composite.radiance if self.composite else self.gbuffer.emission
@@ -89,6 +93,14 @@ class DeferredRenderer:
         for part in (self._display, *light, self.gbuffer, self.geometry):
             if part is not None:
                 part.release()
+
+
+def _splats(ctx: moderngl.Context, bake: Bake, gbuffer: GBuffer, splat_scale: int) -> Splats | SurfaceSplats:
+    """The bake's operator."""
+    if isinstance(bake.blend, OverBlend):
+        assert splat_scale == 1, splat_scale
+        return Splats(ctx, bake, gbuffer.size)
+    return SurfaceSplats(ctx, bake, gbuffer, splat_scale)
 
 
 def _pixels(texture: moderngl.Texture) -> np.ndarray:

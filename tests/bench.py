@@ -11,6 +11,7 @@ from benches.dial import dial
 from benches.fit import fit
 from benches.quality import quality
 from benches.scenes import scenes
+from benches.splats import splats
 from benches.stages import stages
 from benches.trace import trace
 from benches.triangles import triangles
@@ -19,7 +20,7 @@ from gsgi.runtime.atomic import check_writable, write_atomic
 
 ROOT = Path(__file__).resolve().parents[1]
 
-BENCHES = {bench.__name__: bench for bench in (fit, stages, trace, scenes, triangles, dial, quality)}
+BENCHES = {bench.__name__: bench for bench in (fit, stages, trace, scenes, splats, triangles, dial, quality)}
 
 
 def machine() -> dict[str, str]:

@@ -12,7 +12,7 @@ ROOT = Path(__file__).resolve().parents[1]
 RUNTIME = sorted((ROOT / "runtime").glob("*.py"))
 BAKER = sorted((ROOT / "baker").rglob("*.py"))
 GL_MODULES = {"context", "shader", "geometry", "gbuffer", "background", "shadow", "primary", "splat", "composite"}
-GL_MODULES |= {"renderer"}
+GL_MODULES |= {"renderer", "gaussian_textures", "surface_splat"}
 DATA_MODULES = sorted({path.stem for path in RUNTIME} - GL_MODULES - {"__init__"})
 
 

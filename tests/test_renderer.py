@@ -12,7 +12,7 @@ import scenes
 
 from gsgi.runtime.constants import HALF_MAX
 from gsgi.runtime.display import to_uint8, tone_map
-from gsgi.runtime.gaussians import Bake, OverBlend
+from gsgi.runtime.gaussians import Bake, OverBlend, SurfaceBlend
 from gsgi.runtime.renderer import LAYERS, DeferredRenderer
 from gsgi.runtime.scene import Environment, Light, Material, Mesh, Scene, Texture, TextureSlot
 
@@ -56,8 +56,12 @@ def bake() -> Bake:
     return Bake(oracle.random_gaussians(500, 2, seed=1), OverBlend(near=0.1))
 
 
-def render(ctx, scene, baked, exposure=1.0) -> dict[str, np.ndarray]:
-    renderer = DeferredRenderer(ctx, scene, baked, WIDTH, HEIGHT)
+def surface_bake() -> Bake:
+    return Bake(oracle.random_gaussians(500, 0, 1), SurfaceBlend(), coarse=oracle.random_gaussians(50, 2, 2))
+
+
+def render(ctx, scene, baked, exposure=1.0, splat_scale=1) -> dict[str, np.ndarray]:
+    renderer = DeferredRenderer(ctx, scene, baked, WIDTH, HEIGHT, splat_scale)
     renderer.render(scenes.inside_camera())
     layers = {layer: renderer.read(layer) for layer in LAYERS} | {"display": renderer.display(exposure)}
     renderer.release()
@@ -76,8 +80,10 @@ def test_layers_have_the_documented_shapes(gl):
     assert layers["display"].shape == (HEIGHT, WIDTH, 3)
 
 
-def test_the_final_image_is_primary_plus_albedo_times_indirect(gl):
-    layers = render(gl, full_scene(), bake())
+@pytest.mark.parametrize(("make", "splat_scale"), [(bake, 1), (surface_bake, 1), (surface_bake, 2)])
+def test_the_final_image_is_primary_plus_albedo_times_indirect(gl, make, splat_scale):
+    layers = render(gl, full_scene(), make(), splat_scale=splat_scale)
+    assert layers["indirect"].any()
     expected = layers["primary"] + layers["albedo"] * layers["indirect"]
     assert np.allclose(layers["final"], expected, rtol=2e-3, atol=1e-5)
 
@@ -124,9 +130,10 @@ def test_a_scene_without_triangles_is_black(gl):
         assert not layer.any(), name
 
 
-def test_a_second_frame_does_not_see_the_first(gl):
-    first = render(gl, full_scene(), bake())
-    renderer = DeferredRenderer(gl, full_scene(), bake(), WIDTH, HEIGHT)
+@pytest.mark.parametrize(("make", "splat_scale"), [(bake, 1), (surface_bake, 1), (surface_bake, 2)])
+def test_a_second_frame_does_not_see_the_first(gl, make, splat_scale):
+    first = render(gl, full_scene(), make(), splat_scale=splat_scale)
+    renderer = DeferredRenderer(gl, full_scene(), make(), WIDTH, HEIGHT, splat_scale)
     renderer.render(scenes.above_camera())
     renderer.display(1.0)
     renderer.render(scenes.inside_camera())
@@ -146,18 +153,20 @@ def test_size_may_be_odd(gl):
 CHILD = """
 import sys
 import numpy as np
-from test_renderer import bake, full_scene, render
+from test_renderer import bake, full_scene, render, surface_bake
 from gsgi.runtime.context import create_context
-np.savez(sys.argv[2], **render(create_context(sys.argv[1]), full_scene(), bake()))
+baked, splat_scale = {"over": (bake(), 1), "surface": (surface_bake(), 1), "half": (surface_bake(), 2)}[sys.argv[3]]
+np.savez(sys.argv[2], **render(create_context(sys.argv[1]), full_scene(), baked, splat_scale=splat_scale))
 """
 
 
-def test_egl_and_osmesa_draw_the_same_bytes(backends, tmp_path):
+@pytest.mark.parametrize("what", ["over", "surface", "half"])
+def test_egl_and_osmesa_draw_the_same_bytes(backends, tmp_path, what):
     if len(backends) < 2:
         pytest.skip(f"needs EGL and OSMesa, found {backends}")
     frames = []
     for name in backends:
-        command = [sys.executable, "-c", CHILD, name, str(tmp_path / f"{name}.npz")]
+        command = [sys.executable, "-c", CHILD, name, str(tmp_path / f"{name}.npz"), what]
         run = subprocess.run(command, cwd=Path(__file__).parent, capture_output=True, text=True)
         assert run.returncode == 0, run.stderr
         frames.append(np.load(tmp_path / f"{name}.npz"))

@@ -23,6 +23,9 @@ PERMUTATIONS = {
     "background": {},
     "primary": {"SPOT": BOOLS, "DIRECTIONAL": BOOLS, "FACES": (1, 6)},
     "splat": {"SH_DEGREE": (0, 1, 2, 3)},
+    "surface_points": {"SPLAT_SCALE": (1, 2, 4)},
+    "surface": {"SH_DEGREE": (0, 1, 2), "NORMAL_POWER": (0, 1, 4)},
+    "resolve": {"SPLAT_SCALE": (1, 2, 4)},
     "composite": {},
     "display": {},
 }

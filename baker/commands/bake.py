@@ -100,6 +100,7 @@ def _report(plan, baked, progress, exam) -> dict:
 
     coverage = plan.placement.coverage
     return {
+        "operator": plan.settings.operator,
         "gaussians": baked.fitted.count,
         "bytes": len(baked.data),
         "budget": plan.settings.budget,
@@ -113,7 +114,7 @@ def _report(plan, baked, progress, exam) -> dict:
         "views": len(plan.placement.fitted),
         "view_size": plan.settings.size,
         "samples": round(plan.samples, 1),
-        "paths": round(plan.pixels * plan.samples),
+        "paths": round(plan.points * plan.samples),
         "coverage": [round(share, 4) for share in coverage.seen],
         "texel_limit": coverage.texel_limit,
         "hidden_area": sum(hidden.area for hidden in coverage.hidden),

@@ -1,0 +1,70 @@
+"""Fits with the `surface` operator: Gaussians as surface points read them."""
+
+import time
+
+from gsgi.runtime.gaussians import Effects, Gaussians
+
+from .cache import task_key
+from .fitting import Fit, Watching
+from .irradiance import Sampling
+from .plan import Plan
+from .progress import Progress
+from .records import from_arrays, to_arrays
+from .surface_budget import coarse_count, sample_count
+from .surface_samples import CHUNK, Sampler, SurfaceSamples
+
+FIT_PACKAGES = ("numpy", "scipy")  # whose versions a fit depends on
+
+
+class SurfaceFits:
+    """Fits to samples of a plan's light, with one budget or another. `tone_scale` is the pilot's mean B."""
+
+    effects = Effects(0)
+
+    def __init__(self, plan: Plan, progress: Progress):
+        self.plan, self.progress = plan, progress
+        self.tone_scale = plan.pilot.mean or 1.0
+        settings = plan.settings
+        half = Sampling(-(-settings.samples // 2), settings.bounces)
+        self.sampler = Sampler(plan.light, plan.cameras, half, settings.seed + 1)
+
+    def fit(self, budget: int, watching: Watching) -> Fit:
+        """Both levels. Interrupted, it goes on from its traced samples and its checkpoint; done, it is not done again."""
+        from .coarse import coarse_level
+
+        plan = self.plan
+        surface, free = self._traced(sample_count(budget))
+        start = time.perf_counter()
+        with self.progress.stage("fit", plan.settings.iterations, "iterations") as advance:
+            coarse = coarse_level(free, coarse_count(budget), plan.blend, self.tone_scale, plan.settings.seed)
+            gaussians, looks = self._fitted(budget - len(coarse), surface, coarse, advance, watching)
+        return Fit(gaussians, coarse, looks, time.perf_counter() - start)
+
+    def _traced(self, count: int) -> tuple[SurfaceSamples, SurfaceSamples]:
+        """Samples of the surfaces, and of free space."""
+        points = 2 * (-(-count // CHUNK) + 1) * CHUNK
+        with self.progress.stage("irradiance", points, "points") as advance:
+            free = self.sampler.free(advance)
+            surface = self.sampler.surface(count, advance)
+        if paths := surface.invalid + free.invalid:
+            self.progress.warn(f"{paths} paths gave no finite number and were left out")
+        return surface, free
+
+    def _fitted(self, budget: int, samples, coarse: Gaussians, advance, watching: Watching) -> tuple[Gaussians, tuple]:
+        from .checkpoint import Checkpoint
+        from .code_version import code_version
+        from .fit import Course
+        from .surface_fit import fit_surface
+
+        plan, settings, cache = self.plan, self.plan.settings, self.plan.light.cache
+        task = samples, coarse, plan.blend, self.tone_scale, Course(budget, settings.iterations, settings.seed)
+        inputs = {"code": code_version("gsgi.baker.surface_fit", FIT_PACKAGES), "task": task}
+        key = task_key("fit", **inputs)
+        if found := cache.get(key):
+            advance(settings.iterations, "from the cache")
+            return from_arrays(Gaussians, found), ()
+        watch, checkpoint = watching(advance, coarse), Checkpoint(cache, task_key("checkpoint", **inputs))
+        gaussians = fit_surface(*task, watch, checkpoint)
+        cache.put(key, to_arrays(gaussians))
+        checkpoint.remove()
+        return gaussians, tuple(watch.looks)

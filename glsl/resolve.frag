@@ -1,0 +1,62 @@
+// B from the sums of the `surface` operator: one division. At lower resolution the sums of the four nearest points are
+// added up first, each as far as it shows the pixel's surface.
+#include "camera.glsl"
+#include "constants.glsl"
+#include "octahedral.glsl"
+#include "surface.glsl"
+
+uniform highp sampler2D sums;
+#if SPLAT_SCALE > 1
+uniform highp sampler2D surface_plane;
+uniform highp sampler2D normal;
+uniform highp sampler2D depth;
+
+uniform mat4 world_from_view;
+uniform vec2 focal;
+uniform vec2 centre;
+uniform float height;
+#endif
+
+layout(location = 0) out vec4 out_indirect;  // B
+
+#if SPLAT_SCALE > 1
+#define PLANE_TOLERANCE 0.01  // of depth; a pixel further off a point's plane shows another surface
+#define ALIKE 8               // power of the cosine between normals
+#define BLUR 0.01             // added to bilinear weights, so that no neighbour is left out
+#define FLOOR 1e-7            // of points of other surfaces: taken where there are no others; far below a coarse level
+
+vec4 upsampled(ivec2 texel) {
+    // Kopf et al. 2007, "Joint Bilateral Upsampling"
+    float view_depth = texelFetch(depth, texel, 0).r;
+    vec2 pixel = pixel_from_fragment(gl_FragCoord.xy, height);
+    vec4 x = world_from_view * vec4(view_from_pixel(pixel, view_depth, focal, centre), 1.0);
+    vec3 n = normal_from_octahedral(texelFetch(normal, texel, 0).xy);
+    float tolerance = 1.0 / (PLANE_TOLERANCE * view_depth);
+
+    vec2 place = vec2(texel - SPLAT_SCALE / 2) / float(SPLAT_SCALE), corner = floor(place);
+    vec2 part = place - corner;
+    ivec2 last = textureSize(sums, 0) - 1;
+    vec4 sum = vec4(0.0);
+    for (int i = 0; i < 4; ++i) {
+        ivec2 side = ivec2(i & 1, i >> 1), tap = clamp(ivec2(corner) + side, ivec2(0), last);
+        vec2 bilinear = mix(1.0 - part, part, vec2(side));
+        vec4 plane = texelFetch(surface_plane, tap, 0);
+        float on_plane = max(0.0, 1.0 - tolerance * abs(dot(plane, x)));
+        float same_way = likeness(dot(plane.xyz, n), ALIKE);
+        float weight = (bilinear.x * bilinear.y + BLUR) * (on_plane * same_way + FLOOR);
+        sum += weight * texelFetch(sums, tap, 0);
+    }
+    return view_depth > 0.0 ? sum : vec4(0.0);
+}
+#endif
+
+void main() {
+    ivec2 texel = ivec2(gl_FragCoord.xy);
+#if SPLAT_SCALE > 1
+    vec4 sum = upsampled(texel);
+#else
+    vec4 sum = texelFetch(sums, texel, 0);
+#endif
+    vec3 light = sum.a > 0.0 ? sum.rgb / sum.a : vec3(0.0);
+    out_indirect = vec4(clamp(light, 0.0, HALF_MAX), 1.0);
+}

@@ -1,0 +1,59 @@
+// One quad per Gaussian, just large enough for where it has weight. Draw a strip of four vertices per instance.
+#include "ellipsoid.glsl"
+#include "gaussian.glsl"
+
+uniform highp sampler2D shape_data;
+uniform highp sampler2D sh_data;
+uniform mat4 view_from_world;
+uniform mat4 clip_from_view;
+uniform vec2 focal;   // px
+uniform vec2 centre;  // px
+uniform vec2 size;    // px
+uniform float margin;  // px; how far along an axis a surface point may lie from the centre of its pixel
+uniform float near;    // m; no surface is nearer
+uniform float radius;  // standard deviations; where weights end
+uniform float weight;  // of the level
+
+in uint index;  // of the Gaussian
+flat out vec4 v_center;   // world space, m; weight
+flat out mat3 v_whiten;   // columns: the ellipsoid's axes, world space, in 1 / standard deviations
+flat out vec3 v_sh[SH_COUNT];
+#if NORMAL_POWER > 0
+flat out vec3 v_normal;
+#endif
+
+// More than a depth buffer of 24 bits rounds by: even a Gaussian without thickness covers the surface that it lies on.
+#define DEPTH_SLACK 1e-6
+
+void main() {
+    gl_Position = vec4(2.0, 2.0, 2.0, 1.0);  // outside: nothing is drawn
+    Gaussian g = fetch_gaussian(shape_data, int(index));
+    mat3 rotation = rotation_from_quaternion(g.rotation);
+    v_center = vec4(g.position, weight * min(g.opacity, 1.0));
+    v_whiten = mat3(rotation[0] / g.scale.x, rotation[1] / g.scale.y, rotation[2] / g.scale.z);
+    fetch_sh(sh_data, int(index), v_sh);
+    for (int k = 0; k < SH_COUNT; ++k) v_sh[k] = clamp(v_sh[k], -HALF_MAX / SH_C0, HALF_MAX / SH_C0);
+#if NORMAL_POWER > 0
+    v_normal = rotation[2];
+#endif
+
+    vec3 t = (view_from_world * vec4(g.position, 1.0)).xyz;
+    vec3 reach = radius * g.scale;
+    mat3 axes = mat3(view_from_world) * mat3(rotation[0] * reach.x, rotation[1] * reach.y, rotation[2] * reach.z);
+    vec3 extent = half_extent(axes);
+    float nearest = max(near, -t.z - extent.z);
+    // Written so that a NaN fails the test.
+    if (!(g.opacity > 0.0 && extent.z - t.z >= near)) return;
+    Bounds b = ellipse_bounds(t, axes, extent.z, focal, centre);
+    // One that reaches the eye's plane has no ellipse, one that nearly does a vast one.
+    if (!(-t.z - extent.z > near && dot(b.axes[0], b.axes[0]) < dot(size, size)))
+        b = box_bounds(t, extent, nearest, focal, centre, size);
+    // A square of half the edge `margin` around any point of the quad reaches no further than its diagonal.
+    float diagonal = margin * sqrt(2.0);
+    b.axes += mat2(diagonal * normalize(b.axes[0]), diagonal * normalize(b.axes[1]));
+
+    vec2 corner = vec2((gl_VertexID & 1) == 0 ? -1.0 : 1.0, (gl_VertexID & 2) == 0 ? -1.0 : 1.0);
+    vec2 ndc = 2.0 * (b.middle + b.axes * corner) / size - 1.0;
+    float depth = window_depth(nearest, clip_from_view) - DEPTH_SLACK;
+    gl_Position = vec4(ndc.x, -ndc.y, max(2.0 * depth - 1.0, -1.0), 1.0);
+}

@@ -1,0 +1,59 @@
+// The surface points at which the Gaussians are read: each pixel of the target takes one of the SPLAT_SCALE x
+// SPLAT_SCALE pixels of the G-buffer that it covers.
+#include "camera.glsl"
+#include "octahedral.glsl"
+
+uniform highp sampler2D normal;
+uniform highp sampler2D depth;
+
+uniform mat4 world_from_view;
+uniform mat4 clip_from_view;
+uniform vec2 focal;
+uniform vec2 centre;
+uniform float height;
+
+layout(location = 0) out vec4 out_position;  // world space, m
+layout(location = 1) out vec4 out_plane;     // the tangent plane: shading normal n, world space, unit; -n . position
+
+#if SPLAT_SCALE == 1
+ivec2 chosen_texel(ivec2 target) {
+    return target;
+}
+#else
+// Of depth: pixels further apart show different surfaces.
+#define DEPTH_STEP 1.1
+
+// The middle of the block; where there are several surfaces, the nearest and the farthest in turns, as on a
+// chessboard: then both are among any four neighbours. Surfaces come before the background.
+ivec2 chosen_texel(ivec2 target) {
+    ivec2 last = textureSize(depth, 0) - 1;
+    ivec2 middle = min(target * SPLAT_SCALE + SPLAT_SCALE / 2, last), near_texel = middle, far_texel = middle;
+    float seen = texelFetch(depth, middle, 0).r, nearest = seen, farthest = seen;
+    for (int i = 0; i < SPLAT_SCALE * SPLAT_SCALE; ++i) {
+        ivec2 texel = min(target * SPLAT_SCALE + ivec2(i % SPLAT_SCALE, i / SPLAT_SCALE), last);
+        float d = texelFetch(depth, texel, 0).r;
+        if (d > 0.0 && (d < nearest || nearest <= 0.0)) {
+            nearest = d;
+            near_texel = texel;
+        }
+        if (d > farthest) {
+            farthest = d;
+            far_texel = texel;
+        }
+    }
+    if (seen > 0.0 && farthest < nearest * DEPTH_STEP) return middle;
+    return ((target.x + target.y) & 1) == 0 ? near_texel : far_texel;
+}
+#endif
+
+void main() {
+    ivec2 texel = chosen_texel(ivec2(gl_FragCoord.xy));
+    float view_depth = texelFetch(depth, texel, 0).r;
+    vec2 pixel = pixel_from_fragment(vec2(texel) + 0.5, height);
+    vec3 view = view_from_pixel(pixel, view_depth, focal, centre);
+    out_position = world_from_view * vec4(view, 1.0);
+    vec3 n = normal_from_octahedral(texelFetch(normal, texel, 0).xy);
+    out_plane = vec4(n, -dot(n, out_position.xyz));
+    // Nothing is nearer than 0: where there is no surface, no Gaussian passes the depth test.
+    gl_FragDepth = view_depth > 0.0 ? window_depth(view_depth, clip_from_view) : 0.0;
+}

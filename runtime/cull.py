@@ -1,0 +1,22 @@
+"""Which Gaussians a camera may see."""
+
+import numpy as np
+
+from .camera import Pinhole
+
+
+def in_view(position: np.ndarray, radius: np.ndarray, pinhole: Pinhole) -> np.ndarray:
+    """Indices (M,) uint32, ascending, of the spheres that meet the view's pyramid.
+
+    `position` (N, 3) float32, world space, m; `radius` (N,) float32, m.
+    """
+    x, y = pinhole.width / 2 / pinhole.fx, pinhole.height / 2 / pinhole.fy
+    planes = np.array([[1, 0, -x], [-1, 0, -x], [0, 1, -y], [0, -1, -y], [0, 0, -1]])  # inward, through the eye
+    planes /= np.linalg.norm(planes, axis=1, keepdims=True)
+    planes = (planes @ pinhole.view_from_world[:3]).astype(np.float32)
+    shown = np.ones(len(position), bool)
+    with np.errstate(over="ignore", invalid="ignore"):  # broken: the comparisons leave them out
+        for a, b, c, d in planes:
+            # Column by column: for three columns this is faster than a matrix product.
+            shown &= a * position[:, 0] + b * position[:, 1] + c * position[:, 2] + d >= -radius
+    return np.flatnonzero(shown).astype(np.uint32)

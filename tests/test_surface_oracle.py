@@ -1,0 +1,85 @@
+"""The numpy oracle of the `surface` operator against closed forms."""
+
+from dataclasses import replace
+
+import numpy as np
+import oracle
+import pytest
+
+from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
+
+BLEND = SurfaceBlend(cutoff=0.05, sharpness=3, coarse_weight=0.01)
+UP = np.array([[0.0, 0.0, 1.0]])
+NONE = Gaussians(*(np.zeros(shape, np.float32) for shape in ((0, 3), (0, 4), (0, 3), (0,), (0, 1, 3))))
+
+
+def flat(position, color, rotation=(0, 0, 0, 1), opacity=1.0):
+    """One Gaussian of scale (1, 2, 0.5) m that faces +Z."""
+    sh = np.array([[color]]) / 0.28209479177
+    arrays = [position], [rotation], [(1, 2, 0.5)], [opacity], sh
+    return Gaussians(*(np.array(a, np.float32) for a in arrays))
+
+
+def both(a, b):
+    names = "position", "rotation", "scale", "opacity", "sh"
+    return Gaussians(*(np.concatenate([getattr(a, n), getattr(b, n)]) for n in names))
+
+
+def read(fine, point=(0, 0, 0), normal=UP, coarse=NONE):
+    sums, light = oracle.read_surface(fine, coarse, BLEND, np.array([point], float), normal)
+    return sums[0], light[0]
+
+
+def test_one_gaussian_gives_its_colour_wherever_it_has_weight():
+    fine = flat((0, 0, 0), (0.2, 0.4, 0.8), opacity=0.3)
+    radius = BLEND.radius
+    for point in ((0, 0, 0), (0.99 * radius, 0, 0), (0, 1.99 * radius, 0), (0, 0, 0.49 * radius)):
+        sums, light = read(fine, point)
+        assert sums[3] > 0
+        assert light == pytest.approx([0.2, 0.4, 0.8], rel=1e-6)
+    for point in ((1.01 * radius, 0, 0), (0, 2.01 * radius, 0), (0, 0, 0.51 * radius)):
+        sums, light = read(fine, point)
+        assert not sums.any()
+        assert not light.any()
+
+
+def test_the_weight_by_hand():
+    turn = 0, np.sin(0.2), 0, np.cos(0.2)  # by 0.4 rad about +Y
+    sums, _ = read(flat((0, 0, 0), (1, 1, 1), turn, opacity=0.7), (0, 1.0, 0))
+    assert sums[3] == pytest.approx(0.7 * (np.exp(-0.125) - 0.05) * np.cos(0.4) ** 3, rel=1e-6)
+
+
+def test_two_equal_gaussians_mix_evenly_half_way():
+    fine = both(flat((-0.5, 0, 0), (1, 0, 0.5)), flat((0.5, 0, 0), (0, 1, 0.5)))
+    assert read(fine)[1] == pytest.approx([0.5, 0.5, 0.5], rel=1e-6)
+
+
+def test_the_other_side_does_not_count():
+    fine = both(flat((0, 0, 0), (1, 0, 0)), flat((0, 0, 0), (0, 1, 0), rotation=(1, 0, 0, 0)))
+    assert read(fine)[1] == pytest.approx([1, 0, 0], abs=1e-6)
+    assert read(fine, normal=-UP)[1] == pytest.approx([0, 1, 0], abs=1e-6)
+    assert not read(fine, normal=UP[:, ::-1])[0].any()
+
+
+def test_the_coarse_level_faces_every_way_and_shows_alone_only():
+    fine, coarse = flat((0, 0, 0), (1, 0, 0)), flat((0, 0, 0), (0, 1, 0))
+    assert read(fine, coarse=coarse)[1] == pytest.approx([100 / 101, 1 / 101, 0], rel=1e-6)
+    assert read(fine, normal=-UP, coarse=coarse)[1] == pytest.approx([0, 1, 0], rel=1e-6)
+
+
+def test_light_follows_the_normal_and_is_not_negative():
+    coarse = flat((0, 0, 0), (1, 1, 1))
+    sh = np.concatenate([coarse.sh, np.zeros((1, 3, 3), np.float32)], axis=1)
+    sh[0, 2] = 2 / 0.4886025119  # 1 + 2 n_z
+    coarse = replace(coarse, sh=sh)
+    assert read(NONE, coarse=coarse)[1] == pytest.approx([3, 3, 3], rel=1e-6)
+    assert not read(NONE, normal=-UP, coarse=coarse)[1].any()
+
+
+def test_one_colour_everywhere_stays_that_colour():
+    fine = oracle.random_gaussians(200, 0, seed=0)
+    fine = replace(fine, sh=np.full_like(fine.sh, 3.0))
+    points = fine.position[:50].astype(float)
+    normal = oracle.rotation_matrix(fine.rotation[:50].astype(float))[:, :, 2]
+    _, light = oracle.read_surface(fine, NONE, BLEND, points, normal)
+    assert np.allclose(light, 3 * 0.28209479177, rtol=1e-6)
