@@ -141,6 +141,18 @@ def test_hardly_any_samples(samples):
     )
 
 
+def test_coefficients_are_no_larger_than_light_can_have_them():
+    """Normals that hardly differ, and light that does: least squares alone would find thousands."""
+    truth, _ = problem(1, 9)
+    position, normal = points(400)
+    normal = np.float32([0, 0, 1]) + np.float32(0.01) * normal
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    field = field_of(truth, position, normal, sharpness=SHARPNESS)
+    light = np.where(normal[:, :1] > 0, 1, 3) * np.ones(3, np.float32)
+    found = solve(field, black(truth), base(400), light, np.ones(400), 50)
+    assert np.abs(found[:, 1:]).max() <= colours.SH_BOUND * found[:, 0].max() * (1 + 1e-6)
+
+
 def test_a_colour_below_0_is_none():
     """What lies under the Gaussian alone brings more than there is."""
     truth, field = problem(1, 1)
