@@ -5,18 +5,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gsgi.runtime.constants import SH_C0
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
 
 from .surface_points import Triangles
 from .surface_samples import SurfaceSamples
 from .surface_state import axes
 
-SAMPLES_PER_GAUSSIAN = 24  # that are asked whether a wall lies before them
 LIFT = 1e-3  # of the diagonal: lines of sight run so far off the surface, over its roughness
-
-# Of the mean light: a sample behind something whose light differs less from the Gaussian's needs no wall.
-ALIKE = 0.1
 
 ROUNDS = 8  # of cuts, each by the wall that a Gaussian reaches furthest through
 UPRIGHT = 0.7  # cosine between a wall and the Gaussian's surface beyond which it lies before the surface, not across it
@@ -48,42 +43,15 @@ def clip(gaussians: Gaussians, walls: Walls, blend: SurfaceBlend, flat: bool = T
     return gaussians
 
 
-def find(
-    gaussians: Gaussians, samples: SurfaceSamples, triangles: Triangles, blend: SurfaceBlend, flat: bool = True
-) -> Walls:
-    """The walls between Gaussians and samples that they reach, but ought not to: those with another light.
-
-    With `flat` only samples count that face the Gaussian's way. Looks at an even part of the samples, the same each time.
-    """
+def find(gaussians: Gaussians, pairs: np.ndarray, samples: SurfaceSamples, triangles: Triangles) -> Walls:
+    """The walls between Gaussians and samples of `pairs` (P, 2), indices of both."""
     from scipy.spatial import cKDTree
 
-    samples = samples[:: max(len(samples) // max(SAMPLES_PER_GAUSSIAN * len(gaussians), 1), 1)]
-    tree = cKDTree(samples.position)
-    reached = tree.query_ball_point(gaussians.position, blend.radius * gaussians.scale.max(axis=1), workers=-1)
-    counts = np.array([len(some) for some in reached], np.int64)
-    gaussian = np.repeat(np.arange(len(gaussians)), counts)
-    sample = np.concatenate([np.empty(0, np.int64), *(np.asarray(some, np.int64) for some in reached)])
-    near = _reaches(gaussians, gaussian, samples, sample, blend, flat)
-    gaussian, sample = gaussian[near], sample[near]
+    gaussian, sample = pairs.T.astype(np.int64)
     lift = np.float32(LIFT * triangles.diagonal)
-    start = gaussians.position
-    if flat:
-        start = _anchors(gaussians, samples, tree) + lift * axes(gaussians.rotation)[:, :, 2]
-    return _blocking(gaussians, gaussian, start, samples.position[sample] + lift * samples.normal[sample], triangles)
-
-
-def _reaches(gaussians: Gaussians, gaussian, samples: SurfaceSamples, sample, blend: SurfaceBlend, flat) -> np.ndarray:
-    """Which pairs (P,) bool of a Gaussian and a sample would share light, and differ in it."""
-    turn = axes(gaussians.rotation)[gaussian]
-    way = samples.position[sample] - gaussians.position[gaussian]
-    e = (way[:, None, :] @ turn)[:, 0] / gaussians.scale[gaussian]
-    near = (e**2).sum(axis=1) < blend.radius**2
-    if not flat:
-        return near
-    near &= (samples.normal[sample] * turn[:, :, 2]).sum(axis=1) > 0
-    light = samples.indirect
-    apart = np.abs(gaussians.sh[gaussian, 0] * np.float32(SH_C0) - light[sample]).mean(axis=1)
-    return near & (apart > ALIKE * light.mean())
+    start = _anchors(gaussians, samples, cKDTree(samples.position)) + lift * axes(gaussians.rotation)[:, :, 2]
+    end = samples.position[sample] + lift * samples.normal[sample]
+    return _blocking(gaussians, gaussian, start, end, triangles, lift)
 
 
 def _anchors(gaussians: Gaussians, samples: SurfaceSamples, tree) -> np.ndarray:
@@ -95,16 +63,16 @@ def _anchors(gaussians: Gaussians, samples: SurfaceSamples, tree) -> np.ndarray:
     return samples.position[nearest[np.arange(len(nearest)), alike.argmax(axis=1)]]
 
 
-def _blocking(gaussians: Gaussians, gaussian: np.ndarray, start: np.ndarray, end: np.ndarray, triangles) -> Walls:
+def _blocking(gaussians: Gaussians, gaussian: np.ndarray, start: np.ndarray, end: np.ndarray, triangles, lift) -> Walls:
     """The first triangles on the lines from `start` (N, 3), of each Gaussian, to `end` (P, 3)."""
     way = end - start[gaussian]
     hits = triangles.hits(start[gaussian], way)
     blocked = hits.distance < 0.999
     gaussian, way, normal = gaussian[blocked], way[blocked], hits.normal[blocked].astype(np.float64)
-    normal *= -np.sign((normal * way).sum(axis=1, keepdims=True))
-    point = start[gaussian] + hits.distance[blocked][:, None] * way
-    distance = ((gaussians.position[gaussian] - point) * normal).sum(axis=1)
-    return Walls(gaussian, normal, np.maximum(distance, 1e-3 * gaussians.scale[gaussian].min(axis=1)))
+    distance = -hits.distance[blocked] * (normal * way).sum(axis=1)  # of the start; its sign is the side that is hit
+    normal, distance = normal * np.sign(distance)[:, None], np.abs(distance)
+    ahead = (normal * axes(gaussians.rotation)[gaussian, :, 2]).sum(axis=1) <= UPRIGHT  # else the surface bends itself
+    return Walls(gaussian[ahead], normal[ahead], np.maximum(distance[ahead], lift))
 
 
 def _along(gaussians: Gaussians, walls: Walls, flat: bool) -> np.ndarray:
