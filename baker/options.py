@@ -97,7 +97,7 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     ):
         parser.add_argument(flag, type=whole(lowest, highest), default=default, metavar=unit, help=what)
     parser.add_argument("--error", type=share, default=Settings.error, metavar="X",
-                        help="over: a pixel is done at this standard error of B and its mean; 0: never before")  # fmt: skip
+                        help="over: a pixel is done at this error of B and its mean; 0: never")  # fmt: skip
     parser.add_argument("--bounce-fraction", type=share, default=Settings.bounce_fraction, metavar="X",
                         help="share of the picture that further bounces may miss")  # fmt: skip
     parser.add_argument("--denoise", choices=("auto", "off"), default="auto", help="over: denoise the fitted views")
@@ -113,7 +113,7 @@ def _add_dial(parser: argparse.ArgumentParser) -> None:
         "dial", "How accurate, and how large. Losses are 0.2 L1 + 0.8 (1 - SSIM) / 2 of B."
     )
     group.add_argument("--operator", choices=OPERATORS, default=Settings.operator,
-                       help="read Gaussians at surface points, or blend them along the ray as in the paper")  # fmt: skip
+                       help="read Gaussians at surface points, or blend them along rays")  # fmt: skip
     group.add_argument("--quality", choices=QUALITIES[Settings.operator], default=Settings.quality,
                        help="how many Gaussians for the scene's detail, and how long they are fitted")  # fmt: skip
     group.add_argument("--target-loss", type=positive, metavar="X",
