@@ -48,8 +48,8 @@ def undisturbed() -> tuple[Gaussians, list[tuple]]:
     return fit(*problem(), lambda *args: told.append(heard(*args))), told
 
 
-def heard(iteration: int, loss: float, optimiser) -> tuple:
-    return iteration, loss, len(optimiser.raw)
+def heard(iteration: int, loss: float, gaussians) -> tuple:
+    return iteration, loss, len(gaussians())
 
 
 def run_until(stop: int, folder, degree: int = 0, kind: type = Checkpoint) -> list[tuple]:
