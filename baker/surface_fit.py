@@ -9,7 +9,6 @@ import numpy as np
 from gsgi.runtime import constants
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
 
-from . import walls
 from .blue_noise import thin
 from .checkpoint import Checkpoint
 from .density import count_after
@@ -17,7 +16,6 @@ from .fit import Course
 from .initialise import CANDIDATES, rotation_to, spacing
 from .records import from_arrays, to_arrays
 from .surface_optimiser import LIST_STEPS, SurfaceOptimiser
-from .surface_points import Triangles
 from .surface_samples import SurfaceSamples
 from .surface_state import SurfaceState, to_merge, to_remove, to_split
 
@@ -33,9 +31,6 @@ START_SHARE = 0.7
 # Iterations of the colours' least squares: at the start, where the number changed, and at the end. Adam leaves some
 # light where there is none.
 SOLVE_FIRST, SOLVE_AGAIN, SOLVE_LAST = 10, 5, 10
-
-# Samples where the fine level weighs less than this get Gaussians of their own, one for so many of them.
-COVERED, BARE_SAMPLES = 0.1, 8
 
 # The start: of the distance to the three nearest, in the surface and along its normal. Neighbours overlap.
 WIDTH, THICKNESS = 1.3, 0.8
@@ -59,7 +54,6 @@ def fit_surface(
     blend: SurfaceBlend,
     tone_scale: float,
     course: Course,
-    triangles: Triangles,
     watch: Callable[[int, float, Callable[[], Gaussians]], None] | None = None,
     checkpoint: Checkpoint | None = None,
 ) -> Gaussians:
@@ -82,7 +76,7 @@ def fit_surface(
     for iteration in range(run.iteration, course.iterations):
         if iteration in changes and iteration > 0:
             limit = count_after(round(START_SHARE * course.budget), course.budget, changes[iteration])
-            state = changed(state, error, limit, optimiser, triangles, rng)
+            state = changed(state, error, limit, optimiser)
         falling = RATE_END ** (iteration / course.iterations)
         try:
             state, seen = optimiser.step(state, {name: falling * rate for name, rate in RATES.items()}, iteration + 1)
@@ -93,7 +87,7 @@ def fit_surface(
             watch(iteration + 1, seen.loss, lambda gaussians=state.gaussians: gaussians)
         if checkpoint and (iteration + 1) % LIST_STEPS == 0 and checkpoint.due():
             checkpoint.save(to_arrays(_Run(state, error, iteration + 1)))
-    return optimiser.solve(confined(state.gaussians, optimiser, triangles), SOLVE_LAST)
+    return optimiser.solve(state.gaussians, SOLVE_LAST)
 
 
 def start(samples: SurfaceSamples, count: int, rng: np.random.Generator) -> Gaussians:
@@ -109,26 +103,10 @@ def start(samples: SurfaceSamples, count: int, rng: np.random.Generator) -> Gaus
     return Gaussians(position, rotation_to(normal), scale, opacity, light[:, None, :] / np.float32(constants.SH_C0))
 
 
-def changed(
-    state: SurfaceState, error: np.ndarray, limit: int, optimiser: SurfaceOptimiser, triangles: Triangles, rng
-) -> SurfaceState:
-    """At most `limit` Gaussians: without those that no sample sees or that a neighbour makes superfluous; none reaches
-    through a wall; first where samples have none of their own there are more, then those under which most `error` (N,)
-    lies are split."""
-    unit = optimiser.tone_scale
-    wanted = ~(to_remove(optimiser.share(state.gaussians)) | to_merge(state.gaussians, unit))
+def changed(state: SurfaceState, error: np.ndarray, limit: int, optimiser: SurfaceOptimiser) -> SurfaceState:
+    """At most `limit` Gaussians: without those that no sample sees or that a neighbour makes superfluous, and with those
+    split under which most `error` (N,) lies."""
+    wanted = ~(to_remove(optimiser.share(state.gaussians)) | to_merge(state.gaussians, optimiser.tone_scale))
     state, error = state.keep(wanted), error[wanted]
-    state = state.shaped(confined(state.gaussians, optimiser, triangles))
-    bare = optimiser.samples[optimiser.weight(state.gaussians) < COVERED]
-    added = start(bare, min(limit - len(state), len(bare) // BARE_SAMPLES), rng) if len(bare) else None
-    state = state.split(to_split(error, limit - len(state) - len(added or ())))
-    if added:
-        state = state.joined(SurfaceState.fresh(added))
-    state = state.shaped(confined(state.gaussians, optimiser, triangles))
+    state = state.split(to_split(error, limit - len(state)))
     return replace(state, gaussians=optimiser.solve(state.gaussians, SOLVE_AGAIN))
-
-
-def confined(gaussians: Gaussians, optimiser: SurfaceOptimiser, triangles: Triangles) -> Gaussians:
-    """Gaussians that reach through no wall between different light."""
-    between = walls.find(gaussians, optimiser.strangers(gaussians), optimiser.samples, triangles)
-    return walls.clip(gaussians, between, optimiser.blend)

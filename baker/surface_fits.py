@@ -64,7 +64,7 @@ class SurfaceFits:
             advance(settings.iterations, "from the cache")
             return from_arrays(Gaussians, found), ()
         watch, checkpoint = watching(advance, coarse), Checkpoint(cache, task_key("checkpoint", **inputs))
-        gaussians = fit_surface(*task, plan.triangles, watch, checkpoint)
+        gaussians = fit_surface(*task, watch, checkpoint)
         cache.put(key, to_arrays(gaussians))
         checkpoint.remove()
         return gaussians, tuple(watch.looks)

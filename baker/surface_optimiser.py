@@ -22,9 +22,6 @@ BETA_1, BETA_2, EPSILON = 0.9, 0.98, 1e-20
 
 DARK = 1.5  # mean B; light counts relative to itself and so much more
 SIZE_COST = 0.01  # of the loss, for all Gaussians e times as large: of shapes that fit alike the small one costs less
-# Where the light of a Gaussian and of a sample differ by more than so much of the mean B, and one is so many times as
-# bright as the other, a wall between them is heeded.
-STRANGE, CONTRAST = 0.1, 4.0
 LOGIT_MAX = 5.0  # of the opacity
 
 
@@ -44,7 +41,7 @@ class SurfaceOptimiser:
     """
 
     def __init__(self, samples: SurfaceSamples, coarse: Gaussians, blend: SurfaceBlend, tone_scale: float):
-        self.samples = samples = samples[coherent(samples.position, samples.normal)]
+        samples = samples[coherent(samples.position, samples.normal)]
         self._a, self._b, self._light = samples.indirect_a, samples.indirect_b, samples.indirect
         self._field = _kernels.FieldFloat(samples.position, samples.normal)
         self._base = coarse_sums(self._field, coarse, blend)
@@ -64,19 +61,6 @@ class SurfaceOptimiser:
         self._list(gaussians)
         light, inverse = self._read(gaussians)
         return self._field.spread(gaussians, np.ones_like(light), inverse)[:, 0, 0] / np.float32(constants.SH_C0)
-
-    def weight(self, gaussians: Gaussians) -> np.ndarray:
-        """Sum w (S,) float32 of the fine level at each sample."""
-        self._list(gaussians)
-        return self._field.read(gaussians)[:, 3]
-
-    def strangers(self, gaussians: Gaussians) -> np.ndarray:
-        """Pairs (P, 2) uint32, indices of a Gaussian and of a sample that reads it although one of them is far brighter."""
-        self._list(gaussians)
-        pairs = self._field.differing(gaussians, self._light, STRANGE * self.tone_scale)
-        colour = constants.SH_C0 * gaussians.sh[pairs[:, 0], 0].mean(axis=1)
-        light = self._light[pairs[:, 1]].mean(axis=1)
-        return pairs[np.maximum(colour, light) > CONTRAST * np.minimum(colour, light)]
 
     def step(self, state: SurfaceState, rates: Mapping[str, float], steps: int) -> tuple[SurfaceState, Seen]:
         """One step of Adam, the `steps`-th since it began.

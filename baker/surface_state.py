@@ -45,17 +45,6 @@ class SurfaceState:
         rest = (array[which] for array in (self.mean, self.square, self.smallest, self.largest))
         return SurfaceState(Gaussians(**kept), *rest)
 
-    def shaped(self, gaussians: Gaussians) -> "SurfaceState":
-        """With `gaussians` in place of its own; those that have become smaller do not grow again."""
-        smaller = (gaussians.scale < self.gaussians.scale).any(axis=1, keepdims=True)
-        largest = np.where(smaller, np.minimum(self.largest, gaussians.scale), self.largest)
-        smallest = np.minimum(self.smallest, gaussians.scale)
-        return replace(self, gaussians=gaussians, smallest=smallest, largest=largest)
-
-    def joined(self, other: "SurfaceState") -> "SurfaceState":
-        """With the Gaussians of another state behind."""
-        return _joined(self, other)
-
     def split(self, which: np.ndarray) -> "SurfaceState":
         """Two halves, behind all others, in place of each Gaussian of the indices `which` (D,)."""
         others = np.ones(len(self), bool)

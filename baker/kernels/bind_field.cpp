@@ -93,23 +93,6 @@ template <class Real> static void bind_precision(nb::module_& m, const char* nam
             },
             "gaussians"_a, "values"_a.noconvert(), "inverse_weight"_a.noconvert(),
             "sum of w / (sum w) Y_k(n) values over the points, (N, K, 3).")
-        .def(
-            "differing",
-            [](Field<Real>& self, nb::handle gaussians, Vectors light, double threshold) {
-                const auto arrays = listed(self, gaussians);
-                require(light.shape(0) == self.count(), "one value per point is needed");
-                std::vector<uint32_t> gaussian, point;
-                {
-                    nb::gil_scoped_release unlocked;
-                    self.differing(arrays, light.data(), threshold, gaussian, point);
-                }
-                auto pairs = allocate<uint32_t>({gaussian.size(), 2});
-                for (size_t i = 0; i < gaussian.size(); ++i)
-                    pairs.data()[2 * i] = gaussian[i], pairs.data()[2 * i + 1] = point[i];
-                return pairs;
-            },
-            "gaussians"_a, "light"_a.noconvert(), "threshold"_a,
-            "Pairs (P, 2) of a Gaussian and a point that reads it although their light differs by more.")
         .def_prop_ro(
             "entry_count", &Field<Real>::entry_count, "Pairs of a Gaussian and a block that it reaches.");
 }

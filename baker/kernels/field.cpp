@@ -230,22 +230,5 @@ void Field<Real>::spread(
     sum_entries(gaussians.count, columns, spread);
 }
 
-template <class Real>
-void Field<Real>::differing(const FieldArrays<Real>& gaussians, const Real* light, double threshold,
-    std::vector<uint32_t>& gaussian, std::vector<uint32_t>& point)
-{
-    std::vector<uint16_t> masks(reached.size());
-    for_each_block(gaussians, [&](const BlockReading<Real>& reading, size_t first, size_t count) {
-        const BlockValues<Real> l(light, 3, first, count);
-        field_kernels<Real>().differing(reading, l.value, threshold, masks.data());
-    });
-    for (size_t b = 0; b < blocks.size(); ++b)
-        for (size_t i = first_reach[b]; i < first_reach[b + 1]; ++i)
-            for (uint32_t left = masks[reached[i].entry]; left; left &= left - 1) {
-                gaussian.push_back(reached[i].gaussian);
-                point.push_back(uint32_t(b * FIELD_LANES + __builtin_ctz(left)));
-            }
-}
-
 template class Field<float>;
 template class Field<double>;

@@ -28,11 +28,6 @@ public:
     void spread(
         const FieldArrays<Real>& gaussians, const Real* values, const Real* inverse_weight, Real* spread);
 
-    // Pairs of a Gaussian and a point that reads it, although its light (count, 3) is another by more than
-    // `threshold`, radiance, in the mean of the channels; in the order of the points' blocks.
-    void differing(const FieldArrays<Real>& gaussians, const Real* light, double threshold,
-        std::vector<uint32_t>& gaussian, std::vector<uint32_t>& point);
-
     size_t count() const { return points; }
     size_t entry_count() const { return reached.size(); }    // pairs of a Gaussian and a block
     size_t listed() const { return first_entry.size() - 1; } // Gaussians

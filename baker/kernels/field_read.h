@@ -212,25 +212,6 @@ void spread(const BlockReading<Real>& in, const Real* values, const Real* invers
 }
 
 template <class Real>
-void differing(const BlockReading<Real>& in, const Real* light, double threshold, uint16_t* masks)
-{
-    using L = Points<Real>;
-    const PointLanes<Real> at(*in.points);
-    const NormalBasis<Real> basis(at, in.coefficients);
-    for (size_t i = 0; i < in.reached_count; ++i) {
-        prefetch_reader(in, i);
-        const auto [gaussian, entry] = in.reached[i];
-        const Weighed<Real> w(in.readers[gaussian], at, in.blend);
-        L apart = 0;
-        for (int c = 0; c < 3; ++c)
-            apart = apart +
-                absolute(gather(light, 3, c) -
-                    basis.colour(in.sh + gaussian * in.coefficients * 3, in.coefficients, c));
-        masks[entry] = uint16_t(bits_of((L(0) < w.weight) & (L(Real(3 * threshold)) < apart)));
-    }
-}
-
-template <class Real>
-constexpr FieldKernels<Real> FIELD = {touches<Real>, read<Real>, read_backward<Real>, spread<Real>, differing<Real>};
+constexpr FieldKernels<Real> FIELD = {touches<Real>, read<Real>, read_backward<Real>, spread<Real>};
 
 } // namespace INSTRUCTION_SET

@@ -75,7 +75,4 @@ template <class Real> struct FieldKernels {
         const Real* inverse_weight, const Real* error, Real* moments);
     // Writes spread[entry] (K, 3), the sums over the lanes of share Y_k(n) values (lanes, 3).
     void (*spread)(const BlockReading<Real>&, const Real* values, const Real* inverse_weight, Real* spread);
-    // Writes masks[entry]: a bit for each lane that reads the Gaussian, although its light (lanes, 3) is
-    // another by more than `threshold`, in the mean of the channels.
-    void (*differing)(const BlockReading<Real>&, const Real* light, double threshold, uint16_t* masks);
 };
