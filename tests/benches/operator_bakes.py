@@ -1,0 +1,146 @@
+"""The bakes that the tables about blend operators compare, each kept with its report in build/bench/operator.
+
+A bake is made anew once code or presets change that its light and its fit depend on; after other changes, and to
+measure seconds anew, remove the folder.
+"""
+
+import json
+import os
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from gsgi.baker.cache import entries
+from gsgi.baker.code_version import code_version
+from gsgi.baker.digest import digest
+from gsgi.baker.settings import QUALITIES, SAMPLES
+from gsgi.runtime import codec
+from gsgi.runtime.atomic import write_atomic
+from gsgi.runtime.gaussians import Bake
+
+from .dial import FOLDER
+from .scenes import bake
+from .trace import ROOT, SHARED
+
+SCENES = (
+    ROOT / "samples/scenes/cornell.glb",
+    SHARED / "sponza_crytek/sponza_sun.gltf",
+    SHARED / "breakfast_room/breakfast_room_sun.gltf",
+    SHARED / "modern_hall/modern_hall.gltf",
+)
+MODULES = {"over": ("fit", "initialise", "traced_light"), "surface": ("surface_fit", "coarse", "surface_budget")}
+NOT_LIGHT = "fit", "checkpoint", "reference"  # stages of the cache that are not traced light to fit
+
+# The first budget of `surface`, of what draft quality has for `over`, and the least.
+FIRST_SHARE, FIRST_LEAST = 1 / 16, 128
+
+
+@dataclass(frozen=True, eq=False)
+class Kept:
+    """A bake of the scene in file `scene`: what `gsgi bake --json` printed, and the .gsgi file. `trace_s`: seconds of
+    tracing with an empty cache. Settings are qualities for `over` and budgets for `surface`."""
+
+    scene: Path
+    operator: str
+    setting: str
+    report: dict
+    trace_s: float
+    file: Path
+
+    @property
+    def ssim(self) -> float:
+        """Of B, mean over the held-out views."""
+        return self.report["held_out"]["mean"]["indirect"]["ssim"]
+
+    @property
+    def gaussians(self) -> int:
+        """Of both levels."""
+        return self.report["gaussians"]
+
+    @property
+    def fit_s(self) -> float:
+        """Seconds of the fit."""
+        return _seconds(self.report, "fit")
+
+    def read(self) -> Bake:
+        """As a reader sees it."""
+        return codec.decode(self.file.read_bytes())
+
+
+def scene_files() -> list[Path]:
+    """Those of SCENES that are here."""
+    return [path for path in SCENES if path.exists()]
+
+
+@cache
+def over_bakes(path: Path) -> list[Kept]:
+    """One for each quality."""
+    return [_kept(path, "over", quality, "--quality", quality) for quality in QUALITIES["over"]]
+
+
+@cache
+def surface_bakes(path: Path) -> list[Kept]:
+    """Twice the budget each time, until one passes the best of `over` or has as many Gaussians."""
+    over = over_bakes(path)
+    best, most = max(o.ssim for o in over), max(o.gaussians for o in over)
+    made = []
+    for budget in budgets(over[0].gaussians, most):
+        made.append(_kept(path, "surface", str(budget), "--budget", str(budget)))
+        if made[-1].ssim >= best:
+            break
+    return made
+
+
+def budgets(draft: int, most: int) -> Iterator[int]:
+    """Powers of two from FIRST_SHARE of `draft` up to `most`; at least one."""
+    budget = FIRST_LEAST
+    while 2 * budget <= FIRST_SHARE * draft:
+        budget *= 2
+    yield budget
+    while (budget := 2 * budget) <= most:
+        yield budget
+
+
+def _kept(path: Path, operator: str, setting: str, *flags: str) -> Kept:
+    """A bake from the folder, made where it is missing."""
+    folder = FOLDER / "operator" / f"{path.stem}-{operator}-{_version(operator)}"
+    file, note = folder / f"{setting}.gsgi", folder / f"{setting}.json"
+    if not note.exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        light = _make_cache(folder, path.stem)
+        report = bake(path, folder / "cache", "--operator", operator, *flags, "-o", str(file))
+        traced = _seconds(report, "irradiance") if _light(folder) > light else 0.0
+        before = [json.loads(other.read_text())["trace_s"] for other in folder.glob("*.json")]
+        made = {"trace_s": traced + max(before, default=0.0), "report": report}
+        write_atomic(note, json.dumps(made).encode())
+    return Kept(path, operator, setting, **json.loads(note.read_text()), file=file)
+
+
+def _version(operator: str) -> str:
+    """Changes with what the bakes of an operator depend on."""
+    code = [code_version(f"gsgi.baker.{module}", ()) for module in (*MODULES[operator], "views")]
+    return digest((code, QUALITIES[operator], SAMPLES[operator]))[:12]
+
+
+def _make_cache(folder: Path, scene: str) -> int:
+    """Leave in the folder's cache light to fit and references alone, those of the other operator too: neither operator
+    pays for them. Returns the number of entries that are light."""
+    cache_folder = folder / "cache"
+    cache_folder.mkdir(exist_ok=True)
+    for other in folder.parent.glob(f"{scene}-*/cache/reference-*"):
+        with suppress(FileExistsError):
+            os.link(other, cache_folder / other.name)
+    for entry in entries(cache_folder):
+        if entry.stage in ("fit", "checkpoint"):
+            entry.path.unlink()
+    return _light(folder)
+
+
+def _light(folder: Path) -> int:
+    return sum(entry.stage not in NOT_LIGHT for entry in entries(folder / "cache"))
+
+
+def _seconds(report: dict, stage: str) -> float:
+    return sum(s["seconds"] for s in report["stages"] if s["stage"] == stage)
