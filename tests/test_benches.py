@@ -19,8 +19,8 @@ BAKES = [SimpleNamespace(gaussians=n, ssim=ssim) for n, ssim in ((100, 0.90), (2
 
 
 def test_budgets_double_from_a_share_of_draft_to_most():
-    assert list(budgets(10_000, 4096)) == [512, 1024, 2048, 4096]
-    assert list(budgets(10, 4)) == [128]
+    assert list(budgets(10_000, 1024)) == [128, 256, 512, 1024]
+    assert list(budgets(10, 4)) == [32]
 
 
 def test_the_smallest_bake_that_reaches_an_ssim():

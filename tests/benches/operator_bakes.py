@@ -34,7 +34,7 @@ MODULES = {"over": ("fit", "initialise", "traced_light"), "surface": ("surface_f
 NOT_LIGHT = "fit", "checkpoint", "reference"  # stages of the cache that are not traced light to fit
 
 # The first budget of `surface`, of what draft quality has for `over`, and the least.
-FIRST_SHARE, FIRST_LEAST = 1 / 16, 128
+FIRST_SHARE, FIRST_LEAST = 1 / 64, 32
 
 
 @dataclass(frozen=True, eq=False)
