@@ -15,7 +15,7 @@ from pathlib import Path
 from gsgi.baker.cache import entries
 from gsgi.baker.code_version import code_version
 from gsgi.baker.digest import digest
-from gsgi.baker.settings import QUALITIES, SAMPLES
+from gsgi.baker.settings import QUALITIES, SAMPLES, Settings
 from gsgi.runtime import codec
 from gsgi.runtime.atomic import write_atomic
 from gsgi.runtime.gaussians import Bake
@@ -33,6 +33,8 @@ SCENES = (
 MODULES = {"over": ("fit", "initialise", "traced_light"), "surface": ("surface_fit", "coarse", "surface_budget")}
 NOT_LIGHT = "fit", "checkpoint", "reference"  # stages of the cache that are not traced light to fit
 
+DEFAULT = Settings.quality
+
 # The first budget of `surface`, of what draft quality has for `over`, and the least.
 FIRST_SHARE, FIRST_LEAST = 1 / 64, 32
 
@@ -40,7 +42,7 @@ FIRST_SHARE, FIRST_LEAST = 1 / 64, 32
 @dataclass(frozen=True, eq=False)
 class Kept:
     """A bake of the scene in file `scene`: what `gsgi bake --json` printed, and the .gsgi file. `trace_s`: seconds of
-    tracing with an empty cache. Settings are qualities for `over` and budgets for `surface`."""
+    tracing with an empty cache. Settings are qualities, or budgets at the default quality."""
 
     scene: Path
     operator: str
@@ -82,7 +84,10 @@ def over_bakes(path: Path) -> list[Kept]:
 
 @cache
 def surface_bakes(path: Path) -> list[Kept]:
-    """Twice the budget each time, until one passes the best of `over` or has as many Gaussians."""
+    """Twice the budget each time, until one passes the best of `over` or has as many Gaussians; and the default.
+
+    By ascending number of Gaussians.
+    """
     over = over_bakes(path)
     best, most = max(o.ssim for o in over), max(o.gaussians for o in over)
     made = []
@@ -90,7 +95,8 @@ def surface_bakes(path: Path) -> list[Kept]:
         made.append(_kept(path, "surface", str(budget), "--budget", str(budget)))
         if made[-1].ssim >= best:
             break
-    return made
+    made.append(_kept(path, "surface", DEFAULT, "--quality", DEFAULT))
+    return sorted(made, key=lambda kept: kept.gaussians)
 
 
 def budgets(draft: int, most: int) -> Iterator[int]:
@@ -111,11 +117,17 @@ def _kept(path: Path, operator: str, setting: str, *flags: str) -> Kept:
         folder.mkdir(parents=True, exist_ok=True)
         light = _make_cache(folder, path.stem)
         report = bake(path, folder / "cache", "--operator", operator, *flags, "-o", str(file))
-        traced = _seconds(report, "irradiance") if _light(folder) > light else 0.0
-        before = [json.loads(other.read_text())["trace_s"] for other in folder.glob("*.json")]
-        made = {"trace_s": traced + max(before, default=0.0), "report": report}
+        before = [json.loads(other.read_text()) for other in folder.glob("*.json")]
+        made = {"trace_s": _cold_seconds(report, before, _light(folder) > light), "report": report}
         write_atomic(note, json.dumps(made).encode())
     return Kept(path, operator, setting, **json.loads(note.read_text()), file=file)
+
+
+def _cold_seconds(report: dict, before: list[dict], traced: bool) -> float:
+    """Seconds of tracing with an empty cache. What one bake traces, those of fewer paths trace a part of."""
+    if traced:
+        return _seconds(report, "irradiance") + max((other["trace_s"] for other in before), default=0.0)
+    return min(other["trace_s"] for other in before if other["report"]["paths"] >= report["paths"])
 
 
 def _version(operator: str) -> str:

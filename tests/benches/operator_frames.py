@@ -4,7 +4,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +29,9 @@ SCALES = 1, 2, 4
 SIZE = 1280, 720
 DRAWS = 8
 
+# Where surfaces are smooth in 3 x 3 pixels: depth within this share of itself, normals within 8 degrees.
+DEPTH_RANGE, NORMAL_COSINE = 0.02, 0.99
+
 
 @dataclass(frozen=True)
 class Frame:
@@ -39,6 +42,19 @@ class Frame:
     indirect: np.ndarray
     normal: np.ndarray
     depth: np.ndarray
+
+    @cached_property
+    def smooth(self) -> np.ndarray:
+        """Where (H, W) bool 3 x 3 pixels show one smooth surface."""
+        result = np.zeros(self.depth.shape, bool)
+        middle, normal = self.depth[1:-1, 1:-1], self.normal[1:-1, 1:-1]
+        good = middle > 0
+        for row, column in np.ndindex(3, 3):
+            window = np.s_[row : row + middle.shape[0], column : column + middle.shape[1]]
+            good &= np.abs(self.depth[window] - middle) < DEPTH_RANGE * middle
+            good &= np.einsum("hwc,hwc->hw", self.normal[window], normal) > NORMAL_COSINE
+        result[1:-1, 1:-1] = good
+        return result
 
 
 @cache
@@ -80,6 +96,7 @@ def splat_ms(kept: Kept, splat_scale: int = 1) -> float:
     return 1e3 * total / len(cameras)
 
 
+@cache
 def ssim_to_full(kept: Kept, splat_scale: int) -> float:
     """SSIM of B as the bake shows it at a resolution and at full resolution, mean of the held-out views."""
     cameras = held_out_cameras(kept)

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 
@@ -18,8 +19,6 @@ from .operators import matches
 STEPS = 23
 STEP, TURN = 0.002, np.radians(0.2)  # of the scene's diagonal; rad
 
-# Where surfaces are smooth in 3 x 3 pixels: depth within this share of itself, normals within 8 degrees.
-DEPTH_RANGE, NORMAL_COSINE = 0.02, 0.99
 # Points are compared that land so near to a pixel's centre (px) that interpolation hardly counts, at a depth within
 # this share of what the frame shows there.
 CENTRED, SAME_DEPTH = 0.1, 0.005
@@ -32,17 +31,7 @@ def operator_motion() -> list[dict]:
     24 frames, each 0.2 % of the diagonal and 0.2 degrees further. Path-traced B at a surface point does not change, so
     all of it is the operator's. `still`: a smooth field fixed in space, which shows the error of the method itself.
     """
-    rows = []
-    for path in scene_files():
-        for over, surface in matches(path):
-            cameras = slow_path(*_clear_start(over))
-            about = {"scene": path.stem, "equal_to": over.setting}
-            for kept in (over, surface):
-                row = _row(_displayed(frames(kept, cameras)))
-                rows.append(about | {"operator": kept.operator, "gaussians": kept.gaussians} | row)
-            field = _row(_still(frames(surface, cameras), lit_scene(path).diagonal()))
-            rows.append(about | {"operator": "still"} | field)
-    return rows
+    return [row for path in scene_files() for row in _rows(path)]
 
 
 def slow_path(camera: Camera, along: np.ndarray, step: float) -> list[Camera]:
@@ -61,7 +50,7 @@ def slow_path(camera: Camera, along: np.ndarray, step: float) -> list[Camera]:
 def changes(before: Frame, after: Frame) -> np.ndarray:
     """Change (P,) of `indirect` at surface points that both frames see: the largest of the channels."""
     height, width = before.depth.shape
-    row, column = np.nonzero(smooth(before))
+    row, column = np.nonzero(before.smooth)
     x, y, depth = project(positions(before)[row, column], after.camera, (width, height))
     # Pixel centres lie at +0.5.
     near_column, near_row = np.rint(x - 0.5).astype(int), np.rint(y - 0.5).astype(int)
@@ -71,7 +60,7 @@ def changes(before: Frame, after: Frame) -> np.ndarray:
         array[inside] for array in (row, column, x, y, depth, near_row, near_column)
     )
     same = np.abs(after.depth[near_row, near_column] - depth) < SAME_DEPTH * depth
-    same &= smooth(after)[near_row, near_column]
+    same &= after.smooth[near_row, near_column]
     moved = bilinear(after.indirect, x[same] - 0.5, y[same] - 0.5)
     return np.abs(moved - before.indirect[row[same], column[same]]).max(axis=1, initial=0)
 
@@ -91,19 +80,6 @@ def project(position: np.ndarray, camera: Camera, size: tuple[int, int]) -> tupl
     x, y, z = (position @ pinhole.view_from_world[:3, :3].T + pinhole.view_from_world[:3, 3]).T
     with np.errstate(divide="ignore", invalid="ignore"):
         return pinhole.cx - pinhole.fx * x / z, pinhole.cy + pinhole.fy * y / z, -z
-
-
-def smooth(frame: Frame) -> np.ndarray:
-    """Where (H, W) bool 3 x 3 pixels show one smooth surface."""
-    result = np.zeros(frame.depth.shape, bool)
-    middle = frame.depth[1:-1, 1:-1]
-    good = middle > 0
-    for row, column in np.ndindex(3, 3):
-        window = np.s_[row : row + middle.shape[0], column : column + middle.shape[1]]
-        cosine = (frame.normal[window] * frame.normal[1:-1, 1:-1]).sum(axis=-1)
-        good &= (np.abs(frame.depth[window] - middle) < DEPTH_RANGE * middle) & (cosine > NORMAL_COSINE)
-    result[1:-1, 1:-1] = good
-    return result
 
 
 def bilinear(image: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -126,6 +102,17 @@ def _clear_start(kept: Kept) -> tuple[Camera, np.ndarray, float]:
     free = triangles.hits(eyes, axes).distance
     best = int(np.argmax(np.where(np.isfinite(free), free, 0)))
     return cameras[best // 6], axes[best], STEP * triangles.diagonal
+
+
+def _rows(path: Path) -> list[dict]:
+    bakes = list(dict.fromkeys(kept for match in matches(path) for kept in match))
+    cameras = slow_path(*_clear_start(bakes[0]))
+    rows = []
+    for kept in bakes:
+        about = {"scene": path.stem, "operator": kept.operator, "setting": kept.setting, "gaussians": kept.gaussians}
+        rows.append(about | _row(_displayed(frames(kept, cameras))))
+    still = _still(frames(bakes[0], cameras), lit_scene(path).diagonal())
+    return [*sorted(rows, key=lambda row: row["operator"]), {"scene": path.stem, "operator": "still"} | _row(still)]
 
 
 def _row(shown: Iterator[Frame]) -> dict:

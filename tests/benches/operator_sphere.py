@@ -11,9 +11,8 @@ from gsgi.baker.free_space import sphere
 from gsgi.baker.irradiance import Sampling, Tracer
 from gsgi.baker.surface_points import Triangles
 
-from .operator_bakes import scene_files
+from .operator_bakes import scene_files, surface_bakes
 from .operator_frames import lit_scene, placement
-from .operators import matches
 from .probes import PROBE_BYTES, trace_probes
 
 RADIUS = 0.02  # of the scene's diagonal
@@ -22,7 +21,7 @@ EYES = 64  # cameras between which the way is looked for
 CHECKS = 32  # points of a leg whose clearance is looked at
 POINTS = 128  # on the sphere
 
-REFERENCE = Sampling(512)  # of each half
+REFERENCE = Sampling(1024)  # of each half
 PROBE = Sampling(128)
 
 
@@ -62,14 +61,14 @@ def _rows(path: Path) -> list[dict]:
     a, b = (tracer.indirect(position, normal, normal, REFERENCE, seed).mean for seed in (1, 2))
     low, high = lit_scene(path).bounds()
     rows = []
-    for over, surface in matches(path):
+    for surface in surface_bakes(path):
         bake, size = surface.read(), surface.report["bytes"]
         light, _ = evaluate(bake.gaussians, bake.coarse, bake.blend, position, normal)
         probes = trace_probes(tracer, low, high, size // PROBE_BYTES, PROBE, seed=3)
         error, rms = relative_error(light, a, b)
         probes_error, probes_rms = relative_error(probes.evaluate(position, normal), a, b)
         rows.append({
-            "scene": path.stem, "equal_to": over.setting, "gaussians": surface.gaussians, "bytes": size,
+            "scene": path.stem, "setting": surface.setting, "gaussians": surface.gaussians, "bytes": size,
             "places": len(position) // POINTS, "surface": round(error, 3), "probes": round(probes_error, 3),
             "surface_rms": round(rms, 3), "probes_rms": round(probes_rms, 3),
             "noise": round(float(np.abs(a - b).mean() / (a + b).mean()), 3),

@@ -86,7 +86,6 @@ def _equal_row(over: Kept, surface: Kept) -> dict:
     def share(of_surface: float | None, of_over: float) -> float | str:
         return "" if of_surface is None else round(of_surface / of_over, 3)
 
-    ladder = sorted(surface_bakes(over.scene), key=lambda bake: bake.gaussians)
     return {
         "scene": over.scene.stem,
         "equal_to": over.setting,
@@ -94,7 +93,7 @@ def _equal_row(over: Kept, surface: Kept) -> dict:
         "surface_ssim": round(surface.ssim, 4),
         "reached": "yes" if surface.ssim >= over.ssim else "no",
         "gaussians": share(surface.gaussians, over.gaussians),
-        "interpolated": share(gaussians_at(ladder, over.ssim), over.gaussians),
+        "interpolated": share(gaussians_at(surface_bakes(over.scene), over.ssim), over.gaussians),
         "bytes": share(surface.report["bytes"], over.report["bytes"]),
         "bake_s": share(surface.trace_s + surface.fit_s, over.trace_s + over.fit_s),
         "splat_ms": share(splat_ms(surface), splat_ms(over)),
