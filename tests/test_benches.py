@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from benches import operator_motion
-from benches.operator_bakes import budgets
+from benches.operator_bakes import budgets, cold_seconds
 from benches.operator_frames import Frame
 from benches.operator_sphere import relative_error, way
 from benches.operators import gaussians_at, smallest
@@ -21,6 +21,20 @@ BAKES = [SimpleNamespace(gaussians=n, ssim=ssim) for n, ssim in ((100, 0.90), (2
 def test_budgets_double_from_a_share_of_draft_to_most():
     assert list(budgets(10_000, 1024)) == [128, 256, 512, 1024]
     assert list(budgets(10, 4)) == [32]
+
+
+def test_seconds_of_tracing_count_what_earlier_bakes_left_in_the_cache():
+    def report(paths, seconds):
+        return {
+            "paths": paths,
+            "stages": [{"stage": "fit", "seconds": 9.0}, {"stage": "irradiance", "seconds": seconds}],
+        }
+
+    first = {"report": report(10, 4.0), "trace_s": cold_seconds(report(10, 4.0), [], True)}
+    more = {"report": report(20, 5.0), "trace_s": cold_seconds(report(20, 5.0), [first], True)}
+    assert (first["trace_s"], more["trace_s"]) == (4.0, 9.0)
+    assert cold_seconds(report(20, 0.1), [first, more], False) == 9.0
+    assert cold_seconds(report(10, 0.1), [more, first], False) == 4.0
 
 
 def test_the_smallest_bake_that_reaches_an_ssim():

@@ -114,17 +114,24 @@ def _kept(path: Path, operator: str, setting: str, *flags: str) -> Kept:
     folder = FOLDER / "operator" / f"{path.stem}-{operator}-{_version(operator)}"
     file, note = folder / f"{setting}.gsgi", folder / f"{setting}.json"
     if not note.exists():
-        folder.mkdir(parents=True, exist_ok=True)
-        light = _make_cache(folder, path.stem)
-        report = bake(path, folder / "cache", "--operator", operator, *flags, "-o", str(file))
+        (folder / "cache").mkdir(parents=True, exist_ok=True)
         before = [json.loads(other.read_text()) for other in folder.glob("*.json")]
-        made = {"trace_s": _cold_seconds(report, before, _light(folder) > light), "report": report}
+        light = {name for other in before for name in other["light"]}
+        _make_cache(folder, path.stem, light)
+        report = bake(path, folder / "cache", "--operator", operator, *flags, "-o", str(file))
+        traced = _light(folder) - light
+        trace_s = cold_seconds(report, before, bool(traced))
+        made = {"report": report, "trace_s": trace_s, "light": sorted(light | traced)}
         write_atomic(note, json.dumps(made).encode())
-    return Kept(path, operator, setting, **json.loads(note.read_text()), file=file)
+    found = json.loads(note.read_text())
+    return Kept(path, operator, setting, found["report"], found["trace_s"], file)
 
 
-def _cold_seconds(report: dict, before: list[dict], traced: bool) -> float:
-    """Seconds of tracing with an empty cache. What one bake traces, those of fewer paths trace a part of."""
+def cold_seconds(report: dict, before: list[dict], traced: bool) -> float:
+    """Seconds of tracing with an empty cache, where the bakes `before` filled it and this one `traced` more or nothing.
+
+    Of what one bake traces, one of fewer paths traces a part.
+    """
     if traced:
         return _seconds(report, "irradiance") + max((other["trace_s"] for other in before), default=0.0)
     return min(other["trace_s"] for other in before if other["report"]["paths"] >= report["paths"])
@@ -136,22 +143,20 @@ def _version(operator: str) -> str:
     return digest((code, QUALITIES[operator], SAMPLES[operator]))[:12]
 
 
-def _make_cache(folder: Path, scene: str) -> int:
-    """Leave in the folder's cache light to fit and references alone, those of the other operator too: neither operator
-    pays for them. Returns the number of entries that are light."""
-    cache_folder = folder / "cache"
-    cache_folder.mkdir(exist_ok=True)
+def _make_cache(folder: Path, scene: str, light: set[str]) -> None:
+    """Leave in the folder's cache `light` and references alone. References are of every bake of the scene: no operator
+    pays for them. Other light was left by a bake that did not end, other entries would save the next fit."""
     for other in folder.parent.glob(f"{scene}-*/cache/reference-*"):
         with suppress(FileExistsError):
-            os.link(other, cache_folder / other.name)
-    for entry in entries(cache_folder):
-        if entry.stage in ("fit", "checkpoint"):
+            os.link(other, folder / "cache" / other.name)
+    for entry in entries(folder / "cache"):
+        if entry.stage != "reference" and entry.path.name not in light:
             entry.path.unlink()
-    return _light(folder)
 
 
-def _light(folder: Path) -> int:
-    return sum(entry.stage not in NOT_LIGHT for entry in entries(folder / "cache"))
+def _light(folder: Path) -> set[str]:
+    """Names of the cache's entries of traced light to fit."""
+    return {entry.path.name for entry in entries(folder / "cache") if entry.stage not in NOT_LIGHT}
 
 
 def _seconds(report: dict, stage: str) -> float:
