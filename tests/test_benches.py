@@ -125,3 +125,15 @@ def test_slow_cameras_move_and_turn_evenly():
     angle = np.arccos(ahead[0] @ ahead[-1])
     assert angle == pytest.approx(operator_motion.TURN * operator_motion.STEPS)
     assert cameras[-1].world_from_view[:3, 0] @ ahead[0] < 0  # to the left
+
+
+def test_edges_and_creases_are_not_smooth():
+    camera = look_at(np.array([0.0, 0.0, 2.0]), np.zeros(3), np.array([0.0, 1.0, 0.0]), 0.9, 0.01)
+    depth, normal = np.ones((8, 20), np.float32), np.zeros((8, 20, 3), np.float32)
+    depth[:, 5:] = 1.1  # an edge between columns 4 and 5
+    depth[:, 15:] = 0  # nothing
+    normal[:, :10] = 0, 0, 1  # a crease between columns 9 and 10
+    normal[:, 10:] = 0, 1, 0
+    smooth = Frame(camera, np.zeros_like(normal), normal, depth).smooth
+    assert not smooth[[0, -1]].any()
+    assert np.flatnonzero(smooth[3]).tolist() == [1, 2, 3, 6, 7, 8, 11, 12, 13]
