@@ -92,16 +92,15 @@ def bilinear(image: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def _clear_start(kept: Kept) -> tuple[Camera, np.ndarray, float]:
-    """Where `slow_path` runs into nothing: the held-out camera, and the direction along one of its axes, in which the
-    next surface is farthest; and the step, m."""
-    triangles = Triangles(lit_scene(kept.scene))
+    """Where `slow_path` runs into nothing: the held-out camera that sees most light on smooth surfaces, and the
+    direction along one of its axes in which the next surface is farthest; and the step, m."""
     cameras = held_out_cameras(kept)
+    light = [(frame.indirect.mean(axis=2) * frame.smooth).mean() for frame in frames(kept, cameras)]
+    camera, triangles = cameras[int(np.argmax(light))], Triangles(lit_scene(kept.scene))
+    axes = np.concatenate([camera.world_from_view[:3, :3].T, -camera.world_from_view[:3, :3].T])
+    free = triangles.hits(np.tile(camera.position, (6, 1)), axes).distance
     # What moves into the open sees less and less: the farthest surface, not the lack of one.
-    axes = np.stack([sign * camera.world_from_view[:3, :3].T for camera in cameras for sign in (1, -1)]).reshape(-1, 3)
-    eyes = np.repeat([camera.position for camera in cameras], 6, axis=0)
-    free = triangles.hits(eyes, axes).distance
-    best = int(np.argmax(np.where(np.isfinite(free), free, 0)))
-    return cameras[best // 6], axes[best], STEP * triangles.diagonal
+    return camera, axes[int(np.argmax(np.where(np.isfinite(free), free, 0)))], STEP * triangles.diagonal
 
 
 def _rows(path: Path) -> list[dict]:

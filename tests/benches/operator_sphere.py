@@ -23,6 +23,9 @@ POINTS = 128  # on the sphere
 
 REFERENCE = Sampling(1024)  # of each half
 PROBE = Sampling(128)
+BRIEF = Sampling(64)
+
+LIT = 0.25  # of the mean B of all cameras' places: from there on light comes to a place
 
 
 def operator_sphere() -> list[dict]:
@@ -43,16 +46,15 @@ def relative_error(light: np.ndarray, a: np.ndarray, b: np.ndarray) -> tuple[flo
 
 
 def way(clear: np.ndarray, position: np.ndarray, legs: int) -> list[int]:
-    """Indices of places (E, 3), `legs` + 1 of them or fewer, each the farthest from the one before that was not visited
-    yet: the first two are the farthest apart. `clear` (E, E) bool: between which nothing stands."""
-    length = np.where(clear, np.linalg.norm(position[:, None] - position, axis=2), 0)
-    visited = [int(i) for i in np.unravel_index(np.argmax(length), length.shape)]
+    """Indices of places (E, 3), `legs` + 1 of them or fewer: the two farthest apart, then each the farthest from all
+    before. `clear` (E, E) bool: between which nothing stands, as must be on each leg."""
+    distance = np.linalg.norm(position[:, None] - position, axis=2)
+    visited = [int(i) for i in np.unravel_index(np.argmax(np.where(clear, distance, 0)), clear.shape)]
     while len(visited) <= legs:
-        left = length[visited[-1]].copy()
-        left[visited] = 0
-        if not left.any():
+        apart = np.where(clear[visited[-1]], distance[visited].min(axis=0), 0)
+        if not apart.any():
             break
-        visited.append(int(np.argmax(left)))
+        visited.append(int(np.argmax(apart)))
     return visited
 
 
@@ -94,11 +96,12 @@ def _sphere_points(path: Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _centres(path: Path, triangles: Triangles, radius: float) -> np.ndarray:
-    """Where (C, 3) the sphere comes: evenly along legs between cameras that touch nothing and stay inside the scene."""
+    """Where (C, 3) the sphere comes: evenly along legs between cameras, touching nothing, inside the scene."""
     cameras = [*placement(path).fitted.values(), *placement(path).held_out.values()]
     eyes = np.array([camera.position for camera in cameras])
     inside = ((eyes > triangles.low + radius) & (eyes < triangles.high - radius)).all(axis=1)
     eyes = eyes[inside & (triangles.clearance(eyes) > radius)]
+    eyes = eyes[_lit(_tracer(path), eyes)]
     eyes = eyes[:: -(-len(eyes) // EYES)]
     share = np.linspace(0, 1, CHECKS)[:, None]
     between = eyes[:, None, None] * (1 - share) + eyes[None, :, None] * share
@@ -107,3 +110,11 @@ def _centres(path: Path, triangles: Triangles, radius: float) -> np.ndarray:
     share = ((np.arange(STOPS) + 0.5) / STOPS)[:, None]
     legs = pairwise(stops)
     return np.concatenate([start * (1 - share) + end * share for start, end in legs])
+
+
+def _lit(tracer: Tracer, position: np.ndarray) -> np.ndarray:
+    """Where (E,) bool light comes: hollows between walls, which cameras are placed in too, have none to compare."""
+    normal = np.tile(np.concatenate([np.eye(3), -np.eye(3)]).astype(np.float32), (len(position), 1))
+    points = np.repeat(position.astype(np.float32), 6, axis=0)
+    light = tracer.indirect(points, normal, normal, BRIEF, seed=0).mean.reshape(len(position), -1).mean(axis=1)
+    return light > LIT * light.mean()
