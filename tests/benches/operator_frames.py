@@ -29,8 +29,8 @@ SCALES = 1, 2, 4
 SIZE = 1280, 720
 DRAWS = 8
 
-# Where surfaces are smooth in 3 x 3 pixels: depth within this share of itself, normals within 8 degrees.
-DEPTH_RANGE, NORMAL_COSINE = 0.02, 0.99
+# Where surfaces are smooth in 3 x 3 pixels: depth within this share of itself, normals within 2.6 degrees.
+DEPTH_RANGE, NORMAL_COSINE = 0.02, 0.999
 
 
 @dataclass(frozen=True)
@@ -64,6 +64,11 @@ def lit_scene(path: Path) -> Scene:
     return replace(scene, environment=WHITE_SKY) if path.stem in LIGHT else scene
 
 
+def without_normal_maps(scene: Scene) -> Scene:
+    """The scene with its interpolated normals alone."""
+    return replace(scene, materials=tuple(replace(m, normal_texture=None) for m in scene.materials))
+
+
 @cache
 def placement(path: Path) -> Placement:
     """The cameras of the scene's bakes."""
@@ -77,9 +82,9 @@ def held_out_cameras(kept: Kept) -> list[Camera]:
     return [cameras[view["name"]] for view in kept.report["held_out"]["views"]]
 
 
-def frames(kept: Kept, cameras: list[Camera], splat_scale: int = 1) -> Iterator[Frame]:
+def frames(kept: Kept, cameras: list[Camera], splat_scale: int = 1, normal_maps: bool = True) -> Iterator[Frame]:
     """A frame for each camera."""
-    with _renderer(kept, splat_scale) as renderer:
+    with _renderer(kept, splat_scale, normal_maps) as renderer:
         for camera in cameras:
             renderer.render(camera)
             yield Frame(camera, *(renderer.read(layer) for layer in ("indirect", "normal", "depth")))
@@ -110,12 +115,13 @@ def _similarity(full: Frame, other: Frame) -> float:
 
 
 @contextmanager
-def _renderer(kept: Kept, splat_scale: int) -> Iterator[DeferredRenderer]:
+def _renderer(kept: Kept, splat_scale: int, normal_maps: bool = True) -> Iterator[DeferredRenderer]:
     """Of a bake, in a context of its own, without primary light: only the splat pass matters."""
     scene, bake = lit_scene(kept.scene), kept.read()
     assert fingerprint(scene) == bake.scene, kept.file
     context = create_context()
-    renderer = DeferredRenderer(context, replace(scene, lights=(), environment=None), bake, *SIZE, splat_scale)
+    dark = replace(scene if normal_maps else without_normal_maps(scene), lights=(), environment=None)
+    renderer = DeferredRenderer(context, dark, bake, *SIZE, splat_scale)
     try:
         yield renderer
     finally:

@@ -29,7 +29,8 @@ def operator_motion() -> list[dict]:
     """Change between frames, in 1/255 of the display's range, at fixed surface points under a fixed exposure.
 
     24 frames, each 0.2 % of the diagonal and 0.2 degrees further. Path-traced B at a surface point does not change, so
-    all of it is the operator's. `still`: a smooth field fixed in space, which shows the error of the method itself.
+    all of it is the operator's. Without normal maps: `surface` answers to them, and filtered they change with the
+    camera's place; rows with them stand apart. `still`: a smooth field fixed in space, the error of the method itself.
     """
     return [row for path in scene_files() for row in _rows(path)]
 
@@ -106,12 +107,18 @@ def _clear_start(kept: Kept) -> tuple[Camera, np.ndarray, float]:
 def _rows(path: Path) -> list[dict]:
     bakes = list(dict.fromkeys(kept for match in matches(path) for kept in match))
     cameras = slow_path(*_clear_start(bakes[0]))
-    rows = []
-    for kept in bakes:
-        about = {"scene": path.stem, "operator": kept.operator, "setting": kept.setting, "gaussians": kept.gaussians}
-        rows.append(about | _row(_displayed(frames(kept, cameras))))
-    still = _still(frames(bakes[0], cameras), lit_scene(path).diagonal())
-    return [*sorted(rows, key=lambda row: row["operator"]), {"scene": path.stem, "operator": "still"} | _row(still)]
+    rows = [_about(kept) | _row(_displayed(frames(kept, cameras, normal_maps=False))) for kept in bakes]
+    if any(material.normal_texture for material in lit_scene(path).materials):
+        mapped = [kept for kept in bakes if kept.operator == "surface"]
+        rows += [_about(kept) | {"normal_maps": "yes"} | _row(_displayed(frames(kept, cameras))) for kept in mapped]
+    still = _still(frames(bakes[0], cameras, normal_maps=False), lit_scene(path).diagonal())
+    rows.sort(key=lambda row: (row["operator"], row["normal_maps"], row["gaussians"]))
+    return [*rows, {"scene": path.stem, "operator": "still"} | _row(still)]
+
+
+def _about(kept: Kept) -> dict:
+    names = {"scene": kept.scene.stem, "operator": kept.operator, "setting": kept.setting}
+    return names | {"gaussians": kept.gaussians, "normal_maps": "no"}
 
 
 def _row(shown: Iterator[Frame]) -> dict:
