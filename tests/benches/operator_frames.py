@@ -27,7 +27,7 @@ from .trace import WHITE_SKY
 
 SCALES = 1, 2, 4
 SIZE = 1280, 720
-DRAWS = 8
+DRAWS = 5
 
 # Where surfaces are smooth in 3 x 3 pixels: depth within this share of itself, normals within 2.6 degrees.
 DEPTH_RANGE, NORMAL_COSINE = 0.02, 0.999
