@@ -9,6 +9,9 @@ from pathlib import Path
 
 from benches.dial import dial
 from benches.fit import fit
+from benches.operator_motion import operator_motion
+from benches.operator_sphere import operator_sphere
+from benches.operators import operator_bakes, operator_equal, operator_scales
 from benches.quality import quality
 from benches.scenes import scenes
 from benches.splats import splats
@@ -20,7 +23,9 @@ from gsgi.runtime.atomic import check_writable, write_atomic
 
 ROOT = Path(__file__).resolve().parents[1]
 
-BENCHES = {bench.__name__: bench for bench in (fit, stages, trace, scenes, splats, triangles, dial, quality)}
+OPERATOR = operator_bakes, operator_equal, operator_scales, operator_motion, operator_sphere
+BENCHES = {bench.__name__: bench for bench in (fit, stages, trace, scenes, splats, triangles, dial, quality, *OPERATOR)}
+GROUPS = {"operator": [bench.__name__ for bench in OPERATOR]}
 
 
 def machine() -> dict[str, str]:
@@ -44,15 +49,16 @@ def table(rows: list[dict]) -> str:
 
 def main() -> None:
     """Run the benchmarks that were asked for and print their tables."""
-    epilog = "\n".join(f"  {name:<8} {bench.__doc__.splitlines()[0]}" for name, bench in BENCHES.items())
+    epilog = "\n".join(f"  {name:<15} {bench.__doc__.splitlines()[0]}" for name, bench in BENCHES.items())
+    epilog += "".join(f"\n  {name:<15} All of {', '.join(names)}." for name, names in GROUPS.items())
     parser = argparse.ArgumentParser(prog="./dev bench", description=__doc__, epilog="names:\n" + epilog,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)  # fmt: skip
-    parser.add_argument("name", nargs="?", choices=[*BENCHES], help="one benchmark (default: all)")
+    parser.add_argument("name", nargs="?", choices=[*BENCHES, *GROUPS], help="one benchmark (default: all)")
     parser.add_argument("--json", metavar="FILE", help="also write the rows to FILE")
     options = parser.parse_args()
     if options.json:
         check_writable(options.json)
-    names = [options.name] if options.name else list(BENCHES)
+    names = GROUPS.get(options.name, [options.name]) if options.name else list(BENCHES)
     results = {name: BENCHES[name]() for name in names}
     about = machine()
     print(" | ".join(f"{key} {value}" for key, value in about.items()))

@@ -1,0 +1,163 @@
+"""The bakes that the tables about blend operators compare, each kept with its report in build/bench/operator.
+
+A bake is made anew once code or presets change that its light and its fit depend on; after other changes, and to
+measure seconds anew, remove the folder.
+"""
+
+import json
+import os
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from gsgi.baker.cache import entries
+from gsgi.baker.code_version import code_version
+from gsgi.baker.digest import digest
+from gsgi.baker.settings import QUALITIES, SAMPLES, Settings
+from gsgi.runtime import codec
+from gsgi.runtime.atomic import write_atomic
+from gsgi.runtime.gaussians import Bake
+
+from .dial import FOLDER
+from .scenes import bake
+from .trace import ROOT, SHARED
+
+SCENES = (
+    ROOT / "samples/scenes/cornell.glb",
+    SHARED / "sponza_crytek/sponza_sun.gltf",
+    SHARED / "breakfast_room/breakfast_room_sun.gltf",
+    SHARED / "modern_hall/modern_hall.gltf",
+)
+MODULES = {"over": ("fit", "initialise", "traced_light"), "surface": ("surface_fit", "coarse", "surface_budget")}
+NOT_LIGHT = "fit", "checkpoint", "reference"  # stages of the cache that are not traced light to fit
+
+DEFAULT = Settings.quality
+
+# The first budget of `surface`, of what draft quality has for `over`, and the least.
+FIRST_SHARE, FIRST_LEAST = 1 / 64, 32
+
+
+@dataclass(frozen=True, eq=False)
+class Kept:
+    """A bake of the scene in file `scene`: what `gsgi bake --json` printed, and the .gsgi file. `trace_s`: seconds of
+    tracing with an empty cache. Settings are qualities, or budgets at the default quality."""
+
+    scene: Path
+    operator: str
+    setting: str
+    report: dict
+    trace_s: float
+    file: Path
+
+    @property
+    def ssim(self) -> float:
+        """Of B, mean over the held-out views."""
+        return self.report["held_out"]["mean"]["indirect"]["ssim"]
+
+    @property
+    def gaussians(self) -> int:
+        """Of both levels."""
+        return self.report["gaussians"]
+
+    @property
+    def fit_s(self) -> float:
+        """Seconds of the fit."""
+        return _seconds(self.report, "fit")
+
+    def read(self) -> Bake:
+        """As a reader sees it."""
+        return codec.decode(self.file.read_bytes())
+
+
+def scene_files() -> list[Path]:
+    """Those of SCENES that are here."""
+    return [path for path in SCENES if path.exists()]
+
+
+@cache
+def over_bakes(path: Path) -> list[Kept]:
+    """One for each quality."""
+    return [_kept(path, "over", quality, "--quality", quality) for quality in QUALITIES["over"]]
+
+
+@cache
+def surface_bakes(path: Path) -> list[Kept]:
+    """Twice the budget each time, until one passes the best of `over` or has as many Gaussians; and the default.
+
+    By ascending number of Gaussians.
+    """
+    over = over_bakes(path)
+    best, most = max(o.ssim for o in over), max(o.gaussians for o in over)
+    made = []
+    for budget in budgets(over[0].gaussians, most):
+        made.append(_kept(path, "surface", str(budget), "--budget", str(budget)))
+        if made[-1].ssim >= best:
+            break
+    made.append(_kept(path, "surface", DEFAULT, "--quality", DEFAULT))
+    return sorted(made, key=lambda kept: kept.gaussians)
+
+
+def budgets(draft: int, most: int) -> Iterator[int]:
+    """Powers of two from FIRST_SHARE of `draft` up to `most`; at least one."""
+    budget = FIRST_LEAST
+    while 2 * budget <= FIRST_SHARE * draft:
+        budget *= 2
+    yield budget
+    while (budget := 2 * budget) <= most:
+        yield budget
+
+
+def _kept(path: Path, operator: str, setting: str, *flags: str) -> Kept:
+    """A bake from the folder, made where it is missing."""
+    folder = FOLDER / "operator" / f"{path.stem}-{operator}-{_version(operator)}"
+    file, note = folder / f"{setting}.gsgi", folder / f"{setting}.json"
+    if not note.exists():
+        (folder / "cache").mkdir(parents=True, exist_ok=True)
+        before = [json.loads(other.read_text()) for other in folder.glob("*.json")]
+        light = {name for other in before for name in other["light"]}
+        _make_cache(folder, path.stem, light)
+        report = bake(path, folder / "cache", "--operator", operator, *flags, "-o", str(file))
+        traced = _light(folder) - light
+        trace_s = cold_seconds(report, before, bool(traced))
+        made = {"report": report, "trace_s": trace_s, "light": sorted(light | traced)}
+        write_atomic(note, json.dumps(made).encode())
+    found = json.loads(note.read_text())
+    return Kept(path, operator, setting, found["report"], found["trace_s"], file)
+
+
+def cold_seconds(report: dict, before: list[dict], traced: bool) -> float:
+    """Seconds of tracing with an empty cache, where the bakes `before` filled it and this one `traced` more or nothing.
+
+    Of what one bake traces, one of fewer paths traces a part.
+    """
+    if traced:
+        return _seconds(report, "irradiance") + max((other["trace_s"] for other in before), default=0.0)
+    return min(other["trace_s"] for other in before if other["report"]["paths"] >= report["paths"])
+
+
+def _version(operator: str) -> str:
+    """Changes with what the bakes of an operator depend on."""
+    code = [code_version(f"gsgi.baker.{module}", ()) for module in (*MODULES[operator], "views")]
+    return digest((code, QUALITIES[operator], SAMPLES[operator]))[:12]
+
+
+def _make_cache(folder: Path, scene: str, light: set[str]) -> None:
+    """Leave in the folder's cache `light` and references alone. References are of every bake of the scene: no operator
+    pays for them. Other light was left by a bake that did not end, other entries would save the next fit."""
+    for other in folder.parent.glob(f"{scene}-*/cache/reference-*"):
+        with suppress(FileExistsError):
+            os.link(other, folder / "cache" / other.name)
+    for entry in entries(folder / "cache"):
+        if entry.stage != "reference" and entry.path.name not in light:
+            entry.path.unlink()
+
+
+def _light(folder: Path) -> set[str]:
+    """Names of the cache's entries of traced light to fit."""
+    return {entry.path.name for entry in entries(folder / "cache") if entry.stage not in NOT_LIGHT}
+
+
+def _seconds(report: dict, stage: str) -> float:
+    return sum(s["seconds"] for s in report["stages"] if s["stage"] == stage)

@@ -1,0 +1,138 @@
+"""Frames of a bake as the GL runtime draws them, and how long their splat pass takes."""
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
+from pathlib import Path
+
+import numpy as np
+
+from gsgi.baker.metrics import ssim
+from gsgi.baker.plan import PLACED_SIZE
+from gsgi.baker.surface_points import Triangles
+from gsgi.baker.views import Placement, place
+from gsgi.runtime.camera import Camera
+from gsgi.runtime.context import create_context
+from gsgi.runtime.display import auto_exposure, tone_map
+from gsgi.runtime.fingerprint import fingerprint
+from gsgi.runtime.gltf import read_gltf
+from gsgi.runtime.renderer import DeferredRenderer
+from gsgi.runtime.scene import Scene
+
+from .operator_bakes import Kept
+from .scenes import LIGHT
+from .trace import WHITE_SKY
+
+SCALES = 1, 2, 4
+SIZE = 1280, 720
+DRAWS = 5
+
+# Where surfaces are smooth in 3 x 3 pixels: depth within this share of itself, normals within 2.6 degrees.
+DEPTH_RANGE, NORMAL_COSINE = 0.02, 0.999
+
+
+@dataclass(frozen=True)
+class Frame:
+    """What a camera sees: B (H, W, 3) linear, normal (H, W, 3) unit, world space, and depth (H, W), m, 0 where there is
+    no surface; all float32."""
+
+    camera: Camera
+    indirect: np.ndarray
+    normal: np.ndarray
+    depth: np.ndarray
+
+    @cached_property
+    def smooth(self) -> np.ndarray:
+        """Where (H, W) bool 3 x 3 pixels show one smooth surface."""
+        result = np.zeros(self.depth.shape, bool)
+        middle, normal = self.depth[1:-1, 1:-1], self.normal[1:-1, 1:-1]
+        good = middle > 0
+        for row, column in np.ndindex(3, 3):
+            window = np.s_[row : row + middle.shape[0], column : column + middle.shape[1]]
+            good &= np.abs(self.depth[window] - middle) < DEPTH_RANGE * middle
+            good &= np.einsum("hwc,hwc->hw", self.normal[window], normal) > NORMAL_COSINE
+        result[1:-1, 1:-1] = good
+        return result
+
+
+@cache
+def lit_scene(path: Path) -> Scene:
+    """The scene in a file under the light that its bakes are made for."""
+    scene = read_gltf(path)
+    return replace(scene, environment=WHITE_SKY) if path.stem in LIGHT else scene
+
+
+def without_normal_maps(scene: Scene) -> Scene:
+    """The scene with its interpolated normals alone."""
+    return replace(scene, materials=tuple(replace(m, normal_texture=None) for m in scene.materials))
+
+
+@cache
+def placement(path: Path) -> Placement:
+    """The cameras of the scene's bakes."""
+    scene = lit_scene(path)
+    return place(Triangles(scene), scene.cameras, PLACED_SIZE, seed=0)
+
+
+def held_out_cameras(kept: Kept) -> list[Camera]:
+    """Those that the bake was judged by."""
+    cameras = placement(kept.scene).held_out
+    return [cameras[view["name"]] for view in kept.report["held_out"]["views"]]
+
+
+def frames(kept: Kept, cameras: list[Camera], splat_scale: int = 1, normal_maps: bool = True) -> Iterator[Frame]:
+    """A frame for each camera."""
+    with _renderer(kept, splat_scale, normal_maps) as renderer:
+        for camera in cameras:
+            renderer.render(camera)
+            yield Frame(camera, *(renderer.read(layer) for layer in ("indirect", "normal", "depth")))
+
+
+@cache
+def splat_ms(kept: Kept, splat_scale: int = 1) -> float:
+    """Milliseconds of the splat pass, culling and sorting included: fastest of DRAWS, mean of the held-out views."""
+    cameras, total = held_out_cameras(kept), 0.0
+    with _renderer(kept, splat_scale) as renderer:
+        for camera in cameras:
+            renderer.render(camera)
+            total += min(_seconds(renderer, camera) for _ in range(DRAWS))
+    return 1e3 * total / len(cameras)
+
+
+@cache
+def ssim_to_full(kept: Kept, splat_scale: int) -> float:
+    """SSIM of B as the bake shows it at a resolution and at full resolution, mean of the held-out views."""
+    cameras = held_out_cameras(kept)
+    pairs = zip(frames(kept, cameras), list(frames(kept, cameras, splat_scale)), strict=True)
+    return float(np.mean([_similarity(full, coarser) for full, coarser in pairs]))
+
+
+def _similarity(full: Frame, other: Frame) -> float:
+    exposure = auto_exposure(full.indirect)
+    return ssim(tone_map(other.indirect, exposure), tone_map(full.indirect, exposure), full.depth > 0)
+
+
+@contextmanager
+def _renderer(kept: Kept, splat_scale: int, normal_maps: bool = True) -> Iterator[DeferredRenderer]:
+    """Of a bake, in a context of its own, without primary light: only the splat pass matters."""
+    scene, bake = lit_scene(kept.scene), kept.read()
+    assert fingerprint(scene) == bake.scene, kept.file
+    context = create_context()
+    dark = replace(scene if normal_maps else without_normal_maps(scene), lights=(), environment=None)
+    renderer = DeferredRenderer(context, dark, bake, *SIZE, splat_scale)
+    try:
+        yield renderer
+    finally:
+        renderer.release()
+        context.release()
+
+
+def _seconds(renderer: DeferredRenderer, camera: Camera) -> float:
+    context = renderer.gbuffer.ctx
+    context.finish()
+    start = time.perf_counter()
+    renderer.splats.draw(camera)
+    context.finish()
+    return time.perf_counter() - start

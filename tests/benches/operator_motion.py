@@ -1,0 +1,147 @@
+"""Popping and swimming: how much the light shown at fixed surface points changes while a camera moves slowly."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from gsgi.baker.surface_points import Triangles
+from gsgi.runtime.camera import Camera
+from gsgi.runtime.constants import MID_GREY
+from gsgi.runtime.display import auto_exposure, tone_map
+
+from .operator_bakes import Kept, scene_files
+from .operator_frames import Frame, frames, held_out_cameras, lit_scene
+from .operators import matches
+
+STEPS = 23
+STEP, TURN = 0.002, np.radians(0.2)  # of the scene's diagonal; rad
+
+# Points are compared that land so near to a pixel's centre (px) that interpolation hardly counts, at a depth within
+# this share of what the frame shows there.
+CENTRED, SAME_DEPTH = 0.1, 0.005
+WAVE = 0.1  # of the diagonal: wavelength of the field whose change is that of the method alone
+
+
+def operator_motion() -> list[dict]:
+    """Change between frames, in 1/255 of the display's range, at fixed surface points under a fixed exposure.
+
+    24 frames, each 0.2 % of the diagonal and 0.2 degrees further. Path-traced B at a surface point does not change, so
+    all of it is the operator's. Without normal maps: `surface` answers to them, and filtered they change with the
+    camera's place; rows with them stand apart. `still`: a smooth field fixed in space, the error of the method itself.
+    """
+    return [row for path in scene_files() for row in _rows(path)]
+
+
+def slow_path(camera: Camera, along: np.ndarray, step: float) -> list[Camera]:
+    """Cameras that move by `step` (m) along (3,), unit, and turn to their left by TURN each time."""
+    sine, cosine = np.sin(TURN), np.cos(TURN)
+    turn = np.array([[cosine, 0, sine], [0, 1, 0], [-sine, 0, cosine]])
+    cameras = [camera]
+    for _ in range(STEPS):
+        pose = cameras[-1].world_from_view.copy()
+        pose[:3, :3] = pose[:3, :3] @ turn
+        pose[:3, 3] += step * along
+        cameras.append(replace(camera, world_from_view=pose))
+    return cameras
+
+
+def changes(before: Frame, after: Frame) -> np.ndarray:
+    """Change (P,) of `indirect` at surface points that both frames see: the largest of the channels."""
+    height, width = before.depth.shape
+    row, column = np.nonzero(before.smooth)
+    x, y, depth = project(positions(before)[row, column], after.camera, (width, height))
+    # Pixel centres lie at +0.5.
+    near_column, near_row = np.rint(x - 0.5).astype(int), np.rint(y - 0.5).astype(int)
+    inside = (near_column > 0) & (near_column < width - 1) & (near_row > 0) & (near_row < height - 1) & (depth > 0)
+    inside &= (np.abs(x - 0.5 - near_column) < CENTRED) & (np.abs(y - 0.5 - near_row) < CENTRED)
+    row, column, x, y, depth, near_row, near_column = (
+        array[inside] for array in (row, column, x, y, depth, near_row, near_column)
+    )
+    same = np.abs(after.depth[near_row, near_column] - depth) < SAME_DEPTH * depth
+    same &= after.smooth[near_row, near_column]
+    moved = bilinear(after.indirect, x[same] - 0.5, y[same] - 0.5)
+    return np.abs(moved - before.indirect[row[same], column[same]]).max(axis=1, initial=0)
+
+
+def positions(frame: Frame) -> np.ndarray:
+    """World space (H, W, 3), m, of what is seen through the pixel centres."""
+    height, width = frame.depth.shape
+    pinhole = frame.camera.pinhole(width, height)
+    y, x = np.mgrid[0:height, 0:width] + 0.5
+    ray = np.stack([(x - pinhole.cx) / pinhole.fx, (pinhole.cy - y) / pinhole.fy, -np.ones_like(x)], axis=-1)
+    return (ray * frame.depth[..., None]) @ frame.camera.world_from_view[:3, :3].T + frame.camera.position
+
+
+def project(position: np.ndarray, camera: Camera, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Pixel coordinates x and y (N,), and depth (N,), m, of points (N, 3)."""
+    pinhole = camera.pinhole(*size)
+    x, y, z = (position @ pinhole.view_from_world[:3, :3].T + pinhole.view_from_world[:3, 3]).T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return pinhole.cx - pinhole.fx * x / z, pinhole.cy + pinhole.fy * y / z, -z
+
+
+def bilinear(image: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """(N, 3) of an image (H, W, 3) at x, y (N,), in pixels from the first one's centre, inside the image."""
+    column, row = np.floor(x).astype(int), np.floor(y).astype(int)
+    s, t = (x - column)[:, None], (y - row)[:, None]
+    above = image[row, column] * (1 - s) + image[row, column + 1] * s
+    below = image[row + 1, column] * (1 - s) + image[row + 1, column + 1] * s
+    return above * (1 - t) + below * t
+
+
+def _clear_start(kept: Kept) -> tuple[Camera, np.ndarray, float]:
+    """Where `slow_path` runs into nothing: the held-out camera that sees most light on smooth surfaces, and the
+    direction along one of its axes in which the next surface is farthest; and the step, m."""
+    cameras = held_out_cameras(kept)
+    light = [(frame.indirect.mean(axis=2) * frame.smooth).mean() for frame in frames(kept, cameras)]
+    camera, triangles = cameras[int(np.argmax(light))], Triangles(lit_scene(kept.scene))
+    axes = np.concatenate([camera.world_from_view[:3, :3].T, -camera.world_from_view[:3, :3].T])
+    free = triangles.hits(np.tile(camera.position, (6, 1)), axes).distance
+    # What moves into the open sees less and less: the farthest surface, not the lack of one.
+    return camera, axes[int(np.argmax(np.where(np.isfinite(free), free, 0)))], STEP * triangles.diagonal
+
+
+def _rows(path: Path) -> list[dict]:
+    bakes = list(dict.fromkeys(kept for match in matches(path) for kept in match))
+    cameras = slow_path(*_clear_start(bakes[0]))
+    rows = [_about(kept) | _row(_displayed(frames(kept, cameras, normal_maps=False))) for kept in bakes]
+    if any(material.normal_texture for material in lit_scene(path).materials):
+        mapped = [kept for kept in bakes if kept.operator == "surface"]
+        rows += [_about(kept) | {"normal_maps": "yes"} | _row(_displayed(frames(kept, cameras))) for kept in mapped]
+    still = _still(frames(bakes[0], cameras, normal_maps=False), lit_scene(path).diagonal())
+    rows.sort(key=lambda row: (row["operator"], row["normal_maps"], row["gaussians"]))
+    return [*rows, {"scene": path.stem, "operator": "still"} | _row(still)]
+
+
+def _about(kept: Kept) -> dict:
+    names = {"scene": kept.scene.stem, "operator": kept.operator, "setting": kept.setting}
+    return names | {"gaussians": kept.gaussians, "normal_maps": "no"}
+
+
+def _row(shown: Iterator[Frame]) -> dict:
+    found = 255 * np.concatenate([changes(before, after) for before, after in pairwise(shown)])
+    return {
+        "points": len(found),
+        "mean": round(float(found.mean()), 3),
+        "p99.9": round(float(np.quantile(found, 0.999)), 2),
+        "max": round(float(found.max()), 2),
+        "above_1": f"{(found > 1).mean():.1e}",
+    }
+
+
+def _displayed(drawn: Iterator[Frame]) -> Iterator[Frame]:
+    """Frames with B as a display shows it, all under the exposure of the first."""
+    exposure = None
+    for frame in drawn:
+        exposure = exposure or auto_exposure(frame.indirect)
+        yield replace(frame, indirect=tone_map(frame.indirect, exposure))
+
+
+def _still(drawn: Iterator[Frame], diagonal: float) -> Iterator[Frame]:
+    """Frames that show a smooth field instead, fixed in space and around mid-grey."""
+    for frame in drawn:
+        waves = np.sin(2 * np.pi / (WAVE * diagonal) * positions(frame))
+        yield replace(frame, indirect=tone_map(MID_GREY * (1 + 0.5 * waves), 1.0))

@@ -1,0 +1,100 @@
+"""The blend operators `over` and `surface` side by side: accuracy, size, seconds of baking, milliseconds of drawing."""
+
+from itertools import pairwise
+from pathlib import Path
+
+from .operator_bakes import Kept, over_bakes, scene_files, surface_bakes
+from .operator_frames import SCALES, splat_ms, ssim_to_full
+
+EQUAL_TO = "medium", "high"  # qualities of `over` whose SSIM `surface` is to reach
+
+
+def operator_bakes() -> list[dict]:
+    """Both operators from few to many Gaussians: size, seconds with an empty cache, B in held-out views, splat pass."""
+    return [_row(kept) for path in scene_files() for kept in [*over_bakes(path), *surface_bakes(path)]]
+
+
+def operator_equal() -> list[dict]:
+    """What the smallest `surface` bake costs that reaches the SSIM of B of an `over` bake, as shares of its cost.
+
+    `interpolated`: its share of Gaussians, were there a bake of `surface` with just that SSIM.
+    """
+    return [_equal_row(*match) for path in scene_files() for match in matches(path)]
+
+
+def operator_scales() -> list[dict]:
+    """The splat pass of these `surface` bakes at full, half and quarter resolution; SSIM of B against full."""
+    rows = []
+    for path in scene_files():
+        for over, surface in matches(path):
+            of_over = splat_ms(over)
+            for scale in SCALES:
+                ms, ssim = splat_ms(surface, scale), ssim_to_full(surface, scale)
+                rows.append(
+                    {"scene": path.stem, "equal_to": over.setting, "gaussians": surface.gaussians, "splat_scale": scale}
+                    | {"splat_ms": round(ms, 1), "of_over": round(ms / of_over, 2), "ssim_to_full": round(ssim, 5)}
+                )
+    return rows
+
+
+def matches(path: Path) -> list[tuple[Kept, Kept]]:
+    """Bakes of `over`, each with the smallest of `surface` that reaches its SSIM, else the best."""
+    surface = surface_bakes(path)
+    return [(over, smallest(surface, over.ssim)) for over in over_bakes(path) if over.setting in EQUAL_TO]
+
+
+def smallest(bakes: list[Kept], ssim: float) -> Kept:
+    """The bake with the fewest Gaussians that reaches an SSIM; where none does, the one with the highest."""
+    reaching = [bake for bake in bakes if bake.ssim >= ssim]
+    return min(reaching, key=lambda bake: bake.gaussians) if reaching else max(bakes, key=lambda bake: bake.ssim)
+
+
+def gaussians_at(bakes: list[Kept], ssim: float) -> float | None:
+    """How many Gaussians reach an SSIM: between bakes (by ascending number) linear in the logarithm of the number. As
+    many as the first has where that is better already, None where none reaches it."""
+    if bakes[0].ssim >= ssim:
+        return float(bakes[0].gaussians)
+    for below, above in pairwise(bakes):
+        if above.ssim >= ssim:
+            share = (ssim - below.ssim) / (above.ssim - below.ssim)
+            return float(below.gaussians ** (1 - share) * above.gaussians**share)
+    return None
+
+
+def _row(kept: Kept) -> dict:
+    mean = kept.report["held_out"]["mean"]
+    coarse = kept.read().coarse
+    return {
+        "scene": kept.scene.stem,
+        "operator": kept.operator,
+        "setting": kept.setting,
+        "gaussians": kept.gaussians,
+        "coarse": 0 if coarse is None else len(coarse),
+        "bytes": kept.report["bytes"],
+        "trace_s": round(kept.trace_s, 1),
+        "fit_s": round(kept.fit_s, 1),
+        "ssim": round(kept.ssim, 4),
+        "ssim_ceiling": round(mean["indirect"]["ssim_ceiling"], 4),
+        "psnr": round(mean["indirect"]["psnr"], 2),
+        "loss": round(mean["loss"], 4),
+        "frame_ssim": round(mean["final"]["ssim"], 4),
+        "splat_ms": round(splat_ms(kept), 1),
+    }
+
+
+def _equal_row(over: Kept, surface: Kept) -> dict:
+    def share(of_surface: float | None, of_over: float) -> float | str:
+        return "" if of_surface is None else round(of_surface / of_over, 3)
+
+    return {
+        "scene": over.scene.stem,
+        "equal_to": over.setting,
+        "over_ssim": round(over.ssim, 4),
+        "surface_ssim": round(surface.ssim, 4),
+        "reached": "yes" if surface.ssim >= over.ssim else "no",
+        "gaussians": share(surface.gaussians, over.gaussians),
+        "interpolated": share(gaussians_at(surface_bakes(over.scene), over.ssim), over.gaussians),
+        "bytes": share(surface.report["bytes"], over.report["bytes"]),
+        "bake_s": share(surface.trace_s + surface.fit_s, over.trace_s + over.fit_s),
+        "splat_ms": share(splat_ms(surface), splat_ms(over)),
+    }
