@@ -56,15 +56,17 @@ class OverBlend:
 class SurfaceBlend:
     """Parameters of the `surface` operator: at a surface point x with normal n, both in world space,
 
-    B(x, n) = sum w_i c_i(n) / sum w_i, w_i = opacity_i max(0, G_i(x) - cutoff) max(0, n . n_i)^sharpness
+    B(x, n) = (sum w_i c_i(n) + gap C(x, n)) / (sum w_i + gap), gap = max(0, floor - sum w_i),
+    w_i = opacity_i max(0, G_i(x) - cutoff) max(0, n . n_i)^sharpness
 
     with G_i(x) = exp(-1/2 (x - position)^T Sigma^-1 (x - position)), n_i the +z axis of the rotation, and c_i SH of n.
-    Of Gaussians of the coarse level w_i is opacity_i max(0, G_i(x) - cutoff) coarse_weight: they face every way.
+    C is the light of the coarse level: sum w_i c_i(n) / sum w_i of its own Gaussians, which face every way: their w_i is
+    opacity_i max(0, G_i(x) - cutoff). It counts only where the fine level weighs less than `floor`.
     """
 
     cutoff: float = 0.05
     sharpness: int = 2
-    coarse_weight: float = 0.001  # seen only where nothing fine is near
+    floor: float = 0.05
 
     @property
     def radius(self) -> float:
