@@ -6,22 +6,24 @@ import numpy as np
 
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
 
-from . import _kernels, colours
 from .blue_noise import thin
-from .evaluate import light_of
 from .initialise import spacing
-from .point_order import coherent
+from .surface_optimiser import SurfaceOptimiser
 from .surface_samples import SurfaceSamples
+from .surface_state import SurfaceState
 
 SH_DEGREE = 2  # irradiance is smooth in the normal (Ramamoorthi and Hanrahan 2001)
 CANDIDATES = 16  # points in free space for each Gaussian, from which those evenly apart are taken
-WIDTH = 1.0  # standard deviation, of the distance to the three nearest
+WIDTH = 0.6  # standard deviation, of the distance to the three nearest
 
-# Of least squares: to know what is bright, then with light that counts relative to itself and so much more (mean B).
-ITERATIONS, DARK = (10, 30), 0.5
+# The fit: steps of the shapes, and how often and with how many iterations the colours are solved for.
+RATES = {"place": 0.06, "turn": 0.04, "log_scale": 0.06, "logit_opacity": 0.05, "colour": 0.0}
+RATE_END = 0.1
+STEPS, SOLVE_STEPS, SOLVE_ITERATIONS, SOLVE_LAST = 60, 6, 6, 20
 
 # One Gaussian reaches every point of the scene and far beyond, weighing next to nothing.
 EVERYWHERE_SCALE, EVERYWHERE_OPACITY = 1.0, 1 / 255
+OPACITY = 0.5  # of the others, at first
 SCALE_MIN = 1e-6  # m; points may coincide
 
 
@@ -30,18 +32,16 @@ def coarse_level(samples: SurfaceSamples, count: int, blend: SurfaceBlend, tone_
 
     `tone_scale` is the mean B.
     """
-    rng = np.random.default_rng(seed)
-    gaussians = _evenly_apart(samples.position, count, rng)
-    samples = samples[coherent(samples.position, samples.normal)]
-    field = _kernels.FieldFloat(samples.position, samples.normal)
-    field.list(gaussians, blend.cutoff, 0, 1.0)
-    nothing, importance = np.zeros((len(samples), 4), np.float32), np.ones(len(samples), np.float32)
-    for iterations in ITERATIONS:
-        sh = colours.solve(field, gaussians, nothing, samples.indirect, importance, iterations)
-        gaussians = replace(gaussians, sh=sh)
-        brightness = light_of(field.read(gaussians)).mean(axis=1)
-        importance = 1 / np.square(brightness + np.float32(DARK * tone_scale))
-    return gaussians
+    gaussians = _evenly_apart(samples.position, count, np.random.default_rng(seed))
+    nothing = SurfaceState.fresh(gaussians).keep(np.zeros(len(gaussians), bool)).gaussians
+    optimiser = SurfaceOptimiser(samples, nothing, replace(blend, sharpness=0, floor=0.0), tone_scale)
+    state = SurfaceState.fresh(gaussians)
+    for step in range(STEPS):
+        if step % SOLVE_STEPS == 0:
+            state = replace(state, gaussians=optimiser.solve(state.gaussians, SOLVE_ITERATIONS))
+        falling = RATE_END ** (step / STEPS)
+        state, _ = optimiser.step(state, {name: falling * rate for name, rate in RATES.items()}, step + 1)
+    return optimiser.solve(state.gaussians, SOLVE_LAST)
 
 
 def _evenly_apart(position: np.ndarray, count: int, rng: np.random.Generator) -> Gaussians:
@@ -57,6 +57,6 @@ def _evenly_apart(position: np.ndarray, count: int, rng: np.random.Generator) ->
         np.concatenate([[(low + high) / 2], centres]).astype(np.float32),
         np.tile(np.float32([0, 0, 0, 1]), (n, 1)),
         np.repeat(np.maximum(scale, SCALE_MIN)[:, None], 3, axis=1).astype(np.float32),
-        np.concatenate([[EVERYWHERE_OPACITY], np.ones(n - 1)]).astype(np.float32),
+        np.concatenate([[EVERYWHERE_OPACITY], np.full(n - 1, OPACITY)]).astype(np.float32),
         np.zeros((n, (SH_DEGREE + 1) ** 2, 3), np.float32),
     )

@@ -11,28 +11,31 @@ from .point_order import coherent
 def evaluate(
     gaussians: Gaussians, coarse: Gaussians, blend: SurfaceBlend, position: np.ndarray, normal: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """B (S, 3) float32, linear radiance, at points (S, 3), m, with unit normals (S, 3); and sum w (S,) of both levels.
+    """B (S, 3) float32, linear radiance, at points (S, 3), m, with unit normals (S, 3); and sum w (S,) of the fine level.
 
     B is 0 where no Gaussian of either level reaches. The same bits whatever the number of threads.
     """
     order = coherent(position, normal)
-    points = (np.ascontiguousarray(array[order], np.float32) for array in (position, normal))
-    sums = np.empty((len(position), 4), np.float32)
-    field = _kernels.FieldFloat(*points)
-    sums[order] = coarse_sums(field, coarse, blend) + level_sums(field, gaussians, blend)
-    return light_of(sums), sums[:, 3]
-
-
-def level_sums(field: _kernels.FieldFloat, gaussians: Gaussians, blend: SurfaceBlend) -> np.ndarray:
-    """sum w c and sum w (S, 4) of the fine level at the points of a field."""
+    field = _kernels.FieldFloat(*(np.ascontiguousarray(array[order], np.float32) for array in (position, normal)))
+    light = coarse_light(field, coarse, blend)
     field.list(gaussians, blend.cutoff, blend.sharpness, 1.0)
-    return field.read(gaussians)
+    fine = field.read(gaussians)
+    result, weight = np.empty((len(position), 3), np.float32), np.empty(len(position), np.float32)
+    result[order], weight[order] = light_of(fine + filling(fine, light, blend)), fine[:, 3]
+    return result, weight
 
 
-def coarse_sums(field: _kernels.FieldFloat, coarse: Gaussians, blend: SurfaceBlend) -> np.ndarray:
-    """sum w c and sum w (S, 4) of the coarse level, its weight included."""
+def coarse_light(field: _kernels.FieldFloat, coarse: Gaussians, blend: SurfaceBlend) -> np.ndarray:
+    """Light (S, 3) of the coarse level at the points of a field, which may be negative."""
     field.list(coarse, blend.cutoff, 0, 1.0)
-    return np.float32(blend.coarse_weight) * field.read(coarse)
+    sums = field.read(coarse)
+    return sums[:, :3] * inverse_weight(sums)[:, None]
+
+
+def filling(fine: np.ndarray, coarse: np.ndarray, blend: SurfaceBlend) -> np.ndarray:
+    """What light (S, 3) of the coarse level adds to sum w c and sum w (S, 4) of the fine one."""
+    gap = np.maximum(np.float32(blend.floor) - fine[:, 3:], 0)
+    return np.concatenate([gap * coarse, gap], axis=1)
 
 
 def light_of(sums: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ from gsgi.runtime import codec
 FINE_DEGREE = 0  # B hardly depends on the normal where one Gaussian's surface is
 COARSE_DEGREE = 2  # irradiance is smooth in the normal (Ramamoorthi and Hanrahan 2001)
 
-COARSE_SHARE, COARSE_MOST = 8, 512  # one coarse Gaussian for so many, but no more than this
+COARSE_SHARE, COARSE_MOST = 4, 1024  # one coarse Gaussian for so many, but no more than this
 
 # Samples that tell the shapes of a Gaussian and its neighbours apart; and so many in all at least, which cost next to
 # nothing, and at most.

@@ -16,7 +16,7 @@ from .fit import Course
 from .initialise import CANDIDATES, rotation_to, spacing
 from .records import from_arrays, to_arrays
 from .surface_optimiser import LIST_STEPS, SurfaceOptimiser
-from .surface_samples import SurfaceSamples
+from .surface_samples import SurfaceSamples, joined
 from .surface_state import SurfaceState, to_merge, to_remove, to_split
 
 # Adam's steps: lengths in standard deviations, turns in rad, light in units of the tone scale. They fall to RATE_END of
@@ -49,7 +49,8 @@ class _Run:
 
 
 def fit_surface(
-    samples: SurfaceSamples,
+    surface: SurfaceSamples,
+    free: SurfaceSamples,
     coarse: Gaussians,
     blend: SurfaceBlend,
     tone_scale: float,
@@ -65,11 +66,11 @@ def fit_surface(
     gradient or loss that is not finite, naming iteration and Gaussian.
     """
     rng = np.random.default_rng(course.seed)
-    optimiser = SurfaceOptimiser(samples, coarse, blend, tone_scale)
+    optimiser = SurfaceOptimiser(joined([surface, free]), coarse, blend, tone_scale)
     if checkpoint and (arrays := checkpoint.load()):
         run = from_arrays(_Run, arrays)
     else:
-        first = start(samples, round(START_SHARE * course.budget), rng)
+        first = start(surface, round(START_SHARE * course.budget), rng)
         run = _Run(SurfaceState.fresh(optimiser.solve(first, SOLVE_FIRST)), np.zeros(len(first), np.float32), 0)
     state, error = run.state, run.error
     changes = {round(share * course.iterations): (i + 1) / len(GROWTH) for i, share in enumerate(GROWTH)}

@@ -13,6 +13,8 @@ from .records import from_arrays, to_arrays
 from .surface_budget import coarse_count, sample_count
 from .surface_samples import CHUNK, Sampler, SurfaceSamples
 
+FREE_SHARE = 1 / 8  # samples in free space for each on a surface: Gaussians shall not reach where other light is
+
 FIT_PACKAGES = ("numpy", "scipy")  # whose versions a fit depends on
 
 
@@ -37,7 +39,9 @@ class SurfaceFits:
         start = time.perf_counter()
         with self.progress.stage("fit", plan.settings.iterations, "iterations") as advance:
             coarse = coarse_level(free, coarse_count(budget), plan.blend, self.tone_scale, plan.settings.seed)
-            gaussians, looks = self._fitted(budget - len(coarse), surface, coarse, advance, watching)
+            fine = budget - len(coarse)
+            some = free[: round(FREE_SHARE * len(surface))]
+            gaussians, looks = self._fitted(fine, surface, some, coarse, advance, watching)
         return Fit(gaussians, coarse, looks, time.perf_counter() - start)
 
     def _traced(self, count: int) -> tuple[SurfaceSamples, SurfaceSamples]:
@@ -50,14 +54,16 @@ class SurfaceFits:
             self.progress.warn(f"{paths} paths gave no finite number and were left out")
         return surface, free
 
-    def _fitted(self, budget: int, samples, coarse: Gaussians, advance, watching: Watching) -> tuple[Gaussians, tuple]:
+    def _fitted(
+        self, budget: int, surface, free, coarse: Gaussians, advance, watching: Watching
+    ) -> tuple[Gaussians, tuple]:
         from .checkpoint import Checkpoint
         from .code_version import code_version
         from .fit import Course
         from .surface_fit import fit_surface
 
         plan, settings, cache = self.plan, self.plan.settings, self.plan.light.cache
-        task = samples, coarse, plan.blend, self.tone_scale, Course(budget, settings.iterations, settings.seed)
+        task = surface, free, coarse, plan.blend, self.tone_scale, Course(budget, settings.iterations, settings.seed)
         inputs = {"code": code_version("gsgi.baker.surface_fit", FIT_PACKAGES), "task": task}
         key = task_key("fit", **inputs)
         if found := cache.get(key):

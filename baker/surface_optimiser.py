@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -9,7 +10,7 @@ from gsgi.runtime import constants
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
 
 from . import _kernels, colours
-from .evaluate import coarse_sums, inverse_weight
+from .evaluate import coarse_light, filling, inverse_weight
 from .point_order import coherent
 from .surface_samples import SurfaceSamples
 from .surface_state import PARAMETERS, SurfaceState, axes
@@ -33,6 +34,15 @@ class Seen:
     error: np.ndarray
 
 
+class _Reading(NamedTuple):
+    """At each of S samples: B (S, 3), 1 / (sum w + gap) (S,), and the light (S, 3) that gives way to a Gaussian which
+    comes to weigh more: B, or below the floor that of the coarse level."""
+
+    light: np.ndarray
+    inverse: np.ndarray
+    yielding: np.ndarray
+
+
 class SurfaceOptimiser:
     """The loss is the mean over samples of importance |B - light|^2, linear light, importance = 1 / (B + DARK mean)^2.
 
@@ -44,22 +54,22 @@ class SurfaceOptimiser:
         samples = samples[coherent(samples.position, samples.normal)]
         self._a, self._b, self._light = samples.indirect_a, samples.indirect_b, samples.indirect
         self._field = _kernels.FieldFloat(samples.position, samples.normal)
-        self._base = coarse_sums(self._field, coarse, blend)
+        self._coarse = coarse_light(self._field, coarse, blend)
         self.blend, self.tone_scale, self._dark = blend, tone_scale, np.float32(DARK * tone_scale)
         self._listed = 0
 
     def solve(self, gaussians: Gaussians, iterations: int) -> Gaussians:
         """With the best colours for their shapes."""
         self._list(gaussians)
-        light, _ = self._read(gaussians)
-        importance = self._importance(light)
-        sh = colours.solve(self._field, gaussians, self._base, self._light, importance, iterations)
+        base = filling(self._field.read(gaussians), self._coarse, self.blend)
+        importance = self._importance(self._read(gaussians).light)
+        sh = colours.solve(self._field, gaussians, base, self._light, importance, iterations)
         return replace(gaussians, sh=sh)
 
     def share(self, gaussians: Gaussians) -> np.ndarray:
         """Of how many samples (N,) float32 each Gaussian makes up the light: sums of w over sum w."""
         self._list(gaussians)
-        light, inverse = self._read(gaussians)
+        light, inverse, _ = self._read(gaussians)
         return self._field.spread(gaussians, np.ones_like(light), inverse)[:, 0, 0] / np.float32(constants.SH_C0)
 
     def step(self, state: SurfaceState, rates: Mapping[str, float], steps: int) -> tuple[SurfaceState, Seen]:
@@ -89,25 +99,26 @@ class SurfaceOptimiser:
         self._field.list(gaussians, self.blend.cutoff, self.blend.sharpness, MARGIN)
         self._listed = len(gaussians)
 
-    def _read(self, gaussians: Gaussians) -> tuple[np.ndarray, np.ndarray]:
-        """B (S, 3) and 1 / sum w (S,)."""
-        sums = self._field.read(gaussians) + self._base
+    def _read(self, gaussians: Gaussians) -> "_Reading":
+        fine = self._field.read(gaussians)
+        sums = fine + filling(fine, self._coarse, self.blend)
         inverse = inverse_weight(sums)
-        return sums[:, :3] * inverse[:, None], inverse
+        light = sums[:, :3] * inverse[:, None]
+        return _Reading(light, inverse, np.where(fine[:, 3:] < self.blend.floor, self._coarse, light))
 
     def _importance(self, light: np.ndarray) -> np.ndarray:
         return 1 / np.square(np.maximum(light.mean(axis=1), 0) + self._dark)
 
     def _moments(self, gaussians: Gaussians) -> tuple[np.ndarray, float]:
         """Moments (N, 16), see FIELD_MOMENTS, and the loss."""
-        light, inverse = self._read(gaussians)
+        light, inverse, yielding = self._read(gaussians)
         importance = self._importance(light)
         residual = light - self._light
         count = max(len(light), 1)
         by_light = np.float32(2 / count) * importance[:, None] * residual
         error = importance * ((light - self._a) * (light - self._b)).sum(axis=1)
         loss = float((importance * np.square(residual).sum(axis=1)).sum(dtype=np.float64)) / count
-        return self._field.backward(gaussians, light, by_light, inverse, error), loss
+        return self._field.backward(gaussians, yielding, by_light, inverse, error), loss
 
 
 def parameter_gradient(moments: np.ndarray, gaussians: Gaussians) -> np.ndarray:
@@ -146,6 +157,8 @@ def moved(
         rotation,
         np.clip(g.scale * np.exp(log_scale), smallest, largest),
         1 / (1 + np.exp(-odds)),
-        np.maximum(g.sh + (unit / constants.SH_C0 * colour)[:, None, :], 0),
+        np.concatenate(
+            [np.maximum(g.sh[:, :1] + (unit / constants.SH_C0 * colour)[:, None, :], 0), g.sh[:, 1:]], axis=1
+        ),
     )
     return Gaussians(*(array.astype(np.float32) for array in arrays))

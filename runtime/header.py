@@ -30,7 +30,7 @@ HEADER = np.dtype(
         ("alpha_min", "<f4"),
         ("alpha_max", "<f4"),
         ("cutoff", "<f4"),
-        ("coarse_weight", "<f4"),
+        ("floor", "<f4"),
         ("fine", LEVEL),
         ("coarse", LEVEL),
     ]
@@ -184,5 +184,5 @@ def _check_over(header: np.ndarray, expect) -> None:
 
 def _check_surface(header: np.ndarray, expect) -> None:
     expect(0 < header["cutoff"] < 1, "cutoff", "more than 0, less than 1", header["cutoff"])
-    expect(0 < header["coarse_weight"] <= 1, "coarse_weight", "more than 0, at most 1", header["coarse_weight"])
+    expect(0 < header["floor"] <= 1e6, "floor", "more than 0, at most 1e6", header["floor"])
     expect(1 <= header["sharpness"] <= SHARPNESS_MAX, "sharpness", f"1 to {SHARPNESS_MAX}", header["sharpness"])
