@@ -105,8 +105,8 @@ def start(samples: SurfaceSamples, count: int, rng: np.random.Generator) -> Gaus
 
 
 def changed(state: SurfaceState, error: np.ndarray, limit: int, optimiser: SurfaceOptimiser) -> SurfaceState:
-    """At most `limit` Gaussians: without those that no sample sees or that a neighbour makes superfluous, and with those
-    split under which most `error` (N,) lies."""
+    """At most `limit` Gaussians: without those that no sample sees or that a neighbour makes superfluous, and with
+    those split under which most `error` (N,) lies."""
     wanted = ~(to_remove(optimiser.share(state.gaussians)) | to_merge(state.gaussians, optimiser.tone_scale))
     state, error = state.keep(wanted), error[wanted]
     state = state.split(to_split(error, limit - len(state)))

@@ -31,7 +31,7 @@ class SurfaceFits:
         self.sampler = Sampler(plan.light, plan.cameras, half, settings.seed + 1)
 
     def fit(self, budget: int, watching: Watching) -> Fit:
-        """Both levels. Interrupted, it goes on from its traced samples and its checkpoint; done, it is not done again."""
+        """Both levels. Interrupted, it goes on from its samples and its checkpoint; done, it is not done again."""
         from .coarse import coarse_level
 
         plan = self.plan
