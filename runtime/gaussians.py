@@ -60,8 +60,8 @@ class SurfaceBlend:
     w_i = opacity_i max(0, G_i(x) - cutoff) max(0, n . n_i)^sharpness
 
     with G_i(x) = exp(-1/2 (x - position)^T Sigma^-1 (x - position)), n_i the +z axis of the rotation, and c_i SH of n.
-    C is the light of the coarse level: sum w_i c_i(n) / sum w_i of its own Gaussians, which face every way: their w_i is
-    opacity_i max(0, G_i(x) - cutoff). It counts only where the fine level weighs less than `floor`.
+    C is the light of the coarse level: sum w_i c_i(n) / sum w_i of its own Gaussians, which face every way: their w_i
+    is opacity_i max(0, G_i(x) - cutoff). It counts only where the fine level weighs less than `floor`.
     """
 
     cutoff: float = 0.05
