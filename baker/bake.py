@@ -74,7 +74,9 @@ class _Fits:
         count = len(read.gaussians) + len(read.coarse or ())
         if self.held_out:
             self.progress.say(f"  {count} Gaussians, {len(data)} bytes: held-out loss {loss:.4f}, PSNR {psnr:.2f} dB")
-        return Fitted(budget, data, count, loss, psnr, fit.seconds, fit.looks)
+        if fit.covered is not None:
+            self.progress.say(f"  {fit.covered:.2%} of the surface has Gaussians of its own, the rest the coarse level")
+        return Fitted(budget, data, count, loss, psnr, fit.seconds, fit.looks, fit.covered)
 
     def _watch(self, advance, coarse: Gaussians | None) -> "Watch":
         from .watch import Watch

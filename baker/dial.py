@@ -17,7 +17,7 @@ class Fitted:
     """One try: the `data` of its file with `count` Gaussians, of `budget` that it might have had; its loss and the PSNR
     of B (dB) in the views that were not fitted, None where none shows a B; and the seconds that it took, its start and
     looks at those views included, next to none where the cache held it. `looks` is its history, see `watch.Look`, empty
-    where the cache held it."""
+    where the cache held it; `covered` see `fitting.Fit`."""
 
     budget: int
     data: bytes
@@ -26,6 +26,7 @@ class Fitted:
     psnr: float | None
     seconds: float
     looks: tuple = ()
+    covered: float | None = None
 
 
 def turn(target: float, most: int, attempt: Callable[[int], Fitted]) -> tuple[Fitted, list[Fitted]]:

@@ -33,6 +33,7 @@ class SurfaceFits:
     def fit(self, budget: int, watching: Watching) -> Fit:
         """Both levels. Interrupted, it goes on from its samples and its checkpoint; done, it is not done again."""
         from .coarse import coarse_level
+        from .evaluate import evaluate
 
         plan = self.plan
         surface, free = self._traced(sample_count(budget))
@@ -42,7 +43,11 @@ class SurfaceFits:
             fine = budget - len(coarse)
             some = free[: round(FREE_SHARE * len(surface))]
             gaussians, looks = self._fitted(fine, surface, some, coarse, advance, watching)
-        return Fit(gaussians, coarse, looks, time.perf_counter() - start)
+        seconds = time.perf_counter() - start
+        points = surface.position[:CHUNK], surface.normal[:CHUNK]
+        _, weight = evaluate(gaussians, coarse, plan.blend, *points)
+        covered = float((weight >= plan.blend.floor).mean()) if len(weight) else 1.0
+        return Fit(gaussians, coarse, looks, seconds, covered)
 
     def _traced(self, count: int) -> tuple[SurfaceSamples, SurfaceSamples]:
         """Samples of the surfaces, and of free space."""

@@ -109,6 +109,7 @@ def _report(plan, baked, progress, exam) -> dict:
             {"gaussians": f.count, "bytes": len(f.data), "loss": f.loss, "psnr": f.psnr, "fit_s": round(f.seconds, 3)}
             for f in baked.tried
         ],
+        "covered": None if baked.fitted.covered is None else round(baked.fitted.covered, 5),
         "looks": [look._asdict() for look in baked.fitted.looks],
         "bounces": plan.settings.bounces,
         "views": len(plan.placement.fitted),
