@@ -87,6 +87,19 @@ def test_thin_things_do_not_go_black(gl, splat_scale, behind):
 
 
 @SCALES
+def test_the_coarse_level_fills_gaps_without_a_seam(gl, splat_scale):
+    """One fine Gaussian fades below the floor in the middle of a wall; beside the wall is nothing."""
+    scene = Scene((wall(-3.0, (-1.6, -1.1), (1.6, 1.1)),), (scenes.WHITE,))
+    fine = one((0, 0, -3), (0.5, 0.5, 0.1), light=0.9, rotation=(0, 0, 0, 1))
+    coarse, blend = one((0, 0, -3), scale=(9, 9, 9), light=0.3), SurfaceBlend(floor=0.5)
+    full, low = (draw(gl, fine, coarse, scene, FRONT, blend, SIZE, scale)[0] for scale in (1, splat_scale))
+    assert full[full > 0].min() == pytest.approx(0.3, rel=1e-3)
+    assert ((full > 0.4) & (full < 0.8)).mean() > 0.02
+    # Where the fine level reaches the floor, light bends: from 0.04 per pixel to 0, within half the points' spacing.
+    assert np.abs(low - full).max() < 0.04 * splat_scale / 2
+
+
+@SCALES
 def test_a_wire_keeps_its_own_light(gl, splat_scale):
     """One pixel wide, dark before a bright wall: of both surfaces a point is among any four neighbours."""
     scene = Scene((wall(-2.0, (-0.01, -2), (0.01, 2)), wall(-4.0, (-9, -9), (9, 9))), (scenes.WHITE,))
