@@ -47,7 +47,8 @@ def noisy(count: int = 20_000, noise: float = 0.3) -> SurfaceSamples:
 
 
 def fit(course: Course, watch=None, checkpoint=None, samples=None) -> Gaussians:
-    return fit_surface(noisy() if samples is None else samples, NOBODY, BLEND, TONE_SCALE, course, watch, checkpoint)
+    samples = noisy() if samples is None else samples
+    return fit_surface(samples, samples[:0], NOBODY, BLEND, TONE_SCALE, course, watch, checkpoint)
 
 
 def relative_error(fitted: Gaussians) -> float:
@@ -78,19 +79,50 @@ def test_more_gaussians_come_closer():
     assert many < 0.025
 
 
-def test_the_coarse_level_takes_part():
-    """It is as heavy as the fine one and 1 everywhere: the fine one has to say 2 B - 1."""
-    coarse = replace(
+def everywhere(light: float) -> Gaussians:
+    """A coarse level of one colour."""
+    return replace(
         gaussians(1), position=np.ones((1, 3), np.float32), scale=np.full((1, 3), 100, np.float32),
-        opacity=np.full(1, 0.5, np.float32), sh=np.full((1, 1, 3), np.sqrt(4 * np.pi), np.float32),
+        sh=np.full((1, 1, 3), light * np.sqrt(4 * np.pi), np.float32),
     )  # fmt: skip
-    blend, points = SurfaceBlend(coarse_weight=0.5), corner(5000, seed=1)
-    fitted = fit_surface(noisy(noise=0.0), coarse, blend, TONE_SCALE, Course(200, 60))
-    light, _ = evaluate(fitted, coarse, blend, *points)
+
+
+def test_the_fine_level_says_what_the_coarse_one_lacks():
+    """Below a floor that high the coarse level, 1 everywhere, always has its share: the fine one has to make up for it,
+    and without it light is missing."""
+    coarse, blend, points = everywhere(1), SurfaceBlend(floor=2.0), corner(5000, seed=1)
+    samples = noisy(noise=0.0)
+    fitted = fit_surface(samples, samples[:0], coarse, blend, TONE_SCALE, Course(200, 60))
+    light, weight = evaluate(fitted, coarse, blend, *points)
     alone, _ = evaluate(fitted, NOBODY, blend, *points)
+    assert (weight < blend.floor).mean() > 0.5
     error, without = (np.sqrt(np.mean((b / field(*points) - 1) ** 2)) for b in (light, alone))
     assert error < 0.05
     assert without > 2 * error
+
+
+def free(count: int, seed: int) -> SurfaceSamples:
+    """Before the walls, up to 0.3 m away, where light is 5 for every normal: more than on any wall."""
+    position, normal = corner(count, seed)
+    rng = np.random.default_rng(seed)
+    away = rng.uniform(0.05, 0.3, (count, 1)).astype(np.float32) * normal
+    any_normal = rng.normal(size=(count, 3))
+    any_normal /= np.linalg.norm(any_normal, axis=1, keepdims=True)
+    return samples_of(np.full((count, 3), 5.0), position + away, any_normal.astype(np.float32))
+
+
+def test_samples_in_free_space_keep_the_fine_level_out_of_it():
+    samples, coarse, there = noisy(noise=0.0), everywhere(5), free(5000, seed=7)
+    errors, on_walls = [], []
+    for known in (samples[:0], free(20_000, seed=6)):
+        fitted = fit_surface(samples, known, coarse, BLEND, TONE_SCALE, Course(200, 60))
+        errors.append(np.abs(evaluate(fitted, coarse, BLEND, there.position, there.normal)[0] - 5).mean())
+        points = corner(5000, seed=1)
+        light, _ = evaluate(fitted, coarse, BLEND, *points)
+        on_walls.append(np.sqrt(np.mean((light / field(*points) - 1) ** 2)))
+    print(errors, on_walls)
+    assert errors[1] < 0.5 * errors[0]
+    assert on_walls[1] < 0.1
 
 
 @pytest.mark.parametrize("budget", [0, 1, 2, 7, 60, 200])

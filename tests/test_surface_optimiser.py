@@ -38,6 +38,15 @@ def exactly_moved(given: SimpleNamespace, change: np.ndarray) -> SimpleNamespace
     )
 
 
+class Exact(SimpleNamespace):
+    """Gaussians of degree 0 in double precision, for the oracle."""
+
+    sh_degree = 0
+
+    def __len__(self) -> int:
+        return len(self.position)
+
+
 class Problem:
     """Double-precision Gaussians, points that lie near the ends of some, and a smooth loss, sum v . B + |B|^2 / 2.
 
@@ -57,8 +66,8 @@ class Problem:
         clear = (ends.min(axis=1) > 1e-4) & (np.abs(cosine).min(axis=1) > 1e-4)
         weight = field_of(self.given, position, normal, 0.05, sharpness).read(self.given)[:, 3]
         clear &= np.abs(weight - BLEND.floor) > 1e-4
-        assert ((weight > 0) & (weight < BLEND.floor))[clear].sum() > 20
-        assert (weight > BLEND.floor)[clear].sum() > 100
+        assert ((weight > 0) & (weight < BLEND.floor))[clear].sum() >= 20
+        assert (weight > BLEND.floor)[clear].sum() >= 20
         assert ((nearness > 0.05) & (ends < 2e-3)).any(axis=1)[clear].sum() > 5  # hardly inside
         assert ((nearness < 0.05) & (ends < 2e-3)).any(axis=1)[clear].sum() > 5  # hardly outside
         self.position, self.normal = position[clear], normal[clear]
@@ -125,8 +134,7 @@ def test_a_step_follows_the_gradient_of_what_the_oracle_reads(floor):
     importance = 1 / (light(given).mean(axis=1, keepdims=True) + DARK) ** 2
 
     def loss(change: np.ndarray) -> float:
-        changed = exactly_moved(of_type(given, np.float64), change)
-        changed.sh_degree = 0
+        changed = Exact(**vars(exactly_moved(of_type(given, np.float64), change)))
         return (importance * (light(changed) - 1) ** 2).sum() / len(position)
 
     steps = 1e-5 * np.eye(4 * 13).reshape(-1, 4, 13)
@@ -135,8 +143,6 @@ def test_a_step_follows_the_gradient_of_what_the_oracle_reads(floor):
     state, seen = optimiser.step(SurfaceState.fresh(given), NOWHERE, 1)
     got = state.mean / (1 - BETA_1)
     got[:, 6:9] -= SIZE_COST * seen.loss / 4
-    got[:, 10:] /= constants.SH_C0
-    expected[:, 10:] /= constants.SH_C0
     assert seen.loss == pytest.approx(loss(np.zeros((4, 13))), rel=1e-4)
     np.testing.assert_allclose(got, expected, atol=1e-4 * np.abs(expected).max())
 
