@@ -60,7 +60,7 @@ def test_light_that_is_linear_in_place_and_normal_comes_back():
 
 
 def test_noise_averages_out():
-    """20000 samples in two halves with noise of 50 %, 30 Gaussians of 9 coefficients, 9 numbers of shape and an opacity:
+    """20000 samples in two halves with noise of 50 %; 30 Gaussians of 9 coefficients, 9 numbers of shape, an opacity:
     0.5 / sqrt(2 * 20000 / 570) = 6 %, were the model linear."""
     position, normal = free_points(4000, seed=1)
     clean = light_of(level(30), position, normal)

@@ -9,7 +9,6 @@ from gsgi.baker.evaluate import evaluate
 from gsgi.baker.rasterise import set_thread_count
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
 
-
 NOBODY = gaussians(0, 9)
 
 
