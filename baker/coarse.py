@@ -1,4 +1,4 @@
-"""The coarse level: round Gaussians throughout free space, so that every point has light, a moving object its own."""
+"""The coarse level: Gaussians throughout free space, so that every point has light, a moving object its own."""
 
 from dataclasses import replace
 
@@ -41,7 +41,14 @@ def coarse_level(samples: SurfaceSamples, count: int, blend: SurfaceBlend, tone_
             state = replace(state, gaussians=optimiser.solve(state.gaussians, SOLVE_ITERATIONS))
         falling = RATE_END ** (step / STEPS)
         state, _ = optimiser.step(state, {name: falling * rate for name, rate in RATES.items()}, step + 1)
+        state = replace(state, gaussians=_everywhere_again(state.gaussians, gaussians))
     return optimiser.solve(state.gaussians, SOLVE_LAST)
+
+
+def _everywhere_again(moved: Gaussians, start: Gaussians) -> Gaussians:
+    """The first with the shape that it starts with: no sample tells that it is needed beyond the samples."""
+    shape = "position", "rotation", "scale", "opacity"
+    return replace(moved, **{k: np.concatenate([getattr(start, k)[:1], getattr(moved, k)[1:]]) for k in shape})
 
 
 def _evenly_apart(position: np.ndarray, count: int, rng: np.random.Generator) -> Gaussians:

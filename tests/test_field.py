@@ -7,7 +7,7 @@ import oracle
 import pytest
 
 from gsgi.baker import _kernels
-from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
+from gsgi.runtime.gaussians import Gaussians
 
 FIELDS = "position", "rotation", "scale", "opacity", "sh"
 KINDS = {np.float32: _kernels.FieldFloat, np.float64: _kernels.FieldDouble}
@@ -48,9 +48,8 @@ def field_of(given, position, normal, cutoff=0.05, sharpness=2, margin=1.0):
 
 
 def by_oracle(given: Gaussians, position, normal, cutoff: float, sharpness: int) -> np.ndarray:
-    nobody = gaussians(0)
-    levels = (nobody, given) if sharpness == 0 else (given, nobody)
-    return oracle.read_surface(*levels, SurfaceBlend(cutoff, sharpness, 1.0), position.astype(float), normal)[0]
+    """Of sharpness 0 they face every way."""
+    return oracle.level_sums(given, cutoff, sharpness or None, position.astype(float), normal)
 
 
 # Floats: a weight is off by some 1e-6 of the opacity, a colour by as much of its coefficients, of which 100 are summed.

@@ -47,7 +47,8 @@ def noisy(count: int = 20_000, noise: float = 0.3) -> SurfaceSamples:
 
 
 def fit(course: Course, watch=None, checkpoint=None, samples=None) -> Gaussians:
-    return fit_surface(noisy() if samples is None else samples, NOBODY, BLEND, TONE_SCALE, course, watch, checkpoint)
+    samples = noisy() if samples is None else samples
+    return fit_surface(samples, samples[:0], NOBODY, BLEND, TONE_SCALE, course, watch, checkpoint)
 
 
 def relative_error(fitted: Gaussians) -> float:
@@ -78,19 +79,50 @@ def test_more_gaussians_come_closer():
     assert many < 0.025
 
 
-def test_the_coarse_level_takes_part():
-    """It is as heavy as the fine one and 1 everywhere: the fine one has to say 2 B - 1."""
-    coarse = replace(
+def everywhere(light: float) -> Gaussians:
+    """A coarse level of one colour."""
+    return replace(
         gaussians(1), position=np.ones((1, 3), np.float32), scale=np.full((1, 3), 100, np.float32),
-        opacity=np.full(1, 0.5, np.float32), sh=np.full((1, 1, 3), np.sqrt(4 * np.pi), np.float32),
+        sh=np.full((1, 1, 3), light * np.sqrt(4 * np.pi), np.float32),
     )  # fmt: skip
-    blend, points = SurfaceBlend(coarse_weight=0.5), corner(5000, seed=1)
-    fitted = fit_surface(noisy(noise=0.0), coarse, blend, TONE_SCALE, Course(200, 60))
-    light, _ = evaluate(fitted, coarse, blend, *points)
+
+
+def test_the_fine_level_says_what_the_coarse_one_lacks():
+    """Below a floor that high the coarse level, about as dark as the darkest wall, always has its share: the fine one
+    has to make up for it, and without it light is missing."""
+    coarse, blend, points = everywhere(0.25), SurfaceBlend(floor=5.0), corner(5000, seed=1)
+    samples = noisy(noise=0.0)
+    fitted = fit_surface(samples, samples[:0], coarse, blend, TONE_SCALE, Course(200, 60))
+    light, weight = evaluate(fitted, coarse, blend, *points)
     alone, _ = evaluate(fitted, NOBODY, blend, *points)
+    assert (weight < blend.floor).mean() > 0.9
     error, without = (np.sqrt(np.mean((b / field(*points) - 1) ** 2)) for b in (light, alone))
     assert error < 0.05
     assert without > 2 * error
+
+
+def free(count: int, seed: int) -> SurfaceSamples:
+    """From 0.2 m to 0.5 m before the walls, where light is 2 for every normal."""
+    position, normal = corner(count, seed)
+    rng = np.random.default_rng(seed)
+    position = np.maximum(position + rng.uniform(0.2, 0.5, (count, 1)) * normal, 0.2)
+    any_normal = rng.normal(size=(count, 3))
+    any_normal /= np.linalg.norm(any_normal, axis=1, keepdims=True)
+    return samples_of(np.full((count, 3), 2.0), position.astype(np.float32), any_normal.astype(np.float32))
+
+
+def test_samples_in_free_space_keep_the_fine_level_out_of_it():
+    """Where the coarse level is right already. The walls pay: Gaussians there have to be thin and narrow."""
+    samples, coarse, there = noisy(noise=0.0), everywhere(2), free(5000, seed=7)
+    errors, points = [], corner(5000, seed=1)
+    for known in (samples[:0], free(20_000, seed=6)):
+        fitted = fit_surface(samples, known, coarse, BLEND, TONE_SCALE, Course(200, 60))
+        before, _ = evaluate(fitted, coarse, BLEND, there.position, there.normal)
+        on_walls, _ = evaluate(fitted, coarse, BLEND, *points)
+        errors.append((np.abs(before / 2 - 1).mean(), np.sqrt(np.mean((on_walls / field(*points) - 1) ** 2))))
+    assert errors[0][0] > 0.1
+    assert errors[1][0] < 0.2 * errors[0][0]
+    assert errors[1][1] < 0.08  # 0.2 m is one distance between neighbours
 
 
 @pytest.mark.parametrize("budget", [0, 1, 2, 7, 60, 200])

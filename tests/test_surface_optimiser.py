@@ -9,12 +9,14 @@ from scipy.spatial.transform import Rotation
 from test_field import FIELDS, field_of, gaussians, of_type, points
 
 from gsgi.baker import _kernels
-from gsgi.baker.surface_optimiser import SurfaceOptimiser, moved, parameter_gradient
+from gsgi.baker.evaluate import evaluate, filling
+from gsgi.baker.surface_optimiser import BETA_1, DARK, SIZE_COST, SurfaceOptimiser, moved, parameter_gradient
 from gsgi.baker.surface_samples import SurfaceSamples
 from gsgi.baker.surface_state import PARAMETERS, SurfaceState
 from gsgi.runtime import constants
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
 
+BLEND = SurfaceBlend()
 COUNT, STEP = 12, 1e-6
 NOWHERE = dict.fromkeys(PARAMETERS, 0.0)
 RATES = dict.fromkeys(PARAMETERS, 0.02)
@@ -36,11 +38,21 @@ def exactly_moved(given: SimpleNamespace, change: np.ndarray) -> SimpleNamespace
     )
 
 
+class Exact(SimpleNamespace):
+    """Gaussians of degree 0 in double precision, for the oracle."""
+
+    sh_degree = 0
+
+    def __len__(self) -> int:
+        return len(self.position)
+
+
 class Problem:
     """Double-precision Gaussians, points that lie near the ends of some, and a smooth loss, sum v . B + |B|^2 / 2.
 
-    A weight ends without a step, but its derivative does not: points that stand within 1e-4 of the end of a Gaussian
-    or of its horizon, a hundred times what the differences move, are left out.
+    A weight ends without a step, but its derivative does not, and B goes below the floor with a kink: points that stand
+    within 1e-4 of the end of a Gaussian, of its horizon or of the floor, a hundred times what the differences move, are
+    left out.
     """
 
     def __init__(self, sharpness: int, coefficients: int):
@@ -52,11 +64,15 @@ class Problem:
         nearness, cosine = self.nearness(position, normal)
         ends = np.abs(nearness - 0.05)
         clear = (ends.min(axis=1) > 1e-4) & (np.abs(cosine).min(axis=1) > 1e-4)
+        weight = field_of(self.given, position, normal, 0.05, sharpness).read(self.given)[:, 3]
+        clear &= np.abs(weight - BLEND.floor) > 1e-4
+        assert ((weight > 0) & (weight < BLEND.floor))[clear].sum() >= 20
+        assert (weight > BLEND.floor)[clear].sum() >= 20
         assert ((nearness > 0.05) & (ends < 2e-3)).any(axis=1)[clear].sum() > 5  # hardly inside
         assert ((nearness < 0.05) & (ends < 2e-3)).any(axis=1)[clear].sum() > 5  # hardly outside
         self.position, self.normal = position[clear], normal[clear]
         rng = np.random.default_rng(5)
-        self.values, self.base = rng.normal(size=self.position.shape), rng.uniform(1e-3, 2e-3, (clear.sum(), 4))
+        self.values, self.coarse = rng.normal(size=self.position.shape), rng.uniform(1, 2, self.position.shape)
         self.field = field_of(self.given, self.position, self.normal, 0.05, sharpness, 1.1)
 
     def nearness(self, position, normal) -> tuple[np.ndarray, np.ndarray]:
@@ -65,18 +81,20 @@ class Problem:
         e = np.einsum("snj,nji->sni", position[:, None] - self.given.position, axes) / self.given.scale
         return np.exp(-0.5 * (e**2).sum(axis=2)), normal @ axes[:, :, 2].T
 
-    def light(self, given) -> tuple[np.ndarray, np.ndarray]:
-        """B and 1 / sum w."""
-        sums = self.field.read(given) + self.base
-        return sums[:, :3] / sums[:, 3:], 1 / sums[:, 3]
+    def light(self, given) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """B, 1 / (sum w + gap), and the light that gives way to a Gaussian which comes to weigh more."""
+        fine = self.field.read(given)
+        sums = fine + filling(fine, self.coarse, BLEND)
+        light = sums[:, :3] / sums[:, 3:]
+        return light, 1 / sums[:, 3], np.where(fine[:, 3:] < BLEND.floor, self.coarse, light)
 
     def loss(self, given) -> float:
-        light, _ = self.light(given)
+        light, *_ = self.light(given)
         return (self.values * light + light**2 / 2).sum()
 
     def gradient(self) -> np.ndarray:
-        light, inverse = self.light(self.given)
-        moments = self.field.backward(self.given, light, self.values + light, inverse, np.zeros(len(light)))
+        light, inverse, yielding = self.light(self.given)
+        moments = self.field.backward(self.given, yielding, self.values + light, inverse, np.zeros(len(light)))
         return parameter_gradient(moments, self.given)
 
     def difference(self, index: int, parameter: int) -> float:
@@ -94,6 +112,39 @@ def test_every_gradient_equals_finite_differences(sharpness, coefficients):
     assert (np.abs(expected) > 1e-2).mean() > 0.8
     # The gradient has 24 bits; differences of losses near 1e3 have errors of 1e3 * 1e-16 * some / 1e-6.
     np.testing.assert_allclose(got, expected, rtol=1e-5, atol=1e-5)
+
+
+@pytest.mark.parametrize("floor", [0.0, 0.1, 10.0])
+def test_a_step_follows_the_gradient_of_what_the_oracle_reads(floor):
+    """The whole step's: Adam's first mean. The importance is no part of it, the light's own size is. A floor of 10 is
+    more than any sample has."""
+    given, coarse, blend = gaussians(4, seed=3), gaussians(6, 9, seed=8), SurfaceBlend(floor=floor)
+    given.scale[...], coarse.scale[...] = np.maximum(given.scale, 0.3), 1.0
+    given.sh[...], coarse.sh[:, :1] = np.abs(given.sh) + 1, np.abs(coarse.sh[:, :1]) + 6  # B is never cut at 0
+    position, normal = points(1500)
+    weight = oracle.level_sums(given, blend.cutoff, blend.sharpness, position.astype(float), normal)[:, 3]
+    chosen = (weight > 1e-3) & (np.abs(weight - floor) > 1e-4)
+    position, normal, weight = position[chosen], normal[chosen], weight[chosen]
+    assert min((weight < floor).sum(), (weight > floor).sum()) > (50 if floor == 0.1 else -1)
+    samples = samples_of(np.ones(position.shape), position, normal)
+
+    def light(gaussians) -> np.ndarray:
+        return oracle.read_surface(gaussians, coarse, blend, position.astype(float), normal)[1]
+
+    importance = 1 / (light(given).mean(axis=1, keepdims=True) + DARK) ** 2
+
+    def loss(change: np.ndarray) -> float:
+        changed = Exact(**vars(exactly_moved(of_type(given, np.float64), change)))
+        return (importance * (light(changed) - 1) ** 2).sum() / len(position)
+
+    steps = 1e-5 * np.eye(4 * 13).reshape(-1, 4, 13)
+    expected = np.reshape([(loss(step) - loss(-step)) / 2e-5 for step in steps], (4, 13))
+    optimiser = SurfaceOptimiser(samples, coarse, blend, 1.0)
+    state, seen = optimiser.step(SurfaceState.fresh(given), NOWHERE, 1)
+    got = state.mean / (1 - BETA_1)
+    got[:, 6:9] -= SIZE_COST * seen.loss / 4
+    assert seen.loss == pytest.approx(loss(np.zeros((4, 13))), rel=1e-4)
+    np.testing.assert_allclose(got, expected, atol=1e-4 * np.abs(expected).max())
 
 
 def test_moved_is_the_move_that_the_gradient_is_of():
@@ -173,9 +224,12 @@ def test_shares_add_up_to_the_samples():
     share = SurfaceOptimiser(samples, gaussians(0, 9), SurfaceBlend(), 1.0).share(given)
     assert share.sum() == pytest.approx(len(position), rel=1e-5)
     np.testing.assert_allclose(share, len(position) / 16, rtol=0.25)  # 250 +- 16 points in each cell
-    coarse = tiles()
-    optimiser = SurfaceOptimiser(samples, coarse, SurfaceBlend(sharpness=1, coarse_weight=1.0), 1.0)
-    assert optimiser.share(given).sum() == pytest.approx(len(position) / 2, rel=1e-5)  # the coarse level is as heavy
+    # Below the floor the rest is the coarse level's share.
+    blend = SurfaceBlend(floor=0.4)
+    _, weight = evaluate(given, tiles(), blend, position, normal)
+    assert 0.1 < (weight < 0.4).mean() < 0.9
+    share = SurfaceOptimiser(samples, tiles(), blend, 1.0).share(given)
+    assert share.sum() == pytest.approx(np.minimum(1, weight / 0.4).sum(), rel=1e-5)
 
 
 def test_steps_lead_downhill_and_a_rate_of_zero_nowhere():
