@@ -64,7 +64,7 @@ def dial() -> list[dict]:
 
 
 def measure(path: Path, settings: Settings, progress: Progress) -> tuple[list[Measured], list[Measured]]:
-    """A fit of a scene for each of BUDGETS, and those of the budget that is repeated, each seed with its own samples."""
+    """A fit of a scene for each of BUDGETS, and those of the budget that is repeated; samples are by seed."""
     cache = Cache(CACHE, size_limit(), progress.warn)
     progress.say(f"bench: dial of {path.stem}")
     plan = make_plan(read_gltf(path), settings, progress, cache)
