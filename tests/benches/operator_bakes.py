@@ -140,7 +140,7 @@ def cold_seconds(report: dict, before: list[dict], traced: bool) -> float:
 def _version(operator: str) -> str:
     """Changes with what the bakes of an operator depend on."""
     code = [code_version(f"gsgi.baker.{module}", ()) for module in (*MODULES[operator], "views")]
-    return digest((code, QUALITIES[operator], SAMPLES[operator]))[:12]
+    return digest((code, QUALITIES[operator], SAMPLES))[:12]
 
 
 def _make_cache(folder: Path, scene: str, light: set[str]) -> None:
