@@ -11,7 +11,7 @@ from .point_order import coherent
 def evaluate(
     gaussians: Gaussians, coarse: Gaussians, blend: SurfaceBlend, position: np.ndarray, normal: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """B (S, 3) float32, linear radiance, at points (S, 3), m, with unit normals (S, 3); and the fine level's sum w (S,).
+    """B (S, 3) float32, linear radiance, at points (S, 3), m, with unit normals (S, 3); and the fine sum w (S,).
 
     B is 0 where no Gaussian of either level reaches. The same bits whatever the number of threads.
     """

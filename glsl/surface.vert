@@ -12,10 +12,9 @@ uniform vec2 size;    // px
 uniform float margin;  // px; how far along an axis a surface point may lie from the centre of its pixel
 uniform float near;    // m; no surface is nearer
 uniform float radius;  // standard deviations; where weights end
-uniform float weight;  // of the level
 
 in uint index;  // of the Gaussian
-flat out vec4 v_center;   // world space, m; weight
+flat out vec4 v_center;   // world space, m; opacity
 flat out mat3 v_whiten;   // columns: the ellipsoid's axes, world space, in 1 / standard deviations
 flat out vec3 v_sh[SH_COUNT];
 #if NORMAL_POWER > 0
@@ -29,7 +28,7 @@ void main() {
     gl_Position = vec4(2.0, 2.0, 2.0, 1.0);  // outside: nothing is drawn
     Gaussian g = fetch_gaussian(shape_data, int(index));
     mat3 rotation = rotation_from_quaternion(g.rotation);
-    v_center = vec4(g.position, weight * min(g.opacity, 1.0));
+    v_center = vec4(g.position, min(g.opacity, 1.0));
     v_whiten = mat3(rotation[0] / g.scale.x, rotation[1] / g.scale.y, rotation[2] / g.scale.z);
     fetch_sh(sh_data, int(index), v_sh);
     for (int k = 0; k < SH_COUNT; ++k) v_sh[k] = clamp(v_sh[k], -HALF_MAX / SH_C0, HALF_MAX / SH_C0);

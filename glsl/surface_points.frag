@@ -13,7 +13,7 @@ uniform vec2 centre;
 uniform float height;
 
 layout(location = 0) out vec4 out_position;  // world space, m
-layout(location = 1) out vec4 out_plane;     // the tangent plane: shading normal n, world space, unit; -n . position
+layout(location = 1) out vec4 out_plane;     // the tangent plane: shading normal n, world space, unit; -n . position; 0: no surface
 
 #if SPLAT_SCALE == 1
 ivec2 chosen_texel(ivec2 target) {
@@ -53,7 +53,7 @@ void main() {
     vec3 view = view_from_pixel(pixel, view_depth, focal, centre);
     out_position = world_from_view * vec4(view, 1.0);
     vec3 n = normal_from_octahedral(texelFetch(normal, texel, 0).xy);
-    out_plane = vec4(n, -dot(n, out_position.xyz));
+    out_plane = view_depth > 0.0 ? vec4(n, -dot(n, out_position.xyz)) : vec4(0.0);
     // Nothing is nearer than 0: where there is no surface, no Gaussian passes the depth test.
     gl_FragDepth = view_depth > 0.0 ? window_depth(view_depth, clip_from_view) : 0.0;
 }

@@ -72,6 +72,7 @@ SH_DEGREE_MAX = {OverBlend: 3, SurfaceBlend: 2}
 # Of both levels together. It fits the addressing of a 32-bit reader and bounds what a hostile file can ask for.
 GAUSSIAN_COUNT_MAX = 1 << 24
 SHARPNESS_MAX = 64
+FLOOR_MAX = 1e6
 
 
 def version(data: bytes) -> int:
@@ -184,5 +185,5 @@ def _check_over(header: np.ndarray, expect) -> None:
 
 def _check_surface(header: np.ndarray, expect) -> None:
     expect(0 < header["cutoff"] < 1, "cutoff", "more than 0, less than 1", header["cutoff"])
-    expect(0 < header["floor"] <= 1e6, "floor", "more than 0, at most 1e6", header["floor"])
+    expect(0 < header["floor"] <= FLOOR_MAX, "floor", f"more than 0, at most {FLOOR_MAX:g}", header["floor"])
     expect(1 <= header["sharpness"] <= SHARPNESS_MAX, "sharpness", f"1 to {SHARPNESS_MAX}", header["sharpness"])

@@ -25,27 +25,18 @@ class SurfaceSplats:
         self.ctx, self.gbuffer, self.splat_scale = ctx, gbuffer, splat_scale
         self.size = tuple(-(-edge // splat_scale) for edge in gbuffer.size)
         self._points = _SurfacePoints(ctx, gbuffer, self.size, splat_scale)
-        # Floats, for whose range no scale of light or weights is needed. Halves have 11 bits: beyond 2,048 Gaussians of
-        # one weight each further one is lost.
-        self._sums = ctx.texture(self.size, 4, dtype="f4")
-        self._target = ctx.framebuffer(self._sums, self._points.nearest)
-        self._target.depth_mask = False
         blend = bake.blend
-        levels = ((bake.gaussians, blend.sharpness, 1.0), (bake.coarse, 0, blend.coarse_weight))
-        self._levels = [_Level(ctx, g, blend, power, weight) for g, power, weight in levels if len(g)]
-        self._resolve = _Resolve(ctx, gbuffer, self._points, self._sums, splat_scale)
+        self._fine = _Level(ctx, bake.gaussians, blend, blend.sharpness, self._points)
+        self._gap = self._coarse = None
+        if len(bake.coarse):
+            self._gap = _Gap(ctx, self._fine.sums, blend.floor, self._points)
+            self._coarse = _Level(ctx, bake.coarse, blend, 0, self._points)
+        self._resolve = _Resolve(ctx, gbuffer, self._points, self._fine, self._coarse, blend.floor, splat_scale)
         self.indirect = self._resolve.indirect
 
     def draw(self, camera: Camera) -> int:
         """Fill `indirect` from what the G-buffer holds; returns how many Gaussians were drawn."""
         self._points.draw(camera)
-        self._target.use()
-        self._target.clear()
-        self.ctx.enable_only(moderngl.BLEND | moderngl.DEPTH_TEST)
-        self.ctx.blend_func = moderngl.ONE, moderngl.ONE
-        self.ctx.depth_func = "<"
-        self._points.position.use(2)
-        self._points.plane.use(3)
         pinhole = camera.pinhole(*self.gbuffer.size)
         frame = {
             "view_from_world": pinhole.view_from_world,
@@ -53,14 +44,18 @@ class SurfaceSplats:
             "near": camera.znear,
             **_pixel_uniforms(pinhole, self.size, self.splat_scale),
         }
-        drawn = sum(level.draw(pinhole, frame) for level in self._levels)
+        drawn = self._fine.draw(pinhole, frame)
+        if self._coarse:
+            self._gap.draw()
+            drawn += self._coarse.draw(pinhole, frame)
         self._resolve.draw(camera)
         return drawn
 
     def release(self) -> None:
         """Free the GPU memory."""
-        for resource in (*self._levels, self._resolve, self._target, self._sums, self._points):
-            resource.release()
+        for resource in (self._fine, self._gap, self._coarse, self._resolve, self._points):
+            if resource is not None:
+                resource.release()
 
 
 class _SurfacePoints:
@@ -98,52 +93,92 @@ class _SurfacePoints:
 
 
 class _Level:
-    """One level of Gaussians; `normal_power` 0: they face every way."""
+    """One level of Gaussians; `normal_power` 0: they face every way.
+
+    `sums` RGBA32F: sum w c, sum w at `points`, as far as those lie behind nothing in their depth buffer.
+    """
 
     def __init__(
-        self, ctx: moderngl.Context, gaussians: Gaussians, blend: SurfaceBlend, normal_power: int, weight: float
-    ):
+        self, ctx: moderngl.Context, gaussians: Gaussians, blend: SurfaceBlend, normal_power: int,
+        points: _SurfacePoints,
+    ):  # fmt: skip
+        self.ctx, self.points = ctx, points
         self.position, self.radius = gaussians.position, blend.radius * gaussians.scale.max(axis=1)
+        # Floats, for whose range no scale of light or weights is needed. Halves have 11 bits: beyond 2,048 Gaussians of
+        # one weight each further one is lost.
+        self.sums = ctx.texture(points.position.size, 4, dtype="f4")
+        self._target = ctx.framebuffer(self.sums, points.nearest)
+        self._target.depth_mask = False
         self._data = GaussianTextures(ctx, gaussians)
-        self._index = ctx.buffer(reserve=4 * len(gaussians), dynamic=True)
+        self._index = ctx.buffer(reserve=max(4 * len(gaussians), 4), dynamic=True)
         self._program = program(ctx, "surface", SH_DEGREE=gaussians.sh_degree, NORMAL_POWER=normal_power)
         set_uniforms(
             self._program, shape_data=0, sh_data=1, surface_position=2, surface_plane=3, radius=blend.radius,
-            cutoff=blend.cutoff, weight=weight,
+            cutoff=blend.cutoff,
         )  # fmt: skip
         self._quads = ctx.vertex_array(self._program, [(self._index, "1u4/i", "index")])
 
     def draw(self, pinhole: Pinhole, frame: dict) -> int:
-        """Add the Gaussians to the target in use, under the uniforms `frame`; returns how many were drawn."""
+        """Fill `sums` under the uniforms `frame`; returns how many Gaussians were drawn."""
+        self._target.use()
+        self._target.clear()
         index = in_view(self.position, self.radius, pinhole)
         if not len(index):
             return 0
+        self.ctx.enable_only(moderngl.BLEND | moderngl.DEPTH_TEST)
+        self.ctx.blend_func = moderngl.ONE, moderngl.ONE
+        self.ctx.depth_func = "<"
         self._index.orphan()
         self._index.write(index)
         set_uniforms(self._program, **frame)
-        self._data.shape.use(0)
-        self._data.sh.use(1)
+        for unit, texture in enumerate((self._data.shape, self._data.sh, self.points.position, self.points.plane)):
+            texture.use(unit)
         self._quads.render(moderngl.TRIANGLE_STRIP, vertices=4, instances=len(index))
         return len(index)
 
     def release(self) -> None:
         """Free the GPU memory."""
-        for resource in (self._quads, self._program, self._index, self._data):
+        for resource in (self._quads, self._program, self._index, self._data, self._target, self.sums):
+            resource.release()
+
+
+class _Gap:
+    """Closes the depth buffer of `points` where the fine level leaves no gap up to the floor."""
+
+    def __init__(self, ctx: moderngl.Context, sums: moderngl.Texture, floor: float, points: _SurfacePoints):
+        self.ctx, self.sums = ctx, sums
+        self._target = ctx.framebuffer(depth_attachment=points.nearest)
+        self._program = program(ctx, "surface_gap")
+        set_uniforms(self._program, fine_sums=0, weight_floor=floor)
+        self._triangle = ctx.vertex_array(self._program, [])
+
+    def draw(self) -> None:
+        """What passes the depth test from here on is what the coarse level is needed for."""
+        self._target.use()
+        self.ctx.enable_only(moderngl.DEPTH_TEST)  # without it no depth is written
+        self.ctx.depth_func = "1"  # always
+        self.sums.use(0)
+        self._triangle.render(vertices=3)
+
+    def release(self) -> None:
+        """Free the GPU memory."""
+        for resource in (self._triangle, self._program, self._target):
             resource.release()
 
 
 class _Resolve:
-    """`indirect`: the target's sums divided, in the G-buffer's size."""
+    """`indirect`: the sums of both levels divided, in the G-buffer's size."""
 
     def __init__(
-        self, ctx: moderngl.Context, gbuffer: GBuffer, points: _SurfacePoints, sums: moderngl.Texture, splat_scale: int
-    ):
+        self, ctx: moderngl.Context, gbuffer: GBuffer, points: _SurfacePoints, fine: _Level, coarse: _Level | None,
+        floor: float, splat_scale: int,
+    ):  # fmt: skip
         self.ctx, self.gbuffer = ctx, gbuffer
         self.indirect = ctx.texture(gbuffer.size, 4, dtype="f2")
-        self._inputs = sums, points.plane, gbuffer.normal, gbuffer.depth
+        self._inputs = [fine.sums, points.plane, gbuffer.normal, gbuffer.depth, *([coarse.sums] if coarse else [])]
         self._target = ctx.framebuffer(self.indirect)
-        self._program = program(ctx, "resolve", SPLAT_SCALE=splat_scale)
-        set_uniforms(self._program, sums=0, surface_plane=1, normal=2, depth=3)
+        self._program = program(ctx, "resolve", SPLAT_SCALE=splat_scale, COARSE=coarse is not None)
+        set_uniforms(self._program, fine_sums=0, surface_plane=1, normal=2, depth=3, coarse_sums=4, weight_floor=floor)
         self._triangle = ctx.vertex_array(self._program, [])
 
     def draw(self, camera: Camera) -> None:

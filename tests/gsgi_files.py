@@ -39,7 +39,7 @@ def example(count: int = 200, degree: int = 0) -> Bake:
 
 
 def surface_example(count: int = 200, degree: int = 0, coarse_count: int = 30, coarse_degree: int = 2) -> Bake:
-    blend = SurfaceBlend(cutoff=0.04, sharpness=4, coarse_weight=0.002)
+    blend = SurfaceBlend(cutoff=0.04, sharpness=4, floor=0.002)
     return replace(example(count, degree), blend=blend, coarse=gaussians(coarse_count, coarse_degree, seed=8))
 
 

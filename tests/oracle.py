@@ -98,23 +98,31 @@ def splat(gaussians: Gaussians, pinhole: Pinhole, blend: OverBlend) -> tuple[np.
 def read_surface(
     gaussians: Gaussians, coarse: Gaussians, blend: SurfaceBlend, position: np.ndarray, normal: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The `surface` operator at points (N, 3) with unit normals (N, 3): sums (N, 4) float64 of w c and w; B (N, 3).
-
-    One Gaussian after the other, as `SurfaceBlend` says.
+    """The `surface` operator at points (N, 3) with unit normals (N, 3): sums (2, N, 4) float64 of w c and w in the fine
+    and in the coarse level; B (N, 3). As `SurfaceBlend` says.
     """
+    fine = level_sums(gaussians, blend.cutoff, blend.sharpness, position, normal)
+    rest = level_sums(coarse, blend.cutoff, None, position, normal)
+    weight = rest[:, 3:]
+    light = np.divide(rest[:, :3], weight, out=np.zeros((len(position), 3)), where=weight > 0)
+    gap = np.maximum(0, blend.floor - fine[:, 3:])
+    return np.stack([fine, rest]), np.maximum(0, (fine[:, :3] + gap * light) / (fine[:, 3:] + gap))
+
+
+def level_sums(
+    level: Gaussians, cutoff: float, sharpness: int | None, position: np.ndarray, normal: np.ndarray
+) -> np.ndarray:
+    """(N, 4) float64: sums of w c and w, one Gaussian after the other; `sharpness` None: they face every way."""
     sums = np.zeros((len(position), 4))
-    for level, sharpness, weight in ((gaussians, blend.sharpness, 1.0), (coarse, None, blend.coarse_weight)):
-        basis = sh_basis(normal, level.sh_degree)
-        rotations = rotation_matrix(level.rotation.astype(float))
-        for i in range(len(level)):
-            deviations = (position - level.position[i]) @ rotations[i] / level.scale[i]
-            nearness = np.maximum(0, np.exp(-0.5 * (deviations**2).sum(axis=1)) - blend.cutoff)
-            facing = 1.0 if sharpness is None else np.maximum(0, normal @ rotations[i][:, 2]) ** sharpness
-            w = weight * level.opacity[i].astype(float) * nearness * facing
-            sums += w[:, None] * np.concatenate([basis @ level.sh[i], np.ones((len(basis), 1))], axis=1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        mean = np.where(sums[:, 3:] > 0, sums[:, :3] / sums[:, 3:], 0)
-    return sums, np.maximum(0, mean)
+    basis = sh_basis(normal, level.sh_degree)
+    rotations = rotation_matrix(level.rotation.astype(float))
+    for i in range(len(level)):
+        deviations = (position - level.position[i]) @ rotations[i] / level.scale[i]
+        nearness = np.maximum(0, np.exp(-0.5 * (deviations**2).sum(axis=1)) - cutoff)
+        facing = 1.0 if sharpness is None else np.maximum(0, normal @ rotations[i][:, 2]) ** sharpness
+        w = level.opacity[i].astype(float) * nearness * facing
+        sums += w[:, None] * np.concatenate([basis @ level.sh[i], np.ones((len(basis), 1))], axis=1)
+    return sums
 
 
 def random_gaussians(n: int, degree: int, seed: int) -> Gaussians:

@@ -47,7 +47,7 @@ def test_both_levels_stay_within_their_own_quantisation_steps(degree, coarse_deg
     check_round_trip(bake.gaussians, decoded.gaussians, header["fine"])
     check_round_trip(bake.coarse, decoded.coarse, header["coarse"])
     assert (decoded.gaussians.sh_degree, decoded.coarse.sh_degree) == (degree, coarse_degree)
-    assert (decoded.blend.cutoff, decoded.blend.coarse_weight) == (np.float32(0.04), np.float32(0.002))
+    assert (decoded.blend.cutoff, decoded.blend.floor) == (np.float32(0.04), np.float32(0.002))
     assert (decoded.blend.sharpness, type(decoded.blend.sharpness)) == (4, int)
     assert (decoded.tone_scale, decoded.effects) == (np.float32(0.7), bake.effects)
     assert (decoded.bounces, decoded.scene) == (bake.bounces, bake.scene)

@@ -137,9 +137,10 @@ def test_quads_cover_all_that_a_pixel_may_read(gl, splat_scale):
         splats = renderer.splats
         position, plane, sums = (
             np.frombuffer(texture.read(), np.float32).reshape(-1, 4)
-            for texture in (splats._points.position, splats._points.plane, splats._sums)
+            for texture in (splats._points.position, splats._points.plane, splats._fine.sums)
         )
-        expected, _ = oracle.read_surface(fine, nothing(), bake.blend, position[:, :3], plane[:, :3].astype(float))
+        points = position[:, :3], plane[:, :3].astype(float)
+        expected = oracle.read_surface(fine, nothing(), bake.blend, *points)[0][0]
         assert (expected[:, 3] > 0).mean() > 0.1
         np.testing.assert_allclose(sums, expected, rtol=1e-3, atol=1e-4)
         renderer.release()

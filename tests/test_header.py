@@ -45,13 +45,13 @@ EITHER = [
 ]
 OVER = [
     *[("near", np.nan), ("near", -1), ("dilation", np.inf), ("alpha_min", 0), ("alpha_max", 1), ("alpha_max", 0.001)],
-    *[("operator", 1), ("sharpness", 1), ("cutoff", 0.05), ("coarse_weight", 0.1), ("fine.sh_degree", 4)],
+    *[("operator", 1), ("sharpness", 1), ("cutoff", 0.05), ("floor", 0.1), ("fine.sh_degree", 4)],
     *[("coarse.sh_degree", 1), ("coarse.position_min", 1), ("coarse.position_step", 1), ("coarse.log_scale_min", 1)],
     *[("coarse.gaussian_count", 1), ("coarse.sh_rest_step", 1)],
 ]
 SURFACE = [
     *[("cutoff", value) for value in (0, 1, -0.1, 2, np.nan)],
-    *[("coarse_weight", value) for value in (0, 1.01, -0.1, np.inf)],
+    *[("floor", value) for value in (0, 1.1e6, -0.1, np.inf, np.nan)],
     *[("sharpness", value) for value in (0, 65, 255)],
     *[("operator", 0), ("near", 0.1), ("dilation", 0.1), ("alpha_min", 0.1), ("alpha_max", 0.1), ("near", np.nan)],
     *[("fine.sh_degree", 1), ("fine.sh_degree", 4), ("coarse.sh_degree", 3), ("coarse.sh_degree", 1)],
@@ -143,7 +143,7 @@ def test_whatever_the_numbers_say_what_is_decoded_is_usable(name):
             for blend in (SurfaceBlend(cutoff=0.0), SurfaceBlend(cutoff=1.0))
         ],
         *[{"coarse": gaussians(1, 0), "blend": SurfaceBlend(sharpness=sharpness)} for sharpness in (0, 65, 4.5)],
-        *[{"coarse": gaussians(1, 0), "blend": SurfaceBlend(coarse_weight=weight)} for weight in (0.0, 1.1)],
+        *[{"coarse": gaussians(1, 0), "blend": SurfaceBlend(floor=floor)} for floor in (0.0, 1.1e6)],
     ],
 )
 def test_what_a_reader_would_refuse_is_not_written(change):

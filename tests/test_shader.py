@@ -25,7 +25,8 @@ PERMUTATIONS = {
     "splat": {"SH_DEGREE": (0, 1, 2, 3)},
     "surface_points": {"SPLAT_SCALE": (1, 2, 4)},
     "surface": {"SH_DEGREE": (0, 1, 2), "NORMAL_POWER": (0, 1, 4)},
-    "resolve": {"SPLAT_SCALE": (1, 2, 4)},
+    "surface_gap": {},
+    "resolve": {"SPLAT_SCALE": (1, 2, 4), "COARSE": (0, 1)},
     "composite": {},
     "display": {},
 }

@@ -8,7 +8,7 @@ import pytest
 
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
 
-BLEND = SurfaceBlend(cutoff=0.05, sharpness=3, coarse_weight=0.01)
+BLEND = SurfaceBlend(cutoff=0.05, sharpness=3, floor=0.1)
 UP = np.array([[0.0, 0.0, 1.0]])
 NONE = Gaussians(*(np.zeros(shape, np.float32) for shape in ((0, 3), (0, 4), (0, 3), (0,), (0, 1, 3))))
 
@@ -26,17 +26,19 @@ def both(a, b):
 
 
 def read(fine, point=(0, 0, 0), normal=UP, coarse=NONE):
+    """Sums (4,) of the fine level and light (3,) at one point."""
     sums, light = oracle.read_surface(fine, coarse, BLEND, np.array([point], float), normal)
-    return sums[0], light[0]
+    return sums[0, 0], light[0]
 
 
-def test_one_gaussian_gives_its_colour_wherever_it_has_weight():
+def test_one_gaussian_gives_its_colour_and_fades_below_the_floor():
     fine = flat((0, 0, 0), (0.2, 0.4, 0.8), opacity=0.3)
     radius = BLEND.radius
     for point in ((0, 0, 0), (0.99 * radius, 0, 0), (0, 1.99 * radius, 0), (0, 0, 0.49 * radius)):
         sums, light = read(fine, point)
         assert sums[3] > 0
-        assert light == pytest.approx([0.2, 0.4, 0.8], rel=1e-6)
+        share = min(1, sums[3] / BLEND.floor)  # no coarse Gaussian: its light is 0
+        assert light == pytest.approx(share * np.array([0.2, 0.4, 0.8]), rel=1e-6)
     for point in ((1.01 * radius, 0, 0), (0, 2.01 * radius, 0), (0, 0, 0.51 * radius)):
         sums, light = read(fine, point)
         assert not sums.any()
@@ -61,10 +63,27 @@ def test_the_other_side_does_not_count():
     assert not read(fine, normal=UP[:, ::-1])[0].any()
 
 
-def test_the_coarse_level_faces_every_way_and_shows_alone_only():
-    fine, coarse = flat((0, 0, 0), (1, 0, 0)), flat((0, 0, 0), (0, 1, 0))
-    assert read(fine, coarse=coarse)[1] == pytest.approx([100 / 101, 1 / 101, 0], rel=1e-6)
+def test_the_coarse_level_is_alone_where_no_fine_gaussian_reaches():
+    fine = flat((0, 0, 0), (1, 0, 0))
+    coarse = flat((0, 0, 0), (0, 1, 0), opacity=1e-3)
     assert read(fine, normal=-UP, coarse=coarse)[1] == pytest.approx([0, 1, 0], rel=1e-6)
+    coarse = both(coarse, flat((0, 0, 0), (1, 0, 0), opacity=3e-3))
+    assert read(NONE, coarse=coarse)[1] == pytest.approx([0.75, 0.25, 0], rel=1e-6)
+    assert not read(NONE, (99, 0, 0), coarse=coarse)[1].any()
+
+
+def test_the_coarse_level_does_not_count_where_the_fine_one_reaches_the_floor():
+    """0.95 opacity is the weight at the centre."""
+    coarse = flat((0, 0, 0), (0, 1, 0))
+    fine = flat((0, 0, 0), (1, 0, 0), opacity=BLEND.floor / 0.95 * 1.0001)
+    assert read(fine, coarse=coarse)[1] == pytest.approx([1, 0, 0], abs=1e-7)
+
+
+def test_the_coarse_level_fills_the_gap_continuously():
+    coarse = flat((0, 0, 0), (0, 1, 0), opacity=0.5)
+    for share in (1e-9, 0.25, 0.75, 1 - 1e-6):
+        fine = flat((0, 0, 0), (1, 0, 0), opacity=share * BLEND.floor / 0.95)
+        assert read(fine, coarse=coarse)[1] == pytest.approx([share, 1 - share, 0], abs=1e-6)
 
 
 def test_light_follows_the_normal_and_is_not_negative():
@@ -78,7 +97,7 @@ def test_light_follows_the_normal_and_is_not_negative():
 
 def test_one_colour_everywhere_stays_that_colour():
     fine = oracle.random_gaussians(200, 0, seed=0)
-    fine = replace(fine, sh=np.full_like(fine.sh, 3.0))
+    fine = replace(fine, sh=np.full_like(fine.sh, 3.0), opacity=np.ones_like(fine.opacity))
     points = fine.position[:50].astype(float)
     normal = oracle.rotation_matrix(fine.rotation[:50].astype(float))[:, :, 2]
     _, light = oracle.read_surface(fine, NONE, BLEND, points, normal)

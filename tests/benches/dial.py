@@ -1,7 +1,7 @@
 """Accuracy against cost: what a number of Gaussians reaches in views that were not fitted, and the dial's answers."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,6 @@ from gsgi.baker.held_out import HeldOut
 from gsgi.baker.plan import make_plan
 from gsgi.baker.progress import Progress
 from gsgi.baker.settings import Settings
-from gsgi.baker.traced_light import TracedView
 from gsgi.runtime import codec
 from gsgi.runtime.atomic import write_atomic
 from gsgi.runtime.gltf import read_gltf
@@ -35,18 +34,6 @@ BUDGETS = (64, *budgets(MOST))  # all that the dial tries, and one below
 TARGETS = 8
 REPEATED, SEEDS = 2048, 3  # the budget that is fitted once for each seed
 SIGNIFICANT = 2 * 2**0.5  # standard deviations of a fit: two of the difference between two fits
-
-
-@dataclass(frozen=True)
-class Traced:
-    """Stands for the light of a plan whose views are traced already: the same for every seed. Keeps no fit."""
-
-    seen: list[TracedView]
-    cache: Cache = field(default_factory=Cache)
-
-    def views(self, *_) -> list[TracedView]:
-        """The views to fit."""
-        return self.seen
 
 
 @dataclass(frozen=True)
@@ -77,19 +64,17 @@ def dial() -> list[dict]:
 
 
 def measure(path: Path, settings: Settings, progress: Progress) -> tuple[list[Measured], list[Measured]]:
-    """A fit of a scene for each of BUDGETS, and those of the budget that is repeated. The views are traced once."""
+    """A fit of a scene for each of BUDGETS, and those of the budget that is repeated, each seed with samples of its own."""
     cache = Cache(CACHE, size_limit(), progress.warn)
     progress.say(f"bench: dial of {path.stem}")
     plan = make_plan(read_gltf(path), settings, progress, cache)
     s = plan.settings
-    with progress.stage("irradiance", plan.pixels, "points") as advance:
-        seen = plan.light.views(plan.cameras, s.size, plan.sampling, s.seed + 1, advance, progress.say)
     with progress.stage("held-out", held_out.points(plan), "points") as advance:
         references = held_out.references(plan, advance)
     cache.trim()
 
     def fit(budget: int, seed: int) -> Measured:
-        course = replace(plan, settings=replace(s, budget=budget, seed=seed), light=Traced(seen))
+        course = replace(plan, settings=replace(s, budget=budget, seed=seed))
         fitted = bake(course, progress, references).fitted
         return Measured(fitted, held_out.judge(references, plan.placement.held_out, codec.decode(fitted.data)).mean)
 

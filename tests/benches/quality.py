@@ -20,19 +20,21 @@ def quality() -> list[dict]:
     """Seconds of the fit until 90 % and 99 % of its PSNR, memory, and what it reaches, by scene and quality.
 
     `fit_s` also counts what comes before the first step, and the looks at the held-out views. `peak_GB` is of a process
-    that finds its views in the cache, `trace_GB` of the one before them, which traces those that are missing.
+    that finds its light in the cache, `trace_GB` of the one before it, which traces what is missing.
     """
     return [row for path in SCENES if path.exists() for row in rows_of(path, CACHE)]
 
 
 def rows_of(path: Path, cache: Path, *flags: str) -> list[dict]:
-    """The bakes of one scene. The first one fits nothing: it leaves traced views in the cache for the others."""
-    traced = bake(path, cache, *flags, "--iterations", "0")
+    """The bakes of one scene with both operators, each after one that leaves what is traced in the cache."""
     rows = []
-    for name in QUALITIES:
-        _forget_fits(cache)
-        report = bake(path, cache, "--quality", name, *flags)
-        rows.append({"scene": path.stem, "quality": name} | row_of(report) | {"trace_GB": _gigabytes(traced)})
+    for operator, qualities in QUALITIES.items():
+        for name in qualities:
+            setting = ("--operator", operator, "--quality", name, *flags)
+            traced = bake(path, cache, *setting, "--iterations", "0")
+            _forget_fits(cache)
+            row = {"scene": path.stem, "operator": operator, "quality": name}
+            rows.append(row | row_of(bake(path, cache, *setting)) | {"trace_GB": _gigabytes(traced)})
     return rows
 
 
