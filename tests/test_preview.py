@@ -8,7 +8,7 @@ import scenes
 
 from gsgi.baker.preview import Preview, make_folder
 from gsgi.runtime.errors import FileError
-from gsgi.runtime.gaussians import Gaussians, OverBlend
+from gsgi.runtime.gaussians import Bake, Gaussians, OverBlend
 from gsgi.runtime.image import read_image
 
 SIZE = 24
@@ -35,7 +35,7 @@ def wall(colour) -> Gaussians:
 def drawn(folder, references, gaussians=None) -> list:
     make_folder(folder)
     preview = Preview(folder, references, CAMERAS)
-    preview.draw(12, wall(GREY) if gaussians is None else gaussians, BLEND)
+    preview.draw(12, Bake(wall(GREY) if gaussians is None else gaussians, BLEND))
     return sorted(folder.iterdir())
 
 
@@ -63,7 +63,7 @@ def test_one_exposure_for_all_views(tmp_path):
 def test_pictures_are_in_the_order_of_the_search(tmp_path):
     preview = Preview(tmp_path, {"one": reference(GREY)}, CAMERAS)
     for iteration in (100, 20, 3000):
-        preview.draw(iteration, wall(GREY), BLEND)
+        preview.draw(iteration, Bake(wall(GREY), BLEND))
     names = sorted(path.name for path in tmp_path.iterdir())
     assert names == [f"fit-000001-{iteration:06d}.png" for iteration in (20, 100, 3000)]
 

@@ -8,17 +8,22 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
+from gsgi.baker.settings import OPERATORS
+
 CORNELL = Path(__file__).resolve().parents[1] / "samples" / "scenes" / "cornell.glb"
 SETTINGS = ["--views", "12", "--view-size", "24", "--iterations", "300"]
 ONE_FIT, SEARCH = ["--budget", "64"], ["--budget", "600", "--target-loss", "1e-9", "--iterations", "2000"]
 MISSED = 6  # the exit code of a search for what cannot be reached
-KILLS = 10
+KILLS = 6
 
-# The command line with frequent checkpoints and a check that is as small as the bake.
+# The command line with frequent checkpoints, few samples, and a check that is as small as the bake.
 GSGI = """
-from gsgi.baker import checkpoint, cli, held_out, views
+from gsgi.baker import checkpoint, cli, held_out, surface_budget, surface_samples, views
 checkpoint.INTERVAL, checkpoint.SHARE = 0.1, 1.0
 views.HELD_OUT, held_out.SIZE, held_out.SAMPLES = 1, 16, 32
+surface_budget.SAMPLES_FEWEST, surface_samples.CHUNK = 1 << 12, 1 << 9
 cli.main()
 """
 
@@ -31,10 +36,12 @@ SEARCHING = (("irradiance", 0.5), *[("fit", 0.5)] * 3)
 class Bake:
     """One run of the command."""
 
-    def __init__(self, output: Path, cache: Path, dial: list[str]):
+    def __init__(self, output: Path, cache: Path, dial: list[str], operator: str):
         command = [sys.executable, "-c", GSGI, "bake", str(CORNELL), "-o", str(output), "--cache", str(cache)]
         self.log = ""
-        self.process = subprocess.Popen([*command, *SETTINGS, *dial], stderr=subprocess.PIPE, text=True)
+        self.process = subprocess.Popen(
+            [*command, *SETTINGS, *dial, "--operator", operator], stderr=subprocess.PIPE, text=True
+        )
 
     def kill(self, stage: str, seconds: float) -> bool:
         """Kill it that long after the line of a stage; False if it was done by then."""
@@ -58,50 +65,52 @@ class Bake:
         """How many fits it had from the cache."""
         return len(re.findall(r"^fit .* from the cache$", self.log, re.MULTILINE))
 
-    def views_found(self) -> set[int]:
-        """How many views it had from the cache."""
-        return set(map(int, re.findall(r"^(\d+) of 12 views from the cache", self.log, re.MULTILINE)))
+    def traces_found(self) -> bool:
+        """Whether it had views or samples from the cache."""
+        return bool(re.search(r"^([1-9]\d* of 12 views|irradiance .* s) from the cache", self.log, re.MULTILINE))
 
 
-def test_a_bake_that_is_killed_ten_times_ends_with_the_same_bytes(tmp_path):
-    undisturbed = Bake(tmp_path / "undisturbed.gsgi", tmp_path / "other", ONE_FIT)
+@pytest.mark.parametrize("operator", OPERATORS)
+def test_a_bake_that_is_killed_again_and_again_ends_with_the_same_bytes(tmp_path, operator):
+    undisturbed = Bake(tmp_path / "undisturbed.gsgi", tmp_path / "other", ONE_FIT, operator)
     undisturbed.finish()
     assert undisturbed.process.returncode == 0, undisturbed.log
     expected = (tmp_path / "undisturbed.gsgi").read_bytes()
 
     output, cache = tmp_path / "x.gsgi", tmp_path / "cache"
     rng = random.Random(3)
-    kills, found = 0, set()
+    kills, found = 0, False
     while kills < KILLS:
         stage, longest = rng.choice(MOMENTS)
-        bake = Bake(output, cache, ONE_FIT)
+        bake = Bake(output, cache, ONE_FIT, operator)
         killed = bake.kill(stage, rng.uniform(0, longest))
         kills += killed
-        found |= bake.views_found()
+        found |= bake.traces_found()
         assert not output.exists() or output.read_bytes() == expected
         if not killed:  # from the start again
             shutil.rmtree(cache)
-    last = Bake(output, cache, ONE_FIT)
+    last = Bake(output, cache, ONE_FIT, operator)
     last.finish()
     assert last.process.returncode == 0, last.log
     assert output.read_bytes() == expected
-    assert found | last.views_found(), "no view was found again"
+    assert found or last.traces_found(), "nothing that was traced was found again"
 
 
-def test_a_search_that_is_killed_goes_on_with_the_fit_that_it_was_at(tmp_path):
+@pytest.mark.parametrize("operator", OPERATORS)
+def test_a_search_that_is_killed_goes_on_with_the_fit_that_it_was_at(tmp_path, operator):
     output, cache = tmp_path / "x.gsgi", tmp_path / "cache"
-    undisturbed = Bake(tmp_path / "undisturbed.gsgi", tmp_path / "other", SEARCH)
+    undisturbed = Bake(tmp_path / "undisturbed.gsgi", tmp_path / "other", SEARCH, operator)
     undisturbed.finish()
     assert undisturbed.process.returncode == MISSED, undisturbed.log
     expected = (tmp_path / "undisturbed.gsgi").read_bytes()
     rng = random.Random(5)
     kills, found = 0, []
     for stage, longest in SEARCHING:
-        bake = Bake(output, cache, SEARCH)
+        bake = Bake(output, cache, SEARCH, operator)
         kills += bake.kill(stage, rng.uniform(0, longest))
         found.append(bake.fits_found())
         assert not output.exists() or output.read_bytes() == expected
-    last = Bake(output, cache, SEARCH)
+    last = Bake(output, cache, SEARCH, operator)
     last.finish()
     assert last.process.returncode == MISSED, last.log
     assert kills > 1

@@ -7,45 +7,29 @@ import numpy as np
 import pytest
 
 from gsgi.baker.watch import LOOKS, MEMORY, Watch
-from gsgi.runtime.gaussians import OverBlend
 
-BLEND = OverBlend(near=0.01)
 SLOW = 0.05  # s that a look takes
 
 
-class Raw:
-    """Gaussians of which there are more and more."""
-
-    def __init__(self):
-        self.count = 7
-
-    def __len__(self) -> int:
-        return self.count
-
-    def to_gaussians(self) -> list:
-        return [None] * self.count
-
-
-def slow(gaussians, blend) -> tuple[float, float]:
+def slow(baked) -> tuple[float, float]:
     time.sleep(SLOW)
-    return 1 / len(gaussians), 10.0 + len(gaussians)
+    return 1 / len(baked.gaussians), 10.0 + len(baked.gaussians)
 
 
 def watched(iterations: int, losses, held_out=slow, preview=None, first: int = 1):
-    """The watch after a fit, and all that it told the progress."""
+    """The watch after a fit whose Gaussians become more and more, and all that it told the progress."""
     told = []
     lights = held_out and SimpleNamespace(of=held_out)
-    watch = Watch(lambda amount, note: told.append((amount, note)), lights, BLEND, iterations, preview)
-    optimiser = SimpleNamespace(raw=Raw())
+    baked = lambda gaussians: SimpleNamespace(gaussians=gaussians)  # noqa: E731
+    watch = Watch(lambda amount, note: told.append((amount, note)), lights, baked, iterations, preview)
     for iteration, loss in zip(range(first, iterations + 1), losses, strict=False):
-        optimiser.raw.count = 7 + iteration
-        watch(iteration, loss, optimiser)
+        watch(iteration, loss, lambda count=7 + iteration: [None] * count)
     return watch, told
 
 
 @pytest.mark.parametrize("iterations", [1, 3, LOOKS, 4 * LOOKS, 1000])
 def test_looks_come_evenly_and_the_last_at_the_end(iterations):
-    watch, _ = watched(iterations, np.ones(iterations), lambda gaussians, blend: (0.5, 20.0))
+    watch, _ = watched(iterations, np.ones(iterations), lambda baked: (0.5, 20.0))
     assert [look.iteration for look in watch.looks][-1] == iterations
     steps = np.diff([0, *(look.iteration for look in watch.looks)])
     assert set(steps) == {max(iterations // LOOKS, 1)}
@@ -70,9 +54,19 @@ def test_the_seconds_of_looking_do_not_count():
 
 def test_the_preview_draws_what_is_looked_at():
     drawn = []
-    draw = lambda iteration, gaussians, blend: drawn.append((iteration, len(gaussians), blend))  # noqa: E731
+    draw = lambda iteration, baked: drawn.append((iteration, len(baked.gaussians)))  # noqa: E731
     watch, _ = watched(2 * LOOKS, np.ones(2 * LOOKS), lambda *_: (0.5, 20.0), SimpleNamespace(draw=draw))
-    assert drawn == [(look.iteration, look.gaussians, BLEND) for look in watch.looks]
+    assert drawn == [(look.iteration, look.gaussians) for look in watch.looks]
+
+
+def test_gaussians_that_nobody_looks_at_are_not_asked_for():
+    """To make them takes time."""
+    asked = []
+    baked = lambda gaussians: SimpleNamespace(gaussians=gaussians)  # noqa: E731
+    watch = Watch(lambda *_: None, SimpleNamespace(of=lambda baked: (0.5, 20.0)), baked, 4 * LOOKS, None)
+    for iteration in range(1, 9):
+        watch(iteration, 1.0, lambda iteration=iteration: asked.append(iteration) or [None])
+    assert asked == [4, 8]
 
 
 def test_without_held_out_views_there_is_nothing_to_look_at():
