@@ -15,9 +15,9 @@ from gsgi.baker.settings import OPERATORS
 CORNELL = Path(__file__).resolve().parents[1] / "samples" / "scenes" / "cornell.glb"
 SETTINGS = ["--views", "12", "--view-size", "24", "--iterations", "300"]
 ONE_FIT, SEARCH = ["--budget", "64"], ["--budget", "600", "--target-loss", "1e-9"]
-SEARCH_STEPS = {"over": "2000", "surface": "300"}  # enough for a kill to find the fit at work
+SEARCH_STEPS = {"over": "2000", "surface": "120"}  # enough for a kill to find the fit at work
 MISSED = 6  # the exit code of a search for what cannot be reached
-KILLS = 6
+KILLS = 4
 
 # The command line with frequent checkpoints, few samples, and a check that is as small as the bake.
 GSGI = """
