@@ -58,7 +58,7 @@ def main() -> None:
     }
     pictures = {name: tone_map(image.astype(np.float32), exposure) for name, image in lit.items()}
     write_image(OUT / "panels.png", panels(pictures))
-    report(len(baked.gaussians), verdict, progress)
+    report(len(baked.gaussians) + len(baked.coarse or ()), verdict, progress)
 
 
 def report(gaussians: int, verdict: reference.Verdict, progress: Progress) -> None:
