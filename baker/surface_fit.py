@@ -33,7 +33,7 @@ START_SHARE = 0.7
 SOLVE_FIRST, SOLVE_AGAIN, SOLVE_LAST = 10, 5, 10
 
 # The start: of the distance to the three nearest, in the surface and along its normal. Neighbours overlap.
-WIDTH, THICKNESS = 1.0, 0.6
+WIDTH, THICKNESS = 1.3, 0.8
 OPACITY = 0.5
 SPACING_MIN = 1e-6  # m; points may coincide
 
