@@ -14,7 +14,7 @@ COARSE_SHARE, COARSE_MOST = 4, 1024  # one coarse Gaussian for so many, but no m
 SAMPLES_PER_GAUSSIAN, SAMPLES_FEWEST, SAMPLES_MOST = 64, 1 << 17, 1 << 20
 
 # What the samples that one Gaussian sees may miss of its light: a fit follows noise that is larger.
-NOISE = 0.01
+NOISE = 0.007
 PATHS_STEP, PATHS_MOST = 64, 1024  # per sample, both halves together
 
 

@@ -54,10 +54,10 @@ def test_samples_grow_with_the_budget_within_bounds():
 
 
 def test_noisier_light_and_fewer_samples_per_gaussian_take_more_paths():
-    quiet, noisy = path_count(4096, 1.0), path_count(4096, 2.0)
-    # 64 samples of one Gaussian and 1% of noise: 1 / 0.01^2 / 64 = 156 paths, in steps of 64; four times as many.
-    assert (quiet, noisy) == (192, 640)
-    assert path_count(64, 2.0) < noisy  # the samples are SAMPLES_FEWEST all the same
+    quiet, noisy = path_count(4096, 1.0), path_count(4096, 1.5)
+    # 64 samples of one Gaussian and 0.7 % of noise: 1 / 0.007^2 / 64 = 319 paths, in steps of 64; 2.25 times as many.
+    assert (quiet, noisy) == (320, 768)
+    assert path_count(64, 1.5) < noisy  # the samples are SAMPLES_FEWEST all the same
     assert path_count(1 << 16, 1.0) > quiet
 
 
