@@ -8,11 +8,11 @@ from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
 
 from .blue_noise import thin
 from .initialise import spacing
+from .surface_budget import COARSE_DEGREE
 from .surface_optimiser import SurfaceOptimiser
 from .surface_samples import SurfaceSamples
 from .surface_state import SurfaceState
 
-SH_DEGREE = 2  # irradiance is smooth in the normal (Ramamoorthi and Hanrahan 2001)
 CANDIDATES = 16  # points in free space for each Gaussian, from which those evenly apart are taken
 WIDTH = 0.6  # standard deviation, of the distance to the three nearest
 
@@ -65,5 +65,5 @@ def _evenly_apart(position: np.ndarray, count: int, rng: np.random.Generator) ->
         np.tile(np.float32([0, 0, 0, 1]), (n, 1)),
         np.repeat(np.maximum(scale, SCALE_MIN)[:, None], 3, axis=1).astype(np.float32),
         np.concatenate([[EVERYWHERE_OPACITY], np.full(n - 1, OPACITY)]).astype(np.float32),
-        np.zeros((n, (SH_DEGREE + 1) ** 2, 3), np.float32),
+        np.zeros((n, (COARSE_DEGREE + 1) ** 2, 3), np.float32),
     )
