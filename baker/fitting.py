@@ -5,6 +5,9 @@ from typing import NamedTuple
 
 from gsgi.runtime.gaussians import Gaussians
 
+from .cache import Cache, task_key
+from .checkpoint import Checkpoint
+from .records import from_arrays, to_arrays
 from .watch import Look, Watch
 
 
@@ -22,3 +25,20 @@ class Fit(NamedTuple):
 
 # Makes the watch of a fit from its `advance` and coarse level.
 Watching = Callable[[Callable[..., None], Gaussians | None], Watch]
+
+
+def kept(
+    cache: Cache, inputs: dict, watch: Callable[[], Watch], fit: Callable[[Watch, Checkpoint], Gaussians]
+) -> tuple[Gaussians, tuple[Look, ...] | None]:
+    """The result of the fit that `inputs` describe, and its looks: None where the cache held it.
+
+    Interrupted, a fit goes on from its checkpoint; done, it is not done again.
+    """
+    key = task_key("fit", **inputs)
+    if found := cache.get(key):
+        return from_arrays(Gaussians, found), None
+    seen, checkpoint = watch(), Checkpoint(cache, task_key("checkpoint", **inputs))
+    gaussians = fit(seen, checkpoint)
+    cache.put(key, to_arrays(gaussians))
+    checkpoint.remove()
+    return gaussians, tuple(seen.looks)

@@ -8,11 +8,9 @@ import numpy as np
 from gsgi.runtime.gaussians import Effects, Gaussians
 
 from . import denoise
-from .cache import task_key
-from .fitting import Fit, Watching
+from .fitting import Fit, Watching, kept
 from .plan import SH_DEGREE, Plan
 from .progress import Progress
-from .records import from_arrays, to_arrays
 from .settings import BUDGET_MAX
 from .traced_light import TracedView
 
@@ -44,27 +42,23 @@ class OverFits:
         return Fit(_visible(gaussians), None, looks, time.perf_counter() - start)
 
     def _fitted(self, budget: int, advance, watching: Watching) -> tuple[Gaussians, tuple]:
-        from .checkpoint import Checkpoint
         from .code_version import code_version
         from .fit import Course, fit
         from .initialise import from_views
         from .optimiser import optimiser_class
 
-        plan, settings, cache = self.plan, self.plan.settings, self.plan.light.cache
+        plan, settings = self.plan, self.plan.settings
         count = min(max(round(START_SHARE * budget), 1), START_MOST)
         start = from_views(plan.cameras, self.seen, count, settings.seed, SH_DEGREE)
         task = start, self.views, plan.blend, self.tone_scale, Course(budget, settings.iterations, settings.seed)
         code = code_version("gsgi.baker.fit", FIT_PACKAGES)
         inputs = {"code": code, "optimiser": optimiser_class().__name__, "task": task}
-        key = task_key("fit", **inputs)
-        if found := cache.get(key):
+        gaussians, looks = kept(
+            plan.light.cache, inputs, lambda: watching(advance, None), lambda *tools: fit(*task, *tools)
+        )
+        if looks is None:
             advance(settings.iterations, "from the cache")
-            return from_arrays(Gaussians, found), ()
-        watch, checkpoint = watching(advance, None), Checkpoint(cache, task_key("checkpoint", **inputs))
-        gaussians = fit(*task, watch, checkpoint)
-        cache.put(key, to_arrays(gaussians))
-        checkpoint.remove()
-        return gaussians, tuple(watch.looks)
+        return gaussians, looks or ()
 
 
 def _traced(plan: Plan, progress: Progress) -> list[TracedView]:

@@ -4,12 +4,10 @@ import time
 
 from gsgi.runtime.gaussians import Effects, Gaussians
 
-from .cache import task_key
-from .fitting import Fit, Watching
+from .fitting import Fit, Watching, kept
 from .irradiance import Sampling
 from .plan import Plan
 from .progress import Progress
-from .records import from_arrays, to_arrays
 from .surface_budget import coarse_count, sample_count
 from .surface_samples import CHUNK, Sampler, SurfaceSamples
 
@@ -62,20 +60,16 @@ class SurfaceFits:
     def _fitted(
         self, budget: int, surface, free, coarse: Gaussians, advance, watching: Watching
     ) -> tuple[Gaussians, tuple]:
-        from .checkpoint import Checkpoint
         from .code_version import code_version
         from .fit import Course
         from .surface_fit import fit_surface
 
-        plan, settings, cache = self.plan, self.plan.settings, self.plan.light.cache
+        plan, settings = self.plan, self.plan.settings
         task = surface, free, coarse, plan.blend, self.tone_scale, Course(budget, settings.iterations, settings.seed)
         inputs = {"code": code_version("gsgi.baker.surface_fit", FIT_PACKAGES), "task": task}
-        key = task_key("fit", **inputs)
-        if found := cache.get(key):
+        gaussians, looks = kept(
+            plan.light.cache, inputs, lambda: watching(advance, coarse), lambda *tools: fit_surface(*task, *tools)
+        )
+        if looks is None:
             advance(settings.iterations, "from the cache")
-            return from_arrays(Gaussians, found), ()
-        watch, checkpoint = watching(advance, coarse), Checkpoint(cache, task_key("checkpoint", **inputs))
-        gaussians = fit_surface(*task, watch, checkpoint)
-        cache.put(key, to_arrays(gaussians))
-        checkpoint.remove()
-        return gaussians, tuple(watch.looks)
+        return gaussians, looks or ()
