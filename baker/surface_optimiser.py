@@ -16,13 +16,14 @@ from .surface_samples import SurfaceSamples
 from .surface_state import PARAMETERS, SurfaceState, axes
 
 # Which samples Gaussians reach is looked up every so many steps, as if they were so much larger: they grow and move.
+# How noise pulls at them is looked up at the same steps.
 LIST_STEPS, MARGIN = 10, 1.1
 
 # Adam (Kingma and Ba 2015). All samples take part in each step: the square need not remember long.
 BETA_1, BETA_2, EPSILON = 0.9, 0.98, 1e-20
 
 DARK = 1.5  # mean B; light counts relative to itself and so much more
-SIZE_COST = 0.01  # of the loss, for all Gaussians e times as large: of shapes that fit alike the small one costs less
+SIZE_COST = 0.05  # of the error, for all Gaussians e times as large: of shapes that fit alike the small one costs less
 LOGIT_MAX = 5.0  # of the opacity
 
 
@@ -47,7 +48,9 @@ class SurfaceOptimiser:
     """The loss is the mean over samples of importance |B - light|^2, linear light, importance = 1 / (B + DARK mean)^2.
 
     Squared error in linear light has its minimum at the mean of noisy samples; the importance depends on B alone, which
-    hardly knows the noise. Deterministic, whatever the number of threads.
+    hardly knows the noise. A parameter moves only where both halves of the samples' paths, each on its own, pull it the
+    same way (after the AND-mask of Parascandolo et al. 2020): what noise alone asks for is left. Deterministic,
+    whatever the number of threads.
     """
 
     def __init__(self, samples: SurfaceSamples, coarse: Gaussians, blend: SurfaceBlend, tone_scale: float):
@@ -57,6 +60,7 @@ class SurfaceOptimiser:
         self._coarse = coarse_light(self._field, coarse, blend)
         self.blend, self.tone_scale, self._dark = blend, tone_scale, np.float32(DARK * tone_scale)
         self._listed = 0
+        self._noise: np.ndarray | None = None
 
     def solve(self, gaussians: Gaussians, iterations: int) -> Gaussians:
         """With the best colours for their shapes."""
@@ -80,13 +84,17 @@ class SurfaceOptimiser:
         """
         if (steps - 1) % LIST_STEPS == 0 or self._listed != len(state):
             self._list(state.gaussians)
-        moments, loss = self._moments(state.gaussians)
+        reading = self._read(state.gaussians)
+        moments, loss, error = self._moments(state.gaussians, reading)
         if len(broken := np.flatnonzero(~np.isfinite(moments).all(axis=1))):
             raise FloatingPointError(f"the gradient of Gaussian {broken[0]} is not finite")
         if not np.isfinite(loss):
             raise FloatingPointError(f"the loss is {loss}")
         gradient = parameter_gradient(moments, state.gaussians)
-        gradient[:, 6:9] += SIZE_COST * loss / max(len(state), 1)
+        gradient[:, 6:9] += SIZE_COST * max(error, 0) / max(len(state), 1)
+        if self._noise is None:
+            self._noise = self._gradient_noise(state.gaussians, reading)
+        gradient[np.abs(gradient) <= self._noise] = 0
         rate = np.repeat([rates[name] for name in PARAMETERS], list(PARAMETERS.values()))
         mean = BETA_1 * state.mean + np.float32(1 - BETA_1) * gradient
         square = BETA_2 * state.square + np.float32(1 - BETA_2) * gradient**2
@@ -97,9 +105,9 @@ class SurfaceOptimiser:
 
     def _list(self, gaussians: Gaussians) -> None:
         self._field.list(gaussians, self.blend.cutoff, self.blend.sharpness, MARGIN)
-        self._listed = len(gaussians)
+        self._listed, self._noise = len(gaussians), None
 
-    def _read(self, gaussians: Gaussians) -> "_Reading":
+    def _read(self, gaussians: Gaussians) -> _Reading:
         fine = self._field.read(gaussians)
         sums = fine + filling(fine, self._coarse, self.blend)
         inverse = inverse_weight(sums)
@@ -109,16 +117,24 @@ class SurfaceOptimiser:
     def _importance(self, light: np.ndarray) -> np.ndarray:
         return 1 / np.square(np.maximum(light.mean(axis=1), 0) + self._dark)
 
-    def _moments(self, gaussians: Gaussians) -> tuple[np.ndarray, float]:
-        """Moments (N, 16), see FIELD_MOMENTS, and the loss."""
-        light, inverse, yielding = self._read(gaussians)
-        importance = self._importance(light)
+    def _moments(self, gaussians: Gaussians, reading: _Reading) -> tuple[np.ndarray, float, float]:
+        """Moments (N, 16), see FIELD_MOMENTS, the loss, and the part of it that is not noise."""
+        light, importance = reading.light, self._importance(reading.light)
         residual = light - self._light
-        count = max(len(light), 1)
-        by_light = np.float32(2 / count) * importance[:, None] * residual
         error = importance * ((light - self._a) * (light - self._b)).sum(axis=1)
-        loss = float((importance * np.square(residual).sum(axis=1)).sum(dtype=np.float64)) / count
-        return self._field.backward(gaussians, yielding, by_light, inverse, error), loss
+        loss = importance * np.square(residual).sum(axis=1)
+        means = (float(part.sum(dtype=np.float64)) / max(len(light), 1) for part in (loss, error))
+        return self._backward(gaussians, reading, residual, error), *means
+
+    def _gradient_noise(self, gaussians: Gaussians, reading: _Reading) -> np.ndarray:
+        """Half the difference (N, 13) of the halves' gradients, without sign: they agree about what is larger."""
+        moments = self._backward(gaussians, reading, (self._a - self._b) / 2, np.zeros(len(self._a), np.float32))
+        return np.abs(parameter_gradient(moments, gaussians))
+
+    def _backward(self, gaussians: Gaussians, reading: _Reading, residual: np.ndarray, error: np.ndarray) -> np.ndarray:
+        """Moments (N, 16) of the loss whose residuals are (S, 3), and of `error` (S,)."""
+        by_light = np.float32(2 / max(len(residual), 1)) * self._importance(reading.light)[:, None] * residual
+        return self._field.backward(gaussians, reading.yielding, by_light, reading.inverse, error)
 
 
 def parameter_gradient(moments: np.ndarray, gaussians: Gaussians) -> np.ndarray:

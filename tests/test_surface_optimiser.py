@@ -1,5 +1,6 @@
 """Steps of the `surface` operator's fit: the gradient against finite differences, and what a step may change."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -142,7 +143,7 @@ def test_a_step_follows_the_gradient_of_what_the_oracle_reads(floor):
     optimiser = SurfaceOptimiser(samples, coarse, blend, 1.0)
     state, seen = optimiser.step(SurfaceState.fresh(given), NOWHERE, 1)
     got = state.mean / (1 - BETA_1)
-    got[:, 6:9] -= SIZE_COST * seen.loss / 4
+    got[:, 6:9] -= SIZE_COST * seen.loss / 4  # without noise all of the loss is error
     assert seen.loss == pytest.approx(loss(np.zeros((4, 13))), rel=1e-4)
     np.testing.assert_allclose(got, expected, atol=1e-4 * np.abs(expected).max())
 
@@ -245,6 +246,42 @@ def test_steps_lead_downhill_and_a_rate_of_zero_nowhere():
     assert seen.loss < 0.1 * first.loss
     assert (state.gaussians.scale <= state.largest).all()
     assert (state.gaussians.scale >= state.smallest).all()
+
+
+@pytest.mark.parametrize("apart", [0.1, 5.0])
+def test_only_what_both_halves_ask_for_is_done(apart):
+    """Grey 0.56 where the mean of the halves is 1: both ask for more light and, as long as the error is not noise, for
+    small Gaussians; or one asks for less light and the error might be noise."""
+    position, normal = wall()
+    half = np.ones((len(position), 3), np.float32)
+    samples = SurfaceSamples(position, normal, half + np.float32(apart), half - np.float32(apart), 0)
+    optimiser = SurfaceOptimiser(samples, gaussians(0, 9), SurfaceBlend(), 1.0)
+    state, _ = optimiser.step(SurfaceState.fresh(tiles()), RATES, 1)
+    agreed = apart < 1
+    assert ((state.gaussians.sh > 2) == agreed).all()
+    assert (state.gaussians.scale < tiles().scale).all() == agreed
+    assert ((state.mean[:, 10:] < 0) == agreed).all()
+
+
+def test_halves_that_differ_keep_noise_out():
+    """One colour under noise: moving Gaussians add less than half of the noise to the light that they would if both
+    halves were alike, so that noise could not be told from light."""
+    position, normal = wall()
+    nobody = gaussians(0, 9)
+    samples = samples_of(np.ones((len(position), 3)), position, normal, 0.5)
+
+    def noise(given: Gaussians) -> float:
+        return np.square(evaluate(given, nobody, SurfaceBlend(), position, normal)[0] - 1).mean()
+
+    added = []
+    for seen in (samples, replace(samples, indirect_a=samples.indirect, indirect_b=samples.indirect)):
+        optimiser = SurfaceOptimiser(seen, nobody, SurfaceBlend(), 1.0)
+        start = optimiser.solve(tiles(16), 10)
+        state = SurfaceState.fresh(start)
+        for step in range(1, 61):
+            state, _ = optimiser.step(state, RATES, step)
+        added.append(noise(state.gaussians) - noise(start))
+    assert added[0] < 0.5 * added[1]
 
 
 def test_a_step_after_a_multiple_of_ten_does_not_know_what_came_before():
