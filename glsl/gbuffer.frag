@@ -43,6 +43,9 @@ layout(location = 0) out vec4 out_albedo;
 layout(location = 1) out vec4 out_normal;    // octahedral: shading normal, triangle's normal
 layout(location = 2) out vec4 out_emission;  // the start value of primary light
 layout(location = 3) out vec4 out_depth;
+#if INTERPOLATED
+layout(location = 4) out vec4 out_interpolated;  // octahedral: shading normal without normal map
+#endif
 
 void main() {
     // Derivatives come before any discard.
@@ -79,13 +82,16 @@ void main() {
     vec3 texel = texture(normal_texture, mirrored(v_normal_uv, normal_mirror)).xyz;
     shading = mapped_normal(interpolated, v_tangent, texel, normal_scale);
 #endif
-    shading *= dot(interpolated, face) < 0.0 ? -1.0 : 1.0;
+    float side = dot(interpolated, face) < 0.0 ? -1.0 : 1.0;
 
 #if ALPHA_MASK
     if (color.a < alpha_cutoff) discard;
 #endif
     out_albedo = vec4(albedo, 1.0);
-    out_normal = vec4(octahedral_from_normal(shading), octahedral_from_normal(face));
+    out_normal = vec4(octahedral_from_normal(side * shading), octahedral_from_normal(face));
     out_emission = vec4(min(radiance, vec3(HALF_MAX)), 1.0);
     out_depth = vec4(v_depth, 0.0, 0.0, 1.0);
+#if INTERPOLATED
+    out_interpolated = vec4(octahedral_from_normal(side * interpolated), 0.0, 1.0);
+#endif
 }

@@ -13,7 +13,7 @@ uniform vec2 centre;
 uniform float height;
 
 layout(location = 0) out vec4 out_position;  // world space, m
-layout(location = 1) out vec4 out_plane;     // the tangent plane: shading normal n, world space, unit; -n . position; 0: no surface
+layout(location = 1) out vec4 out_plane;     // the tangent plane: its normal n, world space, unit; -n . position; 0: no surface
 
 #if SPLAT_SCALE == 1
 ivec2 chosen_texel(ivec2 target) {

@@ -15,6 +15,9 @@ class GBuffer:
                        the interpolated one on the same side, bent by the normal map
     emission  RGBA16F  radiance, an unlit surface's base colour; where primary light starts from
     depth     R32F     distance along the view axis, m; 0 = no surface
+
+    `interpolated` has the shading normal without normal map in xy: B belongs to it. A target of its own, RG16F, where a
+    material has a normal map, else it is `normal`.
     """
 
     def __init__(self, ctx: moderngl.Context, geometry: Geometry, size: tuple[int, int]):
@@ -22,8 +25,12 @@ class GBuffer:
         self.albedo, self.normal, self.emission = (ctx.texture(size, 4, dtype="f2") for _ in range(3))
         self.depth = ctx.texture(size, 1, dtype="f4")
         self._nearest = ctx.depth_renderbuffer(size)
-        targets = [self.albedo, self.normal, self.emission, self.depth]
-        self._target = ctx.framebuffer(targets, self._nearest)
+        self._targets = [self.albedo, self.normal, self.emission, self.depth]
+        self._bent = any(batch.material.normal_texture for batch in geometry.batches)
+        self.interpolated = ctx.texture(size, 2, dtype="f2") if self._bent else self.normal
+        if self._bent:
+            self._targets.append(self.interpolated)
+        self._target = ctx.framebuffer(self._targets, self._nearest)
         self._programs: dict[tuple, moderngl.Program] = {}
         self._draws = [(batch, self._vertex_array(batch)) for batch in geometry.batches]
 
@@ -55,12 +62,12 @@ class GBuffer:
 
     def release(self) -> None:
         """Free the GPU memory."""
-        resources = [self.albedo, self.normal, self.emission, self.depth, self._nearest, self._target]
+        resources = [*self._targets, self._nearest, self._target]
         for resource in [t for _, t in self._draws] + list(self._programs.values()) + resources:
             resource.release()
 
     def _vertex_array(self, batch: Batch) -> moderngl.VertexArray:
-        features = batch.features()
+        features = batch.features() | {"INTERPOLATED": self._bent}
         key = tuple(features.values())
         if key not in self._programs:
             self._programs[key] = program(self.ctx, "gbuffer", **features)

@@ -81,7 +81,7 @@ class _SurfacePoints:
         size = self.gbuffer.size
         clip_from_view = camera.clip_from_view(size[0] / size[1])
         set_uniforms(self._program, clip_from_view=clip_from_view, **self.gbuffer.pixel_uniforms(camera))
-        self.gbuffer.normal.use(0)
+        self.gbuffer.interpolated.use(0)
         self.gbuffer.depth.use(1)
         self._triangle.render(vertices=3)
 
@@ -175,7 +175,8 @@ class _Resolve:
     ):  # fmt: skip
         self.ctx, self.gbuffer = ctx, gbuffer
         self.indirect = ctx.texture(gbuffer.size, 4, dtype="f2")
-        self._inputs = [fine.sums, points.plane, gbuffer.normal, gbuffer.depth, *([coarse.sums] if coarse else [])]
+        surface = points.plane, gbuffer.interpolated, gbuffer.depth
+        self._inputs = [fine.sums, *surface, *([coarse.sums] if coarse else [])]
         self._target = ctx.framebuffer(self.indirect)
         self._program = program(ctx, "resolve", SPLAT_SCALE=splat_scale, COARSE=coarse is not None)
         set_uniforms(self._program, fine_sums=0, surface_plane=1, normal=2, depth=3, coarse_sums=4, weight_floor=floor)

@@ -13,7 +13,7 @@ from gsgi.baker.surface_points import Triangles
 from gsgi.runtime.camera import look_at
 from gsgi.runtime.gaussians import Bake, Gaussians, OverBlend, SurfaceBlend
 from gsgi.runtime.renderer import DeferredRenderer
-from gsgi.runtime.scene import Mesh, Scene
+from gsgi.runtime.scene import Mesh, Scene, Texture, TextureSlot
 
 SIZE = 96, 64
 UP = -np.sqrt(0.5), 0, 0, np.sqrt(0.5)  # turns +Z to +Y
@@ -285,6 +285,29 @@ def test_an_object_that_the_bake_never_saw_is_lit(gl, height):
     if height > 0:  # no wall's Gaussian reaches it
         assert np.allclose(indirect[on_sphere], 0.4, rtol=TOLERANCE)
     assert indirect.any(axis=-1).all()
+
+
+@pytest.mark.parametrize("splat_scale", [1, 2])
+def test_a_normal_map_bends_no_indirect_light(gl, splat_scale):
+    """B belongs to the interpolated normal, of either side; the target for it is there only with normal maps."""
+    texture = Texture(np.random.default_rng(0).integers(0, 256, (16, 16, 4), np.uint8), nearest=True)
+    tangent = np.tile(np.float32([1, 0, 0, 1]), (4, 1))
+    for camera in (ABOVE, look_at(np.array([0.0, -1, 0]), np.zeros(3), np.array([0.0, 0, -1]), np.pi / 2, 0.01)):
+        found = []
+        for slot in (None, TextureSlot(0)):
+            material = replace(scenes.WHITE, double_sided=True, normal_texture=slot)
+            scene = Scene((replace(scenes.floor(), tangent=tangent),), (material,), (texture,))
+            fine = repeated(one(scale=(0.9, 0.9, 0.9)), 2)
+            fine.rotation[1], fine.sh[1] = [UP[3], 0, 0, UP[3]], 9.0  # one for the side below
+            renderer = DeferredRenderer(gl, scene, Bake(fine, BLEND, coarse=nothing()), *SIZE, splat_scale)
+            renderer.render(camera)
+            found.append([renderer.read(layer) for layer in ("indirect", "normal")])
+            assert (renderer.gbuffer.interpolated is renderer.gbuffer.normal) == (slot is None)
+            renderer.release()
+        (light, normal), (mapped_light, mapped_normal) = found
+        assert light.max() > 0.5
+        np.testing.assert_array_equal(light, mapped_light)
+        assert np.abs(normal - mapped_normal).max() > 0.5
 
 
 def test_over_is_drawn_at_full_resolution_only(gl):

@@ -18,6 +18,7 @@ PERMUTATIONS = {
         "VERTEX_COLOR": BOOLS,
         "ALPHA_MASK": BOOLS,
         "UNLIT": BOOLS,
+        "INTERPOLATED": BOOLS,
     },
     "shadow": {"BASE_TEXTURE": BOOLS, "VERTEX_COLOR": BOOLS, "ALPHA_MASK": BOOLS},
     "background": {},
@@ -34,6 +35,8 @@ PERMUTATIONS = {
 
 def happens(name: str, defines: dict[str, int]) -> bool:
     """Whether a scene can call for this permutation."""
+    if name == "gbuffer" and defines["NORMAL_TEXTURE"] and not defines["INTERPOLATED"]:
+        return False
     if name == "gbuffer" and defines["UNLIT"]:
         return not (defines["METALLIC_TEXTURE"] or defines["NORMAL_TEXTURE"] or defines["EMISSION_TEXTURE"])
     if name == "shadow" and not defines["ALPHA_MASK"]:
