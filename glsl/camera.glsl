@@ -15,7 +15,7 @@ vec2 pixel_from_view(vec3 position, vec2 focal, vec2 centre) {
     return centre + focal * vec2(position.x, -position.y) / -position.z;
 }
 
-// What a depth buffer holds, 0 to 1, for `depth` in m.
-float window_depth(float depth, mat4 clip_from_view) {
-    return 0.5 + 0.5 * (clip_from_view[3][2] / depth - clip_from_view[2][2]);
+// What the depth buffer of the surface points holds, 0 to 1, for `depth` in m.
+float window_depth(float depth, float near) {
+    return 1.0 - near / depth;
 }

@@ -2,7 +2,7 @@
 // sums of the four nearest points are added up first, each as far as it shows the pixel's surface.
 #include "camera.glsl"
 #include "constants.glsl"
-#include "octahedral.glsl"
+#include "host.glsl"
 #include "surface.glsl"
 
 uniform highp sampler2D fine_sums;
@@ -18,7 +18,9 @@ uniform highp sampler2D depth;
 uniform mat4 world_from_view;
 uniform vec2 focal;
 uniform vec2 centre;
-uniform float height;
+uniform vec2 size;
+uniform vec2 corner;
+uniform vec2 z_to_clip;
 #endif
 
 layout(location = 0) out vec4 out_indirect;  // B
@@ -44,10 +46,10 @@ vec4 filled(ivec2 texel) {
 
 vec4 upsampled(ivec2 texel) {
     // Kopf et al. 2007, "Joint Bilateral Upsampling"
-    float view_depth = texelFetch(depth, texel, 0).r;
-    vec2 pixel = pixel_from_fragment(gl_FragCoord.xy, height);
+    float view_depth = depth_from_texel(texelFetch(depth, ivec2(corner) + texel, 0).r, z_to_clip);
+    vec2 pixel = pixel_from_fragment(gl_FragCoord.xy, size.y);
     vec4 x = world_from_view * vec4(view_from_pixel(pixel, view_depth, focal, centre), 1.0);
-    vec3 n = normal_from_octahedral(texelFetch(normal, texel, 0).xy);
+    vec3 n = normal_from_texel(texelFetch(normal, ivec2(corner) + texel, 0), world_from_view);
     float tolerance = 1.0 / (PLANE_TOLERANCE * view_depth);
 
     vec2 place = vec2(texel - SPLAT_SCALE / 2) / float(SPLAT_SCALE), corner = floor(place);

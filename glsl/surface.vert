@@ -5,7 +5,6 @@
 uniform highp sampler2D shape_data;
 uniform highp sampler2D sh_data;
 uniform mat4 view_from_world;
-uniform mat4 clip_from_view;
 uniform vec2 focal;   // px
 uniform vec2 centre;  // px
 uniform vec2 size;    // px
@@ -53,6 +52,6 @@ void main() {
 
     vec2 corner = vec2((gl_VertexID & 1) == 0 ? -1.0 : 1.0, (gl_VertexID & 2) == 0 ? -1.0 : 1.0);
     vec2 ndc = 2.0 * (b.middle + b.axes * corner) / size - 1.0;
-    float depth = window_depth(nearest, clip_from_view) - DEPTH_SLACK;
+    float depth = window_depth(nearest, near) - DEPTH_SLACK;
     gl_Position = vec4(ndc.x, -ndc.y, max(2.0 * depth - 1.0, -1.0), 1.0);
 }

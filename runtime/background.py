@@ -9,6 +9,7 @@ from .gbuffer import GBuffer
 from .geometry import texture_size
 from .scene import Environment
 from .shader import program, set_uniforms
+from .view import View
 
 
 class Background:
@@ -30,7 +31,7 @@ class Background:
         """Fill the pixels that the G-buffer has no surface in."""
         self._target.use()
         self.ctx.enable_only(moderngl.NOTHING)
-        set_uniforms(self._program, **self.gbuffer.pixel_uniforms(camera))
+        set_uniforms(self._program, **View.of_camera(camera, self.gbuffer.size).uniforms())
         self.gbuffer.depth.use(0)
         self._texture.use(1)
         self._triangle.render(vertices=3)

@@ -9,20 +9,20 @@ from .shader import program, set_uniforms
 class Composite:
     """`radiance` RGBA16F of (width, height) px: primary + albedo * B."""
 
-    def __init__(self, ctx: moderngl.Context, gbuffer: GBuffer, indirect: moderngl.Texture):
+    def __init__(self, ctx: moderngl.Context, gbuffer: GBuffer):
         self.ctx = ctx
         self.radiance = ctx.texture(gbuffer.size, 4, dtype="f2")
-        self._inputs = gbuffer.albedo, gbuffer.emission, indirect
+        self._inputs = gbuffer.albedo, gbuffer.emission
         self._target = ctx.framebuffer(self.radiance)
         self._program = program(ctx, "composite")
         set_uniforms(self._program, albedo=0, primary=1, indirect=2)
         self._triangle = ctx.vertex_array(self._program, [])
 
-    def draw(self) -> None:
-        """Fill `radiance` from the targets of the passes before."""
+    def draw(self, indirect: moderngl.Texture) -> None:
+        """Fill `radiance` from `indirect`, B, and the targets of the passes before."""
         self._target.use()
         self.ctx.enable_only(moderngl.NOTHING)
-        for unit, texture in enumerate(self._inputs):
+        for unit, texture in enumerate((*self._inputs, indirect)):
             texture.use(unit)
         self._triangle.render(vertices=3)
 

@@ -10,8 +10,9 @@ def in_view(position: np.ndarray, radius: np.ndarray, pinhole: Pinhole) -> np.nd
 
     `position` (N, 3) float32, world space, m; `radius` (N,) float32, m.
     """
-    x, y = pinhole.width / 2 / pinhole.fx, pinhole.height / 2 / pinhole.fy
-    planes = np.array([[1, 0, -x], [-1, 0, -x], [0, 1, -y], [0, -1, -y], [0, 0, -1]])  # inward, through the eye
+    left, right = pinhole.cx / pinhole.fx, (pinhole.width - pinhole.cx) / pinhole.fx
+    up, down = pinhole.cy / pinhole.fy, (pinhole.height - pinhole.cy) / pinhole.fy
+    planes = np.array([[1, 0, -left], [-1, 0, -right], [0, 1, -down], [0, -1, -up], [0, 0, -1]])  # inward, by the eye
     planes /= np.linalg.norm(planes, axis=1, keepdims=True)
     planes = (planes @ pinhole.view_from_world[:3]).astype(np.float32)
     shown = np.ones(len(position), bool)

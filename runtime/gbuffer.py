@@ -50,16 +50,6 @@ class GBuffer:
             set_uniforms(triangles.program, **frame, **self._surface(batch))
             triangles.render()
 
-    def pixel_uniforms(self, camera: Camera) -> dict:
-        """What glsl/camera.glsl needs to take a pixel of the targets back to world space."""
-        pinhole = camera.pinhole(*self.size)
-        return {
-            "world_from_view": camera.world_from_view,
-            "focal": (pinhole.fx, pinhole.fy),
-            "centre": (pinhole.cx, pinhole.cy),
-            "height": float(pinhole.height),
-        }
-
     def release(self) -> None:
         """Free the GPU memory."""
         resources = [*self._targets, self._nearest, self._target]

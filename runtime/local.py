@@ -16,10 +16,14 @@ def origin_of(scene: Scene) -> np.ndarray:
     """(3,) float64, m: the middle of a scene that lies far from the world's origin, else that origin itself."""
     if not scene.meshes:
         return np.zeros(3)
-    low, high = scene.bounds()
-    middle = (low + high) / 2
-    far = np.linalg.norm(middle) > FAR * np.linalg.norm(high - low)
-    return middle if far else np.zeros(3)
+    return _middle_if_far(*scene.bounds())
+
+
+def origin_of_bake(bake: Bake) -> np.ndarray:
+    """(3,) float64, m: the same of a bake's Gaussians."""
+    position = np.concatenate([level.position for level in (bake.gaussians, bake.coarse) if level is not None])
+    position = position[np.isfinite(position).all(axis=1)].astype(np.float64)
+    return _middle_if_far(position.min(axis=0), position.max(axis=0)) if len(position) else np.zeros(3)
 
 
 def local_scene(scene: Scene, origin: np.ndarray) -> Scene:
@@ -40,6 +44,12 @@ def local_camera(camera: Camera, origin: np.ndarray) -> Camera:
     pose = camera.world_from_view.copy()
     pose[:3, 3] -= origin
     return replace(camera, world_from_view=pose)
+
+
+def _middle_if_far(low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    middle = (low + high) / 2
+    far = np.linalg.norm(middle) > FAR * np.linalg.norm(high - low)
+    return middle if far else np.zeros(3)
 
 
 def _local_gaussians(gaussians: Gaussians, origin: np.ndarray) -> Gaussians:

@@ -10,6 +10,7 @@ from .gbuffer import GBuffer
 from .scene import Light
 from .shader import program, set_uniforms
 from .shadow import Shadow, face_count
+from .view import View
 
 
 class Primary:
@@ -26,7 +27,7 @@ class Primary:
 
     def draw(self, camera: Camera) -> None:
         """Light the surfaces of the G-buffer. One shadow atlas and one full-screen pass per light."""
-        frame = self.gbuffer.pixel_uniforms(camera)
+        frame = View.of_camera(camera, self.gbuffer.size).uniforms()
         for light in self.lights:
             shadow = self.shadow.draw(light)
             features = _features(light)

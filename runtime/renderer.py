@@ -6,16 +6,16 @@ import numpy as np
 from .background import Background
 from .camera import Camera
 from .composite import Composite, Display
-from .gaussians import Bake, OverBlend
+from .gaussians import Bake
 from .gbuffer import GBuffer
 from .geometry import Geometry
+from .indirect_light import IndirectLight
 from .layers import LAYERS
 from .local import local_bake, local_camera, local_scene, origin_of
 from .primary import Primary
 from .scene import Scene
 from .shadow import Shadow
-from .splat import Splats
-from .surface_splat import SurfaceSplats
+from .view import View
 
 
 class DeferredRenderer:
@@ -23,7 +23,7 @@ class DeferredRenderer:
 
     Only what the scene calls for is made: no bake, no splats and no composite; no lights, no shadows; no environment,
     no background. A bake of the `surface` operator is read once per `splat_scale` x `splat_scale` pixels (1, 2 or 4)
-    and upsampled; with the `over` operator `splat_scale` is 1. Leaves the framebuffer, blending, depth test and culling
+    and upsampled, one of `over` always at full resolution. Leaves the framebuffer, blending, depth test and culling
     of `ctx` changed. Raises UnsupportedError for textures or Gaussians that the driver cannot hold.
     """
 
@@ -44,8 +44,8 @@ class DeferredRenderer:
             self.shadow = Shadow(ctx, self.geometry, scene.bounds())
             self.primary = Primary(ctx, self.gbuffer, self.shadow, scene.lights)
         if bake is not None:
-            self.splats = _splats(ctx, bake, self.gbuffer, splat_scale)
-            self.composite = Composite(ctx, self.gbuffer, self.splats.indirect)
+            self.splats = IndirectLight(ctx, bake, splat_scale=splat_scale)
+            self.composite = Composite(ctx, self.gbuffer)
         # Background and light passes write to the G-buffer's emission: afterwards that target holds primary light.
         self._final = self.composite.radiance if self.composite else self.gbuffer.emission
         self._display = Display(ctx, self._final)
@@ -59,8 +59,9 @@ class DeferredRenderer:
         if self.primary:
             self.primary.draw(camera)
         if self.splats:
-            self.splats.draw(camera)
-            self.composite.draw()
+            view = View.of_camera(camera, self.gbuffer.size)
+            self.splats.draw_view(view, self.gbuffer.depth, self.gbuffer.interpolated)
+            self.composite.draw(self.splats.indirect)
 
     def read(self, layer: str) -> np.ndarray:
         """A layer of the last frame, row 0 on top, float32: "depth" (H, W), the others (H, W, 3).
@@ -93,14 +94,6 @@ class DeferredRenderer:
         for part in (self._display, *light, self.gbuffer, self.geometry):
             if part is not None:
                 part.release()
-
-
-def _splats(ctx: moderngl.Context, bake: Bake, gbuffer: GBuffer, splat_scale: int) -> Splats | SurfaceSplats:
-    """The bake's operator."""
-    if isinstance(bake.blend, OverBlend):
-        assert splat_scale == 1, splat_scale
-        return Splats(ctx, bake, gbuffer.size)
-    return SurfaceSplats(ctx, bake, gbuffer, splat_scale)
 
 
 def _pixels(texture: moderngl.Texture) -> np.ndarray:

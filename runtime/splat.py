@@ -3,39 +3,40 @@
 import moderngl
 import numpy as np
 
-from .camera import Camera
 from .gaussian_textures import GaussianTextures
 from .gaussians import Bake, Gaussians
 from .shader import program, set_uniforms
 from .sort import visible_order
+from .view import View
 
 
 class Splats:
-    """The Gaussians of a bake on the GPU and the target of (width, height) px that they are drawn into.
+    """The Gaussians of a bake on the GPU and the target that they are drawn into.
 
-    `indirect` RGBA16F: rgb = B (linear Rec.709 radiance for albedo 1), a = 1 - transmittance. Raises UnsupportedError
-    for more Gaussians than the driver's textures hold.
+    `indirect` RGBA16F, of the last view's size: rgb = B (linear Rec.709 radiance for albedo 1), a = 1 - transmittance.
+    Raises UnsupportedError for more Gaussians than the driver's textures hold.
     """
 
-    def __init__(self, ctx: moderngl.Context, bake: Bake, size: tuple[int, int]):
+    def __init__(self, ctx: moderngl.Context, bake: Bake):
         gaussians, self.blend = bake.gaussians, bake.blend
-        self.ctx, self.size = ctx, size
+        self.ctx = ctx
+        self.indirect: moderngl.Texture | None = None
+        self._target: moderngl.Framebuffer | None = None
         self.position, self.radius = gaussians.position, visible_radius(gaussians, bake.blend.alpha_min)
-        self.indirect = ctx.texture(size, 4, dtype="f2")
-        self._target = ctx.framebuffer(self.indirect)
         self._data = GaussianTextures(ctx, gaussians)
         self._order = ctx.buffer(reserve=max(4 * len(gaussians), 4), dynamic=True)
         self._program = program(ctx, "splat", SH_DEGREE=gaussians.sh_degree)
         blend = bake.blend
         set_uniforms(
-            self._program, shape_data=0, sh_data=1, size=size, near=blend.near, dilation=blend.dilation,
-            alpha_min=blend.alpha_min, alpha_max=blend.alpha_max,
+            self._program, shape_data=0, sh_data=1, near=blend.near, dilation=blend.dilation, alpha_min=blend.alpha_min,
+            alpha_max=blend.alpha_max,
         )  # fmt: skip
         self._quads = ctx.vertex_array(self._program, [(self._order, "1u4/i", "index")])
 
-    def draw(self, camera: Camera) -> int:
+    def draw(self, view: View) -> int:
         """Fill `indirect`; returns how many Gaussians were drawn. Only their order is uploaded."""
-        pinhole = camera.pinhole(*self.size)
+        pinhole = view.pinhole
+        self._resize((pinhole.width, pinhole.height))
         order = visible_order(self.position, pinhole, self.blend, self.radius)
         self._target.use()
         self._target.clear()
@@ -46,8 +47,8 @@ class Splats:
         self.ctx.enable_only(moderngl.BLEND)
         self.ctx.blend_func = moderngl.ONE, moderngl.ONE_MINUS_SRC_ALPHA
         set_uniforms(
-            self._program, view_from_world=pinhole.view_from_world, eye=camera.position,
-            focal=(pinhole.fx, pinhole.fy), centre=(pinhole.cx, pinhole.cy),
+            self._program, view_from_world=pinhole.view_from_world, eye=view.world_from_view[:3, 3],
+            focal=(pinhole.fx, pinhole.fy), centre=(pinhole.cx, pinhole.cy), size=self.indirect.size,
         )  # fmt: skip
         self._data.shape.use(0)
         self._data.sh.use(1)
@@ -56,9 +57,18 @@ class Splats:
 
     def release(self) -> None:
         """Free the GPU memory."""
-        buffers = self._order, self._data, self._target, self.indirect
-        for resource in (self._quads, self._program, *buffers):
-            resource.release()
+        for resource in (self._quads, self._program, self._order, self._data, self._target, self.indirect):
+            if resource is not None:
+                resource.release()
+
+    def _resize(self, size: tuple[int, int]) -> None:
+        if self.indirect is not None and self.indirect.size == size:
+            return
+        if self.indirect is not None:
+            self._target.release()
+            self.indirect.release()
+        self.indirect = self.ctx.texture(size, 4, dtype="f2")
+        self._target = self.ctx.framebuffer(self.indirect)
 
 
 def visible_radius(gaussians: Gaussians, alpha_min: float) -> np.ndarray:

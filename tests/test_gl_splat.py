@@ -13,6 +13,7 @@ from gsgi.baker.surface_points import Triangles
 from gsgi.runtime.camera import look_at
 from gsgi.runtime.gaussians import Bake, Gaussians, OverBlend
 from gsgi.runtime.splat import Splats, visible_radius
+from gsgi.runtime.view import View
 
 SIZE = (96, 64)
 BLEND = OverBlend(near=0.2)
@@ -22,8 +23,8 @@ TOLERANCE = 2 / 255
 
 def draw(gl, gaussians, camera=CAMERA, blend=BLEND, size=SIZE):
     """(B (H, W, 3), transmittance (H, W)) as GL draws them, row 0 on top."""
-    splats = Splats(gl, Bake(gaussians, blend), size)
-    splats.draw(camera)
+    splats = Splats(gl, Bake(gaussians, blend))
+    splats.draw(View.of_camera(camera, size))
     image = np.frombuffer(splats.indirect.read(), np.float16).reshape(size[1], size[0], 4)[::-1].astype(float)
     splats.release()
     return image[..., :3], 1 - image[..., 3]

@@ -11,7 +11,7 @@ import gsgi.runtime.surface_splat
 from gsgi.baker.initialise import from_surface
 from gsgi.baker.surface_points import Triangles
 from gsgi.runtime.camera import look_at
-from gsgi.runtime.gaussians import Bake, Gaussians, OverBlend, SurfaceBlend
+from gsgi.runtime.gaussians import Bake, Gaussians, SurfaceBlend
 from gsgi.runtime.renderer import DeferredRenderer
 from gsgi.runtime.scene import Mesh, Scene, Texture, TextureSlot
 
@@ -217,7 +217,10 @@ def test_no_light_where_there_is_no_surface_or_no_gaussian(gl, splat_scale):
 def test_a_bake_without_coarse_gaussians_has_neither_their_target_nor_their_passes(gl):
     for coarse, made in ((nothing(), False), (one(), True)):
         renderer = DeferredRenderer(gl, FLOOR, Bake(one(), BLEND, coarse=coarse), 8, 8)
-        assert [part is not None for part in (renderer.splats._coarse, renderer.splats._gap)] == [made, made]
+        renderer.render(CAMERA)
+        splats = renderer.splats._splats
+        parts = splats._coarse, splats._gap, splats.targets.coarse, splats.targets.coarse_sums
+        assert [part is not None for part in parts] == [made] * 4
         renderer.release()
 
 
@@ -228,8 +231,8 @@ def test_the_coarse_level_is_drawn_only_into_gaps(gl, splat_scale):
     bake = Bake(surface_gaussians(scene, 150), SurfaceBlend(floor=2.0), coarse=coarse)
     renderer = DeferredRenderer(gl, scene, bake, *SIZE, splat_scale)
     renderer.render(CAMERA)
-    splats = renderer.splats
-    textures = splats._points.position, splats._points.plane, splats._fine.sums, splats._coarse.sums
+    targets = renderer.splats._splats.targets
+    textures = targets.position, targets.plane, targets.fine, targets.coarse
     position, plane, fine, drawn = (np.frombuffer(texture.read(), np.float32).reshape(-1, 4) for texture in textures)
     renderer.release()
     expected = oracle.read_surface(nothing(), coarse, BLEND, position[:, :3], plane[:, :3].astype(float))[0][1]
@@ -308,8 +311,3 @@ def test_a_normal_map_bends_no_indirect_light(gl, splat_scale):
         assert light.max() > 0.5
         np.testing.assert_array_equal(light, mapped_light)
         assert np.abs(normal - mapped_normal).max() > 0.5
-
-
-def test_over_is_drawn_at_full_resolution_only(gl):
-    with pytest.raises(AssertionError):
-        DeferredRenderer(gl, FLOOR, Bake(one(), OverBlend(near=0.1)), 8, 8, splat_scale=2)

@@ -147,10 +147,10 @@ def test_quads_cover_all_that_a_pixel_may_read(gl, splat_scale):
         bake = Bake(fine, SurfaceBlend(), coarse=nothing())
         renderer = DeferredRenderer(gl, scene, bake, *size, splat_scale)
         renderer.render(FRONT)
-        splats = renderer.splats
+        targets = renderer.splats._splats.targets
         position, plane, sums = (
             np.frombuffer(texture.read(), np.float32).reshape(-1, 4)
-            for texture in (splats._points.position, splats._points.plane, splats._fine.sums)
+            for texture in (targets.position, targets.plane, targets.fine)
         )
         points = position[:, :3], plane[:, :3].astype(float)
         expected = oracle.read_surface(fine, nothing(), bake.blend, *points)[0][0]

@@ -9,6 +9,9 @@ from gsgi.runtime import shader
 from gsgi.runtime.constants import GLSL_FOLDER
 
 BOOLS = (0, 1)
+HOST = dict.fromkeys(
+    ("DEPTH_WINDOW", "DEPTH_REVERSED", "NORMAL_OCTAHEDRAL", "NORMAL_UNSIGNED", "NORMAL_VIEW_SPACE"), BOOLS
+)
 PERMUTATIONS = {
     "gbuffer": {
         "BASE_TEXTURE": BOOLS,
@@ -24,10 +27,11 @@ PERMUTATIONS = {
     "background": {},
     "primary": {"SPOT": BOOLS, "DIRECTIONAL": BOOLS, "FACES": (1, 6)},
     "splat": {"SH_DEGREE": (0, 1, 2, 3)},
-    "surface_points": {"SPLAT_SCALE": (1, 2, 4)},
+    "surface_points": {"SPLAT_SCALE": (1, 2, 4), "BOX": BOOLS, **HOST},
     "surface": {"SH_DEGREE": (0, 1, 2), "NORMAL_POWER": (0, 1, 4)},
     "surface_gap": {},
-    "resolve": {"SPLAT_SCALE": (1, 2, 4), "COARSE": (0, 1)},
+    "resolve": {"SPLAT_SCALE": (1, 2, 4), "COARSE": BOOLS, **HOST},
+    "add_light": {"ALBEDO_SRGB": BOOLS},
     "composite": {},
     "display": {},
 }
@@ -39,6 +43,8 @@ def happens(name: str, defines: dict[str, int]) -> bool:
         return False
     if name == "gbuffer" and defines["UNLIT"]:
         return not (defines["METALLIC_TEXTURE"] or defines["NORMAL_TEXTURE"] or defines["EMISSION_TEXTURE"])
+    if "DEPTH_WINDOW" in defines:
+        return not any(defines[a] and defines[b] for a, b in (tuple(HOST)[:2], tuple(HOST)[2:4]))
     if name == "shadow" and not defines["ALPHA_MASK"]:
         return not any(defines.values())
     return not (name == "primary" and defines["SPOT"] and defines["DIRECTIONAL"])

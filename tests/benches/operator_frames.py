@@ -20,6 +20,7 @@ from gsgi.runtime.fingerprint import fingerprint
 from gsgi.runtime.gltf import read_gltf
 from gsgi.runtime.renderer import DeferredRenderer
 from gsgi.runtime.scene import Scene
+from gsgi.runtime.view import View
 
 from .operator_bakes import Kept
 from .scenes import LIGHT
@@ -133,6 +134,7 @@ def _seconds(renderer: DeferredRenderer, camera: Camera) -> float:
     context = renderer.gbuffer.ctx
     context.finish()
     start = time.perf_counter()
-    renderer.splats.draw(camera)
+    gbuffer = renderer.gbuffer
+    renderer.splats.draw_view(View.of_camera(camera, SIZE), gbuffer.depth, gbuffer.interpolated)
     context.finish()
     return time.perf_counter() - start

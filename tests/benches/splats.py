@@ -20,19 +20,21 @@ def splats() -> list[dict]:
     from gsgi.runtime.context import create_context
     from gsgi.runtime.gbuffer import GBuffer
     from gsgi.runtime.geometry import Geometry
-    from gsgi.runtime.splat import Splats
-    from gsgi.runtime.surface_splat import SCALES, SurfaceSplats
+    from gsgi.runtime.indirect_light import IndirectLight
+    from gsgi.runtime.surface_splat import SCALES
+    from gsgi.runtime.view import View
 
     ctx, rows = create_context(), []
     gbuffer = GBuffer(ctx, Geometry(ctx, room()), SIZE)
     camera = scenes.inside_camera()
     gbuffer.draw(camera)
+    frame = View.of_camera(camera, SIZE), gbuffer.depth, gbuffer.interpolated
     for count in COUNTS:
         fine = on_surfaces(count)
         bake = Bake(fine, SurfaceBlend(), coarse=grid())
-        passes = {("over", 1): Splats(ctx, Bake(fine, OverBlend(near=0.05)), SIZE)}
-        passes |= {("surface", scale): SurfaceSplats(ctx, bake, gbuffer, scale) for scale in SCALES}
-        times = fastest({key: lambda p=p: (p.draw(camera), ctx.finish()) for key, p in passes.items()})
+        passes = {("over", 1): IndirectLight(ctx, Bake(fine, OverBlend(near=0.05)))}
+        passes |= {("surface", scale): IndirectLight(ctx, bake, splat_scale=scale) for scale in SCALES}
+        times = fastest({key: lambda p=p: (p.draw_view(*frame), ctx.finish()) for key, p in passes.items()})
         light = {key: np.frombuffer(p.indirect.read(), np.float16).astype(np.float32) for key, p in passes.items()}
         full = light["surface", 1]
         for (operator, scale), p in passes.items():

@@ -1,0 +1,66 @@
+"""A camera as the light passes need it: from one of ours, or from a host's matrices."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .camera import Camera, Pinhole
+
+
+class View(NamedTuple):
+    """A camera at one image size; `world_from_view` (4, 4) float64 is rigid, nothing nearer than `near` (m) is seen."""
+
+    pinhole: Pinhole
+    world_from_view: np.ndarray
+    near: float
+
+    @staticmethod
+    def of_camera(camera: Camera, size: tuple[int, int]) -> "View":
+        """One of ours at `size` (width, height) px."""
+        return View(camera.pinhole(*size), camera.world_from_view, camera.znear)
+
+    @staticmethod
+    def of_matrices(
+        view_from_world: np.ndarray, clip_from_view: np.ndarray, size: tuple[int, int], reversed_depth: bool = False
+    ) -> "View":
+        """A host's: both matrices (4, 4), for column vectors; OpenGL's clip space, -w <= z <= w.
+
+        With `reversed_depth` 0 <= z <= w, the near plane at z = w. The frustum may lie off the axis. Raises ValueError
+        where a matrix is not finite, `view_from_world` not rigid, or `clip_from_view` not a perspective projection.
+        """
+        rigid, p = np.asarray(view_from_world, float), np.asarray(clip_from_view, float)
+        if rigid.shape != (4, 4) or not np.allclose(rigid @ _inverse_of_rigid(rigid), np.eye(4), atol=1e-4):
+            raise ValueError("view_from_world: a rigid (4, 4) matrix is needed, without scale or shear")
+        with np.errstate(divide="ignore", invalid="ignore"):
+            near = p[2, 3] / (p[2, 2] + 1) if reversed_depth else p[2, 3] / (p[2, 2] - 1)
+        if not (np.isfinite(p).all() and np.allclose(p[3], [0, 0, -1, 0]) and near > 0):
+            raise ValueError("clip_from_view: a perspective projection that looks down -z is needed")
+        width, height = size
+        pinhole = Pinhole(
+            rigid, width / 2 * p[0, 0], height / 2 * p[1, 1], width / 2 * (1 - p[0, 2]), height / 2 * (1 + p[1, 2]),
+            width, height,
+        )  # fmt: skip
+        return View(pinhole, _inverse_of_rigid(rigid), float(near))
+
+    def moved(self, origin: np.ndarray) -> "View":
+        """The same relative to `origin` (3,), world space, m."""
+        pose = self.world_from_view.copy()
+        pose[:3, 3] -= origin
+        return View(self.pinhole._replace(view_from_world=_inverse_of_rigid(pose)), pose, self.near)
+
+    def uniforms(self) -> dict:
+        """What glsl/camera.glsl needs to take a pixel back to world space."""
+        pinhole = self.pinhole
+        return {
+            "world_from_view": self.world_from_view,
+            "focal": (pinhole.fx, pinhole.fy),
+            "centre": (pinhole.cx, pinhole.cy),
+            "height": float(pinhole.height),
+        }
+
+
+def _inverse_of_rigid(matrix: np.ndarray) -> np.ndarray:
+    result = np.eye(4)
+    result[:3, :3] = matrix[:3, :3].T
+    result[:3, 3] = -matrix[:3, :3].T @ matrix[:3, 3]
+    return result
