@@ -1,4 +1,7 @@
-"""One deferred frame, all layers of it."""
+"""One deferred frame: all layers of it, and what its passes cost."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.gaussians import Bake
@@ -8,14 +11,31 @@ from gsgi.runtime.scene import Scene
 
 def draw(scene: Scene, baked: Bake | None, camera: Camera, width: int, height: int, backend: str) -> dict:
     """Every layer of one deferred frame: name -> (H, W, 3) float32, depth (H, W)."""
+    with _renderer(scene, baked, width, height, backend) as renderer:
+        renderer.render(camera)
+        return {layer: renderer.read(layer) for layer in LAYERS}
+
+
+def costs(scene: Scene, baked: Bake | None, camera: Camera, width: int, height: int, backend: str) -> list[dict]:
+    """One row for each pass of a frame, as soon as all is compiled and uploaded."""
+    from gsgi.runtime.profile import Profile
+
+    with _renderer(scene, baked, width, height, backend) as renderer:
+        renderer.render(camera)
+        renderer.render(camera, profile := Profile(renderer.gbuffer.ctx))
+    return [vars(cost) for cost in profile.passes]
+
+
+@contextmanager
+def _renderer(scene: Scene, baked: Bake | None, width: int, height: int, backend: str) -> Iterator:
+    """In a context of its own."""
     from gsgi.runtime.context import create_context
     from gsgi.runtime.renderer import DeferredRenderer
 
     context = create_context(backend)
     renderer = DeferredRenderer(context, scene, baked, width, height)
     try:
-        renderer.render(camera)
-        return {layer: renderer.read(layer) for layer in LAYERS}
+        yield renderer
     finally:
         renderer.release()
         context.release()

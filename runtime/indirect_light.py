@@ -4,9 +4,10 @@ import moderngl
 import numpy as np
 
 from .gaussians import Bake, OverBlend
-from .gl_state import HostState
+from .gl_state import UNITS, HostState
 from .host_textures import OURS, Encoding
 from .local import local_bake, origin_of_bake
+from .profile import Profile
 from .shader import program, set_uniforms
 from .splat import Splats
 from .surface_splat import Box, SurfaceSplats
@@ -71,18 +72,18 @@ class IndirectLight:
 
     def draw_view(
         self, view: View, depth: moderngl.Texture, normal: moderngl.Texture, corner: tuple[int, int] = (0, 0),
-        z_to_clip: tuple[float, float] = (0.0, 0.0),
-    ) -> int:  # fmt: skip
-        """What draw() does, for a host that sets all state anew in each pass; returns how many Gaussians were drawn."""
+        z_to_clip: tuple[float, float] = (0.0, 0.0), profile: Profile | None = None,
+    ) -> None:  # fmt: skip
+        """What draw() does, for a host that sets all state anew in each pass."""
         self._corner, view = corner, view.moved(self._origin)
         if isinstance(self._splats, Splats):
-            return self._splats.draw(view)
-        for unit in range(5):
+            self._splats.draw(view, profile)
+            return
+        for unit in range(UNITS):
             self._sampler.use(unit)
-        drawn = self._splats.draw(view, depth, normal, corner, z_to_clip)
-        for unit in range(5):
+        self._splats.draw(view, depth, normal, corner, z_to_clip, profile)
+        for unit in range(UNITS):
             self._sampler.clear(unit)
-        return drawn
 
     @property
     def indirect(self) -> moderngl.Texture:

@@ -7,6 +7,7 @@ import numpy as np
 
 from .camera import Camera
 from .gbuffer import GBuffer
+from .profile import Profile, measured
 from .scene import Light
 from .shader import program, set_uniforms
 from .shadow import Shadow, face_count
@@ -25,25 +26,30 @@ class Primary:
         self._programs = {features: self._program(features) for features in {_features(light) for light in lights}}
         self._triangles = {features: ctx.vertex_array(p, []) for features, p in self._programs.items()}
 
-    def draw(self, camera: Camera) -> None:
+    def draw(self, camera: Camera, profile: Profile | None = None) -> None:
         """Light the surfaces of the G-buffer. One shadow atlas and one full-screen pass per light."""
         frame = View.of_camera(camera, self.gbuffer.size).uniforms()
         for light in self.lights:
-            shadow = self.shadow.draw(light)
-            features = _features(light)
-            self._target.use()
-            self.ctx.enable_only(moderngl.BLEND)
-            self.ctx.blend_func = moderngl.ONE, moderngl.ONE
-            set_uniforms(self._programs[features], **frame, **shadow, **_light(light))
-            inputs = self.gbuffer.albedo, self.gbuffer.normal, self.gbuffer.depth, self.shadow.atlas
-            for unit, texture in enumerate(inputs):
-                texture.use(unit)
-            self._triangles[features].render(vertices=3)
+            with measured(profile, "shadow"):
+                shadow = self.shadow.draw(light)
+            with measured(profile, "primary"):
+                self._add(light, {**frame, **shadow})
 
     def release(self) -> None:
         """Free the GPU memory."""
         for resource in [*self._triangles.values(), *self._programs.values(), self._target]:
             resource.release()
+
+    def _add(self, light: Light, uniforms: dict) -> None:
+        features = _features(light)
+        self._target.use()
+        self.ctx.enable_only(moderngl.BLEND)
+        self.ctx.blend_func = moderngl.ONE, moderngl.ONE
+        set_uniforms(self._programs[features], **uniforms, **_light(light))
+        inputs = self.gbuffer.albedo, self.gbuffer.normal, self.gbuffer.depth, self.shadow.atlas
+        for unit, texture in enumerate(inputs):
+            texture.use(unit)
+        self._triangles[features].render(vertices=3)
 
     def _program(self, features: tuple) -> moderngl.Program:
         result = program(self.ctx, "primary", **dict(features))

@@ -13,6 +13,7 @@ from .indirect_light import IndirectLight
 from .layers import LAYERS
 from .local import local_bake, local_camera, local_scene, origin_of
 from .primary import Primary
+from .profile import Profile, measured
 from .scene import Scene
 from .shadow import Shadow
 from .view import View
@@ -50,18 +51,21 @@ class DeferredRenderer:
         self._final = self.composite.radiance if self.composite else self.gbuffer.emission
         self._display = Display(ctx, self._final)
 
-    def render(self, camera: Camera) -> None:
-        """Draw one frame."""
+    def render(self, camera: Camera, profile: Profile | None = None) -> None:
+        """Draw one frame; with a `profile`, of `ctx`, its passes are measured."""
         camera = local_camera(camera, self._origin)
-        self.gbuffer.draw(camera)
+        with measured(profile, "gbuffer"):
+            self.gbuffer.draw(camera)
         if self.background:
-            self.background.draw(camera)
+            with measured(profile, "background"):
+                self.background.draw(camera)
         if self.primary:
-            self.primary.draw(camera)
+            self.primary.draw(camera, profile)
         if self.splats:
             view = View.of_camera(camera, self.gbuffer.size)
-            self.splats.draw_view(view, self.gbuffer.depth, self.gbuffer.interpolated)
-            self.composite.draw(self.splats.indirect)
+            self.splats.draw_view(view, self.gbuffer.depth, self.gbuffer.interpolated, profile=profile)
+            with measured(profile, "composite"):
+                self.composite.draw(self.splats.indirect)
 
     def read(self, layer: str) -> np.ndarray:
         """A layer of the last frame, row 0 on top, float32: "depth" (H, W), the others (H, W, 3).

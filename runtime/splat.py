@@ -5,6 +5,7 @@ import numpy as np
 
 from .gaussian_textures import GaussianTextures
 from .gaussians import Bake, Gaussians
+from .profile import Profile, measured
 from .shader import program, set_uniforms
 from .sort import visible_order
 from .view import View
@@ -33,8 +34,19 @@ class Splats:
         )  # fmt: skip
         self._quads = ctx.vertex_array(self._program, [(self._order, "1u4/i", "index")])
 
-    def draw(self, view: View) -> int:
-        """Fill `indirect`; returns how many Gaussians were drawn. Only their order is uploaded."""
+    def draw(self, view: View, profile: Profile | None = None) -> None:
+        """Fill `indirect`. Only the order of the Gaussians is uploaded."""
+        with measured(profile, "splat") as cost:
+            cost.quads += self._draw(view)
+
+    def release(self) -> None:
+        """Free the GPU memory."""
+        for resource in (self._quads, self._program, self._order, self._data, self._target, self.indirect):
+            if resource is not None:
+                resource.release()
+
+    def _draw(self, view: View) -> int:
+        """Returns how many Gaussians were drawn."""
         pinhole = view.pinhole
         self._resize((pinhole.width, pinhole.height))
         order = visible_order(self.position, pinhole, self.blend, self.radius)
@@ -54,12 +66,6 @@ class Splats:
         self._data.sh.use(1)
         self._quads.render(moderngl.TRIANGLE_STRIP, vertices=4, instances=len(order))
         return len(order)
-
-    def release(self) -> None:
-        """Free the GPU memory."""
-        for resource in (self._quads, self._program, self._order, self._data, self._target, self.indirect):
-            if resource is not None:
-                resource.release()
 
     def _resize(self, size: tuple[int, int]) -> None:
         if self.indirect is not None and self.indirect.size == size:

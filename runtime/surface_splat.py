@@ -8,6 +8,7 @@ from .cull import in_view
 from .gaussian_textures import GaussianTextures
 from .gaussians import Bake, Gaussians, SurfaceBlend
 from .host_textures import OURS, Encoding
+from .profile import Profile, measured
 from .shader import program, set_uniforms
 from .surface_targets import SurfaceTargets
 from .view import View
@@ -51,36 +52,45 @@ class SurfaceSplats:
 
     def draw(
         self, view: View, depth: moderngl.Texture, normal: moderngl.Texture, corner: tuple[int, int] = (0, 0),
-        z_to_clip: tuple[float, float] = (0.0, 0.0),
-    ) -> int:  # fmt: skip
-        """Fill `indirect` for a view that begins at the pixel `corner` of the textures; returns how many Gaussians were
-        drawn. `z_to_clip`: of the projection's third row the columns of z and 1, for depth buffers."""
+        z_to_clip: tuple[float, float] = (0.0, 0.0), profile: Profile | None = None,
+    ) -> None:  # fmt: skip
+        """Fill `indirect` for a view that begins at the pixel `corner` of the textures.
+
+        `z_to_clip`: of the projection's third row the columns of z and 1, for depth buffers.
+        """
         targets, pinhole = self._targets_for(view.pinhole), view.pinhole
         host = view.uniforms() | {"size": targets.size, "corner": corner, "z_to_clip": z_to_clip, "near": view.near}
-        self.ctx.enable_only(moderngl.DEPTH_TEST)  # without it no depth is written
-        self.ctx.depth_func = "1"  # always
-        self._points.draw(targets.points, normal, depth, **host)
+        with measured(profile, "surface_points"):
+            self._write_depth()
+            self._points.draw(targets.points, normal, depth, **host)
         frame = {
             "view_from_world": pinhole.view_from_world,
             "near": view.near,
             **_pixel_uniforms(pinhole, targets.read_size, self.splat_scale),
         }
-        drawn = self._fine.draw(pinhole, frame, targets, targets.fine_sums)
+        with measured(profile, "surface, fine level") as cost:
+            cost.quads += self._fine.draw(pinhole, frame, targets, targets.fine_sums)
         if self._coarse:
-            self.ctx.enable_only(moderngl.DEPTH_TEST)
-            self.ctx.depth_func = "1"  # always
-            self._gap.draw(targets.gap, targets.fine)
-            drawn += self._coarse.draw(pinhole, frame, targets, targets.coarse_sums)
-        self.ctx.enable_only(moderngl.NOTHING)
-        sums = [targets.coarse] if targets.coarse else []
-        self._resolve.draw(targets.resolved, targets.fine, targets.plane, normal, depth, *sums, **host)
-        return drawn
+            with measured(profile, "surface_gap"):
+                self._write_depth()
+                self._gap.draw(targets.gap, targets.fine)
+            with measured(profile, "surface, coarse level") as cost:
+                cost.quads += self._coarse.draw(pinhole, frame, targets, targets.coarse_sums)
+        with measured(profile, "resolve"):
+            self.ctx.enable_only(moderngl.NOTHING)
+            sums = [targets.coarse] if targets.coarse else []
+            self._resolve.draw(targets.resolved, targets.fine, targets.plane, normal, depth, *sums, **host)
 
     def release(self) -> None:
         """Free the GPU memory."""
         for resource in (self._points, self._fine, self._gap, self._coarse, self._resolve, self.targets):
             if resource is not None:
                 resource.release()
+
+    def _write_depth(self) -> None:
+        """Of all fragments, whatever is there; without the test no depth is written."""
+        self.ctx.enable_only(moderngl.DEPTH_TEST)
+        self.ctx.depth_func = "1"  # always
 
     def _targets_for(self, pinhole: Pinhole) -> SurfaceTargets:
         """Those at hand, made anew where the size is another."""

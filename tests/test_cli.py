@@ -302,6 +302,15 @@ def test_render_reference_and_compare_speak_of_the_same_picture(bakes, tmp_path,
     assert "SSIM" in gsgi("compare", frame, truth).stdout
 
 
+def test_render_says_what_each_pass_costs(bakes, tmp_path, gl, capsys):
+    for operator, last in (("surface", "resolve"), ("over", "splat")):
+        frame = ["--gi", str(bakes[operator] / "c.gsgi"), "-o", str(tmp_path / "frame.png"), "--size", "16x16"]
+        assert cli.run(["render", CORNELL, *frame, "--profile"]) == 0
+        names = [line.split()[0] for line in capsys.readouterr().out.splitlines()]
+        assert names[:2] == ["pass", "gbuffer"]
+        assert names[-3:] == [last, "composite", "all"]
+
+
 def test_render_says_when_the_light_is_of_another_scene(baked, tmp_path, gl):
     size = ["--gi", baked / "c.gsgi", "-o", tmp_path / "frame.png", "--size", "16x16"]
     assert not gsgi("render", CORNELL, *size).stderr

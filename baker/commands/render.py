@@ -13,18 +13,20 @@ def add(commands) -> None:
         run,
         "Draw a scene with its baked light: headless, deferred, OpenGL.",
         "  gsgi render room.glb --gi room.gsgi -o room.png\n"
-        "  gsgi render room.glb --gi room.gsgi -o b.exr --layer indirect --camera kitchen --size 1280x720",
+        "  gsgi render room.glb --gi room.gsgi -o b.exr --layer indirect --camera kitchen --size 1280x720\n"
+        "  gsgi render room.glb --gi room.gsgi -o room.png --profile",
     )
     shared.add_scene(parser)
     shared.add_light(parser)
     parser.add_argument("--gi", metavar="FILE", help="baked light (.gsgi); without it, primary light only")
     shared.add_picture(parser)
     parser.add_argument("--backend", choices=("egl", "osmesa", "auto"), default="auto", help="OpenGL without a display")
+    parser.add_argument("--profile", action="store_true", help="print what each pass of the frame costs")
 
 
 def run(options: argparse.Namespace) -> None:
     """Draw and write the layer."""
-    from gsgi.baker.frame import draw
+    from gsgi.baker.frame import costs, draw
     from gsgi.baker.inputs import choose_camera, read_bake, read_scene
     from gsgi.baker.pictures import write_layer
     from gsgi.baker.progress import Progress
@@ -42,5 +44,16 @@ def run(options: argparse.Namespace) -> None:
     baked = None if options.gi is None else read_bake(options.gi)
     if baked is not None and baked.scene not in (0, fingerprint(scene)):
         progress.warn(f"{options.gi}: was baked for other geometry than {options.scene}; its light may not fit")
-    frame = draw(scene, baked, choose_camera(scene, options), *options.size, options.backend)
-    write_layer(options.output, options.layer, frame[options.layer], options.exposure)
+    frame = scene, baked, choose_camera(scene, options), *options.size, options.backend
+    write_layer(options.output, options.layer, draw(*frame)[options.layer], options.exposure)
+    if options.profile:
+        print_costs(costs(*frame))
+
+
+def print_costs(rows: list[dict]) -> None:
+    """A table with a last row for all passes."""
+    everything = {"name": "all", **{column: sum(row[column] for row in rows) for column in ("gpu_ms", "cpu_ms")}}
+    print(f"{'pass':<22}{'gpu ms':>9}{'cpu ms':>9}{'quads':>9}{'fragments':>12}")
+    for row in [*rows, everything | {"quads": 0, "fragments": ""}]:
+        times = f"{row['gpu_ms']:>9.2f}{row['cpu_ms']:>9.2f}"
+        print(f"{row['name']:<22}{times}{row['quads'] or '':>9}{row['fragments']:>12}".rstrip())
