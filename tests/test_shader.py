@@ -28,6 +28,18 @@ PERMUTATIONS = {
     "surface": {"SH_DEGREE": (0, 1, 2), "NORMAL_POWER": (0, 1, 4)},
     "surface_gap": {},
     "resolve": {"SPLAT_SCALE": (1, 2, 4), "COARSE": (0, 1)},
+    "forward": {
+        "NORMAL": BOOLS,
+        "VERTEX_COLOR": BOOLS,
+        "TEXTURES": BOOLS,
+        "NORMAL_TEXTURE": BOOLS,
+        "LIT": BOOLS,
+        "LIGHTS": (0, 3),
+        "SHADOWS": BOOLS,
+        "INDIRECT": BOOLS,
+    },
+    "silhouette": {},
+    "visible": {"NORMAL": BOOLS},
     "composite": {},
     "display": {},
 }
@@ -39,6 +51,10 @@ def happens(name: str, defines: dict[str, int]) -> bool:
         return False
     if name == "gbuffer" and defines["UNLIT"]:
         return not (defines["METALLIC_TEXTURE"] or defines["NORMAL_TEXTURE"] or defines["EMISSION_TEXTURE"])
+    if name == "forward":
+        lit = defines["NORMAL"] or defines["LIGHTS"] or defines["INDIRECT"]
+        mapped = (defines["TEXTURES"] and defines["NORMAL"]) or not defines["NORMAL_TEXTURE"]
+        return (defines["LIT"] or not lit) and mapped and (defines["LIGHTS"] or not defines["SHADOWS"])
     if name == "shadow" and not defines["ALPHA_MASK"]:
         return not any(defines.values())
     return not (name == "primary" and defines["SPOT"] and defines["DIRECTIONAL"])
