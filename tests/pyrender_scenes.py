@@ -141,9 +141,8 @@ def instances():
     poses = np.stack([translation(x, 0.3 * x, 0) @ np.diag([1, 1 + x * x, 1, 1]) for x in (-0.8, 0.0, 0.8)])
     scene = empty()
     parent = scene.add_node(pyrender.Node(matrix=translation(0.1, -0.2, 0.3)))
-    del parent
     mesh = pyrender.Mesh.from_trimesh(box((0.4, 0.4, 0.4)), material(), poses=poses, smooth=False)
-    scene.add(mesh, pose=look_at((1, 1, 1)))
+    scene.add(mesh, pose=look_at((1, 1, 1)), parent_node=parent)
     add_lights(scene)
     return scene
 
@@ -180,6 +179,14 @@ def points():
     return scene
 
 
+def from_behind():
+    """A square that faces away from the camera."""
+    scene = empty(eye=(0.5, 0.6, -2.5))
+    scene.add(quad())
+    add_lights(scene)
+    return scene
+
+
 def cameras() -> dict:
     """Cameras by name."""
     import pyrender
@@ -207,8 +214,8 @@ CASES = {
     "clamped": (lambda: textured(wrapS=33071, wrapT=33071, magFilter=9728, minFilter=9728), 0),
     "vertex_colors": (vertex_colors, 0),
     "vertex_colors_flat": (vertex_colors, 4096),
-    "culled": (lambda: from_behind(), 0),
-    "not_culled": (lambda: from_behind(), 1024),
+    "culled": (from_behind, 0),
+    "not_culled": (from_behind, 1024),
     "blended": (blended, 2048),
     "instances": (instances, 0),
     "instances_depth": (instances, 1),
@@ -220,14 +227,6 @@ CASES = {
     **{f"camera_{name}": (lambda name=name: solids(cameras()[name]), 0) for name in
        ("far", "aspect", "intrinsics", "orthographic")},
 }  # fmt: skip
-
-
-def from_behind():
-    """A square that faces away from the camera."""
-    scene = empty(eye=(0.5, 0.6, -2.5))
-    scene.add(quad())
-    add_lights(scene)
-    return scene
 
 
 def segments(scene) -> dict:

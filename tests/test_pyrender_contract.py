@@ -10,11 +10,9 @@ from pyrender_scenes import SIZE, empty, from_behind, material, quad, solids, te
 from gsgi.runtime.errors import FileError, FormatError, UnsupportedError
 from gsgi.runtime.pyrender import OffscreenRenderer, RenderFlags, frame, uploads
 
-pytestmark = pytest.mark.usefixtures("pyrender", "current_again")
-
 
 @pytest.fixture
-def renderer(gl):
+def renderer(pyrender, current_again):
     result = OffscreenRenderer(*SIZE)
     yield result
     if result._ctx:
