@@ -137,3 +137,14 @@ def test_an_orthographic_camera_is_refused(pyrender, draw):
     scene = solids(cameras()["orthographic"])
     with pytest.raises(UnsupportedError, match="OrthographicCamera"):
         draw(scene, constant(B))
+
+
+def test_a_shifted_image_centre_shifts_the_light(pyrender, draw):
+    bake, pictures = surface_example(count=400, degree=1), []
+    for cx, cy in ((48, 32), (56, 27)):
+        camera = pyrender.IntrinsicsCamera(80, 100, cx, cy)
+        scene = empty(camera, eye=(0.3, 0.8, 2.2), ambient_light=np.zeros(3))
+        scene.add(quad())
+        pictures.append(draw(scene, bake))
+    assert pictures[0][5:, :-8].std() > 20
+    assert_alike(pictures[0][5:, :-8], pictures[1][:-5, 8:])
