@@ -40,3 +40,20 @@ def small_disk(tmp_path):
         pytest.skip(f"cannot mount a small disk: {mount.stderr.strip()}")
     yield folder
     subprocess.run(["umount", "--lazy", folder], check=True)
+
+
+@pytest.fixture(scope="session")
+def pyrender():
+    """The module, for its scenes. Skips where it cannot be imported."""
+    try:
+        import pyrender
+    except Exception as error:  # it imports pyglet and OpenGL, which raise what they like
+        pytest.skip(f"pyrender: {error}")
+    return pyrender
+
+
+@pytest.fixture
+def current_again(gl):
+    """After a test whose renderers make contexts of their own: the shared one is current again."""
+    yield
+    gl.__enter__()

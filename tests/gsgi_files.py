@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gsgi.runtime import codec
+from gsgi.runtime import codec, constants
 from gsgi.runtime.gaussians import Bake, Effects, Gaussians, OverBlend, SurfaceBlend
 from gsgi.runtime.header import HEADERS
 
@@ -41,6 +41,17 @@ def example(count: int = 200, degree: int = 0) -> Bake:
 def surface_example(count: int = 200, degree: int = 0, coarse_count: int = 30, coarse_degree: int = 2) -> Bake:
     blend = SurfaceBlend(cutoff=0.04, sharpness=4, floor=0.002)
     return replace(example(count, degree), blend=blend, coarse=gaussians(coarse_count, coarse_degree, seed=8))
+
+
+def constant(light, operator: str = "surface") -> Bake:
+    """A bake whose B is `light` (3,) everywhere: one Gaussian, far larger than scenes of a few metres."""
+    scale, opacity = (50.0, 1.0) if operator == "surface" else (1000.0, 0.99)
+    arrays = {"position": np.zeros((1, 3)), "rotation": [[0, 0, 0, 1]], "scale": np.full((1, 3), scale)}
+    arrays |= {"opacity": [opacity], "sh": np.reshape(light, (1, 1, 3)) / constants.SH_C0}
+    gaussian = Gaussians(**{name: np.asarray(array, np.float32) for name, array in arrays.items()})
+    if operator == "surface":
+        return Bake(gaussian, SurfaceBlend(), coarse=gaussian)
+    return Bake(gaussian, OverBlend(near=0.01))
 
 
 def reseal(data: bytes) -> bytes:

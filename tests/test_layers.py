@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-RUNTIME = sorted((ROOT / "runtime").glob("*.py"))
+RUNTIME = sorted((ROOT / "runtime").rglob("*.py"))
 BAKER = sorted((ROOT / "baker").rglob("*.py"))
 GL_MODULES = {"context", "shader", "geometry", "gbuffer", "background", "shadow", "primary", "splat", "composite"}
-GL_MODULES |= {"renderer", "gaussian_textures", "surface_splat"}
-DATA_MODULES = sorted({path.stem for path in RUNTIME} - GL_MODULES - {"__init__"})
+GL_MODULES |= {"renderer", "gaussian_textures", "surface_splat", "pyrender"}
+DATA_MODULES = sorted({path.stem for path in RUNTIME if path.parent.name == "runtime"} - GL_MODULES - {"__init__"})
 
 
 def imports(path: Path, module_level: bool = False) -> set[str]:

@@ -32,6 +32,18 @@ PERMUTATIONS = {
     "surface_gap": {},
     "resolve": {"SPLAT_SCALE": (1, 2, 4), "COARSE": BOOLS, **HOST},
     "add_light": {"ALBEDO_SRGB": BOOLS},
+    "forward": {
+        "NORMAL": BOOLS,
+        "VERTEX_COLOR": BOOLS,
+        "TEXTURES": BOOLS,
+        "NORMAL_TEXTURE": BOOLS,
+        "LIT": BOOLS,
+        "LIGHTS": (0, 3),
+        "SHADOWS": BOOLS,
+        "INDIRECT": BOOLS,
+    },
+    "silhouette": {},
+    "visible": {"NORMAL": BOOLS},
     "composite": {},
     "display": {},
 }
@@ -45,6 +57,10 @@ def happens(name: str, defines: dict[str, int]) -> bool:
         return not (defines["METALLIC_TEXTURE"] or defines["NORMAL_TEXTURE"] or defines["EMISSION_TEXTURE"])
     if "DEPTH_WINDOW" in defines:
         return not any(defines[a] and defines[b] for a, b in (tuple(HOST)[:2], tuple(HOST)[2:4]))
+    if name == "forward":
+        lit = defines["NORMAL"] or defines["LIGHTS"] or defines["INDIRECT"]
+        mapped = (defines["TEXTURES"] and defines["NORMAL"]) or not defines["NORMAL_TEXTURE"]
+        return (defines["LIT"] or not lit) and mapped and (defines["LIGHTS"] or not defines["SHADOWS"])
     if name == "shadow" and not defines["ALPHA_MASK"]:
         return not any(defines.values())
     return not (name == "primary" and defines["SPOT"] and defines["DIRECTIONAL"])

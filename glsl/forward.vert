@@ -1,0 +1,42 @@
+// A primitive of a pyrender scene to the screen.
+
+uniform mat4 clip_from_view;
+uniform mat4 view_from_world;
+uniform mat4 world_from_node;
+uniform float point_size;  // px
+
+in vec3 position;
+in mat4 node_from_instance;
+out vec3 v_position;  // world space, m
+out float v_depth;    // -z in view space, m
+#if NORMAL
+in vec3 normal;
+out vec3 v_normal;
+#endif
+#if VERTEX_COLOR
+in vec4 color;
+out vec4 v_color;
+#endif
+#if TEXTURES
+in vec2 uv;
+out vec2 v_uv;
+#endif
+
+void main() {
+    mat4 world_from_instance = world_from_node * node_from_instance;
+    vec4 world = world_from_instance * vec4(position, 1.0);
+    vec4 view = view_from_world * world;
+    gl_Position = clip_from_view * view;
+    gl_PointSize = point_size;
+    v_position = world.xyz;
+    v_depth = -view.z;
+#if NORMAL
+    v_normal = normalize(transpose(inverse(mat3(world_from_instance))) * normal);
+#endif
+#if VERTEX_COLOR
+    v_color = color;
+#endif
+#if TEXTURES
+    v_uv = uv;
+#endif
+}

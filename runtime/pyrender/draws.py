@@ -1,0 +1,51 @@
+"""What to draw of a pyrender scene, and in which order."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .flags import RenderFlags
+
+TRIANGLES = 4, 5, 6  # glTF's modes: list, strip, fan
+
+
+class Draw(NamedTuple):
+    """A pyrender Primitive of the Mesh of a Node; `pose` (4, 4): world from node."""
+
+    node: object
+    pose: np.ndarray
+    primitive: object
+
+
+def draws(scene, eye: np.ndarray) -> list[Draw]:
+    """Visible primitives in pyrender's order: opaque meshes before partly transparent ones, each from the farthest node
+    to the nearest; `eye` (3,) in world space."""
+    nodes = [(node, scene.get_pose(node)) for node in scene.mesh_nodes if node.mesh.is_visible]
+    nodes.sort(key=lambda item: -np.linalg.norm(item[1][:3, 3] - eye))
+    nodes.sort(key=lambda item: item[0].mesh.is_transparent)
+    return [Draw(node, pose, primitive) for node, pose in nodes for primitive in node.mesh.primitives]
+
+
+def wireframe(material, flags: int) -> bool:
+    """Whether a primitive of this material is drawn as lines."""
+    return bool(flags & RenderFlags.ALL_WIREFRAME) or bool(material.wireframe) != bool(
+        flags & RenderFlags.FLIP_WIREFRAME
+    )
+
+
+def bounds(scene) -> np.ndarray:
+    """(2, 3) float64, m: corners of all meshes' boxes in world space; zeros without meshes.
+
+    What `scene.bounds` says, which needs `np.infty`.
+    """
+    corners = []
+    for node in scene.mesh_nodes:
+        pose, boxes = scene.get_pose(node), np.array([primitive.bounds for primitive in node.mesh.primitives])
+        if len(boxes):
+            low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
+            box = np.stack(np.meshgrid(*np.transpose([low, high])), axis=-1).reshape(8, 3)
+            corners.append(box @ pose[:3, :3].T + pose[:3, 3])
+    if not corners:
+        return np.zeros((2, 3))
+    corners = np.concatenate(corners)
+    return np.array([corners.min(axis=0), corners.max(axis=0)])

@@ -1,0 +1,110 @@
+"""The forward passes: pyrender's colours, lit or flat, or one colour per node."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+
+from ..shader import program, set_uniforms
+from . import lights, materials
+from .draws import Draw, wireframe
+from .flags import RenderFlags
+from .indirect import BakedLight, receives
+from .lens import Lens
+from .uploads import Uploads
+
+_MAPS_UNIT, _LIGHT_UNIT, _DEPTH_UNIT = (len(materials.SLOTS) + i for i in range(3))
+_FLAT = {"LIT": 0, "LIGHTS": 0, "SHADOWS": 0, "INDIRECT": 0}
+_NO_SHADOW = {"map_from_world": np.zeros((4, 4)), "tile_low": (0, 0), "tile_high": (0, 0)}
+
+
+@dataclass(frozen=True)
+class FrameLight:
+    """What lights a frame. `shadows`: for each light, the uniforms of its shadow map in `maps`, or None."""
+
+    ambient: np.ndarray
+    placed: list[lights.PlacedLight]
+    shadows: list[dict | None]
+    maps: moderngl.Texture | None  # None: no light has one
+    indirect: BakedLight | None
+
+
+class Forward:
+    """Draws primitives into the framebuffer at hand. Programs outlive a frame."""
+
+    def __init__(self, ctx: moderngl.Context, primitives: Uploads, textures: Uploads):
+        self.ctx, self._primitives, self._textures = ctx, primitives, textures
+        self._white = ctx.texture((1, 1), 4, b"\xff" * 4)
+        self._silhouette = program(ctx, "silhouette")
+        self._programs: dict[tuple, moderngl.Program] = {}
+
+    def silhouettes(self, frame: dict, items: list[Draw], color: Callable[[object], tuple]) -> None:
+        """Draw each primitive in the `color` (3,) of its node, back faces left out."""
+        self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE | moderngl.PROGRAM_POINT_SIZE)
+        for item in items:
+            set_uniforms(self._silhouette, **frame, world_from_node=item.pose, color=color(item.node))
+            self._primitives[item.primitive].render(self._silhouette)
+
+    def surfaces(self, frame: dict, items: list[Draw], flags: int, light: FrameLight | None) -> None:
+        """Draw each primitive with its material: under `light`, or flat."""
+        for item in items:
+            primitive, material = item.primitive, item.primitive.material
+            defines = materials.defines(primitive, light is not None)
+            uniforms = materials.bind(primitive, self._textures, self._white)
+            lit_defines, lit_uniforms = self._lit(item, flags, light) if light else (_FLAT, {})
+            shader = self._program(**defines, **lit_defines)
+            set_uniforms(shader, **frame, world_from_node=item.pose, **uniforms, **lit_uniforms)
+            self._set_state(material, flags)
+            self._primitives[primitive].render(shader)
+        self.ctx.wireframe = False
+
+    def release(self) -> None:
+        """Free the GPU memory."""
+        for resource in (*self._programs.values(), self._silhouette, self._white):
+            resource.release()
+
+    def _set_state(self, material, flags: int) -> None:
+        state = moderngl.DEPTH_TEST | moderngl.PROGRAM_POINT_SIZE
+        if material.alphaMode == "BLEND":
+            state |= moderngl.BLEND
+        if not (material.doubleSided or flags & RenderFlags.SKIP_CULL_FACES):
+            state |= moderngl.CULL_FACE
+        self.ctx.enable_only(state)
+        self.ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
+        self.ctx.wireframe = wireframe(material, flags)
+
+    def _lit(self, item: Draw, flags: int, light: FrameLight) -> tuple[dict, dict]:
+        """Defines and uniforms of what lights a primitive."""
+        chosen = lights.nearest(light.placed, item.pose[:3, 3])
+        indirect = light.indirect if receives(item.primitive, flags) else None
+        shadows = [light.shadows[i] for i in chosen]
+        defines = {"LIT": 1, "LIGHTS": len(chosen), "SHADOWS": any(shadows), "INDIRECT": indirect is not None}
+        uniforms = {"ambient": light.ambient}
+        if chosen:
+            uniforms |= lights.uniforms([light.placed[i] for i in chosen])
+        if any(shadows):
+            light.maps.use(_MAPS_UNIT)
+            each = [shadow or _NO_SHADOW for shadow in shadows]
+            uniforms |= {name: [shadow[name] for shadow in each] for name in _NO_SHADOW} | {"shadow_maps": _MAPS_UNIT}
+        if indirect:
+            indirect.light.use(_LIGHT_UNIT)
+            indirect.depth.use(_DEPTH_UNIT)
+            uniforms |= {"indirect": _LIGHT_UNIT, "surface_depth": _DEPTH_UNIT}
+        return defines, uniforms
+
+    def _program(self, **defines: int) -> moderngl.Program:
+        key = tuple(sorted(defines.items()))
+        if key not in self._programs:
+            self._programs[key] = program(self.ctx, "forward", **defines)
+        return self._programs[key]
+
+
+def camera_uniforms(lens: Lens, point_size: float) -> dict:
+    """What all forward passes need of a frame."""
+    return {
+        "clip_from_view": lens.projection,
+        "view_from_world": lens.view_from_world,
+        "eye": lens.position,
+        "point_size": point_size,
+    }

@@ -1,0 +1,77 @@
+"""Baked indirect light at the surfaces that a pyrender scene shows."""
+
+import moderngl
+
+from ..gaussians import Bake
+from ..indirect_light import IndirectLight
+from ..shader import program, set_uniforms
+from ..view import View
+from .draws import TRIANGLES, Draw, wireframe
+from .flags import RenderFlags
+from .lens import Lens
+from .uploads import Uploads
+
+
+def receives(primitive, flags: int) -> bool:
+    """Whether indirect light falls on it: on opaque triangles."""
+    solid = primitive.mode in TRIANGLES and not wireframe(primitive.material, flags)
+    return solid and not primitive.is_transparent
+
+
+class VisibleSurfaces:
+    """What the passes that read Gaussians need of a frame; targets of (width, height) px:
+
+    interpolated  RG16F  octahedral, world space: the interpolated normal, on the camera's side
+    depth         R32F   distance along the view axis, m; 0 = no surface
+    """
+
+    def __init__(self, ctx: moderngl.Context, size: tuple[int, int]):
+        self.ctx, self.size = ctx, size
+        self.interpolated, self.depth = ctx.texture(size, 2, dtype="f2"), ctx.texture(size, 1, dtype="f4")
+        self._nearest = ctx.depth_renderbuffer(size)
+        self._target = ctx.framebuffer([self.interpolated, self.depth], self._nearest)
+        self._programs = {normal: program(ctx, "visible", NORMAL=normal) for normal in (False, True)}
+
+    def draw(self, lens: Lens, items: list[Draw], uploads: Uploads, flags: int) -> None:
+        """Fill both targets with what receives indirect light."""
+        self._target.use()
+        self._target.clear()
+        camera = {"clip_from_view": lens.projection, "view_from_world": lens.view_from_world, "eye": lens.position}
+        for item in items:
+            primitive = item.primitive
+            if receives(primitive, flags):
+                both = primitive.material.doubleSided or flags & RenderFlags.SKIP_CULL_FACES
+                self.ctx.enable_only(moderngl.DEPTH_TEST | (0 if both else moderngl.CULL_FACE))
+                shader = self._programs[primitive.normals is not None]
+                set_uniforms(shader, **camera, world_from_node=item.pose)
+                uploads[primitive].render(shader)
+
+    def release(self) -> None:
+        """Free the GPU memory."""
+        resources = self._target, self._nearest, self.interpolated, self.depth
+        for resource in (*self._programs.values(), *resources):
+            resource.release()
+
+
+class BakedLight:
+    """B of `bake` for images of `size` px, in the texture `light` (rgb), beside the `depth` (m) that it belongs to."""
+
+    def __init__(self, ctx: moderngl.Context, bake: Bake, size: tuple[int, int]):
+        self._surfaces, self._pass = VisibleSurfaces(ctx, size), IndirectLight(ctx, bake, splat_scale=1)
+        self.depth = self._surfaces.depth
+
+    @property
+    def light(self) -> moderngl.Texture:
+        """Of the last draw()."""
+        return self._pass.indirect
+
+    def draw(self, lens: Lens, items: list[Draw], uploads: Uploads, flags: int) -> None:
+        """Fill both textures."""
+        self._surfaces.draw(lens, items, uploads, flags)
+        view = View(lens.pinhole(), lens.world_from_view, lens.znear)
+        self._pass.draw_view(view, self.depth, self._surfaces.interpolated)
+
+    def release(self) -> None:
+        """Free the GPU memory."""
+        self._pass.release()
+        self._surfaces.release()

@@ -1,0 +1,60 @@
+"""A pyrender camera at an image size."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..camera import Pinhole
+
+
+@dataclass(frozen=True)
+class Lens:
+    """Off-centre and with pixels that are not square, or orthographic.
+
+    `world_from_view` (4, 4) float64; `projection` (4, 4): OpenGL's, for images of `size` px; `znear`, m.
+    """
+
+    world_from_view: np.ndarray
+    projection: np.ndarray
+    size: tuple[int, int]
+    znear: float
+
+    @property
+    def view_from_world(self) -> np.ndarray:
+        """(4, 4) float64."""
+        return np.linalg.inv(self.world_from_view)
+
+    @property
+    def position(self) -> np.ndarray:
+        """(3,) float64 in world space, m."""
+        return self.world_from_view[:3, 3]
+
+    @property
+    def orthographic(self) -> bool:
+        """Whether rays are parallel."""
+        return self.projection[3, 2] == 0
+
+    def pinhole(self) -> Pinhole:
+        """At `size`. The camera must not be orthographic."""
+        assert not self.orthographic, self.projection
+        p, (width, height) = self.projection, self.size
+        focal = p[0, 0] * width / 2, p[1, 1] * height / 2
+        centre = (1 - p[0, 2]) * width / 2, (1 + p[1, 2]) * height / 2
+        return Pinhole(self.view_from_world, *focal, *centre, width, height)
+
+    def metres(self, window: np.ndarray) -> np.ndarray:
+        """Depth along the view axis (float32, m; 0 where nothing is) of a depth buffer's values in [0, 1]."""
+        ndc = 2.0 * window.astype(np.float64) - 1
+        scale, offset = self.projection[2, 2:]
+        with np.errstate(divide="ignore"):
+            depth = (offset - ndc) / scale if self.orthographic else offset / (ndc + scale)
+        return np.where(window == 1, 0, depth).astype(np.float32)
+
+
+def main_lens(scene, size: tuple[int, int]) -> Lens:
+    """The main camera of a pyrender scene for images of `size` px. Raises ValueError, as pyrender does without one."""
+    node = scene.main_camera_node
+    if node is None:
+        raise ValueError("Cannot render scene without a camera")
+    projection = node.camera.get_projection_matrix(width=size[0], height=size[1])
+    return Lens(scene.get_pose(node), projection, size, node.camera.znear)

@@ -1,0 +1,66 @@
+"""pyrender materials as the uniforms and defines of glsl/forward."""
+
+from collections.abc import Iterator
+
+import moderngl
+
+from ..errors import UnsupportedError
+from .uploads import Uploads
+
+# Samplers of forward.frag and the fields of a MetallicRoughnessMaterial behind them, in the order of texture units.
+SLOTS = {
+    "base": "baseColorTexture",
+    "surface": "metallicRoughnessTexture",
+    "occlusion": "occlusionTexture",
+    "emission": "emissiveTexture",
+    "normal": "normalTexture",
+}
+
+
+def textures(primitive) -> Iterator:
+    """The textures that a primitive shows."""
+    for name in SLOTS:
+        if (texture := texture_of(primitive, name)) is not None:
+            yield texture
+
+
+def texture_of(primitive, slot: str):
+    """The Texture in a slot of `SLOTS`; None where there is none, no image in it, or nothing to map it by."""
+    texture = getattr(primitive.material, SLOTS[slot])
+    usable = primitive.texcoord_0 is not None and (slot != "normal" or primitive.normals is not None)
+    return texture if texture is not None and texture.source is not None and usable else None
+
+
+def check(primitive) -> None:
+    """Raises UnsupportedError for a material that is not metallic-roughness."""
+    if not hasattr(primitive.material, "baseColorFactor"):
+        kind = type(primitive.material).__name__
+        raise UnsupportedError(f"{kind}: pyrender leaves its colour undefined; use MetallicRoughnessMaterial")
+
+
+def defines(primitive, lit: bool) -> dict[str, bool]:
+    """Defines of forward.frag that the primitive calls for."""
+    slots = [name for name in SLOTS if texture_of(primitive, name) is not None]
+    return {
+        "NORMAL": lit and primitive.normals is not None,
+        "VERTEX_COLOR": primitive.color_0 is not None,
+        "TEXTURES": bool(slots) if lit else "base" in slots,
+        "NORMAL_TEXTURE": lit and "normal" in slots,
+    }
+
+
+def bind(primitive, uploads: Uploads, white: moderngl.Texture) -> dict:
+    """Bind a texture for each slot, `white` where there is none, to units 0 to 4; returns the material's uniforms."""
+    material = primitive.material
+    uniforms = {
+        "base_color": material.baseColorFactor,
+        "metallic": material.metallicFactor,
+        "roughness": material.roughnessFactor,
+        "emission": material.emissiveFactor,
+    }
+    for unit, name in enumerate(SLOTS):
+        texture = texture_of(primitive, name)
+        (white if texture is None else uploads[texture].texture).use(unit)
+        mirror = (0.0, 0.0) if texture is None else uploads[texture].mirror
+        uniforms |= {f"{name}_texture": unit, f"{name}_mirror": mirror}
+    return uniforms

@@ -1,0 +1,120 @@
+"""Primitives and textures of pyrender on the GPU: uploaded once, and again when an array of theirs is replaced."""
+
+from collections.abc import Callable, Iterable
+
+import moderngl
+import numpy as np
+
+_MIRROR, _REPEAT = 33648, 10497  # wrap modes of glTF and OpenGL
+ATTRIBUTES = {"position": "positions", "normal": "normals", "uv": "texcoord_0", "color": "color_0"}
+
+
+class UploadedPrimitive:
+    """Buffers of a Primitive: float32 attributes by their names in the shaders, uint32 indices, instances."""
+
+    def __init__(self, ctx: moderngl.Context, primitive):
+        self.ctx, self.mode = ctx, primitive.mode
+        arrays = {name: getattr(primitive, field) for name, field in ATTRIBUTES.items()}
+        self.attributes = {name: ctx.buffer(_floats(array)) for name, array in arrays.items() if array is not None}
+        poses = np.eye(4)[None] if primitive.poses is None else primitive.poses
+        self.instances = len(poses)
+        self._poses = ctx.buffer(_floats(np.swapaxes(poses, 1, 2)))
+        indices = primitive.indices
+        self._indices = None if indices is None else ctx.buffer(np.ascontiguousarray(indices, np.uint32))
+        self._vertex_arrays: dict[moderngl.Program, moderngl.VertexArray] = {}
+
+    def render(self, program: moderngl.Program) -> None:
+        """Draw all instances."""
+        if program not in self._vertex_arrays:
+            read = [name for name in self.attributes if name in program]
+            content = [(self.attributes[name], f"{program[name].dimension}f", name) for name in read]
+            content.append((self._poses, "16f/i", "node_from_instance"))
+            vertex_array = self.ctx.vertex_array(program, content, self._indices, index_element_size=4)
+            self._vertex_arrays[program] = vertex_array
+        self._vertex_arrays[program].render(self.mode, instances=self.instances)
+
+    def release(self) -> None:
+        """Free the GPU memory."""
+        buffers = [*self.attributes.values(), self._poses, *([self._indices] if self._indices else [])]
+        for resource in [*self._vertex_arrays.values(), *buffers]:
+            resource.release()
+
+
+class UploadedTexture:
+    """A Texture with its Sampler, as pyrender sets them: 8 bits, not decoded, with mip levels unless told otherwise.
+
+    `mirror` (2,): 1 along axes that are folded in the shader (glsl/texture.glsl).
+    """
+
+    def __init__(self, ctx: moderngl.Context, texture):
+        pixels = texture.source if texture.source.ndim == 3 else texture.source[..., None]
+        height, width, channels = pixels.shape
+        self.texture = ctx.texture((width, height), channels, np.ascontiguousarray(pixels[::-1]), alignment=1)
+        self.texture.build_mipmaps()
+        sampler = texture.sampler
+        self.texture.filter = (
+            sampler.minFilter or moderngl.LINEAR_MIPMAP_LINEAR,
+            sampler.magFilter or moderngl.LINEAR,
+        )
+        wrap = sampler.wrapS, sampler.wrapT
+        self.texture.repeat_x, self.texture.repeat_y = (axis == _REPEAT for axis in wrap)
+        self.mirror = [float(axis == _MIRROR) for axis in wrap]
+
+    def release(self) -> None:
+        """Free the GPU memory."""
+        self.texture.release()
+
+
+class Uploads:
+    """What `upload(ctx, item)` makes of the primitives or textures of the scene at hand.
+
+    `sources(item)`: the objects that it was made from; it is made anew when one of them is another object. Arrays that
+    are changed in place are not noticed, as in pyrender.
+    """
+
+    def __init__(self, ctx: moderngl.Context, upload: type, sources: Callable[[object], tuple]):
+        self.ctx, self._upload, self._sources = ctx, upload, sources
+        self._held: dict[int, tuple] = {}
+
+    def keep(self, items: Iterable) -> None:
+        """Upload what is missing or stale of `items`, and free everything else."""
+        held, self._held = self._held, {}
+        for item in items:
+            if id(item) in self._held:
+                continue
+            sources = self._sources(item)
+            _, before, uploaded = held.pop(id(item), (None, (), None))
+            if uploaded and not _same(before, sources):
+                uploaded.release()
+                uploaded = None
+            # Holding `item` keeps its id from being taken by another object.
+            self._held[id(item)] = item, sources, uploaded or self._upload(self.ctx, item)
+        for *_, uploaded in held.values():
+            uploaded.release()
+
+    def __getitem__(self, item):
+        return self._held[id(item)][2]
+
+    def release(self) -> None:
+        """Free the GPU memory."""
+        self.keep(())
+
+
+def primitive_sources(primitive) -> tuple:
+    """What an UploadedPrimitive is made from."""
+    return (*(getattr(primitive, field) for field in ATTRIBUTES.values()), primitive.indices, primitive.poses,
+            primitive.mode)  # fmt: skip
+
+
+def texture_sources(texture) -> tuple:
+    """What an UploadedTexture is made from."""
+    sampler = texture.sampler
+    return texture.source, sampler.minFilter, sampler.magFilter, sampler.wrapS, sampler.wrapT
+
+
+def _same(a: tuple, b: tuple) -> bool:
+    return len(a) == len(b) and all(x is y or (isinstance(x, int) and x == y) for x, y in zip(a, b, strict=True))
+
+
+def _floats(array: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(array, np.float32)

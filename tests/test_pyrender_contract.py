@@ -1,0 +1,147 @@
+"""The drop-in's errors, its sizes, and what stays on the GPU between renders."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from pyrender_scenes import SIZE, empty, from_behind, material, quad, solids, textured, translation
+
+from gsgi.runtime.errors import FileError, FormatError, UnsupportedError
+from gsgi.runtime.pyrender import OffscreenRenderer, RenderFlags, frame, uploads
+
+
+@pytest.fixture
+def renderer(pyrender, current_again):
+    result = OffscreenRenderer(*SIZE)
+    yield result
+    if result._ctx:
+        result.delete()
+
+
+def test_the_module_needs_no_pyrender():
+    code = (
+        "import sys; sys.modules['pyrender'] = None; import gsgi.runtime.pyrender; assert 'OpenGL' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_a_scene_without_a_camera(pyrender, renderer):
+    with pytest.raises(ValueError, match="Cannot render scene without a camera"):
+        renderer.render(pyrender.Scene())
+
+
+def test_after_delete(renderer):
+    renderer.delete()
+    with pytest.raises(AttributeError):
+        renderer.render(empty())
+    with pytest.raises(AttributeError):
+        renderer.delete()
+
+
+def test_shadows_of_point_lights(pyrender, renderer):
+    with pytest.raises(NotImplementedError, match="Shadows not implemented for point lights"):
+        renderer.render(solids(), RenderFlags.SHADOWS_ALL)
+    renderer.render(solids(lit=False), RenderFlags.SHADOWS_ALL)
+
+
+@pytest.mark.parametrize("flag", [RenderFlags.VERTEX_NORMALS, RenderFlags.FACE_NORMALS])
+def test_normals_are_not_drawn(renderer, flag):
+    with pytest.raises(UnsupportedError, match="VERTEX_NORMALS"):
+        renderer.render(solids(), flag)
+
+
+def test_specular_glossiness(pyrender, renderer):
+    scene = empty()
+    scene.add(quad(material=pyrender.material.SpecularGlossinessMaterial()))
+    with pytest.raises(UnsupportedError, match="SpecularGlossinessMaterial"):
+        renderer.render(scene)
+    assert renderer.render(scene, RenderFlags.DEPTH_ONLY).any()
+
+
+def test_files_of_indirect_light(tmp_path):
+    with pytest.raises(FileError, match=r"absent\.gsgi"):
+        OffscreenRenderer(*SIZE, gi=tmp_path / "absent.gsgi")
+    (tmp_path / "broken.gsgi").write_bytes(b"no bake")
+    with pytest.raises(FormatError, match=r"broken\.gsgi"):
+        OffscreenRenderer(*SIZE, gi=str(tmp_path / "broken.gsgi"))
+
+
+def test_the_size_may_change(renderer):
+    scene = solids()
+    before, _ = renderer.render(scene)
+    renderer.viewport_width, renderer.viewport_height = 50, 40.0
+    color, depth = renderer.render(scene)
+    assert color.shape == (40, 50, 3)
+    assert depth.shape == (40, 50)
+    assert (renderer.viewport_width, renderer.viewport_height) == (50, 40)
+    renderer.viewport_width, renderer.viewport_height = SIZE
+    assert np.array_equal(renderer.render(scene)[0], before)
+
+
+@pytest.fixture
+def made(monkeypatch) -> list:
+    """Primitives and textures in the order of their uploads."""
+    items = []
+
+    def counted(kind):
+        def upload(ctx, item):
+            items.append(item)
+            return kind(ctx, item)
+
+        return upload
+
+    monkeypatch.setattr(frame, "UploadedPrimitive", counted(uploads.UploadedPrimitive))
+    monkeypatch.setattr(frame, "UploadedTexture", counted(uploads.UploadedTexture))
+    return items
+
+
+def test_only_what_changed_is_uploaded_again(pyrender, made, renderer):
+    scene = textured()
+    node = next(iter(scene.mesh_nodes))
+    primitive = node.mesh.primitives[0]
+    first, _ = renderer.render(scene)
+    assert len(made) == 6  # a primitive and five textures
+    assert np.array_equal(renderer.render(scene)[0], first)
+    scene.set_pose(node, translation(0.3, 0, 0))
+    moved, _ = renderer.render(scene)
+    assert not np.array_equal(moved, first)
+    assert len(made) == 6
+    primitive.positions = primitive.positions - np.float32([0.3, 0, 0])
+    back, _ = renderer.render(scene)
+    assert made[6:] == [primitive]
+    # Moved there and back: positions round, so that an edge may lose a sample.
+    assert (np.abs(back.astype(int) - first) > 1).mean() < 0.01
+    primitive.material.baseColorTexture.source = np.zeros((2, 2, 4), np.uint8)
+    assert not np.array_equal(renderer.render(scene)[0], back)
+    assert made[7:] == [primitive.material.baseColorTexture]
+
+
+def test_what_left_the_scene_is_freed(renderer):
+    scene = solids()
+    full, _ = renderer.render(scene)
+    removed = next(node for node in scene.mesh_nodes if node.name == "ball")
+    scene.remove_node(removed)
+    assert not np.array_equal(renderer.render(scene)[0], full)
+    assert len(renderer._frame._primitives._held) == 2
+    renderer.render(from_behind())
+    assert len(renderer._frame._primitives._held) == 1
+
+
+def test_two_renderers_do_not_disturb_each_other(renderer):
+    other = OffscreenRenderer(40, 30)
+    expected, _ = renderer.render(solids())
+    small, _ = other.render(solids())
+    assert np.array_equal(renderer.render(solids())[0], expected)
+    assert np.array_equal(other.render(solids())[0], small)
+    other.delete()
+    assert np.array_equal(renderer.render(solids())[0], expected)
+
+
+def test_what_is_invisible_is_not_drawn(pyrender, renderer):
+    scene = empty()
+    mesh = quad(material=material())
+    scene.add(mesh)
+    assert renderer.render(scene, RenderFlags.DEPTH_ONLY).any()
+    mesh.is_visible = False
+    assert not renderer.render(scene, RenderFlags.DEPTH_ONLY).any()
