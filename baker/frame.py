@@ -9,30 +9,35 @@ from gsgi.runtime.layers import LAYERS
 from gsgi.runtime.scene import Scene
 
 
-def draw(scene: Scene, baked: Bake | None, camera: Camera, width: int, height: int, backend: str) -> dict:
+def draw(
+    scene: Scene, baked: Bake | None, camera: Camera, width: int, height: int, backend: str, device: int | None = None
+) -> dict:
     """Every layer of one deferred frame: name -> (H, W, 3) float32, depth (H, W)."""
-    with _renderer(scene, baked, width, height, backend) as renderer:
+    with _renderer(scene, baked, width, height, backend, device) as renderer:
         renderer.render(camera)
         return {layer: renderer.read(layer) for layer in LAYERS}
 
 
-def costs(scene: Scene, baked: Bake | None, camera: Camera, width: int, height: int, backend: str) -> list[dict]:
-    """One row for each pass of a frame, as soon as all is compiled and uploaded."""
+def costs(
+    scene: Scene, baked: Bake | None, camera: Camera, width: int, height: int, backend: str, device: int | None = None
+) -> tuple[str, list[dict]]:
+    """The driver, and one row for each pass of a frame once all is compiled and uploaded."""
+    from gsgi.runtime.context import renderer_string
     from gsgi.runtime.profile import Profile
 
-    with _renderer(scene, baked, width, height, backend) as renderer:
+    with _renderer(scene, baked, width, height, backend, device) as renderer:
         renderer.render(camera)
         renderer.render(camera, profile := Profile(renderer.gbuffer.ctx))
-    return [vars(cost) for cost in profile.passes]
+        return renderer_string(renderer.gbuffer.ctx), [vars(cost) for cost in profile.passes]
 
 
 @contextmanager
-def _renderer(scene: Scene, baked: Bake | None, width: int, height: int, backend: str) -> Iterator:
+def _renderer(scene: Scene, baked: Bake | None, width: int, height: int, backend: str, device: int | None) -> Iterator:
     """In a context of its own."""
     from gsgi.runtime.context import create_context
     from gsgi.runtime.renderer import DeferredRenderer
 
-    context = create_context(backend)
+    context = create_context(backend, device)
     renderer = DeferredRenderer(context, scene, baked, width, height)
     try:
         yield renderer

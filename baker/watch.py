@@ -14,7 +14,7 @@ MEMORY = 0.98  # of the running mean of the loss, per iteration
 
 
 class Look(NamedTuple):
-    """After so many iterations and seconds of fitting: Gaussians, and loss and PSNR (dB) of B in held-out views."""
+    """After so many iterations and seconds of fitting: Gaussians of both levels, loss and PSNR (dB) of held-out B."""
 
     iteration: int
     seconds: float
@@ -53,10 +53,11 @@ class Watch:
     def _look(self, iteration: int, gaussians: Gaussians) -> None:
         before = time.perf_counter()
         baked = self._baked(gaussians)
-        self._note = f", {len(gaussians)} Gaussians"
+        count = len(baked.gaussians) + len(baked.coarse or ())
+        self._note = f", {count} Gaussians"
         if self._held_out:
             loss, psnr = self._held_out.of(baked)
-            self.looks.append(Look(iteration, before - self._start, len(gaussians), loss, psnr))
+            self.looks.append(Look(iteration, before - self._start, count, loss, psnr))
             self._note += f", held-out {psnr:.1f} dB"
         if self._preview:
             self._preview.draw(iteration, baked)

@@ -60,17 +60,18 @@ class OSMesa:
         self.handle = None
 
 
-def create_context(backend: str = "auto") -> moderngl.Context:
+def create_context(backend: str = "auto", device: int | None = None) -> moderngl.Context:
     """OpenGL 3.3 core context without a window: `backend` "egl", "osmesa" or "auto" (EGL, then OSMesa).
 
-    The context becomes current; `with ctx:` makes it current again after another one was used. Raises
-    UnsupportedError that says what was tried and what to install.
+    `device`: which of EGL's devices, from 0; then nothing but EGL is tried. The context becomes current; `with ctx:`
+    makes it current again after another one was used. Raises UnsupportedError that says what was tried and what to
+    install.
     """
-    names = {"auto": ("egl", "osmesa"), "egl": ("egl",), "osmesa": ("osmesa",)}[backend]
+    names = {"auto": ("egl", "osmesa"), "egl": ("egl",), "osmesa": ("osmesa",)}[backend if device is None else "egl"]
     reasons = []
     for name in names:
         try:
-            source = {"backend": "egl"} if name == "egl" else {"context": OSMesa()}
+            source = {"backend": "egl", "device_index": device or 0} if name == "egl" else {"context": OSMesa()}
             return moderngl.create_context(standalone=True, require=REQUIRED_VERSION, **source)
         except Exception as error:  # moderngl raises bare Exception
             reasons.append(f"{name}: {' '.join(str(error).split())}")

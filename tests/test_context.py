@@ -32,6 +32,13 @@ def test_each_backend_draws_floats(backends):
         assert len(child.stdout.splitlines()) == 1
 
 
+def test_a_device_that_is_not_there_is_not_replaced_by_another(gl):
+    with pytest.raises(UnsupportedError, match="egl: ") as caught:
+        create_context("auto", device=99)
+    assert "osmesa:" not in str(caught.value)
+    gl.__enter__()
+
+
 def test_renderer_string_names_driver_and_version(gl):
     assert gl.info["GL_RENDERER"] in renderer_string(gl)
     assert gl.info["GL_VERSION"] in renderer_string(gl)

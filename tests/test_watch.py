@@ -13,14 +13,15 @@ SLOW = 0.05  # s that a look takes
 
 def slow(baked) -> tuple[float, float]:
     time.sleep(SLOW)
-    return 1 / len(baked.gaussians), 10.0 + len(baked.gaussians)
+    count = len(baked.gaussians) + len(baked.coarse)
+    return 1 / count, 10.0 + count
 
 
 def watched(iterations: int, losses, held_out=slow, preview=None, first: int = 1):
     """The watch after a fit whose Gaussians become more and more, and all that it told the progress."""
     told = []
     lights = held_out and SimpleNamespace(of=held_out)
-    baked = lambda gaussians: SimpleNamespace(gaussians=gaussians)  # noqa: E731
+    baked = lambda gaussians: SimpleNamespace(gaussians=gaussians[2:], coarse=gaussians[:2])  # noqa: E731
     watch = Watch(lambda amount, note: told.append((amount, note)), lights, baked, iterations, preview)
     for iteration, loss in zip(range(first, iterations + 1), losses, strict=False):
         watch(iteration, loss, lambda count=7 + iteration: [None] * count)
@@ -54,7 +55,7 @@ def test_the_seconds_of_looking_do_not_count():
 
 def test_the_preview_draws_what_is_looked_at():
     drawn = []
-    draw = lambda iteration, baked: drawn.append((iteration, len(baked.gaussians)))  # noqa: E731
+    draw = lambda iteration, baked: drawn.append((iteration, 2 + len(baked.gaussians)))  # noqa: E731
     watch, _ = watched(2 * LOOKS, np.ones(2 * LOOKS), lambda *_: (0.5, 20.0), SimpleNamespace(draw=draw))
     assert drawn == [(look.iteration, look.gaussians) for look in watch.looks]
 
@@ -62,7 +63,7 @@ def test_the_preview_draws_what_is_looked_at():
 def test_gaussians_that_nobody_looks_at_are_not_asked_for():
     """To make them takes time."""
     asked = []
-    baked = lambda gaussians: SimpleNamespace(gaussians=gaussians)  # noqa: E731
+    baked = lambda gaussians: SimpleNamespace(gaussians=gaussians[2:], coarse=gaussians[:2])  # noqa: E731
     watch = Watch(lambda *_: None, SimpleNamespace(of=lambda baked: (0.5, 20.0)), baked, 4 * LOOKS, None)
     for iteration in range(1, 9):
         watch(iteration, 1.0, lambda iteration=iteration: asked.append(iteration) or [None])

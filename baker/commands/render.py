@@ -21,7 +21,8 @@ def add(commands) -> None:
     parser.add_argument("--gi", metavar="FILE", help="baked light (.gsgi); without it, primary light only")
     shared.add_picture(parser)
     parser.add_argument("--backend", choices=("egl", "osmesa", "auto"), default="auto", help="OpenGL without a display")
-    parser.add_argument("--profile", action="store_true", help="print what each pass of the frame costs")
+    parser.add_argument("--device", type=int, metavar="N", help="draw on this device of EGL, from 0")
+    parser.add_argument("--profile", action="store_true", help="print the driver and what each pass of the frame costs")
 
 
 def run(options: argparse.Namespace) -> None:
@@ -44,15 +45,16 @@ def run(options: argparse.Namespace) -> None:
     baked = None if options.gi is None else read_bake(options.gi)
     if baked is not None and baked.scene not in (0, fingerprint(scene)):
         progress.warn(f"{options.gi}: was baked for other geometry than {options.scene}; its light may not fit")
-    frame = scene, baked, choose_camera(scene, options), *options.size, options.backend
+    frame = scene, baked, choose_camera(scene, options), *options.size, options.backend, options.device
     write_layer(options.output, options.layer, draw(*frame)[options.layer], options.exposure)
     if options.profile:
-        print_costs(costs(*frame))
+        print_costs(*costs(*frame))
 
 
-def print_costs(rows: list[dict]) -> None:
-    """A table with a last row for all passes."""
+def print_costs(driver: str, rows: list[dict]) -> None:
+    """The driver, and a table with a last row for all passes."""
     everything = {"name": "all", **{column: sum(row[column] for row in rows) for column in ("gpu_ms", "cpu_ms")}}
+    print(driver)
     print(f"{'pass':<22}{'gpu ms':>9}{'cpu ms':>9}{'quads':>9}{'fragments':>12}")
     for row in [*rows, everything | {"quads": 0, "fragments": ""}]:
         times = f"{row['gpu_ms']:>9.2f}{row['cpu_ms']:>9.2f}"
