@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-RUNTIME = sorted((ROOT / "runtime").glob("*.py"))
+RUNTIME = sorted((ROOT / "runtime").rglob("*.py"))
 BAKER = sorted((ROOT / "baker").rglob("*.py"))
 GL_MODULES = {"context", "shader", "geometry", "gbuffer", "background", "shadow", "primary", "splat", "composite"}
 GL_MODULES |= {"renderer", "gaussian_textures", "surface_splat"}
-DATA_MODULES = sorted({path.stem for path in RUNTIME} - GL_MODULES - {"__init__"})
+DATA_MODULES = sorted({path.stem for path in (ROOT / "runtime").glob("*.py")} - GL_MODULES - {"__init__"})
 
 
 def imports(path: Path, module_level: bool = False) -> set[str]:
@@ -62,6 +62,11 @@ def test_a_data_module_loads_numpy_alone(module):
 def test_help_loads_nothing_heavy():
     started = loaded_by("pass")
     assert loaded_by("from gsgi.baker import cli; cli.parser().format_help()") - started <= {"gsgi"}
+
+
+def test_the_pytest_plugin_loads_pytest_alone():
+    """It is loaded in every run of every project that has gsgi installed."""
+    assert loaded_by("import gsgi.runtime.testing.plugin") - loaded_by("import pytest") <= {"gsgi"}
 
 
 def test_only_the_codec_knows_the_bytes_of_a_file():
