@@ -19,7 +19,7 @@ SCENE = Path(__file__).parent / "scenes" / "cornell.glb"
 @pytest.mark.parametrize("camera", ["front", "corner"])
 def test_the_room_looks_as_it_did(gsgi_render, assert_screenshot, camera):
     frame = gsgi_render(SCENE, camera, size=(160, 120), exposure=2.0)  # (120, 160, 3) uint8; bake="room.gsgi" adds GI
-    assert_screenshot(frame, f"cornell-{camera}")
+    assert_screenshot(frame, f"cornell-{camera}", max_ratio=0.005)  # drivers disagree where shadows end
 
 
 def test_the_room_has_its_shape(gsgi_render, assert_screenshot):

@@ -30,19 +30,19 @@ def draw(
     With a `layer` ("final", "primary", "indirect", "albedo", "normal" or "depth") its values, linear: (H, W, 3)
     float32, depth (H, W). `scene` and `bake` are records or files; a scene file comes with the light of the
     .lights.toml beside it. `camera` is one, or the name of one of the scene's; None: its first. The exposure is fixed,
-    since one that follows the frame would hide that the frame became darker. Raises UsageError for a camera that the
-    scene lacks, and what the readers raise.
+    since one that follows the frame would hide that the frame became darker. Leaves `context` current. Raises
+    UsageError for a camera that the scene lacks, and what the readers raise.
     """
     scene = scene if isinstance(scene, Scene) else _read_scene(Path(scene))
     bake = codec.decode(Path(bake).read_bytes()) if isinstance(bake, str | Path) else bake
     camera = camera if isinstance(camera, Camera) else _camera_of(scene, camera)
-    with context:
-        renderer = DeferredRenderer(context, scene, bake, *size)
-        try:
-            renderer.render(camera)
-            return renderer.display(exposure) if layer is None else renderer.read(layer)
-        finally:
-            renderer.release()
+    context.__enter__()  # makes it current; `with` would leave no context current at its end
+    renderer = DeferredRenderer(context, scene, bake, *size)
+    try:
+        renderer.render(camera)
+        return renderer.display(exposure) if layer is None else renderer.read(layer)
+    finally:
+        renderer.release()
 
 
 def _read_scene(path: Path) -> Scene:
