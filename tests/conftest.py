@@ -8,6 +8,8 @@ import pytest
 from gsgi.runtime.context import create_context
 from gsgi.runtime.errors import UnsupportedError
 
+pytest_plugins = ["pytester"]
+
 
 @pytest.fixture(scope="session")
 def gl():
@@ -18,6 +20,12 @@ def gl():
         pytest.skip(str(error))
     yield ctx
     ctx.release()
+
+
+@pytest.fixture(scope="session")
+def gsgi_context(gl):
+    """The plugin for screenshots draws in the same context."""
+    return gl
 
 
 @pytest.fixture(scope="session")

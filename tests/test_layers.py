@@ -12,8 +12,16 @@ ROOT = Path(__file__).resolve().parents[1]
 RUNTIME = sorted((ROOT / "runtime").rglob("*.py"))
 BAKER = sorted((ROOT / "baker").rglob("*.py"))
 GL_MODULES = {"context", "shader", "geometry", "gbuffer", "background", "shadow", "primary", "splat", "composite"}
-GL_MODULES |= {"renderer", "gaussian_textures", "surface_splat", "pyrender"}
-DATA_MODULES = sorted({path.stem for path in RUNTIME if path.parent.name == "runtime"} - GL_MODULES - {"__init__"})
+GL_MODULES |= {
+    "renderer",
+    "gaussian_textures",
+    "surface_splat",
+    "surface_targets",
+    "indirect_light",
+    "gl_state",
+    "profile",
+}
+DATA_MODULES = sorted({path.stem for path in (ROOT / "runtime").glob("*.py")} - GL_MODULES - {"__init__"})
 
 
 def imports(path: Path, module_level: bool = False) -> set[str]:
@@ -62,6 +70,11 @@ def test_a_data_module_loads_numpy_alone(module):
 def test_help_loads_nothing_heavy():
     started = loaded_by("pass")
     assert loaded_by("from gsgi.baker import cli; cli.parser().format_help()") - started <= {"gsgi"}
+
+
+def test_the_pytest_plugin_loads_pytest_alone():
+    """It is loaded in every run of every project that has gsgi installed."""
+    assert loaded_by("import gsgi.runtime.testing.plugin") - loaded_by("import pytest") <= {"gsgi"}
 
 
 def test_only_the_codec_knows_the_bytes_of_a_file():

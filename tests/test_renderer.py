@@ -88,6 +88,14 @@ def test_the_final_image_is_primary_plus_albedo_times_indirect(gl, make, splat_s
     assert np.allclose(layers["final"], expected, rtol=2e-3, atol=1e-5)
 
 
+@pytest.mark.parametrize(("make", "name"), [(bake, "over"), (surface_bake, "surface")])
+def test_the_frame_looks_as_it_did(gl, assert_screenshot, make, name):
+    """Every pass at once. llvmpipe and softpipe disagree on 1.6 pixels in a thousand, at edges and in shadows."""
+    layers = render(gl, full_scene(), make())
+    assert_screenshot(layers["display"], name, max_ratio=0.005)
+    assert_screenshot(layers["indirect"], name, max_ratio=0.005)
+
+
 def test_the_display_is_the_tone_mapped_final_image(gl):
     layers = render(gl, full_scene(), bake(), exposure=2.5)
     expected = to_uint8(tone_map(layers["final"], 2.5)).astype(int)

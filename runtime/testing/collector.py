@@ -1,0 +1,71 @@
+"""What a whole run did with screenshots: the report, and the lines at its end."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from .golden import golden_in, unused
+from .record import Record, records_in
+from .report import html
+
+REPORT = "report.html"
+# What failures of any run leave beside the report (see ScreenshotAssertion).
+_PICTURE = re.compile(r".+-[0-9a-f]{8}-(actual|expected|difference)\.(png|exr)")
+
+
+class Collector:
+    """A plugin for the process that reports: gathers the records of all tests, wherever those ran."""
+
+    def __init__(self, config: pytest.Config, output: Path):
+        self.root, self.output = config.rootpath, output
+        self.records: list[Record] = []
+        self.finished: dict[str, bool] = {}  # test file: did all of its tests come to their end and pass?
+        option = config.option
+        # Those that select tests: golden images of the others are in use, too.
+        selected = (getattr(option, name, None) for name in ("keyword", "markexpr", "deselect", "lf", "collectonly"))
+        self.whole = not any(selected) and not any("::" in argument for argument in config.args)
+
+    def pytest_deselected(self, items) -> None:
+        self.whole = self.whole and not items
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        file = report.nodeid.partition("::")[0]
+        self.finished[file] = self.finished.get(file, True) and report.passed
+        if report.when == "teardown":
+            self.records += records_in(report.user_properties)
+
+    def pytest_sessionfinish(self, session: pytest.Session, exitstatus: int) -> None:
+        ended = exitstatus in (pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED)
+        self.whole = self.whole and ended and not session.shouldstop and not session.shouldfail
+        if not self.records:
+            return
+        failed = self._of("failed")
+        kept = {Path(path).name for record in failed for path in record.pictures.values()}
+        for path in self.output.glob("*"):
+            if path.name == REPORT or (_PICTURE.fullmatch(path.name) and path.name not in kept):
+                path.unlink()
+        if failed:
+            (self.output / REPORT).write_text(html(failed, self.root), encoding="utf-8")
+
+    def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
+        written, failed, idle = self._of("written"), self._of("failed"), self._unused()
+        if not (written or failed or idle):
+            return
+        terminalreporter.section("screenshots")
+        for record in written:
+            terminalreporter.line(f"golden image written: {record.used}")
+        if failed:
+            terminalreporter.line(f"{len(failed)} failed: {self.output / REPORT}")
+        for path in idle:
+            terminalreporter.line(f"golden image that no test asked for: {path.relative_to(self.root)}")
+
+    def _of(self, outcome: str) -> list[Record]:
+        return [record for record in self.records if record.outcome == outcome]
+
+    def _unused(self) -> list[Path]:
+        """Golden images without a test, as far as this run can tell: none where it left tests out."""
+        if not (self.whole and self.records):
+            return []
+        files = {self.root / file for file, finished in self.finished.items() if finished}
+        return unused(files, {golden_in(self.root / record.golden) for record in self.records})

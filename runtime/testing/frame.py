@@ -1,0 +1,59 @@
+"""One frame of a scene, as a test asks for it."""
+
+from pathlib import Path
+
+import moderngl
+import numpy as np
+
+from .. import codec
+from ..camera import Camera
+from ..errors import UsageError
+from ..gaussians import Bake
+from ..gltf import read_gltf
+from ..lighting import Lighting, beside, light, read_lights
+from ..renderer import DeferredRenderer
+from ..scene import Scene
+
+
+def draw(
+    context: moderngl.Context,
+    scene: Scene | str | Path,
+    camera: Camera | str | None = None,
+    size: tuple[int, int] = (160, 120),
+    *,
+    bake: Bake | str | Path | None = None,
+    layer: str | None = None,
+    exposure: float = 1.0,
+) -> np.ndarray:
+    """A frame of `size` (width, height) px, row 0 on top: (H, W, 3) uint8 under `exposure` and the tone curve.
+
+    With a `layer` ("final", "primary", "indirect", "albedo", "normal" or "depth") its values, linear: (H, W, 3)
+    float32, depth (H, W). `scene` and `bake` are records or files; a scene file comes with the light of the
+    .lights.toml beside it. `camera` is one, or the name of one of the scene's; None: its first. The exposure is fixed,
+    since one that follows the frame would hide that the frame became darker. Leaves `context` current. Raises
+    UsageError for a camera that the scene lacks, and what the readers raise.
+    """
+    scene = scene if isinstance(scene, Scene) else _read_scene(Path(scene))
+    bake = codec.decode(Path(bake).read_bytes()) if isinstance(bake, str | Path) else bake
+    camera = camera if isinstance(camera, Camera) else _camera_of(scene, camera)
+    context.__enter__()  # makes it current; `with` would leave no context current at its end
+    renderer = DeferredRenderer(context, scene, bake, *size)
+    try:
+        renderer.render(camera)
+        return renderer.display(exposure) if layer is None else renderer.read(layer)
+    finally:
+        renderer.release()
+
+
+def _read_scene(path: Path) -> Scene:
+    lights = beside(path)
+    return light(read_gltf(path), Lighting(**read_lights(lights)) if lights else Lighting())
+
+
+def _camera_of(scene: Scene, name: str | None) -> Camera:
+    known = ", ".join(map(repr, scene.cameras)) or "none"
+    if name is None and scene.cameras:
+        return next(iter(scene.cameras.values()))
+    if name not in scene.cameras:
+        raise UsageError(f"expected a camera, or the name of one of the scene's ({known}), got {name!r}")
+    return scene.cameras[name]

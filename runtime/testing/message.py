@@ -1,0 +1,60 @@
+"""What a failed comparison says."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from .comparison import TILE, Difference, Tolerance, pixel_hash
+from .driver import Driver
+
+HASH_LENGTH = 16  # hexadecimal digits that are shown: enough to tell two pictures apart
+
+
+def missing(name: str, candidates: Sequence[str]) -> str:
+    """No golden image was found."""
+    return "\n".join([f"screenshot {name!r} has no golden image; looked for", *(f"  {path}" for path in candidates)])
+
+
+def other_size(name: str, golden: str, actual: np.ndarray, expected: np.ndarray) -> str:
+    """The images cannot be compared."""
+    sizes = [f"{image.shape[1]} x {image.shape[0]}" for image in (actual, expected)]
+    return f"screenshot {name!r} is {sizes[0]} px, its golden image {golden} is {sizes[1]}"
+
+
+def differs(
+    name: str,
+    golden: str,
+    driver: Driver,
+    actual: np.ndarray,
+    expected: np.ndarray,
+    difference: Difference,
+    tolerance: Tolerance,
+) -> str:
+    """The images differ by more than the tolerance."""
+    unit = "of the range" if actual.dtype == np.uint8 else "of the golden value"
+    x, y = difference.tile
+    right, bottom = min(x + TILE, actual.shape[1]), min(y + TILE, actual.shape[0])
+    hashes = " / ".join(pixel_hash(image)[:HASH_LENGTH] for image in (actual, expected))
+    rows = {
+        "driver": driver.key,
+        "difference": f"max {_percent(difference.largest)}, mean {_percent(difference.mean)} {unit}",
+        "pixels off": f"{_percent(difference.ratio)} by more than {_percent(tolerance.difference)}"
+        f" ({_verdict(difference.ratio, tolerance.ratio, _percent)})",
+        "FLIP": f"mean {_number(difference.flip)} ({_verdict(difference.flip, tolerance.flip, _number)})",
+        "worst tile": f"x {x} to {right}, y {y} to {bottom}: FLIP mean {_number(difference.tile_flip)}",
+        "sha256": f"{hashes} (actual / golden)",
+    }
+    lines = (f"  {label:<16} {text}" for label, text in rows.items())
+    return "\n".join([f"screenshot {name!r} differs from its golden image {golden}", *lines])
+
+
+def _verdict(value: float, limit: float, spelled) -> str:
+    return f"allowed {spelled(limit)}{': too much' if value > limit else ''}"
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.4g} %"
+
+
+def _number(value: float) -> str:
+    return f"{value:.4g}"
