@@ -9,9 +9,9 @@ from html.parser import HTMLParser
 from pathlib import Path
 from xml.etree import ElementTree
 
-# Compiled modules load once per process: what a run inside a test imports first would be loaded again by the next.
-import flip_evaluator  # noqa: F401
 import numpy as np
+
+# Loaded before `pytester` notes which modules there are: it forgets later ones, and this one loads once per process.
 import OpenImageIO  # noqa: F401
 import pytest
 
@@ -58,8 +58,9 @@ class Project:
         return self.goldens / name
 
     def run(self, *options: str, passed: int = 0, failed: int = 0) -> str:
-        """What a run that passes and fails this many tests prints."""
-        result = self.pytester.runpytest("-p", "no:dash", "-p", "no:cacheprovider", *options)
+        """What a run that passes and fails this many tests prints. In a process of its own: a run inside this one would
+        load compiled modules a second time."""
+        result = self.pytester.runpytest_subprocess("-p", "no:dash", "-p", "no:cacheprovider", *options)
         result.assert_outcomes(passed=passed, failed=failed)
         return result.stdout.str() + result.stderr.str()
 
@@ -257,7 +258,7 @@ def test_an_update_for_a_driver_leaves_the_others_alone(project, whose, name):
 @pytest.mark.parametrize("option", ["--gsgi-update", "--gsgi-update-for=driver"])
 def test_no_golden_is_written_in_ci(project, monkeypatch, option):
     monkeypatch.setenv("CI", "true")
-    result = project.pytester.runpytest("-p", "no:dash", option)
+    result = project.pytester.runpytest_subprocess("-p", "no:dash", option)
     assert result.ret == pytest.ExitCode.USAGE_ERROR
     result.stderr.fnmatch_lines("*golden images are not written where CI is set*")
     project.run(failed=1)
@@ -308,7 +309,7 @@ def test_a_file_with_a_test_that_did_not_end_lists_none(project):
     project.write(TEST + rest.format("assert False"))
     assert "no test asked" not in project.run(passed=1, failed=1)
     project.write(TEST + "import pytest\n" + rest.format("pytest.skip()"))
-    result = project.pytester.runpytest("-p", "no:dash")
+    result = project.pytester.runpytest_subprocess("-p", "no:dash")
     assert "no test asked" not in result.stdout.str()
 
 
@@ -334,15 +335,15 @@ def no_driver():
 def test_a(assert_screenshot): pass
 def test_b(gsgi_render): pass
 """)
-    result = project.pytester.runpytest("-p", "no:dash", "-rs")
+    result = project.pytester.runpytest_subprocess("-p", "no:dash", "-rs")
     result.assert_outcomes(skipped=2)
     assert "no OpenGL here" in result.stdout.str()
-    result = project.pytester.runpytest("-p", "no:dash", "--gsgi-backend=egl")
+    result = project.pytester.runpytest_subprocess("-p", "no:dash", "--gsgi-backend=egl")
     result.assert_outcomes(errors=2)
 
 
-def test_without_flip_it_is_said_what_to_install(project, monkeypatch):
-    monkeypatch.setitem(sys.modules, "flip_evaluator", None)
+def test_without_flip_it_is_said_what_to_install(project):
+    project.pytester.makeconftest(f"import sys\nsys.modules['flip_evaluator'] = None\n{CONFTEST}")
     project.golden("a.png", PICTURE)
     project.run(passed=1)
     project.draw(PICTURE + 1)

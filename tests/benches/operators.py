@@ -3,7 +3,7 @@
 from itertools import pairwise
 from pathlib import Path
 
-from .operator_bakes import Kept, over_bakes, scene_files, surface_bakes
+from .operator_bakes import DEFAULT, Kept, over_bakes, scene_files, surface_bakes
 from .operator_frames import SCALES, splat_ms, ssim_to_full
 
 EQUAL_TO = "medium", "high"  # qualities of `over` whose SSIM `surface` is to reach
@@ -23,15 +23,17 @@ def operator_equal() -> list[dict]:
 
 
 def operator_scales() -> list[dict]:
-    """The splat pass of these `surface` bakes at full, half and quarter resolution; SSIM of B against full."""
+    """The splat pass of these `surface` bakes, and of the default one, at full, half and quarter resolution; SSIM of B
+    against full. The default stands against the default of `over`."""
     rows = []
     for path in scene_files():
-        for over, surface in matches(path):
+        default = (next(b for b in bakes(path) if b.setting == DEFAULT) for bakes in (over_bakes, surface_bakes))
+        for over, surface in [*matches(path), tuple(default)]:
             of_over = splat_ms(over)
             for scale in SCALES:
                 ms, ssim = splat_ms(surface, scale), ssim_to_full(surface, scale)
                 rows.append(
-                    {"scene": path.stem, "equal_to": over.setting, "gaussians": surface.gaussians, "splat_scale": scale}
+                    {"scene": path.stem, "over": over.setting, "surface": surface.setting, "splat_scale": scale}
                     | {"splat_ms": round(ms, 1), "of_over": round(ms / of_over, 2), "ssim_to_full": round(ssim, 5)}
                 )
     return rows
