@@ -1,5 +1,6 @@
 // Indirect light onto what a host has drawn: albedo * B. Blended ONE, ONE; alpha stays.
 #include "constants.glsl"
+#include "srgb.glsl"
 
 uniform highp sampler2D albedo;
 uniform highp sampler2D indirect;
@@ -11,8 +12,7 @@ void main() {
     ivec2 texel = ivec2(gl_FragCoord.xy);
     vec3 a = texelFetch(albedo, texel, 0).rgb;
 #if ALBEDO_SRGB
-    // IEC 61966-2-1
-    a = mix(pow((a + 0.055) / 1.055, vec3(2.4)), a / 12.92, lessThanEqual(a, vec3(0.04045)));
+    a = linear_from_srgb(a);
 #endif
     vec3 light = a * texelFetch(indirect, texel - ivec2(corner), 0).rgb;
     // Written so that a NaN in the host's albedo fails the test.

@@ -35,12 +35,7 @@ class View(NamedTuple):
             near = p[2, 3] / (p[2, 2] + 1) if reversed_depth else p[2, 3] / (p[2, 2] - 1)
         if not (np.isfinite(p).all() and np.allclose(p[3], [0, 0, -1, 0]) and near > 0):
             raise ValueError("clip_from_view: a perspective projection that looks down -z is needed")
-        width, height = size
-        pinhole = Pinhole(
-            rigid, width / 2 * p[0, 0], height / 2 * p[1, 1], width / 2 * (1 - p[0, 2]), height / 2 * (1 + p[1, 2]),
-            width, height,
-        )  # fmt: skip
-        return View(pinhole, _inverse_of_rigid(rigid), float(near))
+        return View(projected_pinhole(rigid, p, size), _inverse_of_rigid(rigid), float(near))
 
     def moved(self, origin: np.ndarray) -> "View":
         """The same relative to `origin` (3,), world space, m."""
@@ -57,6 +52,14 @@ class View(NamedTuple):
             "centre": (pinhole.cx, pinhole.cy),
             "height": float(pinhole.height),
         }
+
+
+def projected_pinhole(view_from_world: np.ndarray, clip_from_view: np.ndarray, size: tuple[int, int]) -> Pinhole:
+    """The pinhole of a perspective projection (4, 4), which may lie off the axis, at `size` (width, height) px."""
+    (width, height), p = size, clip_from_view
+    focal = p[0, 0] * width / 2, p[1, 1] * height / 2
+    centre = (1 - p[0, 2]) * width / 2, (1 + p[1, 2]) * height / 2
+    return Pinhole(view_from_world, *focal, *centre, width, height)
 
 
 def _inverse_of_rigid(matrix: np.ndarray) -> np.ndarray:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..camera import Pinhole
+from ..view import projected_pinhole
 
 
 @dataclass(frozen=True)
@@ -37,10 +38,7 @@ class Lens:
     def pinhole(self) -> Pinhole:
         """At `size`. The camera must not be orthographic."""
         assert not self.orthographic, self.projection
-        p, (width, height) = self.projection, self.size
-        focal = p[0, 0] * width / 2, p[1, 1] * height / 2
-        centre = (1 - p[0, 2]) * width / 2, (1 + p[1, 2]) * height / 2
-        return Pinhole(self.view_from_world, *focal, *centre, width, height)
+        return projected_pinhole(self.view_from_world, self.projection, self.size)
 
     def metres(self, window: np.ndarray) -> np.ndarray:
         """Depth along the view axis (float32, m; 0 where nothing is) of a depth buffer's values in [0, 1]."""
