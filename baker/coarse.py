@@ -21,6 +21,8 @@ RATES = {"place": 0.06, "turn": 0.04, "log_scale": 0.06, "logit_opacity": 0.05, 
 RATE_END = 0.1
 STEPS, SOLVE_STEPS, SOLVE_ITERATIONS, SOLVE_LAST = 60, 6, 6, 20
 
+RIDGE = 1e-3  # see colours.RIDGE, which would take from the bands of light that comes from one side
+
 # One Gaussian reaches every point of the scene and far beyond, weighing next to nothing.
 EVERYWHERE_SCALE, EVERYWHERE_OPACITY = 1.0, 1 / 255
 OPACITY = 0.5  # of the others, at first
@@ -38,11 +40,11 @@ def coarse_level(samples: SurfaceSamples, count: int, blend: SurfaceBlend, tone_
     state = SurfaceState.fresh(gaussians)
     for step in range(STEPS):
         if step % SOLVE_STEPS == 0:
-            state = replace(state, gaussians=optimiser.solve(state.gaussians, SOLVE_ITERATIONS))
+            state = replace(state, gaussians=optimiser.solve(state.gaussians, SOLVE_ITERATIONS, RIDGE))
         falling = RATE_END ** (step / STEPS)
         state, _ = optimiser.step(state, {name: falling * rate for name, rate in RATES.items()}, step + 1)
         state = replace(state, gaussians=_everywhere_again(state.gaussians, gaussians))
-    return optimiser.solve(state.gaussians, SOLVE_LAST)
+    return optimiser.solve(state.gaussians, SOLVE_LAST, RIDGE)
 
 
 def _everywhere_again(moved: Gaussians, start: Gaussians) -> Gaussians:

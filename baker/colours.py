@@ -15,7 +15,15 @@ RIDGE = 1e-2
 SH_BOUND = 2.0  # of band 1 the cosine lobe has 1.15 times the constant coefficient, radiance from one direction 1.73
 
 
-def solve(field, gaussians, base: np.ndarray, light: np.ndarray, importance: np.ndarray, iterations: int) -> np.ndarray:
+def solve(
+    field,
+    gaussians,
+    base: np.ndarray,
+    light: np.ndarray,
+    importance: np.ndarray,
+    iterations: int,
+    ridge: float = RIDGE,
+) -> np.ndarray:
     """Coefficients (N, K, 3) float32 that meet `light` (S, 3), radiance, at the points of `field`.
 
     Minimises sum importance |B - light|^2, `importance` (S,), from the coefficients that `gaussians`, which are those
@@ -38,12 +46,12 @@ def solve(field, gaussians, base: np.ndarray, light: np.ndarray, importance: np.
     prior = np.zeros(gaussians.sh.shape)
     prior[:, 0] = np.divide(seen[:, 0], constants.SH_C0**2 * mass[:, 0], out=prior[:, 0], where=mass[:, 0] > 0)
     unit = constants.SH_C0**2 * mass  # the mean square of every basis function is that of the constant one
-    ridge = RIDGE * unit
+    held = ridge * unit
     sh = _conjugate_gradients(
-        lambda x: transposed(weight * forward(x)) + ridge * x,
-        seen + ridge * prior,
+        lambda x: transposed(weight * forward(x)) + held * x,
+        seen + held * prior,
         gaussians.sh.astype(np.float64),
-        np.divide(1, unit + ridge, out=np.zeros_like(unit), where=unit > 0),
+        np.divide(1, unit + held, out=np.zeros_like(unit), where=unit > 0),
         iterations,
     )
     return _bounded(sh).astype(np.float32)

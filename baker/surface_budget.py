@@ -12,6 +12,7 @@ COARSE_SHARE, COARSE_MOST = 4, 1024  # one coarse Gaussian for so many, but no m
 # Samples that tell the shapes of a Gaussian and its neighbours apart; and so many in all at least, which cost next to
 # nothing, and at most.
 SAMPLES_PER_GAUSSIAN, SAMPLES_FEWEST, SAMPLES_MOST = 64, 1 << 17, 1 << 20
+FREE_PER_GAUSSIAN = 256  # in free space, for each coarse Gaussian: it has nine coefficients, normals are all directions
 
 # What the samples that one Gaussian sees may miss of its light: a fit follows noise that is larger.
 NOISE = 0.007
@@ -26,6 +27,11 @@ def coarse_count(budget: int) -> int:
 def sample_count(budget: int) -> int:
     """Surface samples that are traced."""
     return min(max(SAMPLES_PER_GAUSSIAN * budget, SAMPLES_FEWEST), SAMPLES_MOST)
+
+
+def free_count(budget: int) -> int:
+    """Samples that are traced in free space."""
+    return FREE_PER_GAUSSIAN * coarse_count(budget)
 
 
 def path_count(budget: int, noise: float) -> int:

@@ -8,8 +8,8 @@ from .fitting import Fit, Watching, kept
 from .irradiance import Sampling
 from .plan import Plan
 from .progress import Progress
-from .surface_budget import coarse_count, sample_count
-from .surface_samples import CHUNK, Sampler, SurfaceSamples
+from .surface_budget import coarse_count, free_count, sample_count
+from .surface_samples import CHUNK, Sampler, SurfaceSamples, chunk_count
 
 FREE_SHARE = 1 / 8  # samples in free space for each on a surface: Gaussians shall not reach where other light is
 
@@ -34,7 +34,7 @@ class SurfaceFits:
         from .evaluate import evaluate
 
         plan = self.plan
-        surface, free = self._traced(sample_count(budget))
+        surface, free = self._traced(sample_count(budget), free_count(budget))
         start = time.perf_counter()
         with self.progress.stage("fit", plan.settings.iterations, "iterations") as advance:
             coarse = coarse_level(free, coarse_count(budget), plan.blend, self.tone_scale, plan.settings.seed)
@@ -47,11 +47,11 @@ class SurfaceFits:
         covered = float((weight >= plan.blend.floor).mean()) if len(weight) else 1.0
         return Fit(gaussians, coarse, looks, seconds, covered)
 
-    def _traced(self, count: int) -> tuple[SurfaceSamples, SurfaceSamples]:
+    def _traced(self, count: int, free_count: int) -> tuple[SurfaceSamples, SurfaceSamples]:
         """Samples of the surfaces, and of free space."""
-        points = 2 * (-(-count // CHUNK) + 1) * CHUNK
+        points = 2 * (chunk_count(count) + chunk_count(free_count)) * CHUNK
         with self.progress.stage("irradiance", points, "points") as advance:
-            free = self.sampler.free(advance)
+            free = self.sampler.free(free_count, advance)
             surface = self.sampler.surface(count, advance)
         if paths := surface.invalid + free.invalid:
             self.progress.warn(f"{paths} paths gave no finite number and were left out")

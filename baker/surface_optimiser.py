@@ -62,12 +62,12 @@ class SurfaceOptimiser:
         self._listed = 0
         self._noise: np.ndarray | None = None
 
-    def solve(self, gaussians: Gaussians, iterations: int) -> Gaussians:
+    def solve(self, gaussians: Gaussians, iterations: int, ridge: float = colours.RIDGE) -> Gaussians:
         """With the best colours for their shapes."""
         self._list(gaussians)
         base = filling(self._field.read(gaussians), self._coarse, self.blend)
         importance = self._importance(self._read(gaussians).light)
-        sh = colours.solve(self._field, gaussians, base, self._light, importance, iterations)
+        sh = colours.solve(self._field, gaussians, base, self._light, importance, iterations, ridge)
         return replace(gaussians, sh=sh)
 
     def share(self, gaussians: Gaussians) -> np.ndarray:

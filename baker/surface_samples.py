@@ -1,7 +1,7 @@
 """Where the `surface` operator is fitted: points with B traced in two independent halves."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -57,6 +57,11 @@ def joined(parts: list[SurfaceSamples]) -> SurfaceSamples:
     return SurfaceSamples(*arrays, sum(part.invalid for part in parts))
 
 
+def chunk_count(samples: int) -> int:
+    """Chunks that hold so many; at least one."""
+    return max(-(-samples // CHUNK), 1)
+
+
 class Sampler:
     """Draws and traces samples of a scene's light. The n-th chunk is the same whatever else is asked for."""
 
@@ -68,19 +73,25 @@ class Sampler:
     def surface(self, count: int, advance: Callable[..., None]) -> SurfaceSamples:
         """At least `count` samples (whole chunks; fewer where a path found nothing) of the surfaces that the cameras
         see, as many as their area says in each camera's image. `advance(points)` is called with 2 for each."""
-        return self._chunks("surface", -(-count // CHUNK), advance, lambda seen, rng: seen.surface(CHUNK, rng))
+        chunks = chunk_count(count)
+        return joined([
+            self._chunk("surface", i, self._sampling, advance, lambda seen, rng: seen.surface(CHUNK, rng))
+            for i in range(chunks)
+        ])  # fmt: skip
 
-    def free(self, advance: Callable[..., None]) -> SurfaceSamples:
-        """CHUNK samples in the free space before the cameras, normals in all directions alike."""
-        return self._chunks("free", 1, advance, lambda seen, rng: seen.free(CHUNK, rng))
+    def free(self, count: int, advance: Callable[..., None]) -> SurfaceSamples:
+        """As many samples in the free space before the cameras, normals in all directions alike. All of them together
+        take the paths of one chunk: more places tell more than fewer paths lose."""
+        chunks = chunk_count(count)
+        sampling = replace(self._sampling, samples=-(-self._sampling.samples // chunks))
+        return joined([
+            self._chunk("free", i, sampling, advance, lambda seen, rng: seen.free(CHUNK, rng)) for i in range(chunks)
+        ])  # fmt: skip
 
-    def _chunks(self, stage: str, count: int, advance, draw) -> SurfaceSamples:
-        return joined([self._chunk(stage, i, advance, draw) for i in range(count)])
-
-    def _chunk(self, stage: str, index: int, advance, draw) -> SurfaceSamples:
+    def _chunk(self, stage: str, index: int, sampling: Sampling, advance, draw) -> SurfaceSamples:
         code = code_version(__name__, PACKAGES)
         scene, cache = scene_digest(self._light.scene), self._light.cache
-        inputs = {"cameras": self._cameras, "sampling": self._sampling, "seed": (self._seed, index)}
+        inputs = {"cameras": self._cameras, "sampling": sampling, "seed": (self._seed, index)}
         key = task_key(stage, code=code, scene=scene, **inputs)
         if found := cache.get(key):
             advance(2 * CHUNK, "from the cache")
@@ -89,7 +100,7 @@ class Sampler:
             self._seen = _look(self._light.tracer, self._cameras)
         seeds = np.random.SeedSequence((self._seed, index, stage == "free"))
         points = draw(self._seen, np.random.default_rng(seeds))
-        samples = _trace(self._light.tracer, points, self._sampling, seeds.generate_state(2).tolist(), advance)
+        samples = _trace(self._light.tracer, points, sampling, seeds.generate_state(2).tolist(), advance)
         cache.put(key, to_arrays(samples))
         return samples
 

@@ -49,11 +49,10 @@ def design(field, truth: Gaussians, inverse: np.ndarray) -> np.ndarray:
 
 # Conjugate gradients end where floats do, at some 1e-6 of the light times the condition of the problem, below 1e3.
 @pytest.mark.parametrize(("count", "coefficients"), [(60, 1), (8, 9)])
-def test_a_known_model_comes_back(monkeypatch, count, coefficients):
-    monkeypatch.setattr(colours, "RIDGE", 0.0)
+def test_a_known_model_comes_back(count, coefficients):
     truth, field = problem(count, coefficients)
     light = light_of(field.read(truth))
-    found = solve(field, black(truth), base(len(light)), light, np.ones(len(light)), 300)
+    found = solve(field, black(truth), base(len(light)), light, np.ones(len(light)), 300, ridge=0.0)
     assert found.dtype == np.float32
     np.testing.assert_allclose(found, truth.sh, atol=5e-3)
 

@@ -13,6 +13,7 @@ from gsgi.baker.surface_budget import (
     SAMPLES_MOST,
     coarse_count,
     file_bytes,
+    free_count,
     path_count,
     sample_count,
 )
@@ -39,6 +40,10 @@ def test_a_file_is_as_large_as_its_budget_says(budget):
 def test_a_quarter_is_coarse_but_one_at_least_and_not_too_many():
     assert [coarse_count(budget) for budget in (1, 2, 3, 4, 7, 8, 64)] == [1, 1, 1, 1, 1, 2, 16]
     assert coarse_count(4 * COARSE_MOST) == coarse_count(1 << 19) == COARSE_MOST
+
+
+def test_samples_in_free_space_follow_the_coarse_level():
+    assert [free_count(budget) for budget in (4, 4000, 1 << 19)] == [256, 256_000, 256 * COARSE_MOST]
 
 
 def test_more_gaussians_never_make_a_smaller_file():

@@ -46,16 +46,24 @@ def assert_same(a: SurfaceSamples, b: SurfaceSamples):
 def test_a_chunk_is_the_same_whatever_else_is_asked_for():
     one, two = sampler(scenes.furnace()), sampler(scenes.furnace())
     first = one.surface(CHUNK, ignore)
-    free = two.free(ignore)
+    free = two.free(1, ignore)
     both = two.surface(CHUNK + 1, ignore)
     assert (len(first), len(both)) == (CHUNK, 2 * CHUNK)
     assert_same(both[:CHUNK], first)
-    assert_same(one.free(ignore), free)
+    assert_same(one.free(1, ignore), free)
     assert (both.position[CHUNK:] != first.position).any()
     assert (both.indirect_a[CHUNK:] != first.indirect_a).mean() > 0.9
     other = sampler(scenes.furnace(), seed=1).surface(1, ignore)
     assert (other.position != first.position).any()
     assert (other.indirect_a != first.indirect_a).mean() > 0.9
+
+
+def test_more_samples_in_free_space_take_no_more_paths(monkeypatch):
+    taken, trace = [], surface_samples._trace
+    monkeypatch.setattr(surface_samples, "_trace", lambda *args: (taken.append(args[2]), trace(*args))[1])
+    for chunks in (1, 2, 4):
+        assert len(sampler(scenes.furnace()).free(chunks * CHUNK, ignore)) == chunks * CHUNK
+    assert taken == [replace(FEW, samples=FEW.samples // chunks) for chunks in (1, 2, 2, 4, 4, 4, 4)]
 
 
 def test_what_the_cache_holds_is_not_traced_again(tmp_path):
@@ -77,7 +85,7 @@ def test_what_the_cache_holds_is_not_traced_again(tmp_path):
         with pytest.raises(AttributeError):
             other.surface(1, ignore)
     with pytest.raises(AttributeError):
-        again.free(ignore)
+        again.free(1, ignore)
 
 
 def test_samples_lie_on_the_surfaces_that_a_camera_sees():
@@ -131,7 +139,7 @@ def test_what_two_cameras_see_gets_twice_the_samples():
 def test_free_samples_lie_in_free_space_and_face_every_way():
     solid = scenes.box(0.3, inward=False)
     camera = scenes.inside_camera()
-    samples = sampler(Scene((*scenes.box(), *solid), (scenes.WHITE,)), [camera]).free(ignore)
+    samples = sampler(Scene((*scenes.box(), *solid), (scenes.WHITE,)), [camera]).free(1, ignore)
     assert len(samples) == CHUNK
     assert np.abs(samples.position).max() < 1
     assert np.abs(samples.position).max(axis=1).min() > 0.3  # not inside the solid one
@@ -149,7 +157,7 @@ def test_free_samples_lie_in_free_space_and_face_every_way():
 def test_halves_are_independent_and_right_on_average(kind):
     """In a closed box that emits 1 at albedo 1/2 there is B = 2 everywhere, for every normal."""
     asked = sampler(scenes.furnace(), sampling=Sampling(PASS_SAMPLES))
-    samples = asked.surface(1, ignore) if kind == "surface" else asked.free(ignore)
+    samples = asked.surface(1, ignore) if kind == "surface" else asked.free(1, ignore)
     a, b = (half[:, 0] - 2.0 for half in (samples.indirect_a, samples.indirect_b))
     assert min(a.std(), b.std()) > 0.02
     assert abs(np.corrcoef(a, b)[0, 1]) < 0.06  # standard error 0.016
@@ -164,7 +172,7 @@ def test_light_in_free_space_depends_on_the_normal():
     """Over a floor that emits 1, under a black sky: a normal with cosine c to it sees (1 - c) / 2 of B = 1."""
     lamp = Material("lamp", (0.0, 0.0, 0.0, 1.0), emission=(1.0, 1.0, 1.0))
     scene = Scene((scenes.floor(1000.0),), (lamp,))
-    samples = sampler(scene, [above([0.0, 3.0, 0.0], 0.5)], sampling=Sampling(256)).free(ignore)
+    samples = sampler(scene, [above([0.0, 3.0, 0.0], 0.5)], sampling=Sampling(256)).free(1, ignore)
     expected = (1 - samples.normal[:, 1]) / 2
     np.testing.assert_allclose(samples.indirect[:, 0], expected, atol=0.15)
     assert abs((samples.indirect[:, 0] - expected).mean()) < 0.005
@@ -174,7 +182,7 @@ def test_cameras_that_see_no_surface_give_no_samples():
     sky = Scene((scenes.floor(),), (scenes.WHITE,), environment=Environment(np.ones((1, 1, 3), np.float32)))
     up = look_at(np.array([0.0, 1.0, 0.0]), np.array([0.0, 2.0, 0.0]), UP, 0.8, 0.01)
     asked = sampler(sky, [up])
-    assert len(asked.surface(1, ignore)) == len(asked.free(ignore)) == 0
+    assert len(asked.surface(1, ignore)) == len(asked.free(1, ignore)) == 0
     unlit = Scene((scenes.floor(),), (Material(unlit=True),))
     assert len(sampler(unlit, [above([0.0, 1.0, 0.0], 0.8)]).surface(1, ignore)) == 0
 
