@@ -23,7 +23,8 @@ class Splats:
         self.ctx = ctx
         self.indirect: moderngl.Texture | None = None
         self._target: moderngl.Framebuffer | None = None
-        self.position, self.radius = gaussians.position, visible_radius(gaussians, bake.blend.alpha_min)
+        self.position = np.ascontiguousarray(gaussians.position.T)
+        self.radius = visible_radius(gaussians, bake.blend.alpha_min)
         self._data = GaussianTextures(ctx, gaussians)
         self._order = ctx.buffer(reserve=max(4 * len(gaussians), 4), dynamic=True)
         self._program = program(ctx, "splat", SH_DEGREE=gaussians.sh_degree)

@@ -129,7 +129,8 @@ class _Level:
 
     def __init__(self, ctx: moderngl.Context, gaussians: Gaussians, blend: SurfaceBlend, normal_power: int):
         self.ctx = ctx
-        self.position, self.radius = gaussians.position, blend.radius * gaussians.scale.max(axis=1)
+        self.position = np.ascontiguousarray(gaussians.position.T)
+        self.radius = np.float32(blend.radius) * gaussians.scale.max(axis=1)
         self._data = GaussianTextures(ctx, gaussians)
         self._index = ctx.buffer(reserve=max(4 * len(gaussians), 4), dynamic=True)
         self._program = program(ctx, "surface", SH_DEGREE=gaussians.sh_degree, NORMAL_POWER=normal_power)

@@ -9,8 +9,8 @@ PINHOLE = look_at(np.array([0.0, 0, 5]), np.zeros(3), np.array([0.0, 1, 0]), 0.8
 
 
 def shown(position, radius=0.01):
-    position = np.asarray(position, np.float32)
-    return in_view(position, np.full(len(position), radius, np.float32), PINHOLE)
+    position = np.ascontiguousarray(np.asarray(position, np.float32).T)
+    return in_view(position, np.full(position.shape[1], radius, np.float32), PINHOLE)
 
 
 def test_in_the_order_of_the_file():

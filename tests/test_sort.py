@@ -11,8 +11,8 @@ PINHOLE = CAMERA.pinhole(160, 120)
 
 
 def order(position, radius=0.01, near=0.1):
-    position = np.asarray(position, np.float32)
-    return visible_order(position, PINHOLE, OverBlend(near), np.full(len(position), radius, np.float32))
+    position = np.ascontiguousarray(np.asarray(position, np.float32).T)
+    return visible_order(position, PINHOLE, OverBlend(near), np.full(position.shape[1], radius, np.float32))
 
 
 def test_farthest_first():
