@@ -10,9 +10,9 @@ from .gaussians import OverBlend
 def visible_order(position: np.ndarray, pinhole: Pinhole, blend: OverBlend, radius: np.ndarray) -> np.ndarray:
     """Indices (M,) uint32 of the Gaussians that may show in the image, farthest first.
 
-    `position` (3, N) float32, world space, m, one row for each axis; `radius` (N,) float32: distance from the centre, m, beyond which alpha
-    is below `blend.alpha_min`. At equal depth the file's order decides, earlier ones in front. Broken ones are left
-    out.
+    `position` (3, N) float32, world space, m, one row for each axis; `radius` (N,) float32: distance from the centre,
+    m, beyond which alpha is below `blend.alpha_min`. At equal depth the file's order decides, earlier ones in front.
+    Broken ones are left out.
     """
     size, focal = (pinhole.width, pinhole.height), (pinhole.fx, pinhole.fy)
     return _visible.visible_order(

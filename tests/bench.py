@@ -9,6 +9,7 @@ from pathlib import Path
 
 from benches.dial import dial
 from benches.fit import fit
+from benches.frame_costs import frame_costs, frame_passes
 from benches.operator_motion import operator_motion
 from benches.operator_sphere import operator_sphere
 from benches.operators import operator_bakes, operator_equal, operator_scales
@@ -23,9 +24,13 @@ from gsgi.runtime.atomic import check_writable, write_atomic
 
 ROOT = Path(__file__).resolve().parents[1]
 
+FRAMES = frame_costs, frame_passes
 OPERATOR = operator_bakes, operator_equal, operator_scales, operator_motion, operator_sphere
-BENCHES = {bench.__name__: bench for bench in (fit, stages, trace, scenes, splats, triangles, dial, quality, *OPERATOR)}
-GROUPS = {"operator": [bench.__name__ for bench in OPERATOR]}
+BENCHES = {
+    bench.__name__: bench
+    for bench in (fit, stages, trace, scenes, splats, triangles, dial, quality, *FRAMES, *OPERATOR)
+}
+GROUPS = {name: [bench.__name__ for bench in group] for name, group in (("frames", FRAMES), ("operator", OPERATOR))}
 
 
 def machine() -> dict[str, str]:
