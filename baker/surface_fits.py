@@ -11,7 +11,7 @@ from .progress import Progress
 from .surface_budget import coarse_count, free_count, sample_count
 from .surface_samples import CHUNK, Sampler, SurfaceSamples, chunk_count
 
-FREE_SHARE = 1 / 8  # samples in free space for each on a surface: Gaussians shall not reach where other light is
+FREE_SHARE = 1 / 16  # samples in free space for each on a surface: Gaussians shall not reach where other light is
 
 FIT_PACKAGES = ("numpy", "scipy")  # whose versions a fit depends on
 

@@ -30,7 +30,7 @@ SCENES = (
     SHARED / "breakfast_room/breakfast_room_sun.gltf",
     SHARED / "modern_hall/modern_hall.gltf",
 )
-MODULES = {"over": ("fit", "initialise", "traced_light"), "surface": ("surface_fit", "coarse", "surface_budget")}
+MODULES = {"over": ("fit", "initialise", "traced_light"), "surface": ("surface_fit", "surface_fits", "coarse")}
 NOT_LIGHT = "fit", "checkpoint", "reference"  # stages of the cache that are not traced light to fit
 
 DEFAULT = Settings.quality
