@@ -4,6 +4,7 @@ import moderngl
 
 from .camera import Camera
 from .geometry import Batch, Geometry
+from .permutations import defines, sampled
 from .shader import program, set_uniforms
 
 
@@ -26,7 +27,7 @@ class GBuffer:
         self.depth = ctx.texture(size, 1, dtype="f4")
         self._nearest = ctx.depth_renderbuffer(size)
         self._targets = [self.albedo, self.normal, self.emission, self.depth]
-        self._bent = any(batch.material.normal_texture for batch in geometry.batches)
+        self._bent = any("normal" in sampled(batch.material) for batch in geometry.batches)
         self.interpolated = ctx.texture(size, 2, dtype="f2") if self._bent else self.normal
         if self._bent:
             self._targets.append(self.interpolated)
@@ -57,7 +58,7 @@ class GBuffer:
             resource.release()
 
     def _vertex_array(self, batch: Batch) -> moderngl.VertexArray:
-        features = batch.features() | {"INTERPOLATED": self._bent}
+        features = defines("gbuffer", batch.triangles(self._bent))
         key = tuple(features.values())
         if key not in self._programs:
             self._programs[key] = program(self.ctx, "gbuffer", **features)

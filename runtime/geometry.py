@@ -7,7 +7,8 @@ import moderngl
 import numpy as np
 
 from .errors import UnsupportedError
-from .scene import Material, Mesh, Scene, Texture, TextureSlot
+from .permutations import Triangles, sampled
+from .scene import Material, Mesh, Scene, Texture
 
 _SRGB8_ALPHA8 = 0x8C43  # decoded before it is filtered, as in the path tracer
 _SRGB_SLOTS = {"base", "emission"}  # the others are linear
@@ -25,18 +26,9 @@ class Batch:
     attributes: dict[str, moderngl.Buffer]
     indices: moderngl.Buffer  # uint32
 
-    def features(self) -> dict[str, bool]:
-        """Defines of the shaders: what the material calls for."""
-        slots = _slots(self.material)
-        return {
-            "BASE_TEXTURE": "base" in slots,
-            "METALLIC_TEXTURE": "metallic" in slots,
-            "NORMAL_TEXTURE": "normal" in slots,
-            "EMISSION_TEXTURE": "emission" in slots,
-            "VERTEX_COLOR": "color" in self.attributes,
-            "ALPHA_MASK": self.material.alpha_cutoff is not None,
-            "UNLIT": self.material.unlit,
-        }
+    def triangles(self, bent: bool = False) -> Triangles:
+        """What the passes' defines follow from."""
+        return Triangles(self.material, "color" in self.attributes, bent)
 
     def vertex_array(self, program: moderngl.Program) -> moderngl.VertexArray:
         """The triangles for `program`, with the attributes that it reads."""
@@ -54,14 +46,14 @@ class Geometry:
             if len(mesh.triangle):
                 groups.setdefault((mesh.material, mesh.color is not None), []).append(mesh)
         self.batches = [_batch(ctx, scene.materials[key[0]], meshes) for key, meshes in sorted(groups.items())]
-        used = {(slot.texture, name in _SRGB_SLOTS) for b in self.batches for name, slot in _slots(b.material).items()}
+        used = {(slot.texture, name in _SRGB_SLOTS) for b in self.batches for name, slot in sampled(b.material).items()}
         self._textures = {(i, srgb): _upload(ctx, scene.textures[i], srgb) for i, srgb in sorted(used)}
         self._mirror = {i: [float(wrap == "mirror") for wrap in scene.textures[i].wrap] for i, _ in used}
 
     def bind(self, material: Material, *names: str) -> dict:
         """Bind the textures of the slots `names` that the material uses to units 0, 1, ...; returns their uniforms,
         `name`_texture and `name`_mirror."""
-        slots = _slots(material)
+        slots = sampled(material)
         uniforms = {}
         for unit, name in enumerate(name for name in names if name in slots):
             index = slots[name].texture
@@ -76,21 +68,11 @@ class Geometry:
             resource.release()
 
 
-def _slots(material: Material) -> dict[str, TextureSlot]:
-    """The textures that are sampled, by the names of their slots in the shaders."""
-    slots = {"base": material.base_color_texture}
-    if not material.unlit:
-        slots["metallic"] = material.metallic_texture
-        slots["normal"] = material.normal_texture
-        slots["emission"] = material.emission_texture
-    return {name: slot for name, slot in slots.items() if slot is not None}
-
-
 def _batch(ctx: moderngl.Context, material: Material, meshes: Sequence[Mesh]) -> Batch:
     def buffer(arrays: list[np.ndarray]) -> moderngl.Buffer:
         return ctx.buffer(np.ascontiguousarray(np.concatenate(arrays), np.float32))
 
-    slots = _slots(material)
+    slots = sampled(material)
     attributes = {"position": buffer([m.position for m in meshes]), "normal": buffer([m.normal for m in meshes])}
     if meshes[0].color is not None:
         attributes["color"] = buffer([m.color for m in meshes])

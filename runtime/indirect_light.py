@@ -7,6 +7,7 @@ from .gaussians import Bake, OverBlend
 from .gl_state import UNITS, HostState
 from .host_textures import OURS, Encoding
 from .local import local_bake, origin_of_bake
+from .permutations import defines
 from .profile import Profile
 from .shader import program, set_uniforms
 from .splat import Splats
@@ -48,7 +49,7 @@ class IndirectLight:
             else:
                 local_box = None if box is None else tuple(np.asarray(corner) - self._origin for corner in box)
                 self._splats = SurfaceSplats(ctx, bake, splat_scale, encoding, local_box)
-            self._program = program(ctx, "add_light", **encoding.albedo_defines())
+            self._program = program(ctx, "add_light", **defines("add_light", encoding))
             set_uniforms(self._program, albedo=0, indirect=1)
             self._triangle = ctx.vertex_array(self._program, [])
 

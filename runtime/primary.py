@@ -7,10 +7,11 @@ import numpy as np
 
 from .camera import Camera
 from .gbuffer import GBuffer
+from .permutations import defines
 from .profile import Profile, measured
 from .scene import Light
 from .shader import program, set_uniforms
-from .shadow import Shadow, face_count
+from .shadow import Shadow
 from .view import View
 
 
@@ -59,8 +60,7 @@ class Primary:
 
 def _features(light: Light) -> tuple:
     """Defines of primary.frag, as a key."""
-    kind = light.kind
-    return ("SPOT", kind == "spot"), ("DIRECTIONAL", kind == "directional"), ("FACES", face_count(light))
+    return tuple(defines("primary", light).items())
 
 
 def _light(light: Light) -> dict:

@@ -6,12 +6,12 @@ import moderngl
 import numpy as np
 
 from .geometry import Batch, Geometry
+from .permutations import defines, face_count
 from .scene import Light
 from .shader import program, set_uniforms
 
 FACE_SIZE = 1024  # px; a cube's face: about 0.1 degrees per texel
 GUTTER = 4  # texels around a face; the normal offset and the filter reach less far
-_WIDEST_FACE = 0.5  # cosine; a cone wider than 60 degrees to a side wastes a single face's texels: it gets a cube
 _NEAR = 1e-5  # of the reach; depth is linear, so a close near plane costs nothing
 
 _CUBE = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], float)
@@ -27,12 +27,6 @@ class Faces(NamedTuple):
     axis: np.ndarray
     texel_size: np.ndarray
     size: int
-
-
-def face_count(light: Light) -> int:
-    """1 or 6."""
-    wide = light.kind == "point" or (light.kind == "spot" and light.cos_outer < _WIDEST_FACE)
-    return 6 if wide else 1
 
 
 def faces_of(light: Light, corners: np.ndarray) -> Faces:
@@ -136,9 +130,7 @@ class Shadow:
         return result
 
     def _vertex_array(self, batch: Batch) -> moderngl.VertexArray:
-        features = batch.features()
-        masked = features["ALPHA_MASK"]
-        features = {name: masked and features[name] for name in ("BASE_TEXTURE", "VERTEX_COLOR", "ALPHA_MASK")}
+        features = defines("shadow", batch.triangles())
         key = tuple(features.values())
         if key not in self._programs:
             self._programs[key] = program(self.ctx, "shadow", **features)

@@ -5,6 +5,7 @@ import numpy as np
 
 from .gaussian_textures import GaussianTextures
 from .gaussians import Bake, Gaussians
+from .permutations import defines
 from .profile import Profile, measured
 from .shader import program, set_uniforms
 from .sort import visible_order
@@ -27,7 +28,7 @@ class Splats:
         self.radius = visible_radius(gaussians, bake.blend.alpha_min)
         self._data = GaussianTextures(ctx, gaussians)
         self._order = ctx.buffer(reserve=max(4 * len(gaussians), 4), dynamic=True)
-        self._program = program(ctx, "splat", SH_DEGREE=gaussians.sh_degree)
+        self._program = program(ctx, "splat", **defines("splat", gaussians))
         blend = bake.blend
         set_uniforms(
             self._program, shape_data=0, sh_data=1, near=blend.near, dilation=blend.dilation, alpha_min=blend.alpha_min,

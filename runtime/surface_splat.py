@@ -8,6 +8,7 @@ from .cull import in_view
 from .gaussian_textures import GaussianTextures
 from .gaussians import Bake, Gaussians, SurfaceBlend
 from .host_textures import OURS, Encoding
+from .permutations import Level, Reading, defines
 from .profile import Profile, measured
 from .shader import program, set_uniforms
 from .surface_targets import SurfaceTargets
@@ -32,15 +33,17 @@ class SurfaceSplats:
         assert splat_scale in SCALES, splat_scale
         self.ctx, self.splat_scale, self._coarse_too = ctx, splat_scale, len(bake.coarse) > 0
         self.targets: SurfaceTargets | None = None
-        blend, host = bake.blend, {"SPLAT_SCALE": splat_scale, **encoding.defines()}
-        self._points = _FullScreen(ctx, "surface_points", {"normal": 0, "depth": 1}, BOX=box is not None, **host)
+        blend, reading = bake.blend, Reading(splat_scale, encoding, self._coarse_too, box is not None)
+        self._points = _FullScreen(
+            ctx, "surface_points", {"normal": 0, "depth": 1}, **defines("surface_points", reading)
+        )
         if box is not None:
             set_uniforms(self._points.program, box_low=box[0], box_high=box[1])
-        self._fine = _Level(ctx, bake.gaussians, blend, blend.sharpness)
-        self._coarse = _Level(ctx, bake.coarse, blend, 0) if self._coarse_too else None
+        self._fine = _Level(ctx, bake.gaussians, blend, coarse=False)
+        self._coarse = _Level(ctx, bake.coarse, blend, coarse=True) if self._coarse_too else None
         self._gap = _FullScreen(ctx, "surface_gap", {"fine_sums": 0}) if self._coarse_too else None
         units = {"fine_sums": 0, "surface_plane": 1, "normal": 2, "depth": 3, "coarse_sums": 4}
-        self._resolve = _FullScreen(ctx, "resolve", units, COARSE=self._coarse_too, **host)
+        self._resolve = _FullScreen(ctx, "resolve", units, **defines("resolve", reading))
         for part in (self._gap, self._resolve):
             if part:
                 set_uniforms(part.program, weight_floor=blend.floor)
@@ -125,15 +128,15 @@ class _FullScreen:
 
 
 class _Level:
-    """One level of Gaussians; `normal_power` 0: they face every way."""
+    """One level of Gaussians; those of the `coarse` one face every way."""
 
-    def __init__(self, ctx: moderngl.Context, gaussians: Gaussians, blend: SurfaceBlend, normal_power: int):
+    def __init__(self, ctx: moderngl.Context, gaussians: Gaussians, blend: SurfaceBlend, coarse: bool):
         self.ctx = ctx
         self.position = np.ascontiguousarray(gaussians.position.T)
         self.radius = np.float32(blend.radius) * gaussians.scale.max(axis=1)
         self._data = GaussianTextures(ctx, gaussians)
         self._index = ctx.buffer(reserve=max(4 * len(gaussians), 4), dynamic=True)
-        self._program = program(ctx, "surface", SH_DEGREE=gaussians.sh_degree, NORMAL_POWER=normal_power)
+        self._program = program(ctx, "surface", **defines("surface", Level(gaussians, blend, coarse)))
         set_uniforms(
             self._program, shape_data=0, sh_data=1, surface_position=2, surface_plane=3, radius=blend.radius,
             cutoff=blend.cutoff,

@@ -11,20 +11,26 @@ from gsgi.runtime.scene import Material, Mesh, Scene, TextureSlot
 
 
 def build(scene: Scene):
-    """The `mitsuba.Scene` of `scene` with its emissive surfaces and point lights."""
+    """The `mitsuba.Scene` of `scene` with its emissive surfaces, point and directional lights."""
     mi = load_mitsuba()
     parts = {"type": "scene"}
     for index, material in enumerate(scene.materials):
         merged = _merge([mesh for mesh in scene.meshes if mesh.material == index])
         parts[f"material{index}"] = _mesh(mi, merged, material, scene)
     for index, light in enumerate(scene.lights):
-        intensity = {"type": "rgb", "value": light.color.tolist()}
-        parts[f"light{index}"] = {"type": light.kind, "position": light.position.tolist(), "intensity": intensity}
+        color = {"type": "rgb", "value": light.color.tolist()}
+        if light.kind == "directional":
+            parts[f"light{index}"] = {"type": light.kind, "direction": light.direction.tolist(), "irradiance": color}
+        else:
+            parts[f"light{index}"] = {"type": light.kind, "position": light.position.tolist(), "intensity": color}
     return mi.load_dict(parts)
 
 
-def radiance(scene: Scene, position: np.ndarray, eye: np.ndarray, samples: int) -> np.ndarray:
-    """Full light (N, 3) from points (N, 3) to `eye` (3,) by Mitsuba's `path`, the mean of `samples` paths each."""
+def radiance(scene: Scene, position: np.ndarray, eye: np.ndarray, samples: int, depth: int = 40) -> np.ndarray:
+    """Light (N, 3) from points (N, 3) to `eye` (3,) by Mitsuba's `path`, the mean of `samples` paths each.
+
+    Full light, or with `depth` 2 what comes from the surface at the point and straight from one light.
+    """
     import drjit as dr
 
     mi = load_mitsuba()
@@ -33,7 +39,7 @@ def radiance(scene: Scene, position: np.ndarray, eye: np.ndarray, samples: int) 
     ray = mi.RayDifferential3f(mi.Point3f(*map(float, eye)), mi.Vector3f(direction.T.astype(np.float32)))
     sampler = mi.load_dict({"type": "independent"})
     sampler.seed(1, len(direction))
-    light, _, _ = mi.load_dict({"type": "path", "max_depth": 40}).sample(build(scene), sampler, ray)
+    light, _, _ = mi.load_dict({"type": "path", "max_depth": depth}).sample(build(scene), sampler, ray)
     return np.stack([np.array(dr.block_sum(c, samples)) / samples for c in light], axis=-1)
 
 

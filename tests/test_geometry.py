@@ -9,6 +9,7 @@ import scenes
 from gsgi.runtime import gbuffer, shadow
 from gsgi.runtime.errors import UnsupportedError
 from gsgi.runtime.geometry import Geometry, texture_size
+from gsgi.runtime.permutations import defines
 from gsgi.runtime.renderer import DeferredRenderer
 from gsgi.runtime.scene import Light, Material, Scene, Texture, TextureSlot
 
@@ -25,7 +26,7 @@ def batches(gl, *meshes, material=scenes.WHITE, textures=()):
 def test_a_plain_mesh_uploads_positions_and_normals_alone(gl):
     (batch,) = batches(gl, replace(scenes.floor(), color=None, tangent=np.ones((4, 4), np.float32)))
     assert set(batch.attributes) == {"position", "normal"}
-    assert not any(batch.features().values())
+    assert not any(defines("gbuffer", batch.triangles()).values())
 
 
 def test_an_unlit_material_samples_its_base_color_alone(gl):
@@ -33,14 +34,14 @@ def test_an_unlit_material_samples_its_base_color_alone(gl):
     material = Material("", (1, 1, 1, 1), slot, 1.0, slot, slot, 1.0, (1, 1, 1), slot, unlit=True)
     (batch,) = batches(gl, scenes.floor(), material=material, textures=(GREY,))
     assert set(batch.attributes) == {"position", "normal", "base_uv"}
-    assert {name for name, on in batch.features().items() if on} == {"BASE_TEXTURE", "UNLIT"}
+    assert {name for name, on in defines("gbuffer", batch.triangles()).items() if on} == {"BASE_TEXTURE", "UNLIT"}
 
 
 def test_meshes_with_and_without_colors_are_two_batches(gl):
     colored = replace(scenes.floor(), color=np.ones((4, 4), np.float32))
     plain, tinted = batches(gl, colored, scenes.floor(), colored, scenes.floor(), scenes.floor())
     assert "color" not in plain.attributes
-    assert tinted.features()["VERTEX_COLOR"]
+    assert tinted.triangles().colored
     assert plain.material is tinted.material
 
 

@@ -1,6 +1,4 @@
-"""Shader loader: includes, defines, messages; every permutation under both headers."""
-
-import itertools
+"""Shader loader: includes, defines, messages."""
 
 import numpy as np
 import pytest
@@ -8,88 +6,11 @@ import pytest
 from gsgi.runtime import shader
 from gsgi.runtime.constants import GLSL_FOLDER
 
-BOOLS = (0, 1)
-HOST = dict.fromkeys(
-    ("DEPTH_WINDOW", "DEPTH_REVERSED", "NORMAL_OCTAHEDRAL", "NORMAL_UNSIGNED", "NORMAL_VIEW_SPACE"), BOOLS
-)
-PERMUTATIONS = {
-    "gbuffer": {
-        "BASE_TEXTURE": BOOLS,
-        "METALLIC_TEXTURE": BOOLS,
-        "NORMAL_TEXTURE": BOOLS,
-        "EMISSION_TEXTURE": BOOLS,
-        "VERTEX_COLOR": BOOLS,
-        "ALPHA_MASK": BOOLS,
-        "UNLIT": BOOLS,
-        "INTERPOLATED": BOOLS,
-    },
-    "shadow": {"BASE_TEXTURE": BOOLS, "VERTEX_COLOR": BOOLS, "ALPHA_MASK": BOOLS},
-    "background": {},
-    "primary": {"SPOT": BOOLS, "DIRECTIONAL": BOOLS, "FACES": (1, 6)},
-    "splat": {"SH_DEGREE": (0, 1, 2, 3)},
-    "surface_points": {"SPLAT_SCALE": (1, 2, 4), "BOX": BOOLS, **HOST},
-    "surface": {"SH_DEGREE": (0, 1, 2), "NORMAL_POWER": (0, 1, 4)},
-    "surface_gap": {},
-    "resolve": {"SPLAT_SCALE": (1, 2, 4), "COARSE": BOOLS, **HOST},
-    "add_light": {"ALBEDO_SRGB": BOOLS},
-    "forward": {
-        "NORMAL": BOOLS,
-        "VERTEX_COLOR": BOOLS,
-        "TEXTURES": BOOLS,
-        "NORMAL_TEXTURE": BOOLS,
-        "LIT": BOOLS,
-        "LIGHTS": (0, 3),
-        "SHADOWS": BOOLS,
-        "INDIRECT": BOOLS,
-    },
-    "silhouette": {},
-    "visible": {"NORMAL": BOOLS},
-    "composite": {},
-    "display": {},
-}
 
-
-def happens(name: str, defines: dict[str, int]) -> bool:
-    """Whether a scene can call for this permutation."""
-    if name == "gbuffer" and defines["NORMAL_TEXTURE"] and not defines["INTERPOLATED"]:
-        return False
-    if name == "gbuffer" and defines["UNLIT"]:
-        return not (defines["METALLIC_TEXTURE"] or defines["NORMAL_TEXTURE"] or defines["EMISSION_TEXTURE"])
-    if "DEPTH_WINDOW" in defines:
-        return not any(defines[a] and defines[b] for a, b in (tuple(HOST)[:2], tuple(HOST)[2:4]))
-    if name == "forward":
-        lit = defines["NORMAL"] or defines["LIGHTS"] or defines["INDIRECT"]
-        mapped = (defines["TEXTURES"] and defines["NORMAL"]) or not defines["NORMAL_TEXTURE"]
-        return (defines["LIT"] or not lit) and mapped and (defines["LIGHTS"] or not defines["SHADOWS"])
-    if name == "shadow" and not defines["ALPHA_MASK"]:
-        return not any(defines.values())
-    return not (name == "primary" and defines["SPOT"] and defines["DIRECTIONAL"])
-
-
-PRODUCT = [
-    (name, dict(zip(table, values, strict=True)))
-    for name, table in PERMUTATIONS.items()
-    for values in itertools.product(*table.values())
-]
-CASES = [(name, defines) for name, defines in PRODUCT if happens(name, defines)]
-
-
-@pytest.mark.parametrize("header", [shader.CORE, shader.ES], ids=["330", "300es"])
-@pytest.mark.parametrize(
-    ("name", "defines"), CASES, ids=lambda v: v if isinstance(v, str) else "-".join(map(str, v.values()))
-)
-def test_every_program_compiles(gl, name, defines, header):
-    shader.program(gl, name, header, **defines).release()
-
-
-def test_every_shader_is_a_listed_pass_and_in_the_readme():
+def test_every_library_is_in_the_readme():
     readme = (GLSL_FOLDER / "README.md").read_text(encoding="utf-8")
-    for path in GLSL_FOLDER.glob("*.*"):
-        if path.suffix == ".glsl":
-            assert f"`{path.name}`" in readme, path.name
-        if path.suffix == ".frag":
-            assert path.stem in PERMUTATIONS
-            assert f"`{path.stem}`" in readme, path.name
+    for path in GLSL_FOLDER.glob("*.glsl"):
+        assert f"`{path.name}`" in readme, path.name
 
 
 def test_libraries_have_no_globals():

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import moderngl
 import numpy as np
 
+from ..permutations import Primitive, defines
 from ..shader import program, set_uniforms
 from . import lights, materials
 from .draws import Draw, wireframe
@@ -15,7 +16,6 @@ from .lens import Lens
 from .uploads import Uploads
 
 _MAPS_UNIT, _LIGHT_UNIT, _DEPTH_UNIT = (len(materials.SLOTS) + i for i in range(3))
-_FLAT = {"LIT": 0, "LIGHTS": 0, "SHADOWS": 0, "INDIRECT": 0}
 _NO_SHADOW = {"map_from_world": np.zeros((4, 4)), "tile_low": (0, 0), "tile_high": (0, 0)}
 
 
@@ -50,10 +50,9 @@ class Forward:
         """Draw each primitive with its material: under `light`, or flat."""
         for item in items:
             primitive, material = item.primitive, item.primitive.material
-            defines = materials.defines(primitive, light is not None)
             uniforms = materials.bind(primitive, self._textures, self._white)
-            lit_defines, lit_uniforms = self._lit(item, flags, light) if light else (_FLAT, {})
-            shader = self._program(**defines, **lit_defines)
+            lit, lit_uniforms = self._lit(item, flags, light) if light else ({}, {})
+            shader = self._program(materials.look(primitive, **lit))
             set_uniforms(shader, **frame, world_from_node=item.pose, **uniforms, **lit_uniforms)
             self._set_state(material, flags)
             self._primitives[primitive].render(shader)
@@ -75,11 +74,11 @@ class Forward:
         self.ctx.wireframe = wireframe(material, flags)
 
     def _lit(self, item: Draw, flags: int, light: FrameLight) -> tuple[dict, dict]:
-        """Defines and uniforms of what lights a primitive."""
+        """What lights a primitive, for its defines, and the uniforms of that."""
         chosen = lights.nearest(light.placed, item.pose[:3, 3])
         indirect = light.indirect if receives(item.primitive, flags) else None
         shadows = [light.shadows[i] for i in chosen]
-        defines = {"LIT": 1, "LIGHTS": len(chosen), "SHADOWS": any(shadows), "INDIRECT": indirect is not None}
+        lit = {"lit": True, "lights": len(chosen), "shadows": any(shadows), "indirect": indirect is not None}
         uniforms = {"ambient": light.ambient}
         if chosen:
             uniforms |= lights.uniforms([light.placed[i] for i in chosen])
@@ -91,12 +90,13 @@ class Forward:
             indirect.light.use(_LIGHT_UNIT)
             indirect.depth.use(_DEPTH_UNIT)
             uniforms |= {"indirect": _LIGHT_UNIT, "surface_depth": _DEPTH_UNIT}
-        return defines, uniforms
+        return lit, uniforms
 
-    def _program(self, **defines: int) -> moderngl.Program:
-        key = tuple(sorted(defines.items()))
+    def _program(self, look: Primitive) -> moderngl.Program:
+        features = defines("forward", look)
+        key = tuple(features.values())
         if key not in self._programs:
-            self._programs[key] = program(self.ctx, "forward", **defines)
+            self._programs[key] = program(self.ctx, "forward", **features)
         return self._programs[key]
 
 

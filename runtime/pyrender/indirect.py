@@ -4,6 +4,7 @@ import moderngl
 
 from ..gaussians import Bake
 from ..indirect_light import IndirectLight
+from ..permutations import Primitive, defines
 from ..shader import program, set_uniforms
 from ..view import View
 from .draws import TRIANGLES, Draw, wireframe
@@ -30,7 +31,10 @@ class VisibleSurfaces:
         self.interpolated, self.depth = ctx.texture(size, 2, dtype="f2"), ctx.texture(size, 1, dtype="f4")
         self._nearest = ctx.depth_renderbuffer(size)
         self._target = ctx.framebuffer([self.interpolated, self.depth], self._nearest)
-        self._programs = {normal: program(ctx, "visible", NORMAL=normal) for normal in (False, True)}
+        looks = {normals: Primitive((), normals, False) for normals in (False, True)}
+        self._programs = {
+            normals: program(ctx, "visible", **defines("visible", look)) for normals, look in looks.items()
+        }
 
     def draw(self, lens: Lens, items: list[Draw], uploads: Uploads, flags: int) -> None:
         """Fill both targets with what receives indirect light."""

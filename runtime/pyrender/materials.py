@@ -1,10 +1,11 @@
-"""pyrender materials as the uniforms and defines of glsl/forward."""
+"""pyrender materials as the uniforms of glsl/forward, and what its defines follow from."""
 
 from collections.abc import Iterator
 
 import moderngl
 
 from ..errors import UnsupportedError
+from ..permutations import Primitive
 from .uploads import Uploads
 
 # Samplers of forward.frag and the fields of a MetallicRoughnessMaterial behind them, in the order of texture units.
@@ -38,15 +39,10 @@ def check(primitive) -> None:
         raise UnsupportedError(f"{kind}: pyrender leaves its colour undefined; use MetallicRoughnessMaterial")
 
 
-def defines(primitive, lit: bool) -> dict[str, bool]:
-    """Defines of forward.frag that the primitive calls for."""
+def look(primitive, **light) -> Primitive:
+    """What the defines of the primitive's shader follow from, under this light."""
     slots = [name for name in SLOTS if texture_of(primitive, name) is not None]
-    return {
-        "NORMAL": lit and primitive.normals is not None,
-        "VERTEX_COLOR": primitive.color_0 is not None,
-        "TEXTURES": bool(slots) if lit else "base" in slots,
-        "NORMAL_TEXTURE": lit and "normal" in slots,
-    }
+    return Primitive(slots, primitive.normals is not None, primitive.color_0 is not None, **light)
 
 
 def bind(primitive, uploads: Uploads, white: moderngl.Texture) -> dict:
