@@ -4,6 +4,7 @@ import argparse
 import re
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -31,7 +32,10 @@ def read_scene(options: argparse.Namespace, progress: Progress) -> Scene:
     scene = read_gltf(options.scene, parse_limits(options.limit or ()), options.transparent)
     for line in _in_short(scene.warnings, options.scene):
         progress.warn(line)
-    return light(scene, _lighting(options, progress))
+    lights = options.lights or beside(options.scene)
+    if lights:
+        scene = replace(scene, files=(*scene.files, Path(lights)))
+    return light(scene, _lighting(options, lights, progress))
 
 
 def _in_short(warnings: Iterable[str], scene: str) -> Iterator[str]:
@@ -46,12 +50,12 @@ def _in_short(warnings: Iterable[str], scene: str) -> Iterator[str]:
             yield f"{scene}: {pointer}: {len(more)} more like these: `gsgi validate` lists them"
 
 
-def _lighting(options: argparse.Namespace, progress: Progress) -> Lighting:
-    """Light from the TOML file, if there is one, and from flags, which win."""
+def _lighting(options: argparse.Namespace, lights: str | Path | None, progress: Progress) -> Lighting:
+    """Light from the TOML file `lights`, if there is one, and from flags, which win."""
     values = {}
-    if path := options.lights or beside(options.scene):
-        values = read_lights(path)
-        progress.say(f"light also from {path}")
+    if lights:
+        values = read_lights(lights)
+        progress.say(f"light also from {lights}")
     values |= {key: getattr(options, key) for key in KEYS if getattr(options, key) is not None}
     for key in values:
         source = key.partition("_")[0]
@@ -67,7 +71,10 @@ def plan_of(options: argparse.Namespace, progress: Progress, cache: Cache) -> "P
 
     with progress.stage("scene"):
         scene = read_scene(options, progress)
-    path = read_camera_path(options.camera_path, scene.diagonal()) if options.camera_path else {}
+    path = {}
+    if options.camera_path:
+        path = read_camera_path(options.camera_path, scene.diagonal())
+        scene = replace(scene, files=(*scene.files, Path(options.camera_path)))
     try:
         return make_plan(scene, _settings(options), progress, cache, path)
     except SceneError as error:

@@ -20,7 +20,8 @@ def add(commands) -> None:
     shared.add_light(parser)
     parser.add_argument("--gi", metavar="FILE", help="baked light (.gsgi); without it, primary light only")
     shared.add_picture(parser)
-    parser.add_argument("--backend", choices=("egl", "osmesa", "auto"), default="auto", help="OpenGL without a display")
+    parser.add_argument("--backend", choices=("egl", "osmesa", "auto"), default="auto",
+                        help="OpenGL without a display; auto takes EGL, else OSMesa, and says which")  # fmt: skip
     parser.add_argument("--device", type=int, metavar="N", help="draw on this device of EGL, from 0")
     parser.add_argument("--profile", action="store_true", help="print the driver and what each pass of the frame costs")
 
@@ -46,7 +47,7 @@ def run(options: argparse.Namespace) -> None:
     if baked is not None and baked.scene not in (0, fingerprint(scene)):
         progress.warn(f"{options.gi}: was baked for other geometry than {options.scene}; its light may not fit")
     frame = scene, baked, choose_camera(scene, options), *options.size, options.backend, options.device
-    write_layer(options.output, options.layer, draw(*frame)[options.layer], options.exposure)
+    write_layer(options.output, options.layer, draw(*frame, progress.say)[options.layer], options.exposure)
     if options.profile:
         print_costs(*costs(*frame))
 
