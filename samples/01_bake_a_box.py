@@ -44,9 +44,10 @@ def main(folder: str = "build/box") -> None:
     print(f"{report['gaussians']} Gaussians, {report['bytes']} bytes, {report['bounces']} bounces")
     for stage in report["stages"]:
         print(f"  {stage['stage']:<12}{stage['seconds']:>7.2f} s")
-    mean = report["held_out"]["mean"]
+    print("in views that were not fitted:")
     for layer in ("indirect", "final"):
-        print(f"{layer}, in views that were not fitted: PSNR {mean[layer]['psnr']:.1f} dB, SSIM {mean[layer]['ssim']:.4f}")
+        reached = report["held_out"]["mean"][layer]
+        print(f"  {layer:<12}PSNR {reached['psnr']:.1f} dB, SSIM {reached['ssim']:.4f}")
 
 
 if __name__ == "__main__":

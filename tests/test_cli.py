@@ -84,6 +84,7 @@ def cache(tmp_path_factory, monkeypatch) -> None:
 
 def bake_into(folder: Path, operator: str) -> Path:
     options = [*FAST, "--operator", operator, "--json", "--cache", folder / "cache"]
+    options += ["--depfile", folder / "c.gsgi.d"]
     run = gsgi("bake", CORNELL, "-o", folder / "c.gsgi", *options)
     assert run.returncode == 0, run.stderr
     (folder / "bake.json").write_text(run.stdout)
@@ -135,6 +136,11 @@ def test_a_bake_reports_what_it_reached(bakes, operator):
     log = (baked / "bake.log").read_text()
     assert "irradiance" in log
     assert f"mean of {HELD_OUT} views: loss " in log
+
+
+def test_a_bake_names_what_it_has_read(bakes):
+    for folder in bakes.values():
+        assert (folder / "c.gsgi.d").read_text() == f"{folder}/c.gsgi: \\\n  {CORNELL}\n"
 
 
 @pytest.mark.parametrize("operator", OPERATORS)
