@@ -32,10 +32,9 @@ def read_scene(options: argparse.Namespace, progress: Progress) -> Scene:
     scene = read_gltf(options.scene, parse_limits(options.limit or ()), options.transparent)
     for line in _in_short(scene.warnings, options.scene):
         progress.warn(line)
-    lights = options.lights or beside(options.scene)
-    if lights:
-        scene = replace(scene, files=(*scene.files, Path(lights)))
-    return light(scene, _lighting(options, lights, progress))
+    if path := _lights_file(options):
+        scene = replace(scene, files=(*scene.files, path))
+    return light(scene, _lighting(options, progress))
 
 
 def _in_short(warnings: Iterable[str], scene: str) -> Iterator[str]:
@@ -50,12 +49,17 @@ def _in_short(warnings: Iterable[str], scene: str) -> Iterator[str]:
             yield f"{scene}: {pointer}: {len(more)} more like these: `gsgi validate` lists them"
 
 
-def _lighting(options: argparse.Namespace, lights: str | Path | None, progress: Progress) -> Lighting:
-    """Light from the TOML file `lights`, if there is one, and from flags, which win."""
+def _lights_file(options: argparse.Namespace) -> Path | None:
+    """The TOML file with light, where there is one."""
+    return Path(options.lights) if options.lights else beside(options.scene)
+
+
+def _lighting(options: argparse.Namespace, progress: Progress) -> Lighting:
+    """Light from the TOML file, if there is one, and from flags, which win."""
     values = {}
-    if lights:
-        values = read_lights(lights)
-        progress.say(f"light also from {lights}")
+    if path := _lights_file(options):
+        values = read_lights(path)
+        progress.say(f"light also from {path}")
     values |= {key: getattr(options, key) for key in KEYS if getattr(options, key) is not None}
     for key in values:
         source = key.partition("_")[0]
