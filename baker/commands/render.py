@@ -24,6 +24,7 @@ def add(commands) -> None:
                         help="OpenGL without a display; auto takes EGL, else OSMesa, and says which")  # fmt: skip
     parser.add_argument("--device", type=int, metavar="N", help="draw on this device of EGL, from 0")
     parser.add_argument("--profile", action="store_true", help="print the driver and what each pass of the frame costs")
+    shared.add_verbosity(parser)
 
 
 def run(options: argparse.Namespace) -> None:
@@ -41,7 +42,7 @@ def run(options: argparse.Namespace) -> None:
     check_writable(options.output)
     if options.gi is None and options.layer == "indirect":
         raise UsageError("--layer indirect needs baked light: --gi FILE")
-    progress = Progress()
+    progress = Progress(options.quiet)
     scene = read_scene(options, progress)
     baked = None if options.gi is None else read_bake(options.gi)
     if baked is not None and baked.scene not in (0, fingerprint(scene)):
