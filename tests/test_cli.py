@@ -320,7 +320,7 @@ def test_render_says_what_each_pass_costs(bakes, tmp_path, gl, capsys):
 def test_render_says_when_the_light_is_of_another_scene(baked, tmp_path, gl):
     size = ["--gi", baked / "c.gsgi", "-o", tmp_path / "frame.png", "--size", "16x16"]
     assert not gsgi("render", CORNELL, *size, "--quiet").stderr
-    other = gsgi("render", SCENES / "two_rooms.glb", *size)
+    other = gsgi("render", SCENES / "two_rooms.glb", *size, "--quiet")
     assert other.returncode == 0
     assert "other geometry" in other.stderr
     assert other.stderr.count("\n") == 1
