@@ -22,8 +22,8 @@ def digest(value) -> str:
 
 
 def scene_digest(scene: Scene) -> str:
-    """The digest of all that light depends on: not of the cameras nor of what the reader left out."""
-    return digest(dataclasses.replace(scene, cameras={}, warnings=(), transparent=()))
+    """The digest of all that light depends on: not of cameras, names of files, nor what the reader left out."""
+    return digest(dataclasses.replace(scene, cameras={}, warnings=(), transparent=(), files=()))
 
 
 def _plain(value):

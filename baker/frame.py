@@ -1,6 +1,6 @@
 """One deferred frame: all layers of it, and what its passes cost."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from gsgi.runtime.camera import Camera
@@ -10,10 +10,17 @@ from gsgi.runtime.scene import Scene
 
 
 def draw(
-    scene: Scene, baked: Bake | None, camera: Camera, width: int, height: int, backend: str, device: int | None = None
+    scene: Scene,
+    baked: Bake | None,
+    camera: Camera,
+    width: int,
+    height: int,
+    backend: str,
+    device: int | None = None,
+    say: Callable[[str], None] | None = None,
 ) -> dict:
-    """Every layer of one deferred frame: name -> (H, W, 3) float32, depth (H, W)."""
-    with _renderer(scene, baked, width, height, backend, device) as renderer:
+    """Every layer of one deferred frame: name -> (H, W, 3) float32, depth (H, W). `say` is told what draws it."""
+    with _renderer(scene, baked, width, height, backend, device, say) as renderer:
         renderer.render(camera)
         return {layer: renderer.read(layer) for layer in LAYERS}
 
@@ -32,12 +39,20 @@ def costs(
 
 
 @contextmanager
-def _renderer(scene: Scene, baked: Bake | None, width: int, height: int, backend: str, device: int | None) -> Iterator:
+def _renderer(
+    scene: Scene,
+    baked: Bake | None,
+    width: int,
+    height: int,
+    backend: str,
+    device: int | None,
+    say: Callable[[str], None] | None = None,
+) -> Iterator:
     """In a context of its own."""
     from gsgi.runtime.context import create_context
     from gsgi.runtime.renderer import DeferredRenderer
 
-    context = create_context(backend, device)
+    context = create_context(backend, device, say)
     renderer = DeferredRenderer(context, scene, baked, width, height)
     try:
         yield renderer

@@ -4,6 +4,7 @@ import argparse
 import re
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -31,6 +32,8 @@ def read_scene(options: argparse.Namespace, progress: Progress) -> Scene:
     scene = read_gltf(options.scene, parse_limits(options.limit or ()), options.transparent)
     for line in _in_short(scene.warnings, options.scene):
         progress.warn(line)
+    if path := _lights_file(options):
+        scene = replace(scene, files=(*scene.files, path))
     return light(scene, _lighting(options, progress))
 
 
@@ -46,10 +49,15 @@ def _in_short(warnings: Iterable[str], scene: str) -> Iterator[str]:
             yield f"{scene}: {pointer}: {len(more)} more like these: `gsgi validate` lists them"
 
 
+def _lights_file(options: argparse.Namespace) -> Path | None:
+    """The TOML file with light, where there is one."""
+    return Path(options.lights) if options.lights else beside(options.scene)
+
+
 def _lighting(options: argparse.Namespace, progress: Progress) -> Lighting:
     """Light from the TOML file, if there is one, and from flags, which win."""
     values = {}
-    if path := options.lights or beside(options.scene):
+    if path := _lights_file(options):
         values = read_lights(path)
         progress.say(f"light also from {path}")
     values |= {key: getattr(options, key) for key in KEYS if getattr(options, key) is not None}
@@ -67,7 +75,10 @@ def plan_of(options: argparse.Namespace, progress: Progress, cache: Cache) -> "P
 
     with progress.stage("scene"):
         scene = read_scene(options, progress)
-    path = read_camera_path(options.camera_path, scene.diagonal()) if options.camera_path else {}
+    path = {}
+    if options.camera_path:
+        path = read_camera_path(options.camera_path, scene.diagonal())
+        scene = replace(scene, files=(*scene.files, Path(options.camera_path)))
     try:
         return make_plan(scene, _settings(options), progress, cache, path)
     except SceneError as error:

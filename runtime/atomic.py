@@ -5,8 +5,8 @@ import os
 import shutil
 import time
 import uuid
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from .errors import FileError
@@ -21,10 +21,21 @@ def write_atomic(path: str | Path, data: bytes) -> None:
 
     Raises FileError with the path, and with the disk when it is full.
     """
-    with replacing(path) as temporary, open(temporary, "wb") as file:
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())  # a disk may tell only now that it is full
+    write_together({path: data})
+
+
+def write_together(contents: Mapping[str | Path, bytes]) -> None:
+    """Write each file as `write_atomic` does; the first takes its place last, once the others have.
+
+    Whoever finds the new first file finds the others new. Where one cannot be written, the first stays as it was.
+    Raises FileError.
+    """
+    with ExitStack() as written:
+        for path, data in contents.items():
+            with open(written.enter_context(replacing(path)), "wb") as file:
+                file.write(data)
+                file.flush()
+                os.fsync(file.fileno())  # a disk may tell only now that it is full
 
 
 @contextmanager

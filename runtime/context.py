@@ -2,6 +2,7 @@
 
 import ctypes
 import ctypes.util
+from collections.abc import Callable
 
 import moderngl
 
@@ -13,6 +14,8 @@ _ADVICE = "install Mesa's drivers (Debian: libegl1 libgl1-mesa-dri, or libosmesa
 # GL/osmesa.h: FORMAT RGBA, DEPTH_BITS 0, PROFILE CORE, version 3.3, end.
 _OSMESA_ATTRIBUTES = (0x22, 0x1908, 0x30, 0, 0x33, 0x34, 0x36, REQUIRED_VERSION // 100, 0x37, 3, 0)
 _GL_UNSIGNED_BYTE = 0x1401
+
+_NAMES = {"egl": "EGL", "osmesa": "OSMesa"}
 
 
 class OSMesa:
@@ -60,22 +63,30 @@ class OSMesa:
         self.handle = None
 
 
-def create_context(backend: str = "auto", device: int | None = None) -> moderngl.Context:
+def create_context(
+    backend: str = "auto", device: int | None = None, say: Callable[[str], None] | None = None
+) -> moderngl.Context:
     """OpenGL 3.3 core context without a window: `backend` "egl", "osmesa" or "auto" (EGL, then OSMesa).
 
-    `device`: which of EGL's devices, from 0; then nothing but EGL is tried. The context becomes current; `with ctx:`
-    makes it current again after another one was used. Raises UnsupportedError that says what was tried and what to
-    install.
+    `device`: which of EGL's devices, from 0; then nothing but EGL is tried. `say` is called with one line: what was
+    chosen, and why nothing that comes before it was. The context becomes current; `with ctx:` makes it current again
+    after another one was used. Raises UnsupportedError that says what was tried and what to install.
     """
     names = {"auto": ("egl", "osmesa"), "egl": ("egl",), "osmesa": ("osmesa",)}[backend if device is None else "egl"]
-    reasons = []
+    reasons = {}
     for name in names:
         try:
             source = {"backend": "egl", "device_index": device or 0} if name == "egl" else {"context": OSMesa()}
-            return moderngl.create_context(standalone=True, require=REQUIRED_VERSION, **source)
+            context = moderngl.create_context(standalone=True, require=REQUIRED_VERSION, **source)
         except Exception as error:  # moderngl raises bare Exception
-            reasons.append(f"{name}: {' '.join(str(error).split())}")
-    raise UnsupportedError(f"no OpenGL 3.3 context ({'; '.join(reasons)}); {_ADVICE}")
+            reasons[name] = " ".join(str(error).split())
+            continue
+        if say:
+            failed = (f"; {_NAMES[other]} failed: {reason}" for other, reason in reasons.items())
+            say("".join((f"OpenGL: {_NAMES[name]}, {renderer_string(context)}", *failed)))
+        return context
+    tried = "; ".join(f"{name}: {reason}" for name, reason in reasons.items())
+    raise UnsupportedError(f"no OpenGL 3.3 context ({tried}); {_ADVICE}")
 
 
 def renderer_string(ctx: moderngl.Context) -> str:

@@ -57,6 +57,7 @@ def read_document(document: Document, transparency: str) -> Scene:
         cameras=cameras(document, nodes),
         warnings=document.warnings(),
         transparent=tuple(problem.message for problem in document.problems if problem.code == Code.TRANSPARENT),
+        files=(document.path, *document.files.names),
     )
     scene = prune(scene)
     if not scene.meshes:

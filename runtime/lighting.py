@@ -46,7 +46,8 @@ def light(scene: Scene, lighting: Lighting) -> Scene:
     if lighting.light_scale != 1:
         scene = _scaled(scene, lighting.light_scale)
     if lighting.env is not None:
-        scene = dataclasses.replace(scene, environment=_environment(lighting))
+        files = (Path(lighting.env),) if isinstance(lighting.env, str) else ()
+        scene = dataclasses.replace(scene, environment=_environment(lighting), files=(*scene.files, *files))
     if lighting.sun is not None:
         scene = dataclasses.replace(scene, lights=(*scene.lights, _sun(lighting)))
     return scene

@@ -1,6 +1,7 @@
 """A scene as arrays: triangles in world space, materials, punctual lights, cameras."""
 
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
@@ -125,6 +126,7 @@ class Scene:
     """Everything that the baker and the renderer read of a glTF file.
 
     `warnings` are one line each; those in `transparent`, among them, say what became of partly transparent materials.
+    `files` are what it was read from: the glTF file first, buffers and images, and files that brought light.
     """
 
     meshes: tuple[Mesh, ...]
@@ -135,6 +137,7 @@ class Scene:
     cameras: dict[str, Camera] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     transparent: tuple[str, ...] = ()
+    files: tuple[Path, ...] = ()
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Lowest and highest corner of all triangles: two (3,) float64, m."""

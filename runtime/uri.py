@@ -18,9 +18,15 @@ class Files:
     """What lies beside a scene; each file is read once."""
 
     def __init__(self, folder: Path, limits: Limits):
-        self._folder = folder.resolve()
+        self._named, self._folder = folder, folder.resolve()
         self._limits = limits
         self._bytes: dict[Path, bytes] = {}
+        self._names: dict[Path, None] = {}
+
+    @property
+    def names(self) -> tuple[Path, ...]:
+        """The files that were read so far, as the scene's path and its URIs spell them."""
+        return tuple(self._names)
 
     def read(self, uri: Json) -> bytes:
         """The bytes behind a data: URI or a relative path inside the folder.
@@ -30,7 +36,8 @@ class Files:
         text = uri.string()
         if text.startswith("data:"):
             return _data_uri(uri, text)
-        path = self._inside(uri, text)
+        name, path = self._inside(uri, text)
+        self._names[self._named / name] = None
         if path not in self._bytes:
             try:
                 self._bytes[path] = read_file(path, self._limits)
@@ -38,7 +45,8 @@ class Files:
                 raise FileError(f"{uri.where()}: {error}", Code.FILE, uri.pointer) from None
         return self._bytes[path]
 
-    def _inside(self, uri: Json, text: str) -> Path:
+    def _inside(self, uri: Json, text: str) -> tuple[str, Path]:
+        """The file that a URI names, relative to the scene's folder, and where that leads."""
         if SCHEME.match(text):
             raise uri.refuse("a data: URI or a relative path", code=Code.URI)
         try:
@@ -50,7 +58,7 @@ class Files:
             raise uri.refuse("a path without control characters", code=Code.URI)
         if path is None:
             raise uri.refuse("a path inside the scene's folder", code=Code.URI_OUTSIDE)
-        return path
+        return name, path
 
 
 def inside(folder: Path, name: str) -> Path | None:

@@ -9,7 +9,7 @@ import time
 import pytest
 
 from gsgi.runtime import atomic
-from gsgi.runtime.atomic import check_writable, remove_leftovers, replacing, write_atomic
+from gsgi.runtime.atomic import check_writable, remove_leftovers, replacing, write_atomic, write_together
 from gsgi.runtime.errors import FileError
 
 
@@ -38,6 +38,19 @@ def test_a_block_that_raises_leaves_the_old_file(tmp_path):
         fail()
     assert path.read_bytes() == b"old"
     assert names(tmp_path) == ["a.bin"]
+
+
+def test_of_files_that_belong_together_the_first_is_last(tmp_path, monkeypatch):
+    order, replace = [], os.replace
+    monkeypatch.setattr(atomic.os, "replace", lambda old, new: (order.append(new.name), replace(old, new)))
+    write_together({tmp_path / "data": b"new", tmp_path / "about it": b"its"})
+    assert order == ["about it", "data"]
+    assert (tmp_path / "data").read_bytes() == b"new"
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(FileError, match="folder: cannot write: not a regular file"):
+        write_together({tmp_path / "data": b"newer", tmp_path / "folder": b""})
+    assert (tmp_path / "data").read_bytes() == b"new"
+    assert names(tmp_path) == ["about it", "data", "folder"]
 
 
 def test_a_full_disk_is_named_and_corrupts_nothing(small_disk):

@@ -84,6 +84,7 @@ def cache(tmp_path_factory, monkeypatch) -> None:
 
 def bake_into(folder: Path, operator: str) -> Path:
     options = [*FAST, "--operator", operator, "--json", "--cache", folder / "cache"]
+    options += ["--depfile", folder / "c.gsgi.d"]
     run = gsgi("bake", CORNELL, "-o", folder / "c.gsgi", *options)
     assert run.returncode == 0, run.stderr
     (folder / "bake.json").write_text(run.stdout)
@@ -135,6 +136,11 @@ def test_a_bake_reports_what_it_reached(bakes, operator):
     log = (baked / "bake.log").read_text()
     assert "irradiance" in log
     assert f"mean of {HELD_OUT} views: loss " in log
+
+
+def test_a_bake_names_what_it_has_read(bakes):
+    for folder in bakes.values():
+        assert (folder / "c.gsgi.d").read_text() == f"{folder}/c.gsgi: \\\n  {CORNELL}\n"
 
 
 @pytest.mark.parametrize("operator", OPERATORS)
@@ -313,8 +319,8 @@ def test_render_says_what_each_pass_costs(bakes, tmp_path, gl, capsys):
 
 def test_render_says_when_the_light_is_of_another_scene(baked, tmp_path, gl):
     size = ["--gi", baked / "c.gsgi", "-o", tmp_path / "frame.png", "--size", "16x16"]
-    assert not gsgi("render", CORNELL, *size).stderr
-    other = gsgi("render", SCENES / "two_rooms.glb", *size)
+    assert not gsgi("render", CORNELL, *size, "--quiet").stderr
+    other = gsgi("render", SCENES / "two_rooms.glb", *size, "--quiet")
     assert other.returncode == 0
     assert "other geometry" in other.stderr
     assert other.stderr.count("\n") == 1

@@ -1,7 +1,10 @@
 """Headless contexts."""
 
+import os
 import subprocess
 import sys
+from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -56,3 +59,32 @@ def test_failure_is_one_line_that_says_what_to_install(monkeypatch):
     assert "\n" not in text
     for part in ("egl: no display at all", "osmesa: no display at all", "libegl1", "libosmesa6"):
         assert part in text
+
+
+def test_what_was_chosen_is_said_with_what_failed_before(monkeypatch):
+    def made(**source) -> SimpleNamespace:
+        if source.get("backend") == "egl":
+            raise Exception("no display\nat all")
+        return SimpleNamespace(info={"GL_RENDERER": "llvmpipe (LLVM 15)", "GL_VERSION": "4.5 Mesa 22"})
+
+    monkeypatch.setattr(context.moderngl, "create_context", made)
+    monkeypatch.setattr(context, "OSMesa", object)
+    lines = []
+    create_context("auto", say=lines.append)
+    create_context("osmesa", say=lines.append)
+    osmesa = "OpenGL: OSMesa, llvmpipe (LLVM 15), 4.5 Mesa 22"
+    assert lines == [f"{osmesa}; EGL failed: no display at all", osmesa]
+
+
+@pytest.mark.parametrize("broken", [False, True])
+def test_render_says_what_draws(tmp_path, backends, broken):
+    """`broken`: EGL's loader finds no driver."""
+    if backends != ("egl", "osmesa"):
+        pytest.skip(f"needs EGL and OSMesa, got {backends}")
+    scene = Path(__file__).parents[1] / "samples" / "scenes" / "furnace.glb"
+    command = [sys.executable, "-m", "gsgi.baker", "render", scene, "-o", tmp_path / "a.png", "--size", "16x16"]
+    driver = {"__EGL_VENDOR_LIBRARY_FILENAMES": str(tmp_path / "none.json")} if broken else {}
+    child = subprocess.run(command, capture_output=True, text=True, check=True, env=os.environ | driver)
+    (line,) = (line for line in child.stderr.splitlines() if line.startswith("OpenGL: "))
+    assert line.split(", ")[0] == ("OpenGL: OSMesa" if broken else "OpenGL: EGL")
+    assert ("; EGL failed: " in line) == broken

@@ -18,16 +18,25 @@ def add(commands) -> None:
         "  gsgi bake room.glb -o room.gsgi --quality high                       # closer, larger, slower\n"
         "  gsgi bake room.glb -o room.gsgi --target-loss 0.01                   # as small as that allows\n"
         "  gsgi bake room.glb -o room.gsgi --target-bytes 100000                # as good as that allows\n"
-        "  gsgi bake room.glb -o room.gsgi --quiet --json > room.json           # in a build",
+        "  gsgi bake room.glb -o room.gsgi --quiet --json > room.json           # with figures for machines\n"
+        "  gsgi bake room.glb -o room.gsgi --quiet --depfile room.gsgi.d        # in a Makefile: -include room.gsgi.d\n"
+        "  gsgi bake room.glb -o room.gsgi --quiet --depfile room.gsgi.d --if-changed   # in ninja, with restat = 1",
     )
     shared.add_scene(parser)
     shared.add_light(parser)
     parser.add_argument("-o", "--output", metavar="FILE", required=True, help="the .gsgi file to write")
+    _add_build(parser)
     shared.add_settings(parser)
     parser.add_argument("--preview", metavar="DIR", type=Path, help="write pictures of the fit there while it runs")
     shared.add_cache(parser)
     shared.add_verbosity(parser)
     shared.add_json(parser, "print what was reached as JSON on stdout")
+
+
+def _add_build(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("build", "For build tools; see samples/06_build_integration.")
+    group.add_argument("--depfile", metavar="FILE", help="write what the bake has read, as a rule for make and ninja")
+    group.add_argument("--if-changed", action="store_true", help="leave a .gsgi file with the same bytes untouched")
 
 
 def run(options: argparse.Namespace) -> None:
@@ -41,7 +50,7 @@ def run(options: argparse.Namespace) -> None:
     from gsgi.baker.preview import Preview, make_folder
     from gsgi.baker.progress import Progress
     from gsgi.runtime import codec
-    from gsgi.runtime.atomic import check_writable, write_atomic
+    from gsgi.runtime.atomic import check_writable, write_together
     from gsgi.runtime.errors import UsageError
 
     check_writable(options.output)
@@ -49,9 +58,12 @@ def run(options: argparse.Namespace) -> None:
         make_folder(options.preview)
     if Path(options.output).resolve() == Path(options.scene).resolve():
         raise UsageError(f"{options.output}: the output would overwrite the scene")
+    if options.depfile:
+        check_writable(options.depfile)
     progress = Progress(options.quiet)
     cache = open_cache(options, progress)
     plan = plan_of(options, progress, cache)
+    rules = _rules(options, plan, progress)
     for line in (*coverage_summary(plan.placement.coverage), summary(plan)):
         progress.say(line)
     references = None
@@ -63,8 +75,10 @@ def run(options: argparse.Namespace) -> None:
         progress.warn("no held-out view shows a surface with indirect light: there is no loss to aim at")
     preview = options.preview and references and Preview(options.preview, references, plan.placement.held_out)
     baked = bake(plan, progress, references, preview)
-    write_atomic(options.output, baked.data)
-    progress.say(f"wrote {options.output}: {baked.fitted.count} Gaussians, {len(baked.data)} bytes")
+    same = options.if_changed and _holds(options.output, baked.data)
+    write_together(({} if same else {options.output: baked.data}) | rules)
+    done = "left as it was" if same else "wrote"
+    progress.say(f"{done} {options.output}: {baked.fitted.count} Gaussians, {len(baked.data)} bytes")
     with progress.stage("exam"):
         exam = held_out.judge(references or {}, plan.placement.held_out, codec.decode(baked.data))
     for view in (*exam.views, exam.mean) if exam.views else ():
@@ -73,6 +87,29 @@ def run(options: argparse.Namespace) -> None:
     if options.json:
         print_json(_report(plan, baked, progress, exam))
     _check_target(options, plan, baked)
+
+
+def _rules(options: argparse.Namespace, plan, progress) -> dict[str, bytes]:
+    """The dependency file, if there is to be one: its name and its bytes. Raises UsageError."""
+    from gsgi.baker.depfile import depfile, nameable
+    from gsgi.runtime.errors import UsageError
+
+    if not options.depfile:
+        return {}
+    if Path(options.depfile).resolve() in {Path(file).resolve() for file in (options.output, *plan.scene.files)}:
+        raise UsageError(f"{options.depfile}: the dependency file would overwrite another file of this bake")
+    for file in plan.scene.files:
+        if not nameable(file):
+            progress.warn(f"{file}: build tools cannot be told of a file of this name: changes go unnoticed")
+    return {options.depfile: depfile(options.output, plan.scene.files)}
+
+
+def _holds(path: str, data: bytes) -> bool:
+    """Whether a file is there and holds just these bytes."""
+    try:
+        return Path(path).read_bytes() == data
+    except OSError:
+        return False
 
 
 def _check_target(options: argparse.Namespace, plan, baked) -> None:

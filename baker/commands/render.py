@@ -20,9 +20,11 @@ def add(commands) -> None:
     shared.add_light(parser)
     parser.add_argument("--gi", metavar="FILE", help="baked light (.gsgi); without it, primary light only")
     shared.add_picture(parser)
-    parser.add_argument("--backend", choices=("egl", "osmesa", "auto"), default="auto", help="OpenGL without a display")
+    parser.add_argument("--backend", choices=("egl", "osmesa", "auto"), default="auto",
+                        help="OpenGL without a display; auto takes EGL, else OSMesa, and says which")  # fmt: skip
     parser.add_argument("--device", type=int, metavar="N", help="draw on this device of EGL, from 0")
     parser.add_argument("--profile", action="store_true", help="print the driver and what each pass of the frame costs")
+    shared.add_verbosity(parser)
 
 
 def run(options: argparse.Namespace) -> None:
@@ -40,13 +42,13 @@ def run(options: argparse.Namespace) -> None:
     check_writable(options.output)
     if options.gi is None and options.layer == "indirect":
         raise UsageError("--layer indirect needs baked light: --gi FILE")
-    progress = Progress()
+    progress = Progress(options.quiet)
     scene = read_scene(options, progress)
     baked = None if options.gi is None else read_bake(options.gi)
     if baked is not None and baked.scene not in (0, fingerprint(scene)):
         progress.warn(f"{options.gi}: was baked for other geometry than {options.scene}; its light may not fit")
     frame = scene, baked, choose_camera(scene, options), *options.size, options.backend, options.device
-    write_layer(options.output, options.layer, draw(*frame)[options.layer], options.exposure)
+    write_layer(options.output, options.layer, draw(*frame, progress.say)[options.layer], options.exposure)
     if options.profile:
         print_costs(*costs(*frame))
 

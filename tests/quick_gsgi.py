@@ -1,0 +1,35 @@
+"""`gsgi bake` without tracing: the real command line, reader and files; the light is the mean of the textures.
+
+python quick_gsgi.py LOG bake SCENE -o FILE ...    # adds the scene's name to LOG where a bake gets that far
+"""
+
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+from gsgi_files import constant
+
+from gsgi.baker import bake, cli, coverage, decisions, held_out, plan
+from gsgi.runtime import codec
+
+
+def main(log: str, *arguments: str) -> int:
+    """Run the command with these arguments; returns its exit code."""
+
+    def make_plan(scene, *_) -> SimpleNamespace:
+        return SimpleNamespace(scene=scene, placement=SimpleNamespace(coverage=None, held_out={}))
+
+    def baked(made, *_) -> SimpleNamespace:
+        with open(log, "a", encoding="utf-8") as file:
+            file.write(made.scene.files[0].stem + "\n")
+        light = sum((texture.pixels[..., :3].mean(axis=(0, 1)) for texture in made.scene.textures), start=1)
+        return SimpleNamespace(data=codec.encode(constant(light)), fitted=SimpleNamespace(count=2, loss=None), tried=())
+
+    plan.make_plan, bake.bake = make_plan, baked
+    coverage.coverage_summary, decisions.summary = (lambda _: []), (lambda _: "")
+    held_out.judge = lambda *_: SimpleNamespace(views=(), mean=None)
+    return cli.run([*arguments, "--quiet", "--cache", str(Path(log).parent / "cache")])
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:]))
