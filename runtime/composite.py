@@ -39,7 +39,7 @@ class Display:
         self.ctx, self._radiance = ctx, radiance
         self.color = ctx.texture(radiance.size, 4)
         self._target = ctx.framebuffer(self.color)
-        self._program = program(ctx, "display")
+        self._program = program(ctx, "display", SURFACES_ONLY=False)
         set_uniforms(self._program, radiance=0)
         self._triangle = ctx.vertex_array(self._program, [])
 

@@ -45,7 +45,9 @@ PERMUTATIONS = {
     "silhouette": {},
     "visible": {"NORMAL": BOOLS},
     "composite": {},
-    "display": {},
+    "display": {"SURFACES_ONLY": BOOLS},
+    "ellipsoids": {"SH_DEGREE": (0, 1, 2, 3), "NORMAL_COLOR": BOOLS},
+    "overlay": {},
 }
 
 
