@@ -44,6 +44,7 @@ class Viewer:
         self._costs: list[tuple[PassCost, ...]] | None = None
         self._shown = 0.0  # s; when costs were
         self.window.key_event_func = self._key
+        self.window._window.push_handlers(on_deactivate=self.controls.held.clear)  # who looks away holds no keys
         self.window.mouse_drag_event_func = lambda x, y, dx, dy: self.fly.turn(dx, dy)
 
     def run(self) -> None:
