@@ -2,13 +2,11 @@
 
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 from ..camera import Camera
 from ..display import auto_exposure, to_uint8, tone_map
 from ..errors import FileError, UnsupportedError
 from ..gaussians import Bake
-from ..image import write_image
 from ..profile import PassCost, Profile
 from ..scene import Scene
 from .controls import HELP, KEYS, Controls
@@ -16,6 +14,7 @@ from .cost_table import cost_table
 from .fly_camera import FlyCamera
 from .overlay import Overlay
 from .picture import Picture
+from .snapshot import write_snapshot
 
 COSTS_EVERY = 0.5  # s between new figures
 LONGEST_STEP = 0.25  # s; a frame that took longer does not carry the camera further
@@ -92,8 +91,7 @@ class Viewer:
     def _write_picture(self) -> None:
         """The picture as `gsgi render` writes it, with neither overlay nor the driver's rounding."""
         try:
-            path = _new_file(self._name)
-            write_image(path, to_uint8(tone_map(self.picture.read(), self.controls.exposure)))
+            path = write_snapshot(self._name, to_uint8(tone_map(self.picture.read(), self.controls.exposure)))
         except FileError as error:
             self._say(str(error))
         else:
@@ -139,18 +137,3 @@ def _open(size: tuple[int, int]):
     window.exit_key = None  # it would end the context before what lies in it is released
     window.fullscreen_key = None
     return window
-
-
-def _new_file(name: str) -> Path:
-    """An empty file NAME-001.png in the current folder, or the next number that is free. Raises FileError."""
-    number = 1
-    while True:
-        path = Path(f"{name}-{number:03}.png")
-        try:
-            path.touch(exist_ok=False)
-        except FileExistsError:
-            number += 1
-        except OSError as error:
-            raise FileError(f"{path}: cannot write: {error.strerror or error}") from None
-        else:
-            return path
