@@ -137,6 +137,18 @@ def choose_camera(scene: Scene, options: argparse.Namespace) -> Camera:
     return next(iter(placement.fitted.values()))
 
 
+def read_light(options: argparse.Namespace, scene: Scene, progress: Progress) -> Bake | None:
+    """The bake that --gi names, with a warning where it was made for other geometry."""
+    from gsgi.runtime.fingerprint import fingerprint
+
+    if options.gi is None:
+        return None
+    baked = read_bake(options.gi)
+    if baked.scene not in (0, fingerprint(scene)):
+        progress.warn(f"{options.gi}: was baked for other geometry than {options.scene}; its light may not fit")
+    return baked
+
+
 def read_bake(path: str | Path) -> Bake:
     """The bake in a .gsgi file. Raises FileError or FormatError, both naming the file."""
     from gsgi.runtime import codec

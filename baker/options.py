@@ -126,13 +126,23 @@ def _add_dial(parser: argparse.ArgumentParser) -> None:
 def add_picture(parser: argparse.ArgumentParser) -> None:
     """Options of the commands that make an image."""
     parser.add_argument("-o", "--output", metavar="IMAGE", required=True, help=".png to look at, .exr to measure")
-    parser.add_argument("--camera", metavar="NAME", help="a camera of the scene (default: its first, or a placed one)")
-    parser.add_argument("--size", type=size, default="512x512", metavar="WxH", help="image size in pixels")
+    add_camera(parser, "512x512")
     parser.add_argument(
         "--layer", choices=LAYERS, default="final", help="what to write; indirect is B, not yet albedo * B"
     )
+
+
+def add_camera(parser: argparse.ArgumentParser, default_size: str) -> None:
+    """From where a picture is taken, how large it is, how bright."""
+    parser.add_argument("--camera", metavar="NAME", help="a camera of the scene (default: its first, or a placed one)")
+    parser.add_argument("--size", type=size, default=default_size, metavar="WxH", help="image size in pixels")
     parser.add_argument("--exposure", type=positive, metavar="X",
                         help="factor on light in a .png (default: takes its log-average to mid-grey)")  # fmt: skip
+
+
+def add_gi(parser: argparse.ArgumentParser) -> None:
+    """--gi"""
+    parser.add_argument("--gi", metavar="FILE", help="baked light (.gsgi); without it, primary light only")
 
 
 def add_verbosity(parser: argparse.ArgumentParser) -> None:

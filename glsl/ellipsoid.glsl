@@ -44,3 +44,12 @@ Bounds box_bounds(vec3 t, vec3 extent, float nearest, vec2 focal, vec2 centre, v
     vec2 half_size = 0.5 * (high - low);
     return Bounds(low + half_size, mat2(half_size.x, 0.0, 0.0, half_size.y));
 }
+
+// The rectangle around what of an ellipsoid lies beyond the depth `near`. `extent`: half_extent(axes).
+Bounds image_bounds(vec3 t, mat3 axes, vec3 extent, float near, vec2 focal, vec2 centre, vec2 size) {
+    Bounds b = ellipse_bounds(t, axes, extent.z, focal, centre);
+    // One that reaches the eye's plane has no ellipse, one that nearly does a vast one.
+    if (!(-t.z - extent.z > near && dot(b.axes[0], b.axes[0]) < dot(size, size)))
+        b = box_bounds(t, extent, max(near, -t.z - extent.z), focal, centre, size);
+    return b;
+}

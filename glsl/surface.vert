@@ -42,10 +42,7 @@ void main() {
     float nearest = max(near, -t.z - extent.z);
     // Written so that a NaN fails the test.
     if (!(g.opacity > 0.0 && extent.z - t.z >= near)) return;
-    Bounds b = ellipse_bounds(t, axes, extent.z, focal, centre);
-    // One that reaches the eye's plane has no ellipse, one that nearly does a vast one.
-    if (!(-t.z - extent.z > near && dot(b.axes[0], b.axes[0]) < dot(size, size)))
-        b = box_bounds(t, extent, nearest, focal, centre, size);
+    Bounds b = image_bounds(t, axes, extent, near, focal, centre, size);
     // A square of half the edge `margin` around any point of the quad reaches no further than its diagonal.
     float diagonal = margin * sqrt(2.0);
     b.axes += mat2(diagonal * normalize(b.axes[0]), diagonal * normalize(b.axes[1]));

@@ -3,6 +3,7 @@
 import moderngl
 
 from .gbuffer import GBuffer
+from .permutations import defines
 from .shader import program, set_uniforms
 
 
@@ -39,7 +40,7 @@ class Display:
         self.ctx, self._radiance = ctx, radiance
         self.color = ctx.texture(radiance.size, 4)
         self._target = ctx.framebuffer(self.color)
-        self._program = program(ctx, "display")
+        self._program = program(ctx, "display", **defines("display", False))
         set_uniforms(self._program, radiance=0)
         self._triangle = ctx.vertex_array(self._program, [])
 

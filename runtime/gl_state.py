@@ -127,6 +127,6 @@ class HostState:
 
     def _call(self, name: str, *arguments, result: bool = False):
         if name not in self._functions:
-            address = self._ctx.mglo._context.load(f"gl{name}")
+            address = self._ctx.mglo._context.load_opengl_function(f"gl{name}")
             self._functions[name] = ctypes.CFUNCTYPE(ctypes.c_ubyte if result else None)(address)
         return self._functions[name](*arguments)

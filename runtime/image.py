@@ -1,5 +1,6 @@
 """Images in and out, all through OpenImageIO. Row 0 is the top."""
 
+import errno
 import os
 import re
 import tempfile
@@ -22,6 +23,7 @@ SIGNATURE = {
     "webp": re.compile(rb"RIFF....WEBP", re.DOTALL),
 }
 SUFFIXES = (".exr", ".png")
+_PNG_END = b"IEND\xaeB`\x82"
 
 
 class Encoded(NamedTuple):
@@ -115,6 +117,8 @@ def write_image(path: str | Path, pixels: np.ndarray) -> None:
         opened = output.open(str(temporary), spec)
         if not opened or not output.write_image(np.ascontiguousarray(pixels)) or not output.close():
             raise FileError(f"{path}: cannot write: {one_line(output.geterror())}")
+        if suffix == ".png" and not temporary.read_bytes().endswith(_PNG_END):  # a full disk, of which it says nothing
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 def open_image(path: Path):

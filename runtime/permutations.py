@@ -116,7 +116,12 @@ PASSES: dict[str, dict[str, Callable[[Any], int]]] = {
     },
     "add_light": {"ALBEDO_SRGB": lambda encoding: encoding.albedo_defines()["ALBEDO_SRGB"]},  # Encoding
     "composite": {},
-    "display": {},
+    "display": {"SURFACES_ONLY": lambda masked: masked},  # bool
+    "ellipsoids": {  # Bake
+        "SH_DEGREE": lambda bake: bake.gaussians.sh_degree,
+        "NORMAL_COLOR": lambda bake: isinstance(bake.blend, SurfaceBlend),
+    },
+    "overlay": {},
     "forward": {  # Primitive
         "NORMAL": lambda p: p.lit and p.normals,
         "VERTEX_COLOR": lambda p: p.colored,

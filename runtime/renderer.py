@@ -31,25 +31,30 @@ class DeferredRenderer:
     def __init__(
         self, ctx: moderngl.Context, scene: Scene, bake: Bake | None, width: int, height: int, splat_scale: int = 1
     ):
-        size = (width, height)
-        self._origin = origin_of(scene)
+        self._ctx, self._origin = ctx, origin_of(scene)
         if self._origin.any():
             scene = local_scene(scene, self._origin)
             bake = bake and local_bake(bake, self._origin)
+        self._scene, self._bake = scene, bake
         self.geometry = Geometry(ctx, scene)
-        self.gbuffer = GBuffer(ctx, self.geometry, size)
-        self.background = self.shadow = self.primary = self.splats = self.composite = None
-        if scene.environment is not None:
-            self.background = Background(ctx, self.gbuffer, scene.environment)
+        self.shadow = self.splats = None
         if scene.lights and self.geometry.batches:
             self.shadow = Shadow(ctx, self.geometry, scene.bounds())
-            self.primary = Primary(ctx, self.gbuffer, self.shadow, scene.lights)
         if bake is not None:
             self.splats = IndirectLight(ctx, bake, splat_scale=splat_scale)
-            self.composite = Composite(ctx, self.gbuffer)
-        # Background and light passes write to the G-buffer's emission: afterwards that target holds primary light.
-        self._final = self.composite.radiance if self.composite else self.gbuffer.emission
-        self._display = Display(ctx, self._final)
+        self._make_targets((width, height))
+
+    def resize(self, width: int, height: int) -> None:
+        """Draw at another size from the next frame on; what was uploaded stays."""
+        if self.gbuffer.size != (width, height):
+            self._release_targets()
+            self._make_targets((width, height))
+
+    def set_splat_scale(self, splat_scale: int) -> None:
+        """Read the Gaussians once per `splat_scale` x `splat_scale` pixels (1, 2 or 4) from the next frame on."""
+        if self.splats:
+            self.splats.release()
+            self.splats = IndirectLight(self._ctx, self._bake, splat_scale=splat_scale)
 
     def render(self, camera: Camera, profile: Profile | None = None) -> None:
         """Draw one frame; with a `profile`, of `ctx`, its passes are measured."""
@@ -75,32 +80,59 @@ class DeferredRenderer:
         the view axis, m.
         """
         assert layer in LAYERS, layer
-        depth = _pixels(self.gbuffer.depth)[..., 0]
+        depth = pixels(self.gbuffer.depth)[..., 0]
         if layer == "depth":
             return depth
         if layer == "normal":
-            return _decode_octahedral(_pixels(self.gbuffer.normal)[..., :2]) * (depth > 0)[..., None]
+            return _decode_octahedral(pixels(self.gbuffer.normal)[..., :2]) * (depth > 0)[..., None]
         if layer == "indirect":
             if not self.splats:
                 return np.zeros((*depth.shape, 3), np.float32)
-            return np.where(depth[..., None] > 0, _pixels(self.splats.indirect)[..., :3], np.float32(0))
+            return np.where(depth[..., None] > 0, pixels(self.texture(layer))[..., :3], np.float32(0))
+        return pixels(self.texture(layer))[..., :3]
+
+    def texture(self, layer: str) -> moderngl.Texture:
+        """What the last frame drew, until the next one or a resize; RGBA16F: "final", "primary", "albedo", "indirect".
+
+        "indirect" needs a bake; of one of the `over` operator there may be light where no surface is.
+        """
         textures = {"final": self._final, "primary": self.gbuffer.emission, "albedo": self.gbuffer.albedo}
-        return _pixels(textures[layer])[..., :3]
+        return self.splats.indirect if layer == "indirect" else textures[layer]
 
     def display(self, exposure: float) -> np.ndarray:
         """The last frame under `exposure` and the tone curve: (H, W, 3) uint8 sRGB, row 0 on top."""
         self._display.draw(exposure)
-        return _pixels(self._display.color)[..., :3]
+        return pixels(self._display.color)[..., :3]
 
     def release(self) -> None:
         """Free the GPU memory."""
-        light = self.background, self.shadow, self.primary, self.splats, self.composite
-        for part in (self._display, *light, self.gbuffer, self.geometry):
+        self._release_targets()
+        for part in (self.shadow, self.splats, self.geometry):
+            if part is not None:
+                part.release()
+
+    def _make_targets(self, size: tuple[int, int]) -> None:
+        """The passes that draw into textures of the frame's size."""
+        ctx, scene = self._ctx, self._scene
+        self.gbuffer = GBuffer(ctx, self.geometry, size)
+        self.background = self.primary = self.composite = None
+        if scene.environment is not None:
+            self.background = Background(ctx, self.gbuffer, scene.environment)
+        if self.shadow:
+            self.primary = Primary(ctx, self.gbuffer, self.shadow, scene.lights)
+        if self.splats:
+            self.composite = Composite(ctx, self.gbuffer)
+        # Background and light passes write to the G-buffer's emission: afterwards that target holds primary light.
+        self._final = self.composite.radiance if self.composite else self.gbuffer.emission
+        self._display = Display(ctx, self._final)
+
+    def _release_targets(self) -> None:
+        for part in (self._display, self.background, self.primary, self.composite, self.gbuffer):
             if part is not None:
                 part.release()
 
 
-def _pixels(texture: moderngl.Texture) -> np.ndarray:
+def pixels(texture: moderngl.Texture) -> np.ndarray:
     """(H, W, C) in the texture's type (halves as float32), row 0 on top."""
     width, height = texture.size
     raw = np.frombuffer(texture.read(alignment=1), {"f1": "u1", "f2": "f2", "f4": "f4"}[texture.dtype])

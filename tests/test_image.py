@@ -163,3 +163,12 @@ def test_writing_goes_through_links_and_spares_devices(tmp_path):
     assert (tmp_path / "target").read_bytes() == b"data"
     with pytest.raises(FileError, match="not a regular file"):
         write_atomic("/dev/null", b"data")
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.exr"])
+def test_a_full_disk_is_named_and_the_old_image_stays(small_disk, name):
+    pixels = np.random.default_rng(0).integers(0, 256, (200, 300, 3), np.uint8)
+    (small_disk / name).write_bytes(b"old")
+    with pytest.raises(FileError, match=r"a\.\w+: cannot write: "):
+        write_image(small_disk / name, pixels if name == "a.png" else pixels.astype(np.float32))
+    assert [(path.name, path.read_bytes()) for path in small_disk.iterdir()] == [(name, b"old")]

@@ -284,3 +284,13 @@ def test_an_unknown_encoding_is_named(gl, field):
 def test_matrices_that_are_no_camera_are_named(gl, host, light, name, view, clip):
     with pytest.raises(ValueError, match=name):
         light.draw(*host.textures(gl, light.encoding), view, clip)
+
+
+def test_a_context_that_a_window_made_will_do(gl, host):
+    """moderngl attached to a current context, as in a host's window, finds OpenGL's functions in another way."""
+    attached = moderngl.create_context()
+    light = IndirectLight(attached, bake(), splat_scale=1)
+    textures = host.textures(attached, light.encoding)
+    drawn = pixels(light.draw(*textures, CAMERA.view_from_world, projection()))
+    np.testing.assert_array_equal(drawn[..., :3], host.indirect.astype(np.float16))
+    light.release()

@@ -21,6 +21,7 @@ GL_MODULES |= {
     "gl_state",
     "profile",
 }
+GL_MODULES |= {f"viewer.{module}" for module in ("ellipsoids", "overlay", "picture", "window")}
 DATA_MODULES = sorted({path.stem for path in (ROOT / "runtime").glob("*.py")} - GL_MODULES - {"__init__"})
 
 
@@ -70,6 +71,12 @@ def test_a_data_module_loads_numpy_alone(module):
 def test_help_loads_nothing_heavy():
     started = loaded_by("pass")
     assert loaded_by("from gsgi.baker import cli; cli.parser().format_help()") - started <= {"gsgi"}
+
+
+def test_the_logic_of_the_viewer_needs_no_window():
+    started = loaded_by("pass")
+    assert loaded_by("import gsgi.runtime.viewer.controls") - started <= {"gsgi"}
+    assert loaded_by("import gsgi.runtime.viewer.fly_camera") - started <= {"gsgi", "numpy"}
 
 
 def test_the_pytest_plugin_loads_pytest_alone():

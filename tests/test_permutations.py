@@ -9,7 +9,7 @@ import pytest
 
 from gsgi.runtime import host_textures, shader
 from gsgi.runtime.constants import GLSL_FOLDER
-from gsgi.runtime.gaussians import SurfaceBlend
+from gsgi.runtime.gaussians import Bake, OverBlend, SurfaceBlend
 from gsgi.runtime.host_textures import Encoding
 from gsgi.runtime.permutations import PASSES, Level, Primitive, Reading, Triangles, defines, sampled
 from gsgi.runtime.pyrender.materials import SLOTS
@@ -69,6 +69,8 @@ SUBJECTS = {
     ],
     "resolve": READINGS,
     "add_light": encodings(),
+    "display": BOTH,
+    "ellipsoids": [Bake(g, blend) for g in of_degree(0, 1, 2, 3) for blend in (OverBlend(0.1), SurfaceBlend())],
     "forward": primitives(),
     "visible": primitives(),
 }

@@ -3,6 +3,7 @@
 Importing them loads nothing heavy: that waits for `run`.
 """
 
-from . import bake, cache, compare, doctor, inspect, plan, reference, render, validate
+from . import bake, cache, compare, doctor, inspect, plan, reference, render, validate, view
 
-COMMANDS = (plan, bake, render, reference, compare, inspect, validate, cache, doctor)  # as `gsgi --help` lists them
+# As `gsgi --help` lists them.
+COMMANDS = (plan, bake, render, view, reference, compare, inspect, validate, cache, doctor)

@@ -18,7 +18,7 @@ def add(commands) -> None:
     )
     shared.add_scene(parser)
     shared.add_light(parser)
-    parser.add_argument("--gi", metavar="FILE", help="baked light (.gsgi); without it, primary light only")
+    shared.add_gi(parser)
     shared.add_picture(parser)
     parser.add_argument("--backend", choices=("egl", "osmesa", "auto"), default="auto",
                         help="OpenGL without a display; auto takes EGL, else OSMesa, and says which")  # fmt: skip
@@ -30,12 +30,11 @@ def add(commands) -> None:
 def run(options: argparse.Namespace) -> None:
     """Draw and write the layer."""
     from gsgi.baker.frame import costs, draw
-    from gsgi.baker.inputs import choose_camera, read_bake, read_scene
+    from gsgi.baker.inputs import choose_camera, read_light, read_scene
     from gsgi.baker.pictures import write_layer
     from gsgi.baker.progress import Progress
     from gsgi.runtime.atomic import check_writable
     from gsgi.runtime.errors import UsageError
-    from gsgi.runtime.fingerprint import fingerprint
     from gsgi.runtime.image import check_image_path
 
     check_image_path(options.output)
@@ -44,9 +43,7 @@ def run(options: argparse.Namespace) -> None:
         raise UsageError("--layer indirect needs baked light: --gi FILE")
     progress = Progress(options.quiet)
     scene = read_scene(options, progress)
-    baked = None if options.gi is None else read_bake(options.gi)
-    if baked is not None and baked.scene not in (0, fingerprint(scene)):
-        progress.warn(f"{options.gi}: was baked for other geometry than {options.scene}; its light may not fit")
+    baked = read_light(options, scene, progress)
     frame = scene, baked, choose_camera(scene, options), *options.size, options.backend, options.device
     write_layer(options.output, options.layer, draw(*frame, progress.say)[options.layer], options.exposure)
     if options.profile:

@@ -1,0 +1,88 @@
+"""What the viewer's keys do. Loads nothing: the command line prints the table."""
+
+from dataclasses import dataclass, field
+
+VIEWS = {"1": "final", "2": "primary", "3": "indirect", "4": "ellipsoids"}
+SCALES = 1, 2, 4  # pixels of the frame per pixel at which Gaussians are read
+EXPOSURE_STEP = 2 ** (1 / 3)  # a third of a stop
+
+# What is held down: right, up, back.
+MOVES = {"A": (-1, 0, 0), "D": (1, 0, 0), "Q": (0, -1, 0), "E": (0, 1, 0), "W": (0, 0, -1), "S": (0, 0, 1)}
+SHIFTS = "LEFT_SHIFT", "RIGHT_SHIFT"
+
+HELP = """\
+W A S D       fly: forward, left, back, right
+Q E           down, up
+Shift         faster
+mouse, drag   look around
+1 2 3 4       final image, primary light, indirect light B, Gaussians as ellipsoids
+Up Down       exposure, a third of a stop
+M             exposure that `gsgi render` takes for this picture
+C             what each pass costs; waits for the GPU after each
+R             read Gaussians at full, half, quarter resolution
+P             write a .png, as `gsgi render` does, into the current folder
+H             this list
+Esc           quit"""
+
+
+@dataclass
+class Controls:
+    """The state that keys change. `exposure` 0: to be taken from the next picture.
+
+    `baked`: whether there is baked light to show; `scalable`: whether it can be read at a lower resolution.
+    """
+
+    baked: bool = True
+    scalable: bool = True
+    exposure: float = 0.0
+    view: str = "final"
+    splat_scale: int = 1
+    costs: bool = False
+    help: bool = False
+    picture_wanted: bool = False
+    closing: bool = False
+    held: set[str] = field(default_factory=set)
+
+    def press(self, key: str) -> str:
+        """A key goes down; returns a line for the user, or nothing. Keys that are not in HELP do nothing."""
+        if key in MOVES or key in SHIFTS:
+            self.held.add(key)
+        elif key in VIEWS:
+            if not self.baked and VIEWS[key] in ("indirect", "ellipsoids"):
+                return "no baked light to show: gsgi view SCENE --gi FILE"
+            self.view = VIEWS[key]
+        elif key in ("UP", "DOWN"):
+            self.exposure *= EXPOSURE_STEP if key == "UP" else 1 / EXPOSURE_STEP
+        elif key == "M":
+            self.exposure = 0.0
+        elif key == "C":
+            self.costs = not self.costs
+        elif key == "R":
+            if not self.scalable:
+                return "only a bake of the surface operator is read at a lower resolution"
+            self.splat_scale = SCALES[(SCALES.index(self.splat_scale) + 1) % len(SCALES)]
+        elif key == "P":
+            self.picture_wanted = True
+        elif key == "H":
+            self.help = not self.help
+            return HELP if self.help else ""
+        elif key == "ESCAPE":
+            self.closing = True
+        return ""
+
+    def release(self, key: str) -> None:
+        """A key goes up."""
+        self.held.discard(key)
+
+    @property
+    def direction(self) -> tuple[int, int, int]:
+        """Where the keys that are held down lead: right, up, back, each -1, 0 or 1."""
+        return tuple(sum(MOVES[key][axis] for key in self.held if key in MOVES) for axis in range(3))
+
+    @property
+    def fast(self) -> bool:
+        """Whether Shift is held down."""
+        return not self.held.isdisjoint(SHIFTS)
+
+
+KEYS = (*MOVES, *SHIFTS, *VIEWS, "UP", "DOWN", "M", "C", "R", "P", "H", "ESCAPE")  # all that press() knows

@@ -1,0 +1,21 @@
+"""What the passes of the last frames cost, as lines of text."""
+
+from collections.abc import Sequence
+
+from ..profile import PassCost
+
+
+def cost_table(frames: Sequence[Sequence[PassCost]]) -> str:
+    """Means over frames of the same passes, GPU and CPU milliseconds, and their sums. Nothing for no frames."""
+    if not frames:
+        return ""
+    sums: dict[str, list[float]] = {}
+    for frame in frames:
+        for cost in frame:
+            row = sums.setdefault(cost.name, [0.0, 0.0])
+            row[0] += cost.gpu_ms
+            row[1] += cost.cpu_ms
+    rows = [(name, gpu / len(frames), cpu / len(frames)) for name, (gpu, cpu) in sums.items()]
+    rows.append(("all", sum(gpu for _, gpu, _ in rows), sum(cpu for *_, cpu in rows)))
+    head = f"{'pass':<22}{'gpu ms':>8}{'cpu ms':>8}"
+    return "\n".join([head, *(f"{name:<22}{gpu:>8.2f}{cpu:>8.2f}" for name, gpu, cpu in rows)])

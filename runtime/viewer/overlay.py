@@ -1,0 +1,70 @@
+"""Text over a picture, in its upper left corner."""
+
+import moderngl
+import numpy as np
+
+from ..shader import program, set_uniforms
+
+MARGIN = 3  # px around the text
+LARGER = 2  # how much, where the picture has room for it
+SHADE = 150  # of 255; how dark it is behind the letters
+
+
+class Overlay:
+    """Draws the text of `write` until another is written; an empty one draws nothing."""
+
+    def __init__(self, ctx: moderngl.Context):
+        self.ctx, self.text = ctx, ""
+        self._texture: moderngl.Texture | None = None
+        self._program = program(ctx, "overlay")
+        set_uniforms(self._program, text=0)
+        self._triangle = ctx.vertex_array(self._program, [])
+
+    def write(self, text: str) -> None:
+        """Take other text, of one or more lines."""
+        if text == self.text:
+            return
+        self.text = text
+        self._drop()
+        if text:
+            image = letters(text)
+            self._texture = self.ctx.texture(image.shape[1::-1], 4, np.ascontiguousarray(image))
+
+    def draw(self, target: moderngl.Framebuffer, size: tuple[int, int]) -> None:
+        """Blend the text into `target` of `size` (width, height) px, whose viewport stays; what does not fit is cut."""
+        if not self._texture:
+            return
+        scale = LARGER if self._texture.width * LARGER <= size[0] else 1
+        width, height = (scale * edge for edge in self._texture.size)
+        target.use()
+        before, self.ctx.viewport = self.ctx.viewport, (0, size[1] - height, width, height)
+        self.ctx.enable_only(moderngl.BLEND)
+        self.ctx.blend_func = moderngl.ONE, moderngl.ONE_MINUS_SRC_ALPHA
+        self._program["corner"].value, self._program["scale"].value = (0, size[1] - height), scale
+        self._texture.use(0)
+        self._triangle.render(vertices=3)
+        self.ctx.viewport = before
+
+    def release(self) -> None:
+        """Free the GPU memory."""
+        self._drop()
+        self._triangle.release()
+        self._program.release()
+
+    def _drop(self) -> None:
+        if self._texture:
+            self._texture.release()
+        self._texture = None
+
+
+def letters(text: str) -> np.ndarray:
+    """White text on a shade: (H, W, 4) uint8, premultiplied, row 0 on top; each letter as wide as any other."""
+    from PIL import Image, ImageDraw, ImageFont
+
+    font = ImageFont.load_default_imagefont()  # a bitmap
+    _, _, width, height = ImageDraw.Draw(Image.new("L", (1, 1))).multiline_textbbox((0, 0), text, font, spacing=2)
+    ink = Image.new("L", (int(width) + 2 * MARGIN, int(height) + 2 * MARGIN))
+    ImageDraw.Draw(ink).multiline_text((MARGIN, MARGIN), text, 255, font, spacing=2)
+    white = np.asarray(ink)
+    alpha = white + ((255 - white.astype(int)) * SHADE // 255).astype(np.uint8)
+    return np.stack([white, white, white, alpha], axis=2)

@@ -1,0 +1,82 @@
+"""What the viewer shows, in any context: a view of a frame, under an exposure, in any framebuffer."""
+
+import moderngl
+import numpy as np
+
+from ..camera import Camera
+from ..gaussians import Bake, SurfaceBlend
+from ..permutations import defines
+from ..profile import Profile
+from ..renderer import DeferredRenderer, pixels
+from ..scene import Scene
+from ..shader import program, set_uniforms
+from .ellipsoids import Ellipsoids
+
+
+class Picture:
+    """Draws frames of `size` (width, height) px, the same as `gsgi render` does; views are those of controls.VIEWS."""
+
+    def __init__(self, ctx: moderngl.Context, scene: Scene, bake: Bake | None, size: tuple[int, int]):
+        self.ctx, self.size, self.splat_scale = ctx, size, 1
+        self._bake, self._view = bake, "final"
+        self._renderer = DeferredRenderer(ctx, scene, bake, *size)
+        self._ellipsoids: Ellipsoids | None = None  # made when they are asked for
+        # Blended light does not end where surfaces do; `gsgi render` shows it on surfaces alone.
+        self._programs = {masked: program(ctx, "display", **defines("display", masked)) for masked in (False, True)}
+        self._triangles = {masked: ctx.vertex_array(p, []) for masked, p in self._programs.items()}
+        for display in self._programs.values():
+            set_uniforms(display, radiance=0, depth=1)
+
+    @property
+    def scalable(self) -> bool:
+        """Whether another `splat_scale` than 1 makes a difference."""
+        return self._bake is not None and isinstance(self._bake.blend, SurfaceBlend)
+
+    def resize(self, size: tuple[int, int]) -> None:
+        """Draw at another size from the next frame on."""
+        self.size = size
+        self._renderer.resize(*size)
+        if self._ellipsoids:
+            self._ellipsoids.resize(size)
+
+    def set_splat_scale(self, splat_scale: int) -> None:
+        """Read the Gaussians once per `splat_scale` x `splat_scale` pixels from the next frame on."""
+        if splat_scale != self.splat_scale:
+            self._renderer.set_splat_scale(splat_scale)
+            self.splat_scale = splat_scale
+
+    def render(self, camera: Camera, view: str, profile: Profile | None = None) -> None:
+        """Draw the passes that `view` needs; with a `profile`, of the context, they are measured."""
+        self._view = view
+        if view != "ellipsoids":
+            self._renderer.render(camera, profile)
+            return
+        if self._ellipsoids is None:
+            self._ellipsoids = Ellipsoids(self.ctx, self._bake, self.size)
+        self._ellipsoids.draw(camera, profile)
+
+    def show(self, target: moderngl.Framebuffer, exposure: float) -> None:
+        """The last frame in `target`, of the same size: sRGB, exposed and tone-mapped."""
+        target.use()
+        self.ctx.enable_only(moderngl.NOTHING)
+        masked = self._view == "indirect"
+        self._texture().use(0)
+        self._renderer.gbuffer.depth.use(1)
+        set_uniforms(self._programs[masked], exposure=exposure)
+        self._triangles[masked].render(vertices=3)
+
+    def read(self) -> np.ndarray:
+        """The last frame in linear light: (H, W, 3) float32, row 0 on top."""
+        if self._view == "ellipsoids":
+            return pixels(self._texture())[..., :3]
+        return self._renderer.read(self._view)
+
+    def release(self) -> None:
+        """Free the GPU memory."""
+        parts = *self._triangles.values(), *self._programs.values(), self._renderer, self._ellipsoids
+        for part in parts:
+            if part is not None:
+                part.release()
+
+    def _texture(self) -> moderngl.Texture:
+        return self._ellipsoids.radiance if self._view == "ellipsoids" else self._renderer.texture(self._view)

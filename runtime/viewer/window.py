@@ -1,0 +1,139 @@
+"""The viewer's window: its events to controls and camera, and frames until it is closed."""
+
+import time
+from collections.abc import Callable
+
+from ..camera import Camera
+from ..display import auto_exposure, to_uint8, tone_map
+from ..errors import FileError, UnsupportedError
+from ..gaussians import Bake
+from ..profile import PassCost, Profile
+from ..scene import Scene
+from .controls import HELP, KEYS, Controls
+from .cost_table import cost_table
+from .fly_camera import FlyCamera
+from .overlay import Overlay
+from .picture import Picture
+from .snapshot import write_snapshot
+
+COSTS_EVERY = 0.5  # s between new figures
+LONGEST_STEP = 0.25  # s; a frame that took longer does not carry the camera further
+_KEY_NAMES = {"1": "NUMBER_1", "2": "NUMBER_2", "3": "NUMBER_3", "4": "NUMBER_4"}  # in moderngl-window
+
+
+class Viewer:
+    """A window of `size` px (width, height) on `scene` with the light of `bake`, seen through `camera` at first.
+
+    `name` is that of the scene, for the title and the names of pictures; `say` takes lines for the user; `exposure`
+    None takes the log-average of the first picture to mid-grey. Raises UnsupportedError without moderngl-window, a
+    display or OpenGL 3.3.
+    """
+
+    def __init__(
+        self, scene: Scene, bake: Bake | None, camera: Camera, size: tuple[int, int], name: str,
+        say: Callable[[str], None], exposure: float | None = None,
+    ):  # fmt: skip
+        self.window = _open(size)
+        self._say, self._name = say, name
+        self.fly = FlyCamera(camera, scene.diagonal())
+        self.picture = Picture(self.window.ctx, scene, bake, self.window.buffer_size)
+        self.overlay = Overlay(self.window.ctx)
+        self.controls = Controls(bake is not None, self.picture.scalable, exposure or 0.0)
+        self._keys = {getattr(self.window.keys, _KEY_NAMES.get(key, key)): key for key in KEYS}
+        self._costs: list[tuple[PassCost, ...]] | None = None
+        self._shown = 0.0  # s; when costs were
+        self.window.key_event_func = self._key
+        self.window._window.push_handlers(on_deactivate=self.controls.held.clear)  # who looks away holds no keys
+        self.window.mouse_drag_event_func = lambda x, y, dx, dy: self.fly.turn(dx, dy)
+
+    def run(self) -> None:
+        """Draw until the window is closed, and release everything."""
+        last = time.perf_counter()
+        while not (self.window.is_closing or self.controls.closing):
+            now = time.perf_counter()
+            self.fly.move(self.controls.direction, min(now - last, LONGEST_STEP), self.controls.fast)
+            last = now
+            self.frame()
+            self.window.swap_buffers()  # handles events too
+        self.release()
+
+    def frame(self) -> None:
+        """Draw one frame into the window; write it, where that was asked for."""
+        controls, picture, window = self.controls, self.picture, self.window
+        if picture.size != window.buffer_size and min(window.buffer_size) > 0:
+            picture.resize(window.buffer_size)
+        picture.set_splat_scale(controls.splat_scale)
+        profile = Profile(window.ctx) if controls.costs else None
+        picture.render(self.fly.camera, controls.view, profile)
+        if not controls.exposure:
+            controls.exposure = auto_exposure(picture.read())
+        picture.show(window.fbo, controls.exposure)
+        if controls.picture_wanted:
+            controls.picture_wanted = False
+            self._write_picture()
+        self._write_overlay(profile)
+        self.overlay.draw(window.fbo, picture.size)
+        self._write_title()
+
+    def release(self) -> None:
+        """Free the GPU memory and close the window."""
+        self.picture.release()
+        self.overlay.release()
+        self.window.close()
+
+    def _key(self, symbol: int, action: str, _) -> None:
+        key = self._keys.get(symbol)
+        if key and action == self.window.keys.ACTION_RELEASE:
+            self.controls.release(key)
+        elif key and (line := self.controls.press(key)):
+            self._say(line)
+
+    def _write_picture(self) -> None:
+        """The picture as `gsgi render` writes it, with neither overlay nor the driver's rounding."""
+        try:
+            path = write_snapshot(self._name, to_uint8(tone_map(self.picture.read(), self.controls.exposure)))
+        except FileError as error:
+            self._say(str(error))
+        else:
+            self._say(f"wrote {path}")
+
+    def _write_overlay(self, profile: Profile | None) -> None:
+        text = HELP if self.controls.help else ""
+        if profile is None:
+            self._costs = None
+            self.overlay.write(text)
+            return
+        if self._costs is None:  # the first frame: the timers of some drivers start with nonsense
+            self._costs = []
+            return
+        if self._costs and [cost.name for cost in self._costs[-1]] != [cost.name for cost in profile.passes]:
+            self._costs = []
+        self._costs.append(profile.passes)
+        now = time.perf_counter()
+        if len(self._costs) == 1 or now - self._shown >= COSTS_EVERY:
+            table = cost_table(self._costs)
+            self.overlay.write(f"{table}\n\n{text}" if text else table)
+            self._costs, self._shown = self._costs[-1:], now
+
+    def _write_title(self) -> None:
+        controls = self.controls
+        scale = f", Gaussians at 1/{controls.splat_scale} resolution" if controls.splat_scale > 1 else ""
+        title = f"{self._name}: {controls.view}, exposure {controls.exposure:.3g}{scale} (H: help)"
+        if self.window.title != title:
+            self.window.title = title
+
+
+def _open(size: tuple[int, int]):
+    """A moderngl-window of pyglet. Raises UnsupportedError with a reason."""
+    try:
+        from moderngl_window.context.pyglet.window import Window
+
+        window = Window(title="gsgi view", size=size, gl_version=(3, 3), vsync=True)
+    except ModuleNotFoundError as error:
+        raise UnsupportedError(f"{error.name} is not installed: install gsgi with its extra 'view'") from None
+    except Exception as error:  # pyglet and moderngl raise what they like
+        reason = " ".join(f"{type(error).__name__} {error}".split())
+        raise UnsupportedError(f"no window ({reason}); without a display, `gsgi render` draws to a file") from None
+    window.exit_key = None  # it would end the context before what lies in it is released
+    window.fullscreen_key = None
+    return window

@@ -1,0 +1,108 @@
+"""Runs `gsgi view` with the arguments of the command line, and plays a user in it: keys, mouse, another size."""
+
+import itertools
+import json
+import sys
+import time
+
+import numpy as np
+
+from gsgi.baker import cli
+from gsgi.runtime.viewer import window
+
+
+class Played(window.Viewer):
+    """Between frames the next step of `user` is played."""
+
+    def __init__(self, *arguments):
+        super().__init__(*arguments)
+        self.steps = user(self)
+
+    def frame(self):
+        super().frame()
+        next(self.steps)
+
+    def screen(self) -> np.ndarray:
+        """What the frame shows: (H, W, 3) uint8, row 0 on top."""
+        width, height = self.window.buffer_size
+        data = self.window.fbo.read((0, 0, width, height), components=3, alignment=1)
+        return np.frombuffer(data, np.uint8).reshape(height, width, 3)[::-1]
+
+    def event(self, name: str, *arguments) -> None:
+        """Into the window's queue, as the display server's events are."""
+        self.window._window.dispatch_event(name, *arguments)
+
+    def tap(self, *keys: str) -> None:
+        for key in keys:
+            symbol = getattr(self.window.keys, key)
+            self.event("on_key_press", symbol, 0)
+            self.event("on_key_release", symbol, 0)
+
+
+def user(viewer: Played):
+    """Each `yield` is a frame."""
+    baked = viewer.controls.baked
+    layers = {"NUMBER_1": "final", "NUMBER_2": "primary"} | ({"NUMBER_3": "indirect"} if baked else {})
+    shown = {}
+    yield
+    for key, view in layers.items():
+        viewer.tap(key, "M", "P")
+        yield
+        assert viewer.controls.view == view
+        shown[view] = viewer.screen()
+    viewer.tap("NUMBER_4")
+    yield
+    if baked:
+        assert viewer.controls.view == "ellipsoids"
+        assert (viewer.screen().max(axis=2) > 0).mean() > 0.3
+        viewer.tap("P")
+        yield
+    viewer.tap("NUMBER_1", "C")
+    yield from (None, None)
+    assert "gpu ms" in viewer.overlay.text
+    corner = viewer.screen()[:60, :60]
+    assert (corner.min(axis=2) == 255).sum() > 50, "no letters"
+    viewer.tap("C", "M")
+    yield
+    assert np.array_equal(viewer.screen(), shown["final"])
+    viewer.tap("R")
+    yield
+    assert viewer.picture.splat_scale == (2 if viewer.picture.scalable else 1)
+    change = np.abs(viewer.screen().astype(int) - shown["final"])
+    assert change.any() == viewer.picture.scalable
+    assert change.mean() < 4
+    viewer.tap("R", "R")
+    viewer.window.size = 200, 90
+    for _ in range(100):
+        yield
+        if viewer.window.buffer_size == (200, 90):
+            break
+        time.sleep(0.05)
+    viewer.tap("M", "P")
+    yield
+    assert viewer.screen().shape == (90, 200, 3)
+    start, exposure = viewer.fly.camera.world_from_view, viewer.controls.exposure
+    viewer.event("on_key_press", viewer.window.keys.W, 0)
+    yield from itertools.repeat(None, 3)
+    assert viewer.controls.held == {"W"}
+    viewer.event("on_deactivate")
+    yield
+    assert not viewer.controls.held
+    viewer.event("on_mouse_drag", 100, 50, 40, 10, 1, 0)
+    viewer.tap("UP", "H")
+    yield
+    pose = viewer.fly.camera.world_from_view
+    assert (start[:3, 3] - pose[:3, 3]) @ start[:3, 2] > 0, "not forward"
+    assert pose[0, 2] != start[0, 2], "not turned"
+    assert viewer.controls.exposure > exposure
+    print(json.dumps({view: image.tolist() for view, image in shown.items()}))
+    if baked:
+        viewer.tap("ESCAPE")
+    else:
+        viewer.event("on_close")  # the window's own button
+    yield
+
+
+if __name__ == "__main__":
+    window.Viewer = Played
+    sys.exit(cli.run(["view", *sys.argv[1:]]))
