@@ -13,6 +13,7 @@ from benches.frame_costs import frame_costs, frame_passes
 from benches.operator_motion import operator_motion
 from benches.operator_sphere import operator_sphere
 from benches.operators import operator_bakes, operator_equal, operator_scales
+from benches.order import order
 from benches.quality import quality
 from benches.scenes import scenes
 from benches.splats import splats

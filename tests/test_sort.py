@@ -1,8 +1,10 @@
 """Culling and back-to-front order."""
 
 import numpy as np
+import pytest
 
 from gsgi.runtime.camera import look_at
+from gsgi.runtime.cull import in_view
 from gsgi.runtime.gaussians import OverBlend
 from gsgi.runtime.sort import visible_order
 
@@ -43,6 +45,40 @@ def test_nothing_visible_and_nothing_at_all():
         result = order(position)
         assert result.dtype == np.uint32
         assert len(result) == 0
+
+
+def test_as_numpy_says():
+    """2000 spheres around the eye, some broken, some equally far, against float64."""
+    rng = np.random.default_rng(5)
+    position = rng.normal(0, 3, (2000, 3)).round(2).astype(np.float32)
+    radius = rng.uniform(0, 1, 2000).astype(np.float32)
+    position[::97, rng.integers(3)] = np.nan
+    radius[::89] = np.nan
+    found = visible_order(np.ascontiguousarray(position.T), PINHOLE, OverBlend(0.1), radius)
+    x, y, z = PINHOLE.view_from_world[:3, :3] @ position.T.astype(float) + PINHOLE.view_from_world[:3, 3:]
+    depth = -z
+    with np.errstate(divide="ignore", invalid="ignore"):
+        reach = radius * PINHOLE.fx / depth  # at least as large seen from the side: all that this finds must be there
+        column, row = PINHOLE.cx + PINHOLE.fx * x / depth, PINHOLE.cy - PINHOLE.fy * y / depth
+        across = (column + reach > 0.01) & (column - reach < PINHOLE.width - 0.01)
+        surely = (depth > 0.1001) & across & (row + reach > 0.01) & (row - reach < PINHOLE.height - 0.01)
+    assert 300 < surely.sum() < 1900
+    assert set(np.flatnonzero(surely)) <= set(found.tolist())
+    assert np.isfinite(depth[found]).all()
+    assert np.isfinite(radius[found]).all()
+    assert len(found) < 1.2 * surely.sum()
+    assert np.diff(depth[found]).max() < 1e-5
+    ties = np.flatnonzero(np.diff(depth[found].astype(np.float32)) == 0)
+    assert (found[ties] > found[ties + 1]).all()
+
+
+def test_shapes_and_types_are_checked():
+    position = np.zeros((3, 4), np.float32)
+    for wrong, radius in ((position, np.zeros(3, np.float32)), (position.astype(float), np.zeros(4, np.float32))):
+        with pytest.raises((TypeError, ValueError)):
+            visible_order(wrong, PINHOLE, OverBlend(0.1), radius)
+        with pytest.raises((TypeError, ValueError)):
+            in_view(wrong, radius, PINHOLE)
 
 
 def test_a_broken_gaussian_harms_nobody():
