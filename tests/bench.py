@@ -29,7 +29,7 @@ FRAMES = frame_costs, frame_passes
 OPERATOR = operator_bakes, operator_equal, operator_scales, operator_motion, operator_sphere
 BENCHES = {
     bench.__name__: bench
-    for bench in (fit, stages, trace, scenes, splats, triangles, dial, quality, *FRAMES, *OPERATOR)
+    for bench in (fit, stages, trace, scenes, splats, order, triangles, dial, quality, *FRAMES, *OPERATOR)
 }
 GROUPS = {name: [bench.__name__ for bench in group] for name, group in (("frames", FRAMES), ("operator", OPERATOR))}
 
