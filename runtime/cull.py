@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from . import _visible
 from .camera import Pinhole
 
 
@@ -16,4 +15,9 @@ def in_view(position: np.ndarray, radius: np.ndarray, pinhole: Pinhole) -> np.nd
     planes = np.array([[1, 0, -left], [-1, 0, -right], [0, 1, -down], [0, -1, -up], [0, 0, -1]])  # inward, by the eye
     planes /= np.linalg.norm(planes, axis=1, keepdims=True)
     planes = (planes @ pinhole.view_from_world[:3]).astype(np.float32)
-    return _visible.in_view(position, radius, planes)
+    x, y, z = position
+    shown = np.ones(len(radius), bool)
+    with np.errstate(over="ignore", invalid="ignore"):  # broken: the comparisons leave them out
+        for a, b, c, d in planes:
+            shown &= a * x + b * y + c * z + d >= -radius
+    return np.flatnonzero(shown).astype(np.uint32)
