@@ -11,6 +11,7 @@ from benches.dial import dial
 from benches.fit import fit
 from benches.frame_costs import frame_costs, frame_passes
 from benches.operator_motion import operator_motion
+from benches.operator_pictures import operator_pictures
 from benches.operator_sphere import operator_sphere
 from benches.operators import operator_bakes, operator_equal, operator_scales
 from benches.order import order
@@ -26,7 +27,7 @@ from gsgi.runtime.atomic import check_writable, write_atomic
 ROOT = Path(__file__).resolve().parents[1]
 
 FRAMES = frame_costs, frame_passes
-OPERATOR = operator_bakes, operator_equal, operator_scales, operator_motion, operator_sphere
+OPERATOR = operator_bakes, operator_equal, operator_scales, operator_motion, operator_sphere, operator_pictures
 BENCHES = {
     bench.__name__: bench
     for bench in (fit, stages, trace, scenes, splats, order, triangles, dial, quality, *FRAMES, *OPERATOR)
