@@ -1,16 +1,12 @@
-// B from the sums of the `surface` operator: both levels as one pair of sums, then one division. At lower resolution the
-// sums of the four nearest points are added up first, each as far as it shows the pixel's surface.
+// B from the sums of the `surface` operator, by one division. At lower resolution the filled sums of the four nearest
+// points are added up first, each as far as it shows the pixel's surface.
 #include "camera.glsl"
 #include "constants.glsl"
 #include "host.glsl"
 #include "surface.glsl"
 
-uniform highp sampler2D fine_sums;
-#if COARSE
-uniform highp sampler2D coarse_sums;
-#endif
-uniform float weight_floor;
 #if SPLAT_SCALE > 1
+uniform highp sampler2D filled_sums;
 uniform highp sampler2D surface_plane;
 uniform highp sampler2D normal;
 uniform highp sampler2D depth;
@@ -21,26 +17,18 @@ uniform vec2 centre;
 uniform vec2 size;
 uniform vec2 corner;
 uniform vec2 z_to_clip;
+#else
+uniform highp sampler2D fine_sums;
+#if COARSE
+uniform highp sampler2D coarse_sums;
+#endif
+uniform float weight_floor;
 #endif
 
 layout(location = 0) out vec4 out_indirect;  // B
 
-// Sums at one point: the coarse level's light fills what the fine level's weight lacks.
-vec4 filled(ivec2 texel) {
-    vec4 sum = texelFetch(fine_sums, texel, 0);
-    float gap = max(0.0, weight_floor - sum.a);
-#if COARSE
-    if (gap > 0.0) {
-        vec4 coarse = texelFetch(coarse_sums, texel, 0);
-        if (coarse.a > 0.0) sum.rgb += gap * (coarse.rgb / coarse.a);
-    }
-#endif
-    return vec4(sum.rgb, sum.a + gap);
-}
-
 #if SPLAT_SCALE > 1
 #define PLANE_TOLERANCE 0.01  // of depth; a pixel further off a point's plane shows another surface
-#define ALIKE 8               // power of the cosine between normals
 #define BLUR 0.01             // added to bilinear weights, so that no neighbour is left out
 #define OTHERS 1e-7           // of points of other surfaces: taken where there are no others
 
@@ -54,17 +42,18 @@ vec4 upsampled(ivec2 texel) {
 
     vec2 place = vec2(texel - SPLAT_SCALE / 2) / float(SPLAT_SCALE), corner = floor(place);
     vec2 part = place - corner;
-    ivec2 last = textureSize(fine_sums, 0) - 1;
+    ivec2 last = textureSize(filled_sums, 0) - 1;
     vec4 sum = vec4(0.0);
     for (int i = 0; i < 4; ++i) {
         ivec2 side = ivec2(i & 1, i >> 1), tap = clamp(ivec2(corner) + side, ivec2(0), last);
         vec2 bilinear = mix(1.0 - part, part, vec2(side));
         vec4 plane = texelFetch(surface_plane, tap, 0);
         float on_plane = max(0.0, 1.0 - tolerance * abs(dot(plane, x)));
-        float same_way = likeness(dot(plane.xyz, n), ALIKE);
+        // Normals that differ count as the eighth power of their cosine.
+        float cosine = max(0.0, dot(plane.xyz, n)), squared = cosine * cosine, fourth = squared * squared;
         float surface = dot(plane.xyz, plane.xyz);  // 1; 0 for a point without one
-        float weight = (bilinear.x * bilinear.y + BLUR) * (on_plane * same_way + OTHERS * surface);
-        sum += weight * filled(tap);
+        float weight = (bilinear.x * bilinear.y + BLUR) * (on_plane * fourth * fourth + OTHERS * surface);
+        sum += weight * texelFetch(filled_sums, tap, 0);
     }
     return view_depth > 0.0 ? sum : vec4(0.0);
 }
@@ -75,7 +64,11 @@ void main() {
 #if SPLAT_SCALE > 1
     vec4 sum = upsampled(texel);
 #else
-    vec4 sum = filled(texel);
+    vec4 fine = texelFetch(fine_sums, texel, 0), coarse = vec4(0.0);
+#if COARSE
+    if (fine.a < weight_floor) coarse = texelFetch(coarse_sums, texel, 0);
+#endif
+    vec4 sum = filled(fine, coarse, weight_floor);
 #endif
     vec3 light = sum.a > 0.0 ? sum.rgb / sum.a : vec3(0.0);
     out_indirect = vec4(clamp(light, 0.0, HALF_MAX), 1.0);

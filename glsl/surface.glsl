@@ -11,3 +11,10 @@ float likeness(float cosine, int sharpness) {
     for (int i = 1; i < sharpness; ++i) power *= c;
     return power;
 }
+
+// The sums of both levels at one point: the coarse level's light fills what the fine level's weight lacks of the floor.
+vec4 filled(vec4 fine, vec4 coarse, float weight_floor) {
+    float gap = max(0.0, weight_floor - fine.a);
+    vec3 light = gap > 0.0 && coarse.a > 0.0 ? gap * (coarse.rgb / coarse.a) : vec3(0.0);
+    return vec4(fine.rgb + light, fine.a + gap);
+}

@@ -109,9 +109,10 @@ PASSES: dict[str, dict[str, Callable[[Any], int]]] = {
         "NORMAL_POWER": lambda level: 0 if level.coarse else level.blend.sharpness,
     },
     "surface_gap": {},  # made where there is a coarse level
+    "surface_fill": {"COARSE": lambda reading: reading.coarse},  # Reading; made where sums are upsampled
     "resolve": {  # Reading
         "SPLAT_SCALE": lambda reading: reading.splat_scale,
-        "COARSE": lambda reading: reading.coarse,
+        "COARSE": lambda reading: reading.coarse and reading.splat_scale == 1,
         **_HOST,
     },
     "add_light": {"ALBEDO_SRGB": lambda encoding: encoding.albedo_defines()["ALBEDO_SRGB"]},  # Encoding

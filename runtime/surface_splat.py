@@ -42,9 +42,13 @@ class SurfaceSplats:
         self._fine = _Level(ctx, bake.gaussians, blend, coarse=False)
         self._coarse = _Level(ctx, bake.coarse, blend, coarse=True) if self._coarse_too else None
         self._gap = _FullScreen(ctx, "surface_gap", {"fine_sums": 0}) if self._coarse_too else None
-        units = {"fine_sums": 0, "surface_plane": 1, "normal": 2, "depth": 3, "coarse_sums": 4}
-        self._resolve = _FullScreen(ctx, "resolve", units, **defines("resolve", reading))
-        for part in (self._gap, self._resolve):
+        levels = {"fine_sums": 0, "coarse_sums": 1}
+        upsampled = {"filled_sums": 0, "surface_plane": 1, "normal": 2, "depth": 3}
+        self._fill = (
+            _FullScreen(ctx, "surface_fill", levels, **defines("surface_fill", reading)) if splat_scale > 1 else None
+        )
+        self._resolve = _FullScreen(ctx, "resolve", upsampled if self._fill else levels, **defines("resolve", reading))
+        for part in (self._gap, self._fill, self._resolve):
             if part:
                 set_uniforms(part.program, weight_floor=blend.floor)
 
@@ -79,14 +83,18 @@ class SurfaceSplats:
                 self._gap.draw(targets.gap, targets.fine)
             with measured(profile, "surface, coarse level") as cost:
                 cost.quads += self._coarse.draw(pinhole, frame, targets, targets.coarse_sums)
+        levels = [targets.fine, *([targets.coarse] if targets.coarse else [])]
         with measured(profile, "resolve"):
             self.ctx.enable_only(moderngl.NOTHING)
-            sums = [targets.coarse] if targets.coarse else []
-            self._resolve.draw(targets.resolved, targets.fine, targets.plane, normal, depth, *sums, **host)
+            if self._fill:
+                self._fill.draw(targets.filled_sums, *levels)
+                self._resolve.draw(targets.resolved, targets.filled, targets.plane, normal, depth, **host)
+            else:
+                self._resolve.draw(targets.resolved, *levels)
 
     def release(self) -> None:
         """Free the GPU memory."""
-        for resource in (self._points, self._fine, self._gap, self._coarse, self._resolve, self.targets):
+        for resource in (self._points, self._fine, self._gap, self._coarse, self._fill, self._resolve, self.targets):
             if resource is not None:
                 resource.release()
 

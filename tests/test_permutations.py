@@ -67,6 +67,7 @@ SUBJECTS = {
         Level(g, SurfaceBlend(sharpness=sharpness), coarse)
         for g, sharpness, coarse in itertools.product(of_degree(0, 1, 2), (1, 2, 4), BOTH)
     ],
+    "surface_fill": READINGS,
     "resolve": READINGS,
     "add_light": encodings(),
     "display": BOTH,
