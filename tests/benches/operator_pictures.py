@@ -15,7 +15,7 @@ from .dial import FOLDER
 from .operator_bakes import DEFAULT, Kept, over_bakes, scene_files, surface_bakes
 from .operator_frames import held_out_cameras, lit_scene
 
-SIZE, SAMPLES = 192, 512
+SIZE, SAMPLES = 160, 512
 AMPLIFIED = 4  # the differences
 PICTURE = FOLDER / "operators.png"
 
@@ -46,9 +46,9 @@ def _row(path: Path, over: Kept, surface: Kept) -> np.ndarray:
     pictures = {}
     for kept in (over, surface):
         light = tone_map(np.where(truth.valid[..., None], draw(kept.read(), camera, truth), 0), exposure)
-        pictures[f"{kept.operator}, {kept.gaussians:,} Gaussians"] = light
+        pictures[f"{kept.operator}: {kept.gaussians:,}"] = light
         pictures[f"{kept.operator}: {AMPLIFIED} x error"] = np.clip(AMPLIFIED * np.abs(light - seen), 0, 1)
-    return panels(pictures | {f"{path.stem}, path-traced": seen})
+    return panels(pictures | {"path-traced": seen})
 
 
 def _ssim(kept: Kept, view: int) -> float:
