@@ -69,8 +69,9 @@ def create_context(
     """OpenGL 3.3 core context without a window: `backend` "egl", "osmesa" or "auto" (EGL, then OSMesa).
 
     `device`: which of EGL's devices, from 0; then nothing but EGL is tried. `say` is called with one line: what was
-    chosen, and why nothing that comes before it was. The context becomes current; `with ctx:` makes it current again
-    after another one was used. Raises UnsupportedError that says what was tried and what to install.
+    chosen, and why nothing that comes before it was. The context becomes current; inside `with ctx:` it is again,
+    after another one was used, and behind that block none is. Raises UnsupportedError that says what was tried and
+    what to install.
     """
     names = {"auto": ("egl", "osmesa"), "egl": ("egl",), "osmesa": ("osmesa",)}[backend if device is None else "egl"]
     reasons = {}
