@@ -73,20 +73,16 @@ class Sampler:
     def surface(self, count: int, advance: Callable[..., None]) -> SurfaceSamples:
         """At least `count` samples (whole chunks; fewer where a path found nothing) of the surfaces that the cameras
         see, as many as their area says in each camera's image. `advance(points)` is called with 2 for each."""
-        chunks = chunk_count(count)
-        return joined([
-            self._chunk("surface", i, self._sampling, advance, lambda seen, rng: seen.surface(CHUNK, rng))
-            for i in range(chunks)
-        ])  # fmt: skip
+        return self._chunks("surface", count, self._sampling, advance, lambda seen, rng: seen.surface(CHUNK, rng))
 
     def free(self, count: int, advance: Callable[..., None]) -> SurfaceSamples:
         """As many samples in the free space before the cameras, normals in all directions alike. All of them together
         take the paths of one chunk: more places tell more than fewer paths lose."""
-        chunks = chunk_count(count)
-        sampling = replace(self._sampling, samples=-(-self._sampling.samples // chunks))
-        return joined([
-            self._chunk("free", i, sampling, advance, lambda seen, rng: seen.free(CHUNK, rng)) for i in range(chunks)
-        ])  # fmt: skip
+        sampling = replace(self._sampling, samples=-(-self._sampling.samples // chunk_count(count)))
+        return self._chunks("free", count, sampling, advance, lambda seen, rng: seen.free(CHUNK, rng))
+
+    def _chunks(self, stage: str, count: int, sampling: Sampling, advance, draw) -> SurfaceSamples:
+        return joined([self._chunk(stage, i, sampling, advance, draw) for i in range(chunk_count(count))])
 
     def _chunk(self, stage: str, index: int, sampling: Sampling, advance, draw) -> SurfaceSamples:
         code = code_version(__name__, PACKAGES)

@@ -3,27 +3,24 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
-from pathlib import Path
 
 import moderngl
 import numpy as np
 
-from gsgi.baker.metrics import ssim
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.context import create_context
-from gsgi.runtime.display import auto_exposure, tone_map
 from gsgi.runtime.profile import Profile, measured
 from gsgi.runtime.renderer import DeferredRenderer
 from gsgi.runtime.shader import set_uniforms
+from gsgi.runtime.surface_splat import SCALES
 from gsgi.runtime.view import View
 
-from .operator_bakes import DEFAULT, Kept, scene_files, surface_bakes
-from .operator_frames import held_out_cameras, lit_scene
+from .operator_bakes import Kept, default, scene_files, surface_bakes
+from .operator_frames import held_out_cameras, lit_scene, similarity
 from .splats import fastest
 
 SCENES = "cornell", "sponza_sun"
 SIZES = (1280, 720), (1920, 1080)
-SCALES = 1, 2, 4
 VIEWS = 3
 
 TEXELS = 1024  # of the lightmap, along each edge
@@ -86,17 +83,13 @@ def frame_costs() -> list[dict]:
     full resolution, on surfaces.
     """
     paths = [path for path in scene_files() if path.stem in SCENES]
-    return [row for path in paths for size in SIZES for row in _rows(_default(path), size)]
+    return [row for path in paths for size in SIZES for row in _rows(default(surface_bakes(path)), size)]
 
 
 def frame_passes() -> list[dict]:
     """GPU milliseconds of each pass of the same frames, by the driver's timer, which waits after each pass."""
     paths = [path for path in scene_files() if path.stem in SCENES]
-    return [row for path in paths for size in SIZES for row in _pass_rows(_default(path), size)]
-
-
-def _default(path: Path) -> Kept:
-    return next(bake for bake in surface_bakes(path) if bake.setting == DEFAULT)
+    return [row for path in paths for size in SIZES for row in _pass_rows(default(surface_bakes(path)), size)]
 
 
 def _rows(kept: Kept, size: tuple[int, int]) -> list[dict]:
@@ -159,9 +152,4 @@ def _drawn(renderer: DeferredRenderer, camera: Camera) -> None:
 def _alike(renderer: DeferredRenderer, full: DeferredRenderer) -> list[float]:
     """SSIM of frame and B, on surfaces."""
     surface = full.read("depth") > 0
-    return [_similarity(renderer.read(layer), full.read(layer), surface) for layer in ("final", "indirect")]
-
-
-def _similarity(light: np.ndarray, full: np.ndarray, surface: np.ndarray) -> float:
-    exposure = auto_exposure(full)
-    return ssim(tone_map(light, exposure), tone_map(full, exposure), surface)
+    return [similarity(full.read(layer), renderer.read(layer), surface) for layer in ("final", "indirect")]

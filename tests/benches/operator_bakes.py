@@ -99,6 +99,11 @@ def surface_bakes(path: Path) -> list[Kept]:
     return sorted(made, key=lambda kept: kept.gaussians)
 
 
+def default(bakes: list[Kept]) -> Kept:
+    """The bake at the default quality."""
+    return next(bake for bake in bakes if bake.setting == DEFAULT)
+
+
 def budgets(draft: int, most: int) -> Iterator[int]:
     """Powers of two from FIRST_SHARE of `draft` up to `most`; at least one."""
     budget = FIRST_LEAST

@@ -26,7 +26,6 @@ from .operator_bakes import Kept
 from .scenes import LIGHT
 from .trace import WHITE_SKY
 
-SCALES = 1, 2, 4
 SIZE = 1280, 720
 DRAWS = 5
 
@@ -107,12 +106,13 @@ def ssim_to_full(kept: Kept, splat_scale: int) -> float:
     """SSIM of B as the bake shows it at a resolution and at full resolution, mean of the held-out views."""
     cameras = held_out_cameras(kept)
     pairs = zip(frames(kept, cameras), list(frames(kept, cameras, splat_scale)), strict=True)
-    return float(np.mean([_similarity(full, coarser) for full, coarser in pairs]))
+    return float(np.mean([similarity(full.indirect, coarser.indirect, full.depth > 0) for full, coarser in pairs]))
 
 
-def _similarity(full: Frame, other: Frame) -> float:
-    exposure = auto_exposure(full.indirect)
-    return ssim(tone_map(other.indirect, exposure), tone_map(full.indirect, exposure), full.depth > 0)
+def similarity(full: np.ndarray, other: np.ndarray, surface: np.ndarray) -> float:
+    """SSIM of two images (H, W, 3) of light on `surface` (H, W), under the first one's exposure."""
+    exposure = auto_exposure(full)
+    return ssim(tone_map(other, exposure), tone_map(full, exposure), surface)
 
 
 @contextmanager

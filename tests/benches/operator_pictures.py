@@ -12,7 +12,7 @@ from gsgi.runtime.display import auto_exposure, tone_map
 from gsgi.runtime.image import write_image
 
 from .dial import FOLDER
-from .operator_bakes import DEFAULT, Kept, over_bakes, scene_files, surface_bakes
+from .operator_bakes import Kept, default, over_bakes, scene_files, surface_bakes
 from .operator_frames import held_out_cameras, lit_scene
 
 SIZE, SAMPLES = 160, 512
@@ -28,7 +28,7 @@ def operator_pictures() -> list[dict]:
     rows, made = [], []
     for path in scene_files():
         over = max(over_bakes(path), key=lambda kept: kept.ssim)
-        surface = next(bake for bake in surface_bakes(path) if bake.setting == DEFAULT)
+        surface = default(surface_bakes(path))
         made.append(_row(path, over, surface))
         rows.append({"scene": path.stem, "over": over.gaussians, "surface": surface.gaussians, "file": PICTURE.name})
     if made:

@@ -3,8 +3,10 @@
 from itertools import pairwise
 from pathlib import Path
 
-from .operator_bakes import DEFAULT, Kept, over_bakes, scene_files, surface_bakes
-from .operator_frames import SCALES, splat_ms, ssim_to_full
+from gsgi.runtime.surface_splat import SCALES
+
+from .operator_bakes import Kept, default, over_bakes, scene_files, surface_bakes
+from .operator_frames import splat_ms, ssim_to_full
 
 EQUAL_TO = "medium", "high"  # qualities of `over` whose SSIM `surface` is to reach
 
@@ -27,8 +29,7 @@ def operator_scales() -> list[dict]:
     against full. The default stands against the default of `over`."""
     rows = []
     for path in scene_files():
-        default = (next(b for b in bakes(path) if b.setting == DEFAULT) for bakes in (over_bakes, surface_bakes))
-        for over, surface in [*matches(path), tuple(default)]:
+        for over, surface in [*matches(path), (default(over_bakes(path)), default(surface_bakes(path)))]:
             of_over = splat_ms(over)
             for scale in SCALES:
                 ms, ssim = splat_ms(surface, scale), ssim_to_full(surface, scale)
