@@ -41,8 +41,7 @@ void main() {
     vec3 towards = normalize(g.position - eye);
 #endif
     v_color = fetch_color(sh_data, gl_InstanceID, towards);
-    Bounds b = image_bounds(t, axes, extent, near, focal, centre, size);
-    vec2 corner = vec2((gl_VertexID & 1) == 0 ? -1.0 : 1.0, (gl_VertexID & 2) == 0 ? -1.0 : 1.0);
-    vec2 ndc = 2.0 * (b.middle + b.axes * corner) / size - 1.0;
+    vec2 corner = outline_corner(gl_VertexID, t, axes, extent, near, focal, centre, size, 0.0);
+    vec2 ndc = 2.0 * corner / size - 1.0;
     gl_Position = vec4(ndc.x, -ndc.y, 0.0, 1.0);
 }

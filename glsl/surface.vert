@@ -1,4 +1,5 @@
-// One quad per Gaussian, just large enough for where it has weight. Draw a strip of four vertices per instance.
+// One polygon per Gaussian, just large enough for where it has weight. Draw a strip of OUTLINE_CORNERS vertices per
+// instance.
 #include "ellipsoid.glsl"
 #include "gaussian.glsl"
 
@@ -42,13 +43,8 @@ void main() {
     float nearest = max(near, -t.z - extent.z);
     // Written so that a NaN fails the test.
     if (!(g.opacity > 0.0 && extent.z - t.z >= near)) return;
-    Bounds b = image_bounds(t, axes, extent, near, focal, centre, size);
-    // A square of half the edge `margin` around any point of the quad reaches no further than its diagonal.
-    float diagonal = margin * sqrt(2.0);
-    b.axes += mat2(diagonal * normalize(b.axes[0]), diagonal * normalize(b.axes[1]));
-
-    vec2 corner = vec2((gl_VertexID & 1) == 0 ? -1.0 : 1.0, (gl_VertexID & 2) == 0 ? -1.0 : 1.0);
-    vec2 ndc = 2.0 * (b.middle + b.axes * corner) / size - 1.0;
+    vec2 corner = outline_corner(gl_VertexID, t, axes, extent, near, focal, centre, size, margin);
+    vec2 ndc = 2.0 * corner / size - 1.0;
     float depth = window_depth(nearest, near) - DEPTH_SLACK;
     gl_Position = vec4(ndc.x, -ndc.y, max(2.0 * depth - 1.0, -1.0), 1.0);
 }

@@ -14,6 +14,7 @@ from .shader import program, set_uniforms
 from .surface_targets import SurfaceTargets
 from .view import View
 
+OUTLINE_CORNERS = 8  # of glsl/ellipsoid.glsl: vertices of a strip
 SCALES = 1, 2, 4  # pixels of the frame per pixel of the target, along each axis
 
 Box = tuple[np.ndarray, np.ndarray]  # lowest and highest corner (3,), world space, m
@@ -149,7 +150,7 @@ class _Level:
             self._program, shape_data=0, sh_data=1, surface_position=2, surface_plane=3, radius=blend.radius,
             cutoff=blend.cutoff,
         )  # fmt: skip
-        self._quads = ctx.vertex_array(self._program, [(self._index, "1u4/i", "index")])
+        self._outlines = ctx.vertex_array(self._program, [(self._index, "1u4/i", "index")])
 
     def draw(self, pinhole: Pinhole, frame: dict, targets: SurfaceTargets, sums: moderngl.Framebuffer) -> int:
         """Fill `sums`, sum w c and sum w at the points that lie behind nothing in its depth buffer; returns how many
@@ -167,12 +168,12 @@ class _Level:
         set_uniforms(self._program, **frame)
         for unit, texture in enumerate((self._data.shape, self._data.sh, targets.position, targets.plane)):
             texture.use(unit)
-        self._quads.render(moderngl.TRIANGLE_STRIP, vertices=4, instances=len(index))
+        self._outlines.render(moderngl.TRIANGLE_STRIP, vertices=OUTLINE_CORNERS, instances=len(index))
         return len(index)
 
     def release(self) -> None:
         """Free the GPU memory."""
-        for resource in (self._quads, self._program, self._index, self._data):
+        for resource in (self._outlines, self._program, self._index, self._data):
             resource.release()
 
 

@@ -11,9 +11,13 @@ import gsgi.runtime.surface_splat
 from gsgi.baker.initialise import from_surface
 from gsgi.baker.surface_points import Triangles
 from gsgi.runtime.camera import look_at
+from gsgi.runtime.constants import GLSL_FOLDER
 from gsgi.runtime.gaussians import Bake, Gaussians, SurfaceBlend
+from gsgi.runtime.profile import Profile
 from gsgi.runtime.renderer import DeferredRenderer
 from gsgi.runtime.scene import Mesh, Scene, Texture, TextureSlot
+from gsgi.runtime.surface_splat import OUTLINE_CORNERS
+from gsgi.runtime.view import View
 
 SIZE = 96, 64
 UP = -np.sqrt(0.5), 0, 0, np.sqrt(0.5)  # turns +Z to +Y
@@ -104,11 +108,74 @@ def test_recorded_parameters_are_used(gl):
 
 @pytest.mark.parametrize("turn", [0.0, 0.3, np.pi / 4, 1.2, np.pi / 2, 2.5])
 @pytest.mark.parametrize("scale", [(0.3, 0.02, 0.02), (0.3, 0.3, 1e-2), (2, 0.4, 0.1), (0.1, 9, 0.1), (30, 30, 0.05)])
-def test_quads_cover_ellipsoids_of_every_orientation(gl, turn, scale):
+def test_outlines_cover_ellipsoids_of_every_orientation(gl, turn, scale):
     """Small ones, ones that reach through the eye's plane, and ones that hold the eye."""
     spin = 0, np.sin(turn / 2) * 0.6, np.sin(turn / 2) * 0.8, np.cos(turn / 2)
     for position in ((0, -0.9, -0.5), (-1, 0.2, 0.5), CAMERA.position, (0.3, -0.2, 1.4), (0.9, 0.9, -0.9)):
         assert_equals_oracle(gl, nothing(), one(position, scale, rotation=spin))
+
+
+OUTLINE_SIZE = 320, 200
+HIGH = look_at(np.array([0.0, 60, 0]), np.zeros(3), np.array([0.0, 0, -1]), 0.9, 0.01)
+
+
+@pytest.mark.parametrize("margin", [0.0, 0.5])
+@pytest.mark.parametrize("turn", [0.0, 0.3, np.pi / 4, 1.2, np.pi / 2, 2.5])
+@pytest.mark.parametrize("scale", [(0.3, 0.02, 0.02), (0.3, 0.3, 1e-2), (2, 0.4, 0.1), (0.1, 9, 0.1), (30, 30, 0.05)])
+def test_outlines_cover_each_pixel_once(gl, turn, scale, margin):
+    """Fragments of one Gaussian against the rays that meet its ellipsoid beyond the near plane."""
+    spin = 0, np.sin(turn / 2) * 0.6, np.sin(turn / 2) * 0.8, np.cos(turn / 2)
+    for x, y, z in ((0, -0.9, -2.5), (-1, 0.2, -0.5), (0, 0, 0), (0.3, -0.2, 0.4), (0.1, 0.1, -30)):
+        gaussian = one((x, 60 + z, -y), scale, rotation=spin)
+        drawn, met = outline_fragments(gl, gaussian, margin), rays_that_meet(gaussian)
+        assert met.sum() <= drawn <= met.size
+        if z < -2 and max(scale) < 1:  # wholly in front of the eye: half a pixel more on each side, at most
+            widened = [np.roll(met, (row - 1, column - 1), (0, 1)) for row, column in np.ndindex(3, 3)]
+            assert drawn <= 1.35 * np.any(widened, axis=0).sum() + 20
+
+
+def test_outlines_are_tight_around_the_eye(gl):
+    """Flat Gaussians, as on a surface, of which many reach the near plane and the eye's."""
+    rng, drawn, met = np.random.default_rng(0), 0, 0
+    for _ in range(100):
+        position, rotation = HIGH.position + rng.uniform(-1, 1, 3), rng.normal(size=4)
+        gaussian = one(position, (*rng.uniform(0.1, 0.5, 2), 0.03), rotation=rotation / np.linalg.norm(rotation))
+        drawn += outline_fragments(gl, gaussian, margin=0.0)
+        met += rays_that_meet(gaussian).sum()
+    assert met > 5 * np.prod(OUTLINE_SIZE)
+    assert met <= drawn < 1.3 * met
+
+
+def outline_fragments(gl, gaussian, margin) -> int:
+    """How many fragments the outline of one Gaussian has in the view of HIGH, with nothing before it."""
+    scene, size = Scene((scenes.floor(200.0),), (scenes.WHITE,)), OUTLINE_SIZE
+    renderer = DeferredRenderer(gl, scene, Bake(gaussian, BLEND, coarse=nothing()), *size)
+    splats, profile = renderer.splats._splats, Profile(gl)
+    renderer.render(HIGH)
+    pinhole = View.of_camera(HIGH, size).moved(renderer.splats._origin).pinhole
+    frame = {"view_from_world": pinhole.view_from_world, "near": HIGH.znear, "margin": margin}
+    with profile.measure("outline"):
+        splats._fine.draw(pinhole, frame, splats.targets, splats.targets.fine_sums)
+    renderer.release()
+    return profile.passes[0].fragments
+
+
+def rays_that_meet(gaussian) -> np.ndarray:
+    """(H, W) bool: pixels of HIGH whose ray comes within the radius of one Gaussian beyond the near plane."""
+    camera, size = HIGH, OUTLINE_SIZE
+    column, row = np.meshgrid(np.arange(size[0]) + 0.5, np.arange(size[1]) + 0.5)
+    p = camera.pinhole(*size)
+    ray = np.stack([(column - p.cx) / p.fx, (p.cy - row) / p.fy, -np.ones_like(row)], axis=-1)
+    whiten = oracle.rotation_matrix(gaussian.rotation.astype(float))[0] / gaussian.scale[0].astype(float)
+    ray = ray @ camera.world_from_view[:3, :3].T @ whiten
+    eye = (camera.position - gaussian.position[0]) @ whiten
+    depth = np.maximum(camera.znear, -(ray @ eye) / (ray**2).sum(axis=-1))
+    return ((eye + depth[..., None] * ray) ** 2).sum(axis=-1) <= BLEND.radius**2
+
+
+def test_python_and_glsl_agree_on_the_corners_of_an_outline():
+    text = (GLSL_FOLDER / "ellipsoid.glsl").read_text(encoding="utf-8")
+    assert f"#define OUTLINE_CORNERS  {OUTLINE_CORNERS} " in text
 
 
 def test_the_box_around_the_eye_is_read_too(gl):

@@ -9,6 +9,7 @@ from ..local import local_bake, origin_of_bake
 from ..permutations import defines
 from ..profile import Profile, measured
 from ..shader import program, set_uniforms
+from ..surface_splat import OUTLINE_CORNERS
 from ..view import View
 
 RADIUS = 1.0  # standard deviations at which they are drawn
@@ -26,7 +27,7 @@ class Ellipsoids:
         self._count, self._data = len(gaussians), GaussianTextures(ctx, gaussians)
         self._program = program(ctx, "ellipsoids", **defines("ellipsoids", bake))
         set_uniforms(self._program, shape_data=0, sh_data=1, radius=RADIUS)
-        self._quads = ctx.vertex_array(self._program, [])
+        self._outlines = ctx.vertex_array(self._program, [])
         self._make_target(size)
 
     def draw(self, camera: Camera, profile: Profile | None = None) -> None:
@@ -46,7 +47,7 @@ class Ellipsoids:
             self._data.shape.use(0)
             self._data.sh.use(1)
             if self._count:
-                self._quads.render(moderngl.TRIANGLE_STRIP, vertices=4, instances=self._count)
+                self._outlines.render(moderngl.TRIANGLE_STRIP, vertices=OUTLINE_CORNERS, instances=self._count)
             cost.quads += self._count
 
     def resize(self, size: tuple[int, int]) -> None:
@@ -57,7 +58,7 @@ class Ellipsoids:
 
     def release(self) -> None:
         """Free the GPU memory."""
-        for resource in (self._quads, self._program, self._data):
+        for resource in (self._outlines, self._program, self._data):
             resource.release()
         self._release_target()
 
