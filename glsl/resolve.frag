@@ -40,19 +40,19 @@ vec4 upsampled(ivec2 texel) {
     vec3 n = normal_from_texel(texelFetch(normal, ivec2(corner) + texel, 0), world_from_view);
     float tolerance = 1.0 / (PLANE_TOLERANCE * view_depth);
 
-    vec2 place = vec2(texel - SPLAT_SCALE / 2) / float(SPLAT_SCALE), corner = floor(place);
-    vec2 part = place - corner;
+    vec2 place = vec2(texel - SPLAT_SCALE / 2) / float(SPLAT_SCALE), low = floor(place);
+    vec2 part = place - low;
     ivec2 last = textureSize(filled_sums, 0) - 1;
+    ivec4 taps = clamp(ivec4(low, low + 1.0), ivec4(0), last.xyxy);
+    vec4 bilinear = vec4(1.0 - part.x, part.x, 1.0 - part.x, part.x) * vec4(vec2(1.0 - part.y), vec2(part.y)) + BLUR;
     vec4 sum = vec4(0.0);
-    for (int i = 0; i < 4; ++i) {
-        ivec2 side = ivec2(i & 1, i >> 1), tap = clamp(ivec2(corner) + side, ivec2(0), last);
-        vec2 bilinear = mix(1.0 - part, part, vec2(side));
+    for (int i = 0; i < 4; ++i) {  // where no surface is, the sums are 0
+        ivec2 tap = ivec2((i & 1) == 0 ? taps.x : taps.z, i < 2 ? taps.y : taps.w);
         vec4 plane = texelFetch(surface_plane, tap, 0);
         float on_plane = max(0.0, 1.0 - tolerance * abs(dot(plane, x)));
         // Normals that differ count as the eighth power of their cosine.
         float cosine = max(0.0, dot(plane.xyz, n)), squared = cosine * cosine, fourth = squared * squared;
-        float surface = dot(plane.xyz, plane.xyz);  // 1; 0 for a point without one
-        float weight = (bilinear.x * bilinear.y + BLUR) * (on_plane * fourth * fourth + OTHERS * surface);
+        float weight = bilinear[i] * (on_plane * fourth * fourth + OTHERS);
         sum += weight * texelFetch(filled_sums, tap, 0);
     }
     return view_depth > 0.0 ? sum : vec4(0.0);

@@ -15,5 +15,6 @@ void main() {
 #if COARSE
     if (fine.a < weight_floor) coarse = texelFetch(coarse_sums, texel, 0);
 #endif
-    out_sums = filled(fine, coarse, weight_floor);
+    // A point without a surface, or without a Gaussian, has no say.
+    out_sums = fine.a + coarse.a > 0.0 ? filled(fine, coarse, weight_floor) : vec4(0.0);
 }
