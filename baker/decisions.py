@@ -35,11 +35,12 @@ def decisions(plan: Plan) -> list[Decision]:
     if not np.isfinite(coverage.texel_median):
         fine = f"less than half the area is seen by {VIEWS} views"
     seen = f"of the visible area is seen by {VIEWS} views at {length(coverage.texel_limit)} per texel or finer"
+    dark = f"; {len(plan.dark)} see no light" if plan.dark else ""
     rows = [
         *((f.name, f.found, f.cost) for f in findings(plan.scene)),
         ("operator", s.operator, OPERATOR_REASONS[s.operator]),
         ("bounces", f"{s.bounces}", bounces),
-        ("views", f"{len(fitted)}", f"{placed} placed; {len(plan.placement.held_out)} more are held out"),
+        ("views", f"{len(fitted)}", f"{placed} placed; {len(plan.placement.held_out)} more are held out{dark}"),
         ("coverage", f"{coverage.seen[VIEWS - 1]:.1%}", seen),
         *(_surface_rows(plan) if s.operator == "surface" else _over_rows(plan, fine)),
         ("memory", f"{plan.memory / 1e9:.1f} GB", "at the peak"),

@@ -14,6 +14,7 @@ from gsgi.runtime.scene import Scene
 from . import pilot, surface_budget
 from .cache import Cache
 from .coverage import sample_seen
+from .dark_views import dark_views
 from .detail import gaussians_for
 from .effects import effects, without
 from .irradiance import Sampling
@@ -51,7 +52,7 @@ class Plan:
     traces it, for every stage.
 
     `settings` have no None left but where no target loss is asked for. `lost` is the share of the picture that further
-    bounces would add, None where it was not measured.
+    bounces would add, None where it was not measured. `dark` names the fitted views that see no light.
     """
 
     scene: Scene
@@ -61,6 +62,7 @@ class Plan:
     placement: Placement
     pilot: Pilot
     lost: float | None
+    dark: frozenset[str]
 
     @property
     def sampling(self) -> Sampling:
@@ -133,11 +135,14 @@ def make_plan(
         points = sample_seen(triangles, list(placement.fitted.values()), pilot.POINTS, settings.seed)
         light = TracedLight(scene, cache)
         probe = pilot.run(light.at_points, points.position, points.normal, settings.seed)
-    bounces = probe.bounces(settings.bounce_fraction) if settings.bounces is None else settings.bounces
+        bounces = probe.bounces(settings.bounce_fraction) if settings.bounces is None else settings.bounces
+        dark = dark_views(triangles, placement.fitted | placement.held_out, light.at_points, bounces, settings.seed)
+        placement = placement.judged_in_light(dark)
     settings = replace(settings, views=len(placement.fitted), size=size, bounces=bounces)
     settings = replace(settings, budget=_budget(settings, triangles), iterations=_iterations(settings))
     settings = replace(settings, samples=_samples(settings, probe))
-    return Plan(scene, settings, triangles, light, placement, probe, probe.lost.get(bounces))
+    dark &= placement.fitted.keys()
+    return Plan(scene, settings, triangles, light, placement, probe, probe.lost.get(bounces), dark)
 
 
 def file_bytes(operator: str, budget: int) -> int:

@@ -26,7 +26,8 @@ class SurfaceFits:
         self.tone_scale = plan.pilot.mean or 1.0
         settings = plan.settings
         half = Sampling(-(-settings.samples // 2), settings.bounces)
-        self.sampler = Sampler(plan.light, plan.cameras, half, settings.seed + 1)
+        dark = [name in plan.dark for name in plan.placement.fitted]
+        self.sampler = Sampler(plan.light, plan.cameras, half, settings.seed + 1, dark)
 
     def fit(self, budget: int, watching: Watching) -> Fit:
         """Both levels. Interrupted, it goes on from its samples and its checkpoint; done, it is not done again."""

@@ -35,11 +35,13 @@ class SurfacePoints:
 
 class Hits(NamedTuple):
     """First hits of rays: distance (N,) float32 in lengths of the direction, infinite where there is none; triangle
-    (N,) int64, -1 where there is none; back (N,) bool, whether the triangle's back was hit."""
+    (N,) int64, -1 where there is none; back (N,) bool, whether the triangle's back was hit; normal (N, 3) float32,
+    unit, of the side that was hit."""
 
     distance: np.ndarray
     triangle: np.ndarray
     back: np.ndarray
+    normal: np.ndarray
 
 
 class Triangles:
@@ -127,8 +129,9 @@ class Triangles:
         answer = self._rays.cast_rays(o3d.core.Tensor(rays))
         distance = answer["t_hit"].numpy()
         triangle = np.where(np.isfinite(distance), answer["primitive_ids"].numpy().astype(np.int64), -1)
-        back = (answer["primitive_normals"].numpy() * direction).sum(axis=1) > 0
-        return Hits(distance, triangle, back & (triangle >= 0))
+        normal = answer["primitive_normals"].numpy()
+        back = (normal * direction).sum(axis=1) > 0
+        return Hits(distance, triangle, back & (triangle >= 0), np.where(back[:, None], -normal, normal))
 
     def blocked(self, origin: np.ndarray, target: np.ndarray) -> np.ndarray:
         """Whether (N,) bool a triangle, from whichever side, lies between points (N, 3) and (N, 3)."""

@@ -1,6 +1,6 @@
 """Where the `surface` operator is fitted: points with B traced in two independent halves."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +16,7 @@ from .traced_light import PACKAGES, TracedLight
 
 CHUNK = 1 << 16  # points that are traced at once, and kept in the cache
 LOOK_SIZE = 64  # px, edge of the images in which cameras look for points
+DARK_STEP = 16  # one pixel of so many counts where a camera sees no light: enough to know that there is none
 
 # Of the way from a camera to a surface: where points in free space lie.
 FREE = 0.05, 0.95
@@ -65,9 +66,12 @@ def chunk_count(samples: int) -> int:
 class Sampler:
     """Draws and traces samples of a scene's light. The n-th chunk is the same whatever else is asked for."""
 
-    def __init__(self, light: TracedLight, cameras: list[Camera], sampling: Sampling, seed: int):
-        """`sampling` is of each half."""
+    def __init__(
+        self, light: TracedLight, cameras: list[Camera], sampling: Sampling, seed: int, dark: Sequence[bool] = ()
+    ):
+        """`sampling` is of each half; `dark`: of each camera, whether it sees no light. Empty: all see some."""
         self._light, self._cameras, self._sampling, self._seed = light, cameras, sampling, seed
+        self._steps = [DARK_STEP if is_dark else 1 for is_dark in dark or [False] * len(cameras)]
         self._seen: _Seen | None = None
 
     def surface(self, count: int, advance: Callable[..., None]) -> SurfaceSamples:
@@ -87,13 +91,13 @@ class Sampler:
     def _chunk(self, stage: str, index: int, sampling: Sampling, advance, draw) -> SurfaceSamples:
         code = code_version(__name__, PACKAGES)
         scene, cache = scene_digest(self._light.scene), self._light.cache
-        inputs = {"cameras": self._cameras, "sampling": sampling, "seed": (self._seed, index)}
+        inputs = {"cameras": self._cameras, "steps": self._steps, "sampling": sampling, "seed": (self._seed, index)}
         key = task_key(stage, code=code, scene=scene, **inputs)
         if found := cache.get(key):
             advance(2 * CHUNK, "from the cache")
             return from_arrays(SurfaceSamples, found)
         if self._seen is None:
-            self._seen = _look(self._light.tracer, self._cameras)
+            self._seen = _look(self._light.tracer, self._cameras, self._steps)
         seeds = np.random.SeedSequence((self._seed, index, stage == "free"))
         points = draw(self._seen, np.random.default_rng(seeds))
         samples = _trace(self._light.tracer, points, sampling, seeds.generate_state(2).tolist(), advance)
@@ -139,15 +143,16 @@ class _Seen:
         return position.astype(np.float32), normal, normal
 
 
-def _look(tracer: Tracer, cameras: list[Camera]) -> _Seen:
+def _look(tracer: Tracer, cameras: list[Camera], steps: list[int]) -> _Seen:
+    """`steps`: of each camera, every how many of its pixels count."""
     columns = []
-    for camera in cameras:
+    for camera, step in zip(cameras, steps, strict=True):
         position, normal, geometric = (surface := tracer.surface(camera, LOOK_SIZE, LOOK_SIZE)).points()
         depth = surface.depth[surface.diffuse].astype(np.float64)
         above = np.abs(((camera.position - position) * geometric).sum(axis=1))  # the eye, over the surface's plane
         area = depth**3 / np.maximum(above, np.finfo(np.float32).tiny) / camera.pinhole(LOOK_SIZE, LOOK_SIZE).fx ** 2
         eye = np.broadcast_to(camera.position.astype(np.float32), position.shape)
-        columns.append((position, normal, geometric, eye, area))
+        columns.append([column[::step] for column in (position, normal, geometric, eye, area)])
     *arrays, area = (np.concatenate(column) for column in zip(*columns, strict=True))
     if len(area):
         area = np.minimum(area, np.quantile(area, FOOTPRINT_QUANTILE))

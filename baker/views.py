@@ -1,7 +1,8 @@
 """Where to look from: cameras in free space that together see the scene's surfaces, and some more to judge them by."""
 
 import itertools
-from dataclasses import dataclass
+from collections.abc import Set
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,7 +20,7 @@ YFOV = 1.2  # rad; wide enough to see a room's corner from its middle, narrow en
 NEAR = 0.1  # of the eyes' clearance
 
 FEWEST, MOST = 320, 1024  # cameras, where their number is left open
-HELD_OUT = 6
+HELD_OUT, SPARE = 6, 18  # and so many more, in the place of those that turn out to see no light
 OUTSIDE_SHARE, OUTSIDE_FEWEST = 8, 4  # views from outside: one for so many others, but so many at least
 
 # Surface points that stand for the surface while cameras are chosen, in rounds until the judges, other points on which
@@ -33,11 +34,19 @@ ENOUGH_WORTH = 1 / 32  # of further views of what is seen often enough, next to 
 
 @dataclass(frozen=True)
 class Placement:
-    """Cameras to fit and cameras to judge the fit by, by name and nowhere the same, and what the fitted ones see."""
+    """Cameras to fit and cameras to judge the fit by, by name and nowhere the same, and what the fitted ones see.
+
+    Of `held_out`, the first HELD_OUT are meant; those after them are spare.
+    """
 
     fitted: dict[str, Camera]
     held_out: dict[str, Camera]
     coverage: Coverage
+
+    def judged_in_light(self, dark: Set[str]) -> "Placement":
+        """With HELD_OUT cameras held out that are not `dark`, as far as there are so many: black is easily met."""
+        lit = [name for name in self.held_out if name not in dark][:HELD_OUT]
+        return replace(self, held_out={name: self.held_out[name] for name in lit})
 
 
 def place(
@@ -96,8 +105,10 @@ def place(
     meter.add(outside[1:])
     fitted = given | _named(chosen + outside[1:], given)
     apart = eyes.kept & (_distance(eyes.position, fitted) >= free.clearance)
-    held_out = cameras(choice.held_out(HELD_OUT - len(outside[:1]), apart if apart.any() else eyes.kept))
-    return Placement(fitted, _named(held_out + outside[:1], fitted), meter.coverage(eyes.lens.limit))
+    inside = HELD_OUT - len(outside[:1])
+    held_out = cameras(choice.held_out(inside + SPARE, apart if apart.any() else eyes.kept))
+    held_out = held_out[:inside] + outside[:1] + held_out[inside:]
+    return Placement(fitted, _named(held_out, fitted), meter.coverage(eyes.lens.limit))
 
 
 def _outside(

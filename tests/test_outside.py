@@ -11,7 +11,7 @@ from gsgi.runtime.scene import Scene
 
 def outside(meshes, size: int = 48) -> np.ndarray:
     """Positions (N, 3) of the cameras that stand beside the box of edge 2 around the origin."""
-    placement = place(Triangles(Scene(tuple(meshes), (scenes.WHITE,))), {}, size, seed=0)
+    placement = place(Triangles(Scene(tuple(meshes), (scenes.WHITE,))), {}, size, seed=0).judged_in_light(set())
     cameras = [*placement.fitted.values(), *placement.held_out.values()]
     position = np.array([camera.position for camera in cameras])
     beside = (np.abs(position) > 1).any(axis=1)
