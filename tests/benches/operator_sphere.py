@@ -97,7 +97,8 @@ def _sphere_points(path: Path) -> tuple[np.ndarray, np.ndarray]:
 
 def _centres(path: Path, triangles: Triangles, radius: float) -> np.ndarray:
     """Where (C, 3) the sphere comes: evenly along legs between cameras, touching nothing, inside the scene."""
-    cameras = [*placement(path).fitted.values(), *placement(path).held_out.values()]
+    placed = placement(path).judged_in_light(frozenset())
+    cameras = [*placed.fitted.values(), *placed.held_out.values()]
     eyes = np.array([camera.position for camera in cameras])
     inside = ((eyes > triangles.low + radius) & (eyes < triangles.high - radius)).all(axis=1)
     eyes = eyes[inside & (triangles.clearance(eyes) > radius)]
