@@ -63,8 +63,9 @@ float clipped_reach(vec2 normal, vec3 t, mat3 axes, float extent, float near, ve
     return reach;
 }
 
-// Where `vertex` of a triangle strip goes, in px. The strip fills a polygon around what of an ellipsoid lies beyond the depth `near`,
-// and `margin` px further along both axes of the image. `t`: centre in view space; `extent`: half_extent(axes).
+// Where `vertex` of a triangle strip goes, in px. The strip fills a polygon around what of an ellipsoid lies beyond the
+// depth `near`, and `margin` px further along both axes of the image. `t`: centre in view space; `extent`:
+// half_extent(axes).
 vec2 outline_corner(
     int vertex, vec3 t, mat3 axes, vec3 extent, float near, vec2 focal, vec2 centre, vec2 size, float margin) {
     Ellipse e = ellipse_of(t, axes, extent.z, focal, centre);
