@@ -27,7 +27,7 @@ class IndirectLight:
 
     `ctx` is the host's context; nothing in it changes but the target that light is added to and the textures made
     here. `encoding` says what the host's textures hold. A file of the `surface` operator is read once per `splat_scale`
-    x `splat_scale` pixels (1, 2 or 4) and upsampled along surfaces, and lights nothing outside of `box`: two corners
+    x `splat_scale` pixels (1 to 4) and upsampled along surfaces, and lights nothing outside of `box`: two corners
     (3,), world space, m, for files of one room each. A file of the `over` operator is drawn at full resolution; its
     light ends with its Gaussians. Raises ValueError for an unknown encoding, UnsupportedError for more Gaussians than
     the driver's textures hold.

@@ -23,7 +23,7 @@ class DeferredRenderer:
     """Draws `scene` with the indirect light of `bake` into targets of `width` x `height` px of its own.
 
     Only what the scene calls for is made: no bake, no splats and no composite; no lights, no shadows; no environment,
-    no background. A bake of the `surface` operator is read once per `splat_scale` x `splat_scale` pixels (1, 2 or 4)
+    no background. A bake of the `surface` operator is read once per `splat_scale` x `splat_scale` pixels (1 to 4)
     and upsampled, one of `over` always at full resolution. Leaves the framebuffer, blending, depth test and culling
     of `ctx` changed. Raises UnsupportedError for textures or Gaussians that the driver cannot hold.
     """
@@ -51,7 +51,7 @@ class DeferredRenderer:
             self._make_targets((width, height))
 
     def set_splat_scale(self, splat_scale: int) -> None:
-        """Read the Gaussians once per `splat_scale` x `splat_scale` pixels (1, 2 or 4) from the next frame on."""
+        """Read the Gaussians once per `splat_scale` x `splat_scale` pixels (1 to 4) from the next frame on."""
         if self.splats:
             self.splats.release()
             self.splats = IndirectLight(self._ctx, self._bake, splat_scale=splat_scale)

@@ -15,7 +15,7 @@ from .surface_targets import SurfaceTargets
 from .view import View
 
 OUTLINE_CORNERS = 8  # of glsl/ellipsoid.glsl: vertices of a strip
-SCALES = 1, 2, 4  # pixels of the frame per pixel of the target, along each axis
+SCALES = 1, 2, 3, 4  # pixels of the frame per pixel of the target, along each axis
 
 Box = tuple[np.ndarray, np.ndarray]  # lowest and highest corner (3,), world space, m
 

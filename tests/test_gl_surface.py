@@ -265,7 +265,7 @@ def test_very_bright_light_stays_finite_and_negative_light_is_black(gl):
     assert not draw(gl, nothing(), one(scale=(9, 9, 9), light=-1))[0].any()
 
 
-@pytest.mark.parametrize("splat_scale", [1, 2, 4])
+@pytest.mark.parametrize("splat_scale", [1, 2, 3, 4])
 def test_no_light_where_there_is_no_surface_or_no_gaussian(gl, splat_scale):
     """The eye lies inside the Gaussian, and so do the sky's pixels as far as they lie anywhere."""
     tile = Scene((scenes.floor(0.5),), (scenes.WHITE,))
@@ -291,7 +291,7 @@ def test_a_bake_without_coarse_gaussians_has_neither_their_target_nor_their_pass
         renderer.release()
 
 
-@pytest.mark.parametrize("splat_scale", [1, 2, 4])
+@pytest.mark.parametrize("splat_scale", [1, 2, 3, 4])
 def test_the_coarse_level_is_drawn_only_into_gaps(gl, splat_scale):
     """Its sums are the oracle's where the fine level weighs less than the floor, and nothing elsewhere."""
     scene, coarse = room(), oracle.random_gaussians(30, 2, seed=1)

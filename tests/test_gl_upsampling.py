@@ -15,7 +15,7 @@ from gsgi.runtime.scene import Scene
 
 SIZE = 160, 120
 FRONT = look_at(np.zeros(3), np.array([0.0, 0.0, -1.0]), np.array([0.0, 1.0, 0.0]), 1.0, 0.01)
-SCALES = pytest.mark.parametrize("splat_scale", [2, 4])
+SCALES = pytest.mark.parametrize("splat_scale", [2, 3, 4])
 
 
 def lit(scene: Scene, light) -> Gaussians:
@@ -45,7 +45,7 @@ def test_a_smooth_field_is_kept(gl, splat_scale):
     error = np.abs(low - full).max(axis=-1)
     # An 8-bit image of this light shows steps of 1/255. Single pixels in corners have none of their wall's points near.
     assert np.median(error) < 0.5 / 255
-    assert (error > 2 / 255).mean() < {2: 0.002, 4: 0.02}[splat_scale]
+    assert (error > 2 / 255).mean() < {2: 0.002, 3: 0.01, 4: 0.02}[splat_scale]
 
 
 @SCALES
@@ -111,7 +111,9 @@ def test_a_wire_keeps_its_own_light(gl, splat_scale):
     ))  # fmt: skip
     low, depth, _ = draw(gl, fine, scene=scene, camera=FRONT, size=SIZE, splat_scale=splat_scale)
     assert (depth < 3).sum() >= SIZE[1]
-    assert np.allclose(low, np.where(depth[..., None] < 3, 0.2, 0.9), rtol=1e-3)
+    # The outermost pixels have points on one side only.
+    inner = np.s_[splat_scale - 1 : 1 - splat_scale]
+    assert np.allclose(low[inner], np.where(depth[inner][..., None] < 3, 0.2, 0.9), rtol=1e-3)
 
 
 @SCALES
@@ -132,9 +134,9 @@ def test_the_points_lie_where_the_upsampling_expects_them(gl, size):
     expected = 1 + 0.2 * seen_points(depth, FRONT)
     errors = [
         np.abs(draw(gl, fine, scene=scene, camera=FRONT, size=size, splat_scale=s)[0] - expected)[8:-8, 8:-8].mean()
-        for s in (1, 2, 4)
+        for s in (1, 2, 3, 4)
     ]
-    assert errors[2] < 1.5 * errors[0] + 1e-3
+    assert max(errors) < 1.5 * errors[0] + 1e-3
 
 
 @SCALES

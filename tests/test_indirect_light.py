@@ -112,7 +112,7 @@ def test_every_encoding_gives_the_same_light(gl, host, depth, normal, space):
     light.release()
 
 
-@pytest.mark.parametrize("splat_scale", [1, 2, 4])
+@pytest.mark.parametrize("splat_scale", [1, 2, 4])  # whose blocks the part begins between
 def test_a_part_of_the_image_is_a_camera_of_its_own(gl, host, splat_scale):
     """Split screen, tiles, stereo: an off-axis frustum and a viewport, and the whole again after it."""
     light = IndirectLight(gl, bake(), splat_scale=splat_scale)

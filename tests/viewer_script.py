@@ -71,7 +71,7 @@ def user(viewer: Played):
     change = np.abs(viewer.screen().astype(int) - shown["final"])
     assert change.any() == viewer.picture.scalable
     assert change.mean() < 4
-    viewer.tap("R", "R")
+    viewer.tap(*"RRR")
     viewer.window.size = 200, 90
     for _ in range(100):
         yield

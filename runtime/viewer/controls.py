@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 
 VIEWS = {"1": "final", "2": "primary", "3": "indirect", "4": "ellipsoids"}
-SCALES = 1, 2, 4  # pixels of the frame per pixel at which Gaussians are read
+SCALES = 1, 2, 3, 4  # pixels of the frame per pixel at which Gaussians are read
 EXPOSURE_STEP = 2 ** (1 / 3)  # a third of a stop
 
 # What is held down: right, up, back.
