@@ -10,6 +10,7 @@ from pathlib import Path
 from benches.dial import dial
 from benches.fit import fit
 from benches.frame_costs import frame_costs, frame_passes
+from benches.leak import leak
 from benches.operator_motion import operator_motion
 from benches.operator_pictures import operator_pictures
 from benches.operator_sphere import operator_sphere
@@ -30,7 +31,7 @@ FRAMES = frame_costs, frame_passes
 OPERATOR = operator_bakes, operator_equal, operator_scales, operator_motion, operator_sphere, operator_pictures
 BENCHES = {
     bench.__name__: bench
-    for bench in (fit, stages, trace, scenes, splats, order, triangles, dial, quality, *FRAMES, *OPERATOR)
+    for bench in (fit, stages, trace, scenes, splats, order, triangles, dial, quality, leak, *FRAMES, *OPERATOR)
 }
 GROUPS = {name: [bench.__name__ for bench in group] for name, group in (("frames", FRAMES), ("operator", OPERATOR))}
 

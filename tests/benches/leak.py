@@ -1,0 +1,38 @@
+"""Light that leaks through a thin wall into a room without any."""
+
+import numpy as np
+
+from gsgi.baker.bake import bake
+from gsgi.baker.cache import Cache
+from gsgi.baker.coverage import sample_seen
+from gsgi.baker.evaluate import evaluate
+from gsgi.baker.irradiance import Sampling
+from gsgi.baker.plan import make_plan
+from gsgi.baker.progress import Progress
+from gsgi.baker.settings import Settings
+from gsgi.runtime import codec
+from gsgi.runtime.gltf import read_gltf
+
+from .stages import SCENES
+
+POINTS = 60_000
+DARK = 1e-6  # of the mean B: what path tracing finds there is nothing
+FAINT = 0.005  # of the bright room's mean B
+
+
+def leak() -> list[dict]:
+    """B of the default bake of `two_rooms` at points of the dark room, as a share of the bright room's mean B.
+
+    `above_0.5_%`: the share of those points with more than half a per cent of it.
+    """
+    plan = make_plan(read_gltf(SCENES / "two_rooms.glb"), Settings(), Progress(), Cache())
+    baked = codec.decode(bake(plan, Progress()).data)
+    points = sample_seen(plan.triangles, plan.cameras, POINTS, seed=5)
+    traced = plan.light.at_points(points.position, points.normal, Sampling(64), seed=9).mean.mean(axis=1)
+    light, _ = evaluate(baked.gaussians, baked.coarse, baked.blend, points.position, points.normal)
+    dark = traced < DARK * traced.mean()
+    leaked = light.mean(axis=1)[dark] / traced[~dark].mean()
+    return [
+        {"gaussians": len(baked.gaussians) + len(baked.coarse), "dark_points": int(dark.sum()),
+         "mean": f"{leaked.mean():.2%}", "above_0.5_%": f"{np.mean(leaked > FAINT):.2%}", "max": f"{leaked.max():.0%}"}
+    ]  # fmt: skip
