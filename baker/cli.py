@@ -31,11 +31,10 @@ def main(arguments: list[str] | None = None) -> None:
     try:
         code = run(arguments)
     except Exception:
-        # A library can turn the interrupt into an error of its own, as Open3D's import does.
         if not interrupts:
             raise
-        code = INTERRUPTED
-    if code == INTERRUPTED:
+    # A library can turn the interrupt into an error of its own, as Open3D's import does, or lose it, as numpy.dtype.
+    if interrupts:
         _end()
     sys.exit(code)
 

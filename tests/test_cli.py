@@ -616,6 +616,29 @@ def test_ctrl_c_waits_for_no_call_into_a_library(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+LOST = """
+import os, signal, sys
+from gsgi.baker import cli
+from gsgi.baker.commands import doctor
+def run(options):
+    try:
+        os.kill(os.getpid(), signal.SIGINT)
+        while True:
+            pass
+    except BaseException:
+        return int(sys.argv[2])
+doctor.run = run
+cli.main([sys.argv[1]])
+"""
+
+
+@pytest.mark.parametrize("code", [0, 6])
+def test_ctrl_c_counts_where_a_library_loses_it(code):
+    command = [sys.executable, "-c", LOST, "doctor", str(code)]
+    run = subprocess.run(command, stderr=subprocess.PIPE, text=True, timeout=60, check=False)
+    assert (run.returncode, run.stderr) == (130, "gsgi: interrupted\n")
+
+
 def test_a_full_disk_behind_the_output_is_named(capsys, monkeypatch, small_disk):
     from gsgi.baker import bake
 
