@@ -16,7 +16,7 @@ from .traced_light import PACKAGES, TracedLight
 
 CHUNK = 1 << 16  # points that are traced at once, and kept in the cache
 LOOK_SIZE = 64  # px, edge of the images in which cameras look for points
-DARK_STEP = 16  # one pixel of so many counts where a camera sees no light: enough to know that there is none
+DARK_STEP = 4  # one pixel of so many counts where a camera sees no light: enough to know that there is none
 
 # Of the way from a camera to a surface: where points in free space lie.
 FREE = 0.05, 0.95
