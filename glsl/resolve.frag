@@ -31,6 +31,15 @@ layout(location = 0) out vec4 out_indirect;  // B
 #define PLANE_TOLERANCE 0.01  // of depth; a pixel further off a point's plane shows another surface
 #define BLUR 0.01             // added to bilinear weights, so that no neighbour is left out
 #define OTHERS 1e-7           // of points of other surfaces: taken where there are no others
+#define ALIKE_ENOUGH 0.5      // one of the four nearest points as alike as that: no need of those around them
+
+// How far a point's tangent plane is that of the pixel's point x with normal n, 0 to 1. `tolerance`: per m.
+float alike(vec4 plane, vec4 x, vec3 n, float tolerance) {
+    float on_plane = max(0.0, 1.0 - tolerance * abs(dot(plane, x)));
+    // Normals that differ count as the eighth power of their cosine.
+    float cosine = max(0.0, dot(plane.xyz, n)), squared = cosine * cosine, fourth = squared * squared;
+    return on_plane * fourth * fourth;
+}
 
 vec4 upsampled(ivec2 texel) {
     // Kopf et al. 2007, "Joint Bilateral Upsampling"
@@ -46,14 +55,19 @@ vec4 upsampled(ivec2 texel) {
     ivec4 taps = clamp(ivec4(low, low + 1.0), ivec4(0), last.xyxy);
     vec4 bilinear = vec4(1.0 - part.x, part.x, 1.0 - part.x, part.x) * vec4(vec2(1.0 - part.y), vec2(part.y)) + BLUR;
     vec4 sum = vec4(0.0);
+    float most_alike = 0.0;
     for (int i = 0; i < 4; ++i) {  // where no surface is, the sums are 0
         ivec2 tap = ivec2((i & 1) == 0 ? taps.x : taps.z, i < 2 ? taps.y : taps.w);
-        vec4 plane = texelFetch(surface_plane, tap, 0);
-        float on_plane = max(0.0, 1.0 - tolerance * abs(dot(plane, x)));
-        // Normals that differ count as the eighth power of their cosine.
-        float cosine = max(0.0, dot(plane.xyz, n)), squared = cosine * cosine, fourth = squared * squared;
-        float weight = bilinear[i] * (on_plane * fourth * fourth + OTHERS);
-        sum += weight * texelFetch(filled_sums, tap, 0);
+        float weight = alike(texelFetch(surface_plane, tap, 0), x, n, tolerance);
+        most_alike = max(most_alike, weight);
+        sum += bilinear[i] * (weight + OTHERS) * texelFetch(filled_sums, tap, 0);
+    }
+    // On wires and at outlines often none of the four, but one of the points around them shows the pixel's surface.
+    float need = 1.0 - most_alike / ALIKE_ENOUGH;
+    int around = view_depth > 0.0 && need > 0.0 ? 16 : 0;  // llvmpipe leaves loops, but skips no branch
+    for (int i = 0; i < around; ++i) {
+        ivec2 tap = clamp(ivec2(low) - 1 + ivec2(i % 4, i / 4), ivec2(0), last);
+        sum += need * alike(texelFetch(surface_plane, tap, 0), x, n, tolerance) * texelFetch(filled_sums, tap, 0);
     }
     return view_depth > 0.0 ? sum : vec4(0.0);
 }

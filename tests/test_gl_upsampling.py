@@ -1,4 +1,4 @@
-"""The `surface` operator at half and quarter resolution."""
+"""The `surface` operator at half, a third and a quarter of the resolution."""
 
 from dataclasses import replace
 
@@ -43,9 +43,9 @@ def test_a_smooth_field_is_kept(gl, splat_scale):
     full = draw(gl, fine, scene=scene, size=size)[0]
     low = draw(gl, fine, scene=scene, size=size, splat_scale=splat_scale)[0]
     error = np.abs(low - full).max(axis=-1)
-    # An 8-bit image of this light shows steps of 1/255. Single pixels in corners have none of their wall's points near.
+    # An 8-bit image of this light shows steps of 1/255. Single pixels in corners have no point of their wall near.
     assert np.median(error) < 0.5 / 255
-    assert (error > 2 / 255).mean() < {2: 0.002, 3: 0.01, 4: 0.02}[splat_scale]
+    assert (error > 2 / 255).mean() < {2: 0.0005, 3: 0.002, 4: 0.008}[splat_scale]
 
 
 @SCALES
@@ -54,10 +54,7 @@ def test_no_leak_between_walls_that_meet(gl, splat_scale):
     scene = Scene(tuple(scenes.box()), (scenes.WHITE,))
     fine = lit(scene, lambda position, normal: np.abs(normal) * [1.0, 1.0, 1.0])
     low, _, normal = draw(gl, fine, scene=scene, size=SIZE, splat_scale=splat_scale)
-    wrong = np.abs(low - np.abs(normal)).max(axis=-1) > 1e-3
-    # Only where a wall's last pixels at the image's edge lie beyond all its points.
-    assert wrong[2 * splat_scale : -2 * splat_scale, 2 * splat_scale : -2 * splat_scale].mean() < 1e-3
-    assert wrong.mean() < 5e-3
+    assert np.abs(low - np.abs(normal)).max() < 1e-3
 
 
 @SCALES
@@ -67,8 +64,7 @@ def test_no_leak_across_a_depth_edge(gl, splat_scale):
     fine = lit(scene, lambda position, _: np.where(position[:, 2:] > -2.5, [1.0, 0, 0], [0, 0, 1.0]))
     low, depth, _ = draw(gl, fine, scene=scene, camera=FRONT, size=SIZE, splat_scale=splat_scale)
     expected = np.where(depth[..., None] < 2.5, [1.0, 0, 0], [0, 0, 1.0])
-    # The card's corner pixels may have no point of it near.
-    assert (np.abs(low - expected).max(axis=-1) > 1e-3).sum() <= (0 if splat_scale == 2 else 4)
+    assert np.abs(low - expected).max() < 1e-3
 
 
 @SCALES
@@ -101,7 +97,7 @@ def test_the_coarse_level_fills_gaps_without_a_seam(gl, splat_scale):
 
 @SCALES
 def test_a_wire_keeps_its_own_light(gl, splat_scale):
-    """One pixel wide, dark before a bright wall: of both surfaces a point is among any four neighbours."""
+    """One pixel wide, dark before a bright wall: of both surfaces a point is near any pixel."""
     scene = Scene((wall(-2.0, (-0.01, -2), (0.01, 2)), wall(-4.0, (-9, -9), (9, 9))), (scenes.WHITE,))
     fine = Gaussians(*(
         np.concatenate([getattr(a, n), getattr(b, n)])
@@ -111,10 +107,7 @@ def test_a_wire_keeps_its_own_light(gl, splat_scale):
     ))  # fmt: skip
     low, depth, _ = draw(gl, fine, scene=scene, camera=FRONT, size=SIZE, splat_scale=splat_scale)
     assert (depth < 3).sum() >= SIZE[1]
-    right = np.isclose(low, np.where(depth[..., None] < 3, 0.2, 0.9), rtol=1e-3).all(axis=-1)
-    # 120 rows are 40 blocks of 3: the last two rows have points on one side only, and the wire two pixels there.
-    assert right[2:].all()
-    assert (~right).sum() <= (4 if splat_scale == 3 else 0)
+    assert np.allclose(low, np.where(depth[..., None] < 3, 0.2, 0.9), rtol=1e-3)
 
 
 @SCALES
