@@ -32,8 +32,9 @@ START_SHARE = 0.7
 # light where there is none.
 SOLVE_FIRST, SOLVE_AGAIN, SOLVE_LAST = 10, 5, 10
 
-# The start: of the distance to the three nearest, in the surface and along its normal. Neighbours overlap.
-WIDTH, THICKNESS = 1.3, 0.8
+# The start: of the distance to the three nearest, in the surface and along its normal. Neighbours overlap; thicker ones
+# speak for the free space before their surface, which the coarse level knows better.
+WIDTH, THICKNESS = 1.3, 0.5
 OPACITY = 0.5
 SPACING_MIN = 1e-6  # m; points may coincide
 
