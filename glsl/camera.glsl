@@ -11,6 +11,12 @@ vec3 view_from_pixel(vec2 pixel, float depth, vec2 focal, vec2 centre) {
     return depth * vec3(slope.x, -slope.y, -1.0);
 }
 
+// World space, m, of what `fragment` shows at `depth`, m. `axis`: the fragment (px) on the view's axis; the matrix takes
+// depth * (offset from there, 1) and 1 to world space.
+vec3 world_from_fragment(vec2 fragment, float depth, vec2 axis, mat4 world_from_offset) {
+    return (world_from_offset * vec4(depth * vec3(fragment - axis, 1.0), 1.0)).xyz;
+}
+
 vec2 pixel_from_view(vec3 position, vec2 focal, vec2 centre) {
     return centre + focal * vec2(position.x, -position.y) / -position.z;
 }

@@ -7,8 +7,8 @@ uniform highp sampler2D normal;
 uniform highp sampler2D depth;
 
 uniform mat4 world_from_view;
-uniform vec2 focal;
-uniform vec2 centre;
+uniform mat4 world_from_offset;
+uniform vec2 axis;
 uniform vec2 size;      // px, of the view
 uniform vec2 corner;    // px; where the view begins in the textures
 uniform vec2 z_to_clip;
@@ -59,9 +59,7 @@ ivec2 chosen_texel(ivec2 target) {
 void main() {
     ivec2 texel = chosen_texel(ivec2(gl_FragCoord.xy));
     float view_depth = depth_at(texel);
-    vec2 pixel = pixel_from_fragment(vec2(texel) + 0.5, size.y);
-    vec3 view = view_from_pixel(pixel, view_depth, focal, centre);
-    out_position = world_from_view * vec4(view, 1.0);
+    out_position = vec4(world_from_fragment(vec2(texel) + 0.5, view_depth, axis, world_from_offset), 1.0);
     bool seen = view_depth > 0.0;
 #if BOX
     seen = seen && all(greaterThanEqual(out_position.xyz, box_low)) && all(lessThanEqual(out_position.xyz, box_high));

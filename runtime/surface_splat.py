@@ -67,7 +67,10 @@ class SurfaceSplats:
         `z_to_clip`: of the projection's third row the columns of z and 1, for depth buffers.
         """
         targets, pinhole = self._targets_for(view.pinhole), view.pinhole
-        host = view.uniforms() | {"size": targets.size, "corner": corner, "z_to_clip": z_to_clip, "near": view.near}
+        host = {
+            "world_from_view": view.world_from_view, "world_from_offset": view.world_from_offset, "axis": view.axis,
+            "size": targets.size, "corner": corner, "z_to_clip": z_to_clip, "near": view.near,
+        }  # fmt: skip
         with measured(profile, "surface_points"):
             self._write_depth()
             self._points.draw(targets.points, normal, depth, **host)

@@ -43,6 +43,16 @@ class View(NamedTuple):
         pose[:3, 3] -= origin
         return View(self.pinhole._replace(view_from_world=_inverse_of_rigid(pose)), pose, self.near)
 
+    @property
+    def axis(self) -> tuple[float, float]:
+        """gl_FragCoord.xy (px) on the camera's axis."""
+        return self.pinhole.cx, self.pinhole.height - self.pinhole.cy
+
+    @property
+    def world_from_offset(self) -> np.ndarray:
+        """(4, 4) float64: takes depth * (gl_FragCoord.xy - `axis`, 1) and 1 to world space; depth = -z in m."""
+        return self.world_from_view @ np.diag([1 / self.pinhole.fx, 1 / self.pinhole.fy, -1, 1])
+
     def uniforms(self) -> dict:
         """What glsl/camera.glsl needs to take a pixel back to world space."""
         pinhole = self.pinhole

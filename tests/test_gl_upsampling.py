@@ -45,7 +45,7 @@ def test_a_smooth_field_is_kept(gl, splat_scale):
     error = np.abs(low - full).max(axis=-1)
     # An 8-bit image of this light shows steps of 1/255. Single pixels in corners have no point of their wall near.
     assert np.median(error) < 0.5 / 255
-    assert (error > 2 / 255).mean() < {2: 0.0005, 3: 0.002, 4: 0.008}[splat_scale]
+    assert (error > 2 / 255).mean() < {2: 0.0005, 3: 0.003, 4: 0.008}[splat_scale]
 
 
 @SCALES
