@@ -34,7 +34,7 @@ ivec2 chosen_texel(ivec2 target) {
 #define DEPTH_STEP 1.1
 
 // The middle of the block; where there are several surfaces, the nearest and the farthest in turns, as on a
-// chessboard: then both are among any four neighbours. Surfaces come before the background.
+// chessboard: then both are among any three neighbours. Surfaces come before the background.
 ivec2 chosen_texel(ivec2 target) {
     ivec2 last = ivec2(size) - 1;
     ivec2 middle = min(target * SPLAT_SCALE + SPLAT_SCALE / 2, last), near_texel = middle, far_texel = middle;
