@@ -1,6 +1,6 @@
 """`python -m gsgi.baker`: the command line."""
 
-from .cli import main
+from gsgi.baker.cli.main import main
 
 if __name__ == "__main__":
     main()

@@ -4,18 +4,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from gsgi.runtime import codec
-from gsgi.runtime.fingerprint import fingerprint
+from gsgi.baker.trace.reference import Reference
+from gsgi.runtime.file import codec
+from gsgi.runtime.file.fingerprint import fingerprint
 from gsgi.runtime.gaussians import Bake, Gaussians, OverBlend
 
-from . import dial
-from .dial import Fitted
+from . import budget_search
+from .budget_search import Fitted
 from .plan import Plan
 from .progress import Progress
-from .reference import Reference
 
 if TYPE_CHECKING:
-    from .watch import Watch
+    from gsgi.baker.fitting.monitor import Watch
 
 
 @dataclass(frozen=True)
@@ -46,9 +46,9 @@ class _Fits:
     """Fits of one scene's light, with one budget or another."""
 
     def __init__(self, plan: Plan, progress: Progress, references, preview):
-        from .held_out import HeldOutLoss
-        from .over_fits import OverFits
-        from .surface_fits import SurfaceFits
+        from gsgi.baker.evaluation.held_out import HeldOutLoss
+        from gsgi.baker.over.fits import OverFits
+        from gsgi.baker.surface.fits import SurfaceFits
 
         self.plan, self.progress, self.preview = plan, progress, preview
         self.scene = fingerprint(plan.scene)
@@ -61,7 +61,7 @@ class _Fits:
         if settings.target_loss is None or self.held_out is None:
             fitted = self.attempt(settings.budget)
             return Baked(fitted, (fitted,))
-        fitted, tried = dial.turn(settings.target_loss, settings.budget, self.attempt)
+        fitted, tried = budget_search.turn(settings.target_loss, settings.budget, self.attempt)
         return Baked(fitted, tuple(tried))
 
     def attempt(self, budget: int) -> Fitted:
@@ -79,7 +79,7 @@ class _Fits:
         return Fitted(budget, data, count, loss, psnr, fit.seconds, fit.looks, fit.covered)
 
     def _watch(self, advance, coarse: Gaussians | None) -> "Watch":
-        from .watch import Watch
+        from gsgi.baker.fitting.monitor import Watch
 
         iterations = self.plan.settings.iterations
         return Watch(advance, self.held_out, lambda fine: self._bake(fine, coarse), iterations, self.preview)

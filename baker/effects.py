@@ -4,11 +4,11 @@ from collections import Counter
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 
+from gsgi.baker.trace.surface_tables import emits, used_materials
 from gsgi.runtime.gaussians import Effects
 from gsgi.runtime.scene import Material, Scene
 
 from .settings import EFFECTS
-from .surfaces import emits, used_materials
 
 # What each of EFFECTS is in a file.
 NAMES = {name: Effects[name.upper().replace("-", "_")] for name in EFFECTS}

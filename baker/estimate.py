@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from . import held_out
+from .evaluation import held_out
 from .plan import Plan
 
 POINTS, SAMPLES = 1 << 14, 64
@@ -28,7 +28,7 @@ def estimate(plan: Plan) -> dict[str, float]:
 
 
 def _seconds_per_path(plan: Plan) -> float:
-    from .irradiance import Sampling
+    from gsgi.baker.trace.tracer import Sampling
 
     tracer, size = plan.light.tracer, plan.settings.size
     views = (tracer.surface(camera, size, size).points() for camera in plan.cameras)
@@ -42,12 +42,12 @@ def _seconds_per_path(plan: Plan) -> float:
 
 def _seconds_per_step(plan: Plan) -> float:
     """A few steps with as many Gaussians as the bake has in the end, on grey images."""
-    from .fit import RATES
-    from .initialise import from_surface
-    from .optimiser import optimiser_class
-    from .raw_gaussians import RawGaussians
-    from .reshape import State
-    from .target import Target
+    from gsgi.baker.fitting.target import Target
+    from gsgi.baker.over.fit import RATES
+    from gsgi.baker.over.initialise import from_surface
+    from gsgi.baker.over.optimiser import optimiser_class
+    from gsgi.baker.over.raw_gaussians import RawGaussians
+    from gsgi.baker.over.reshape import State
 
     size, seed = plan.settings.size, plan.settings.seed
     points = plan.triangles.draw(plan.settings.budget, np.random.default_rng(seed))
@@ -62,11 +62,11 @@ def _seconds_per_step(plan: Plan) -> float:
 
 def _seconds_per_surface_step(plan: Plan) -> float:
     """A few steps with as many Gaussians as the bake has in the end, at as many grey samples."""
-    from .coarse import coarse_level
-    from .surface_fit import RATES, start
-    from .surface_optimiser import SurfaceOptimiser
-    from .surface_samples import SurfaceSamples
-    from .surface_state import SurfaceState
+    from gsgi.baker.surface.coarse import coarse_level
+    from gsgi.baker.surface.fit import RATES, start
+    from gsgi.baker.surface.optimiser import SurfaceOptimiser
+    from gsgi.baker.surface.samples import SurfaceSamples
+    from gsgi.baker.surface.state import SurfaceState
 
     rng = np.random.default_rng(plan.settings.seed)
     points = plan.triangles.draw(plan.points, rng)

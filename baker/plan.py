@@ -5,26 +5,27 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gsgi.runtime import codec
+from gsgi.baker.cache.store import Cache
+from gsgi.baker.trace.cached_tracer import TracedLight
+from gsgi.baker.trace.pilot import Pilot
+from gsgi.baker.trace.tracer import Sampling
+from gsgi.baker.views.coverage import sample_seen
+from gsgi.baker.views.dark_views import dark_views
+from gsgi.baker.views.placement import Placement, place
+from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.errors import SceneError
+from gsgi.runtime.file import codec
 from gsgi.runtime.gaussians import Effects, OverBlend, SurfaceBlend
 from gsgi.runtime.scene import Scene
 
-from . import pilot, surface_budget
-from .cache import Cache
-from .coverage import sample_seen
-from .dark_views import dark_views
-from .detail import gaussians_for
 from .effects import effects, without
-from .irradiance import Sampling
 from .memory import peak_memory
-from .pilot import Pilot
 from .progress import Progress
 from .settings import BUDGET_MAX, QUALITIES, SAMPLES, Settings
-from .surface_points import Triangles
-from .traced_light import TracedLight
-from .views import Placement, place
+from .surface import budget as surface_budget
+from .surface_detail import gaussians_for
+from .trace import pilot
 
 # Of the scene's diagonal: Gaussians nearer to the eye plane than this are not drawn.
 NEAR = 2e-3

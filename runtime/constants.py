@@ -1,4 +1,4 @@
-"""The numbers of glsl/constants.glsl as Python values."""
+"""The numbers of glsl/lib/constants.glsl as Python values."""
 
 import re
 from pathlib import Path
@@ -10,6 +10,6 @@ _DEFINE = re.compile(r"^#define\s+(\w+)\s+(\S+)", re.MULTILINE)
 globals().update(
     {
         name: float(literal) if set(literal) & set(".eE") else int(literal)
-        for name, literal in _DEFINE.findall((GLSL_FOLDER / "constants.glsl").read_text(encoding="utf-8"))
+        for name, literal in _DEFINE.findall((GLSL_FOLDER / "lib" / "constants.glsl").read_text(encoding="utf-8"))
     }
 )

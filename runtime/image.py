@@ -11,10 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gsgi.runtime.gltf.limits import Limits
+from gsgi.runtime.gltf.problems import Code
+
 from .atomic import replacing
 from .errors import FileError, SceneError, UsageError
-from .limits import Limits
-from .problems import Code
 
 MAX_IMAGE_PIXELS = 2**28  # 16384 x 16384, 4 GiB as RGBA float: larger is a mistake or an attack
 SIGNATURE = {

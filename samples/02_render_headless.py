@@ -6,12 +6,12 @@ python samples/02_render_headless.py build/box/box.glb build/box/box.gsgi build/
 import sys
 from pathlib import Path
 
-from gsgi.runtime import codec
-from gsgi.runtime.context import create_context
 from gsgi.runtime.display import auto_exposure, to_uint8, tone_map
-from gsgi.runtime.gltf import read_gltf
+from gsgi.runtime.file import codec
+from gsgi.runtime.gl.context import create_context
+from gsgi.runtime.gl.renderer import DeferredRenderer
+from gsgi.runtime.gltf.reader import read_gltf
 from gsgi.runtime.image import write_image
-from gsgi.runtime.renderer import DeferredRenderer
 
 WIDTH, HEIGHT = 320, 240
 

@@ -9,12 +9,12 @@ from pathlib import Path
 import moderngl
 import numpy as np
 
-from gsgi.runtime import codec
-from gsgi.runtime.context import create_context
-from gsgi.runtime.gltf import read_gltf
-from gsgi.runtime.host_textures import Encoding
+from gsgi.runtime.file import codec
+from gsgi.runtime.gl.context import create_context
+from gsgi.runtime.gl.host_textures import Encoding
+from gsgi.runtime.gl.indirect_light import IndirectLight
+from gsgi.runtime.gltf.reader import read_gltf
 from gsgi.runtime.image import write_image
-from gsgi.runtime.indirect_light import IndirectLight
 
 WIDTH, HEIGHT = 320, 240
 VERTEX = """#version 330

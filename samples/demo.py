@@ -9,19 +9,19 @@ from pathlib import Path
 
 import numpy as np
 
-from gsgi.baker import reference
 from gsgi.baker.bake import bake
-from gsgi.baker.cache import Cache
-from gsgi.baker.frame import draw
-from gsgi.baker.inputs import read_bake
-from gsgi.baker.irradiance import Tracer
-from gsgi.baker.pictures import panels
+from gsgi.baker.cache.store import Cache
+from gsgi.baker.cli.inputs import read_bake
+from gsgi.baker.evaluation.pictures import panels
 from gsgi.baker.plan import make_plan
 from gsgi.baker.progress import Progress
 from gsgi.baker.settings import Settings
+from gsgi.baker.trace import reference
+from gsgi.baker.trace.tracer import Tracer
 from gsgi.runtime.atomic import write_atomic
 from gsgi.runtime.display import auto_exposure, tone_map
-from gsgi.runtime.gltf import read_gltf
+from gsgi.runtime.gl.headless import draw
+from gsgi.runtime.gltf.reader import read_gltf
 from gsgi.runtime.image import write_image
 
 ROOT = Path(__file__).resolve().parents[1]

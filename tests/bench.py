@@ -22,10 +22,9 @@ from benches.splats import splats
 from benches.stages import stages
 from benches.trace import trace
 from benches.triangles import triangles
+from repository import ROOT
 
 from gsgi.runtime.atomic import check_writable, write_atomic
-
-ROOT = Path(__file__).resolve().parents[1]
 
 FRAMES = frame_costs, frame_passes
 OPERATOR = operator_bakes, operator_equal, operator_scales, operator_motion, operator_sphere, operator_pictures

@@ -5,8 +5,8 @@ import sys
 
 import pytest
 
-from gsgi.runtime.context import create_context
 from gsgi.runtime.errors import UnsupportedError
+from gsgi.runtime.gl.context import create_context
 
 pytest_plugins = ["pytester"]
 
@@ -31,7 +31,7 @@ def gsgi_context(gl):
 @pytest.fixture(scope="session")
 def backends() -> tuple[str, ...]:
     """Names of the backends that work here. Asked in child processes: one process should hold one kind of context."""
-    probe = "import sys; from gsgi.runtime.context import create_context; create_context(sys.argv[1])"
+    probe = "import sys; from gsgi.runtime.gl.context import create_context; create_context(sys.argv[1])"
     names = ("egl", "osmesa")
     return tuple(
         n for n in names if not subprocess.run([sys.executable, "-c", probe, n], capture_output=True).returncode

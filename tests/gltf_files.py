@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from gsgi.runtime.errors import GsgiError
-from gsgi.runtime.problems import Code
+from gsgi.runtime.gltf.problems import Code
 
 POSITION = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], "<f4")
 NORMAL = np.tile(np.array([0, 0, 1], "<f4"), (4, 1))

@@ -3,15 +3,15 @@
 import struct
 import zlib
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
+from repository import DATA
 
-from gsgi.runtime import codec, constants
+from gsgi.runtime import constants
+from gsgi.runtime.file import codec
+from gsgi.runtime.file.header import HEADERS
 from gsgi.runtime.gaussians import Bake, Effects, Gaussians, OverBlend, SurfaceBlend
-from gsgi.runtime.header import HEADERS
 
-DATA = Path(__file__).with_name("data")
 STORED = ("v1", "v2", "v3_over", "v3_surface")
 ARRAYS = ("position", "rotation", "scale", "opacity", "sh")
 

@@ -5,8 +5,8 @@ One uv channel, one wrap mode for both axes; no alpha masks, normal maps, vertex
 
 import numpy as np
 
-from gsgi.baker.mitsuba_scene import load_mitsuba
-from gsgi.baker.surfaces import emits
+from gsgi.baker.trace.mitsuba_scene import load_mitsuba
+from gsgi.baker.trace.surface_tables import emits
 from gsgi.runtime.scene import Material, Mesh, Scene, TextureSlot
 
 

@@ -4,11 +4,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gsgi.baker.irradiance import Surface, Tracer
+from gsgi.baker.trace.tracer import Surface, Tracer
 from gsgi.runtime.camera import Camera
-from gsgi.runtime.renderer import DeferredRenderer
+from gsgi.runtime.gl.renderer import DeferredRenderer
+from gsgi.runtime.gl.shadow import faces_of
 from gsgi.runtime.scene import Light, Scene
-from gsgi.runtime.shadow import faces_of
 
 REACH = 3  # texels of a shadow map: its filter, the lift off the surface, the pull towards the light
 
@@ -69,7 +69,7 @@ def _near_shadow_edge(tracer: Tracer, light: Light, corners: np.ndarray, surface
 
     `corners` (8, 3) of the scene's bounds. Leaves another light in the tracer.
     """
-    from gsgi.baker.lights import PunctualLights
+    from gsgi.baker.trace.punctual_lights import PunctualLights
 
     position, _, normal = surface.points()
     towards = np.broadcast_to(-light.direction, position.shape)

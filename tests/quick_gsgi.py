@@ -9,8 +9,11 @@ from types import SimpleNamespace
 
 from gsgi_files import constant
 
-from gsgi.baker import bake, cli, coverage, decisions, held_out, plan
-from gsgi.runtime import codec
+from gsgi.baker import bake, plan, plan_table
+from gsgi.baker.cli.main import run
+from gsgi.baker.evaluation import held_out
+from gsgi.baker.views import coverage
+from gsgi.runtime.file import codec
 
 
 def main(log: str, *arguments: str) -> int:
@@ -26,9 +29,9 @@ def main(log: str, *arguments: str) -> int:
         return SimpleNamespace(data=codec.encode(constant(light)), fitted=SimpleNamespace(count=2, loss=None), tried=())
 
     plan.make_plan, bake.bake = make_plan, baked
-    coverage.coverage_summary, decisions.summary = (lambda _: []), (lambda _: "")
+    coverage.coverage_summary, plan_table.summary = (lambda _: []), (lambda _: "")
     held_out.judge = lambda *_: SimpleNamespace(views=(), mean=None)
-    return cli.run([*arguments, "--quiet", "--cache", str(Path(log).parent / "cache")])
+    return run([*arguments, "--quiet", "--cache", str(Path(log).parent / "cache")])
 
 
 if __name__ == "__main__":

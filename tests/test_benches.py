@@ -12,7 +12,7 @@ from benches.operators import gaussians_at, smallest
 from benches.probes import Probes, grid_size
 
 from gsgi.baker import _kernels
-from gsgi.baker.free_space import sphere
+from gsgi.baker.views.free_space import sphere
 from gsgi.runtime.camera import look_at
 
 BAKES = [SimpleNamespace(gaussians=n, ssim=ssim) for n, ssim in ((100, 0.90), (200, 0.94), (400, 0.93), (800, 0.96))]

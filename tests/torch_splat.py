@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor
 
-from gsgi.baker.torch_sh import sh_basis
+from gsgi.baker.over.cuda_sh import sh_basis
 from gsgi.runtime import constants as c
 from gsgi.runtime.camera import Pinhole
 from gsgi.runtime.gaussians import OverBlend

@@ -7,7 +7,7 @@ import time
 
 import numpy as np
 
-from gsgi.baker import cli
+from gsgi.baker.cli import main
 from gsgi.runtime.viewer import window
 
 
@@ -105,4 +105,4 @@ def user(viewer: Played):
 
 if __name__ == "__main__":
     window.Viewer = Played
-    sys.exit(cli.run(["view", *sys.argv[1:]]))
+    sys.exit(main.run(["view", *sys.argv[1:]]))

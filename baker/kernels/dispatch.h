@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "records.h"
+#include "instruction_set.h"
 
 // Those that this processor can run, slowest first.
 std::vector<const InstructionSet*> instruction_sets();

@@ -2,11 +2,13 @@
 //
 // Nothing here may be shared with other objects by name: the linker would keep one copy of an inline
 // function, perhaps the one that this processor cannot run.
-#include "adam.h"
-#include "field_read.h"
-#include "loss_band.h"
-#include "rasterise_backward.h"
-#include "touch.h"
+#include "instruction_set.h"
+
+#include "over/adam.h"
+#include "surface/field_read.h"
+#include "loss/loss_band.h"
+#include "over/rasterise_backward.h"
+#include "over/touch.h"
 
 namespace INSTRUCTION_SET {
 

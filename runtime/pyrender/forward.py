@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import moderngl
 import numpy as np
 
-from ..permutations import Primitive, defines
-from ..shader import program, set_uniforms
+from gsgi.runtime.gl.permutations import Primitive, defines
+from gsgi.runtime.gl.shader import program, set_uniforms
+
 from . import lights, materials
 from .draws import Draw, wireframe
 from .flags import RenderFlags
@@ -36,7 +37,7 @@ class Forward:
     def __init__(self, ctx: moderngl.Context, primitives: Uploads, textures: Uploads):
         self.ctx, self._primitives, self._textures = ctx, primitives, textures
         self._white = ctx.texture((1, 1), 4, b"\xff" * 4)
-        self._silhouette = program(ctx, "silhouette")
+        self._silhouette = program(ctx, "pyrender/silhouette")
         self._programs: dict[tuple, moderngl.Program] = {}
 
     def silhouettes(self, frame: dict, items: list[Draw], color: Callable[[object], tuple]) -> None:
@@ -93,10 +94,10 @@ class Forward:
         return lit, uniforms
 
     def _program(self, look: Primitive) -> moderngl.Program:
-        features = defines("forward", look)
+        features = defines("pyrender/forward", look)
         key = tuple(features.values())
         if key not in self._programs:
-            self._programs[key] = program(self.ctx, "forward", **features)
+            self._programs[key] = program(self.ctx, "pyrender/forward", **features)
         return self._programs[key]
 
 

@@ -5,8 +5,9 @@ from collections.abc import Mapping
 import moderngl
 import numpy as np
 
-from ..errors import UnsupportedError
-from ..gaussians import Bake
+from gsgi.runtime.errors import UnsupportedError
+from gsgi.runtime.gaussians import Bake
+
 from . import lights, materials
 from .draws import Draw, bounds, draws
 from .flags import NORMALS, RenderFlags

@@ -2,11 +2,12 @@
 
 import moderngl
 
-from ..gaussians import Bake
-from ..indirect_light import IndirectLight
-from ..permutations import Primitive, defines
-from ..shader import program, set_uniforms
-from ..view import View
+from gsgi.runtime.gaussians import Bake
+from gsgi.runtime.gl.indirect_light import IndirectLight
+from gsgi.runtime.gl.permutations import Primitive, defines
+from gsgi.runtime.gl.shader import program, set_uniforms
+from gsgi.runtime.gl.view import View
+
 from .draws import TRIANGLES, Draw, wireframe
 from .flags import RenderFlags
 from .lens import Lens
@@ -33,7 +34,8 @@ class VisibleSurfaces:
         self._target = ctx.framebuffer([self.interpolated, self.depth], self._nearest)
         looks = {normals: Primitive((), normals, False) for normals in (False, True)}
         self._programs = {
-            normals: program(ctx, "visible", **defines("visible", look)) for normals, look in looks.items()
+            normals: program(ctx, "pyrender/visible", **defines("pyrender/visible", look))
+            for normals, look in looks.items()
         }
 
     def draw(self, lens: Lens, items: list[Draw], uploads: Uploads, flags: int) -> None:

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..camera import Pinhole
-from ..view import projected_pinhole
+from gsgi.runtime.camera import Pinhole
+from gsgi.runtime.gl.view import projected_pinhole
 
 
 @dataclass(frozen=True)

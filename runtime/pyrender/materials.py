@@ -4,8 +4,9 @@ from collections.abc import Iterator
 
 import moderngl
 
-from ..errors import UnsupportedError
-from ..permutations import Primitive
+from gsgi.runtime.errors import UnsupportedError
+from gsgi.runtime.gl.permutations import Primitive
+
 from .uploads import Uploads
 
 # Samplers of forward.frag and the fields of a MetallicRoughnessMaterial behind them, in the order of texture units.

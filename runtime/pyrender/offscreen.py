@@ -5,11 +5,12 @@ from pathlib import Path
 
 import numpy as np
 
-from .. import codec
-from ..context import create_context
-from ..errors import FormatError
-from ..gaussians import Bake
-from ..uri import read_file
+from gsgi.runtime.errors import FormatError
+from gsgi.runtime.file import codec
+from gsgi.runtime.gaussians import Bake
+from gsgi.runtime.gl.context import create_context
+from gsgi.runtime.gltf.uri import read_file
+
 from .flags import RenderFlags
 from .frame import FrameRenderer
 

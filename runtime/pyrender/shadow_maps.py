@@ -3,7 +3,8 @@
 import moderngl
 import numpy as np
 
-from ..shader import program, set_uniforms
+from gsgi.runtime.gl.shader import program, set_uniforms
+
 from .draws import Draw
 from .lights import PlacedLight
 from .uploads import Uploads
@@ -22,7 +23,7 @@ class ShadowMaps:
     def __init__(self, ctx: moderngl.Context):
         self.ctx = ctx
         self.maps = self._target = None
-        self._program = program(ctx, "silhouette")
+        self._program = program(ctx, "pyrender/silhouette")
         self._reserve(1)
 
     def draw(self, lights: list[PlacedLight], box: np.ndarray, items: list[Draw], uploads: Uploads) -> list[dict]:

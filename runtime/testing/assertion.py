@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ..display import to_uint8
-from ..image import read_image, write_image
+from gsgi.runtime.display import to_uint8
+from gsgi.runtime.image import read_image, write_image
+
 from .comparison import Difference, Tolerance, as_image, compare, pixel_hash, shown
 from .driver import Driver
 from .golden import Golden, golden_of

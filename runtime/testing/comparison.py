@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..display import auto_exposure, tone_map
-from ..errors import UnsupportedError, UsageError
+from gsgi.runtime.display import auto_exposure, tone_map
+from gsgi.runtime.errors import UnsupportedError, UsageError
 
 TILE = 16  # px, edge of the tiles of which the worst is named
 

@@ -5,14 +5,14 @@ from pathlib import Path
 import moderngl
 import numpy as np
 
-from .. import codec
-from ..camera import Camera
-from ..errors import UsageError
-from ..gaussians import Bake
-from ..gltf import read_gltf
-from ..lighting import Lighting, beside, light, read_lights
-from ..renderer import DeferredRenderer
-from ..scene import Scene
+from gsgi.runtime.camera import Camera
+from gsgi.runtime.errors import UsageError
+from gsgi.runtime.file import codec
+from gsgi.runtime.gaussians import Bake
+from gsgi.runtime.gl.renderer import DeferredRenderer
+from gsgi.runtime.gltf.reader import read_gltf
+from gsgi.runtime.lighting import Lighting, beside, light, read_lights
+from gsgi.runtime.scene import Scene
 
 
 def draw(

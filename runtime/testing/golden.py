@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
-from ..errors import UsageError
+from gsgi.runtime.errors import UsageError
 
 FOLDER = "screenshots"  # beside the test files; in it, a folder for each of them
 SUFFIXES = (".png", ".exr")  # display-referred, linear

@@ -48,8 +48,8 @@ def gsgi_context(request: pytest.FixtureRequest):
     Skips where there is none, and fails there if --gsgi-backend asked for it. A project that has a context overrides
     this fixture: a process should hold one.
     """
-    from ..context import create_context
-    from ..errors import UnsupportedError
+    from gsgi.runtime.errors import UnsupportedError
+    from gsgi.runtime.gl.context import create_context
 
     backend = request.config.getoption("gsgi_backend")
     try:

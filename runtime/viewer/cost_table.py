@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from ..profile import PassCost
+from gsgi.runtime.gl.profile import PassCost
 
 
 def cost_table(frames: Sequence[Sequence[PassCost]]) -> str:
@@ -17,5 +17,5 @@ def cost_table(frames: Sequence[Sequence[PassCost]]) -> str:
             row[1] += cost.cpu_ms
     rows = [(name, gpu / len(frames), cpu / len(frames)) for name, (gpu, cpu) in sums.items()]
     rows.append(("all", sum(gpu for _, gpu, _ in rows), sum(cpu for *_, cpu in rows)))
-    head = f"{'pass':<22}{'gpu ms':>8}{'cpu ms':>8}"
-    return "\n".join([head, *(f"{name:<22}{gpu:>8.2f}{cpu:>8.2f}" for name, gpu, cpu in rows)])
+    head = f"{'pass':<28}{'gpu ms':>8}{'cpu ms':>8}"
+    return "\n".join([head, *(f"{name:<28}{gpu:>8.2f}{cpu:>8.2f}" for name, gpu, cpu in rows)])

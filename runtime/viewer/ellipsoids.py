@@ -2,15 +2,15 @@
 
 import moderngl
 
-from ..camera import Camera
-from ..gaussian_textures import GaussianTextures
-from ..gaussians import Bake
-from ..local import local_bake, origin_of_bake
-from ..permutations import defines
-from ..profile import Profile, measured
-from ..shader import program, set_uniforms
-from ..surface_splat import OUTLINE_CORNERS
-from ..view import View
+from gsgi.runtime.camera import Camera
+from gsgi.runtime.gaussians import Bake
+from gsgi.runtime.gl.gaussian_textures import GaussianTextures
+from gsgi.runtime.gl.permutations import defines
+from gsgi.runtime.gl.profile import Profile, measured
+from gsgi.runtime.gl.shader import program, set_uniforms
+from gsgi.runtime.gl.surface_splat import OUTLINE_CORNERS
+from gsgi.runtime.gl.view import View
+from gsgi.runtime.rebase import local_bake, origin_of_bake
 
 RADIUS = 1.0  # standard deviations at which they are drawn
 
@@ -25,14 +25,14 @@ class Ellipsoids:
         self.ctx, self._origin = ctx, origin_of_bake(bake)
         gaussians = local_bake(bake, self._origin).gaussians
         self._count, self._data = len(gaussians), GaussianTextures(ctx, gaussians)
-        self._program = program(ctx, "ellipsoids", **defines("ellipsoids", bake))
+        self._program = program(ctx, "viewer/ellipsoids", **defines("viewer/ellipsoids", bake))
         set_uniforms(self._program, shape_data=0, sh_data=1, radius=RADIUS)
         self._outlines = ctx.vertex_array(self._program, [])
         self._make_target(size)
 
     def draw(self, camera: Camera, profile: Profile | None = None) -> None:
         """Fill `radiance`."""
-        with measured(profile, "ellipsoids") as cost:
+        with measured(profile, "viewer/ellipsoids") as cost:
             view = View.of_camera(camera, self.radiance.size).moved(self._origin)
             self._target.use()
             self._target.clear()

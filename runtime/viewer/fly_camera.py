@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..camera import Camera
+from gsgi.runtime.camera import Camera
 
 TURN = 0.003  # rad per px that the mouse moves
 STEEPEST = np.radians(89)  # above and below the horizon: beyond, left and right change sides

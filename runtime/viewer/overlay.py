@@ -3,7 +3,7 @@
 import moderngl
 import numpy as np
 
-from ..shader import program, set_uniforms
+from gsgi.runtime.gl.shader import program, set_uniforms
 
 MARGIN = 3  # px around the text
 LARGER = 2  # how much, where the picture has room for it
@@ -16,7 +16,7 @@ class Overlay:
     def __init__(self, ctx: moderngl.Context):
         self.ctx, self.text = ctx, ""
         self._texture: moderngl.Texture | None = None
-        self._program = program(ctx, "overlay")
+        self._program = program(ctx, "viewer/overlay")
         set_uniforms(self._program, text=0)
         self._triangle = ctx.vertex_array(self._program, [])
 

@@ -3,13 +3,14 @@
 import moderngl
 import numpy as np
 
-from ..camera import Camera
-from ..gaussians import Bake, SurfaceBlend
-from ..permutations import defines
-from ..profile import Profile
-from ..renderer import DeferredRenderer, pixels
-from ..scene import Scene
-from ..shader import program, set_uniforms
+from gsgi.runtime.camera import Camera
+from gsgi.runtime.gaussians import Bake, SurfaceBlend
+from gsgi.runtime.gl.permutations import defines
+from gsgi.runtime.gl.profile import Profile
+from gsgi.runtime.gl.renderer import DeferredRenderer, pixels
+from gsgi.runtime.gl.shader import program, set_uniforms
+from gsgi.runtime.scene import Scene
+
 from .ellipsoids import Ellipsoids
 
 
@@ -22,7 +23,9 @@ class Picture:
         self._renderer = DeferredRenderer(ctx, scene, bake, *size)
         self._ellipsoids: Ellipsoids | None = None  # made when they are asked for
         # Blended light does not end where surfaces do; `gsgi render` shows it on surfaces alone.
-        self._programs = {masked: program(ctx, "display", **defines("display", masked)) for masked in (False, True)}
+        self._programs = {
+            masked: program(ctx, "frame/display", **defines("frame/display", masked)) for masked in (False, True)
+        }
         self._triangles = {masked: ctx.vertex_array(p, []) for masked, p in self._programs.items()}
         for display in self._programs.values():
             set_uniforms(display, radiance=0, depth=1)

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import FileError
-from ..image import write_image
+from gsgi.runtime.errors import FileError
+from gsgi.runtime.image import write_image
 
 
 def write_snapshot(name: str, image: np.ndarray) -> Path:

@@ -3,12 +3,13 @@
 import time
 from collections.abc import Callable
 
-from ..camera import Camera
-from ..display import auto_exposure, to_uint8, tone_map
-from ..errors import FileError, UnsupportedError
-from ..gaussians import Bake
-from ..profile import PassCost, Profile
-from ..scene import Scene
+from gsgi.runtime.camera import Camera
+from gsgi.runtime.display import auto_exposure, to_uint8, tone_map
+from gsgi.runtime.errors import FileError, UnsupportedError
+from gsgi.runtime.gaussians import Bake
+from gsgi.runtime.gl.profile import PassCost, Profile
+from gsgi.runtime.scene import Scene
+
 from .controls import HELP, KEYS, Controls
 from .cost_table import cost_table
 from .fly_camera import FlyCamera

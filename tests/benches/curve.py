@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gsgi.runtime import codec
+from gsgi.runtime.file import codec
 
 # Of Okabe and Ito (2008): told apart whatever colours one sees, and dark enough for thin lines on white.
 COLOURS = "#0072b2", "#d55e00", "#008a64", "#a8508a"

@@ -5,25 +5,25 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from repository import ROOT, SCENES, SHARED
 
-from gsgi.baker import held_out
 from gsgi.baker.bake import bake
-from gsgi.baker.cache import Cache, size_limit
-from gsgi.baker.dial import Fitted, budgets, turn
-from gsgi.baker.held_out import HeldOut
+from gsgi.baker.budget_search import Fitted, budgets, turn
+from gsgi.baker.cache.store import Cache, size_limit
+from gsgi.baker.evaluation import held_out
+from gsgi.baker.evaluation.held_out import HeldOut
 from gsgi.baker.plan import make_plan
 from gsgi.baker.progress import Progress
 from gsgi.baker.settings import Settings
-from gsgi.runtime import codec
 from gsgi.runtime.atomic import write_atomic
-from gsgi.runtime.gltf import read_gltf
+from gsgi.runtime.file import codec
+from gsgi.runtime.gltf.reader import read_gltf
 
 from .curve import Curve, draw
-from .trace import ROOT, SHARED
 
-SCENES = (
-    ROOT / "samples/scenes/cornell.glb",
-    ROOT / "samples/scenes/two_rooms.glb",
+FILES = (
+    SCENES / "cornell.glb",
+    SCENES / "two_rooms.glb",
     SHARED / "modern_hall/modern_hall.gltf",
 )
 FOLDER = ROOT / "build" / "bench"
@@ -51,7 +51,7 @@ def dial() -> list[dict]:
     smaller one: a search of its own tries one such budget at the end, and may save up to 30 % of the Gaussians more.
     """
     rows, curves, progress = [], [], Progress()
-    for path in SCENES:
+    for path in FILES:
         if path.exists():
             measured, repeated = measure(path, Settings(), progress)
             rows += rows_of(path.stem, measured, repeated)

@@ -6,12 +6,12 @@ from collections.abc import Callable
 import numpy as np
 import torch
 
-from gsgi.baker import torch_loss
-from gsgi.baker.loss import image_loss
-from gsgi.baker.optimiser import CpuOptimiser
-from gsgi.baker.raw_gaussians import RawGaussians
-from gsgi.baker.target import INVALID, Target
-from gsgi.baker.trainer import AdamState, Workspace
+from gsgi.baker.fitting.loss import image_loss
+from gsgi.baker.fitting.target import INVALID, Target
+from gsgi.baker.over import cuda_loss
+from gsgi.baker.over.optimiser import CpuOptimiser
+from gsgi.baker.over.raw_gaussians import RawGaussians
+from gsgi.baker.over.workspace import AdamState, Workspace
 from gsgi.runtime.camera import Pinhole, look_at
 from gsgi.runtime.gaussians import Gaussians, OverBlend
 
@@ -68,7 +68,7 @@ def _time(best: dict[str, float], name: str, call: Callable):
 def _torch_loss(image: np.ndarray, target: Target) -> None:
     shown = torch.from_numpy(image).requires_grad_()
     tone = torch.from_numpy(target.tone / np.float32(INVALID))
-    torch_loss.image_loss(shown, tone, torch.from_numpy(target.valid), TONE_SCALE).backward()
+    cuda_loss.image_loss(shown, tone, torch.from_numpy(target.valid), TONE_SCALE).backward()
 
 
 def _camera():

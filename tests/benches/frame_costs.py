@@ -8,12 +8,12 @@ import moderngl
 import numpy as np
 
 from gsgi.runtime.camera import Camera
-from gsgi.runtime.context import create_context
-from gsgi.runtime.profile import Profile, measured
-from gsgi.runtime.renderer import DeferredRenderer
-from gsgi.runtime.shader import set_uniforms
-from gsgi.runtime.surface_splat import SCALES
-from gsgi.runtime.view import View
+from gsgi.runtime.gl.context import create_context
+from gsgi.runtime.gl.profile import Profile, measured
+from gsgi.runtime.gl.renderer import DeferredRenderer
+from gsgi.runtime.gl.shader import set_uniforms
+from gsgi.runtime.gl.surface_splat import SCALES
+from gsgi.runtime.gl.view import View
 
 from .operator_bakes import Kept, default, scene_files, surface_bakes
 from .operator_frames import held_out_cameras, lit_scene, similarity

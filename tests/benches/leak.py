@@ -1,19 +1,18 @@
 """Light that leaks through a thin wall into a room without any."""
 
 import numpy as np
+from repository import SCENES
 
 from gsgi.baker.bake import bake
-from gsgi.baker.cache import Cache
-from gsgi.baker.coverage import sample_seen
-from gsgi.baker.evaluate import evaluate
-from gsgi.baker.irradiance import Sampling
+from gsgi.baker.cache.store import Cache
 from gsgi.baker.plan import make_plan
 from gsgi.baker.progress import Progress
 from gsgi.baker.settings import Settings
-from gsgi.runtime import codec
-from gsgi.runtime.gltf import read_gltf
-
-from .stages import SCENES
+from gsgi.baker.surface.lookup import evaluate
+from gsgi.baker.trace.tracer import Sampling
+from gsgi.baker.views.coverage import sample_seen
+from gsgi.runtime.file import codec
+from gsgi.runtime.gltf.reader import read_gltf
 
 POINTS = 60_000
 DARK = 1e-6  # of the mean B: what path tracing finds there is nothing

@@ -12,25 +12,29 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from gsgi.baker.cache import entries
-from gsgi.baker.code_version import code_version
-from gsgi.baker.digest import digest
+from repository import SCENES, SHARED
+
+from gsgi.baker.cache.code_version import code_version
+from gsgi.baker.cache.digest import digest
+from gsgi.baker.cache.store import entries
 from gsgi.baker.settings import QUALITIES, SAMPLES, Settings
-from gsgi.runtime import codec
 from gsgi.runtime.atomic import write_atomic
+from gsgi.runtime.file import codec
 from gsgi.runtime.gaussians import Bake
 
 from .dial import FOLDER
 from .scenes import bake
-from .trace import ROOT, SHARED
 
-SCENES = (
-    ROOT / "samples/scenes/cornell.glb",
+FILES = (
+    SCENES / "cornell.glb",
     SHARED / "sponza_crytek/sponza_sun.gltf",
     SHARED / "breakfast_room/breakfast_room_sun.gltf",
     SHARED / "modern_hall/modern_hall.gltf",
 )
-MODULES = {"over": ("fit", "initialise", "traced_light"), "surface": ("surface_fit", "surface_fits", "coarse")}
+MODULES = {
+    "over": ("over.fit", "over.initialise", "trace.cached_tracer"),
+    "surface": ("surface.fit", "surface.fits", "surface.coarse"),
+}
 NOT_LIGHT = "fit", "checkpoint", "reference"  # stages of the cache that are not traced light to fit
 
 DEFAULT = Settings.quality
@@ -72,8 +76,8 @@ class Kept:
 
 
 def scene_files() -> list[Path]:
-    """Those of SCENES that are here."""
-    return [path for path in SCENES if path.exists()]
+    """Those of FILES that are here."""
+    return [path for path in FILES if path.exists()]
 
 
 @cache
@@ -144,7 +148,7 @@ def cold_seconds(report: dict, before: list[dict], traced: bool) -> float:
 
 def _version(operator: str) -> str:
     """Changes with what the bakes of an operator depend on."""
-    code = [code_version(f"gsgi.baker.{module}", ()) for module in (*MODULES[operator], "views")]
+    code = [code_version(f"gsgi.baker.{module}", ()) for module in (*MODULES[operator], "views.placement")]
     return digest((code, QUALITIES[operator], SAMPLES))[:12]
 
 

@@ -9,18 +9,18 @@ from pathlib import Path
 
 import numpy as np
 
-from gsgi.baker.metrics import ssim
+from gsgi.baker.evaluation.metrics import ssim
 from gsgi.baker.plan import PLACED_SIZE
-from gsgi.baker.surface_points import Triangles
-from gsgi.baker.views import Placement, place
+from gsgi.baker.views.placement import Placement, place
+from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.camera import Camera
-from gsgi.runtime.context import create_context
 from gsgi.runtime.display import auto_exposure, tone_map
-from gsgi.runtime.fingerprint import fingerprint
-from gsgi.runtime.gltf import read_gltf
-from gsgi.runtime.renderer import DeferredRenderer
+from gsgi.runtime.file.fingerprint import fingerprint
+from gsgi.runtime.gl.context import create_context
+from gsgi.runtime.gl.renderer import DeferredRenderer
+from gsgi.runtime.gl.view import View
+from gsgi.runtime.gltf.reader import read_gltf
 from gsgi.runtime.scene import Scene
-from gsgi.runtime.view import View
 
 from .operator_bakes import Kept
 from .scenes import LIGHT

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from gsgi.baker.evaluate import evaluate
-from gsgi.baker.surface_points import Triangles
+from gsgi.baker.surface.lookup import evaluate
+from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.constants import MID_GREY
 from gsgi.runtime.display import auto_exposure, tone_map

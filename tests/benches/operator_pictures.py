@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
-from gsgi.baker import reference
-from gsgi.baker.held_out import draw
-from gsgi.baker.irradiance import Tracer
-from gsgi.baker.pictures import panels
+from gsgi.baker.evaluation.held_out import draw
+from gsgi.baker.evaluation.pictures import panels
+from gsgi.baker.trace import reference
+from gsgi.baker.trace.tracer import Tracer
 from gsgi.runtime.display import auto_exposure, tone_map
 from gsgi.runtime.image import write_image
 

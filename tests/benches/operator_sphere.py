@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from gsgi.baker.evaluate import evaluate
-from gsgi.baker.free_space import sphere
-from gsgi.baker.irradiance import Sampling, Tracer
-from gsgi.baker.surface_points import Triangles
+from gsgi.baker.surface.lookup import evaluate
+from gsgi.baker.trace.tracer import Sampling, Tracer
+from gsgi.baker.views.free_space import sphere
+from gsgi.baker.views.surface_points import Triangles
 
 from .operator_bakes import scene_files, surface_bakes
 from .operator_frames import lit_scene, placement

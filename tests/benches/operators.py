@@ -3,7 +3,7 @@
 from itertools import pairwise
 from pathlib import Path
 
-from gsgi.runtime.surface_splat import SCALES
+from gsgi.runtime.gl.surface_splat import SCALES
 
 from .operator_bakes import Kept, default, over_bakes, scene_files, surface_bakes
 from .operator_frames import splat_ms, ssim_to_full

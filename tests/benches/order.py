@@ -3,9 +3,9 @@
 import numpy as np
 
 from gsgi.runtime.camera import look_at
-from gsgi.runtime.cull import in_view
 from gsgi.runtime.gaussians import OverBlend
-from gsgi.runtime.sort import visible_order
+from gsgi.runtime.gl.cull import in_view
+from gsgi.runtime.gl.sort import visible_order
 
 from .splats import fastest
 

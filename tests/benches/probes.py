@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from gsgi.baker import _kernels
-from gsgi.baker.free_space import sphere
-from gsgi.baker.irradiance import Sampling, Tracer
+from gsgi.baker.trace.tracer import Sampling, Tracer
+from gsgi.baker.views.free_space import sphere
 
 DEGREE = 2
 PROBE_BYTES = 2 * 3 * (DEGREE + 1) ** 2  # half floats

@@ -2,15 +2,16 @@
 
 from pathlib import Path
 
-from gsgi.baker.cache import entries
+from repository import SCENES, SHARED
+
+from gsgi.baker.cache.store import entries
 from gsgi.baker.settings import QUALITIES
 
 from .dial import CACHE
 from .scenes import bake
-from .trace import ROOT, SHARED
 
-SCENES = (
-    ROOT / "samples/scenes/cornell.glb",
+FILES = (
+    SCENES / "cornell.glb",
     SHARED / "modern_hall/modern_hall.gltf",
     SHARED / "sponza_crytek/sponza_sun.gltf",
 )
@@ -22,7 +23,7 @@ def quality() -> list[dict]:
     `fit_s` also counts what comes before the first step, and the looks at the held-out views. `peak_GB` is of a process
     that finds its light in the cache, `trace_GB` of the one before it, which traces what is missing.
     """
-    return [row for path in SCENES if path.exists() for row in rows_of(path, CACHE)]
+    return [row for path in FILES if path.exists() for row in rows_of(path, CACHE)]
 
 
 def rows_of(path: Path, cache: Path, *flags: str) -> list[dict]:

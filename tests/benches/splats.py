@@ -17,12 +17,12 @@ ROUNDS = 12
 
 def splats() -> list[dict]:
     """Fastest of 12 draws at 1280 x 720, sorting and culling included, and how far B is off full resolution."""
-    from gsgi.runtime.context import create_context
-    from gsgi.runtime.gbuffer import GBuffer
-    from gsgi.runtime.geometry import Geometry
-    from gsgi.runtime.indirect_light import IndirectLight
-    from gsgi.runtime.surface_splat import SCALES
-    from gsgi.runtime.view import View
+    from gsgi.runtime.gl.context import create_context
+    from gsgi.runtime.gl.gbuffer import GBuffer
+    from gsgi.runtime.gl.geometry import Geometry
+    from gsgi.runtime.gl.indirect_light import IndirectLight
+    from gsgi.runtime.gl.surface_splat import SCALES
+    from gsgi.runtime.gl.view import View
 
     ctx, rows = create_context(), []
     gbuffer = GBuffer(ctx, Geometry(ctx, room()), SIZE)
@@ -68,8 +68,8 @@ def room() -> Scene:
 
 def on_surfaces(count: int) -> Gaussians:
     """Flat Gaussians evenly on the room's surfaces, of smooth light."""
-    from gsgi.baker.initialise import from_surface
-    from gsgi.baker.surface_points import Triangles
+    from gsgi.baker.over.initialise import from_surface
+    from gsgi.baker.views.surface_points import Triangles
 
     points = Triangles(room()).sample(count, seed=0)
     light = 0.5 + 0.3 * np.sin(2 * points.position + points.position[:, ::-1]) + 0.1 * points.normal

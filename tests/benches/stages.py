@@ -1,18 +1,16 @@
 """Seconds and share of each stage of a bake."""
 
-from pathlib import Path
+from repository import SCENES
 
-from gsgi.baker import held_out
 from gsgi.baker.bake import bake
-from gsgi.baker.cache import Cache
-from gsgi.baker.frame import draw
+from gsgi.baker.cache.store import Cache
+from gsgi.baker.evaluation import held_out
 from gsgi.baker.plan import make_plan
 from gsgi.baker.progress import Progress
 from gsgi.baker.settings import Settings
-from gsgi.runtime import codec
-from gsgi.runtime.gltf import read_gltf
-
-SCENES = Path(__file__).resolve().parents[2] / "samples" / "scenes"
+from gsgi.runtime.file import codec
+from gsgi.runtime.gl.headless import draw
+from gsgi.runtime.gltf.reader import read_gltf
 
 
 def stages() -> list[dict]:

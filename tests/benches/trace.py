@@ -3,16 +3,14 @@
 import time
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
+from repository import SCENES, SHARED
 
-from gsgi.baker.irradiance import Sampling, Tracer
-from gsgi.runtime.gltf import read_gltf
+from gsgi.baker.trace.tracer import Sampling, Tracer
+from gsgi.runtime.gltf.reader import read_gltf
 from gsgi.runtime.scene import Environment, Scene
 
-ROOT = Path(__file__).resolve().parents[2]
-SHARED = ROOT.parent / "shared" / "scenes"
 WHITE_SKY = Environment(np.ones((1, 1, 3), np.float32))
 
 SIZE, SAMPLES, DEPTH, RUNS = 256, 64, 8, 3
@@ -20,7 +18,7 @@ SIZE, SAMPLES, DEPTH, RUNS = 256, 64, 8, 3
 
 def scenes() -> dict[str, Scene]:
     """Scenes by name; those of the shared folder only where it exists."""
-    files = {"cornell": ROOT / "samples/scenes/cornell.glb", "two_rooms": ROOT / "samples/scenes/two_rooms.glb"}
+    files = {"cornell": SCENES / "cornell.glb", "two_rooms": SCENES / "two_rooms.glb"}
     files |= {path.stem: path for path in sorted(SHARED.glob("*/*.gltf")) if path.stem in LIT}
     found = {name: read_gltf(path) for name, path in files.items()}
     if "sponza_sun" in found:
@@ -52,8 +50,8 @@ def trace() -> list[dict]:
 
 def camera(scene: Scene):
     """The scene's first camera, or one placed in it."""
-    from gsgi.baker.surface_points import Triangles
-    from gsgi.baker.views import place
+    from gsgi.baker.views.placement import place
+    from gsgi.baker.views.surface_points import Triangles
 
     if scene.cameras:
         return next(iter(scene.cameras.values()))

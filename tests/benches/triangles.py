@@ -50,10 +50,10 @@ def measure(count: int) -> dict:
     """Build, place, trace."""
     import open3d  # noqa: F401  (imported here, so that its seconds do not count)
 
-    from gsgi.baker.irradiance import Sampling, Tracer
-    from gsgi.baker.mitsuba_scene import load_mitsuba
-    from gsgi.baker.surface_points import Triangles
-    from gsgi.baker.views import place
+    from gsgi.baker.trace.mitsuba_scene import load_mitsuba
+    from gsgi.baker.trace.tracer import Sampling, Tracer
+    from gsgi.baker.views.placement import place
+    from gsgi.baker.views.surface_points import Triangles
 
     load_mitsuba()
     scene = ground(count)

@@ -1,0 +1,1 @@
+"""Finished tasks on disk, so that no work is done twice and none is lost."""

@@ -1,0 +1,65 @@
+"""A name for the code that computes something: it changes whenever that code does."""
+
+import ast
+import functools
+import hashlib
+from importlib.metadata import PackageNotFoundError, version
+from importlib.util import find_spec
+from pathlib import Path
+
+from gsgi.runtime.constants import GLSL_FOLDER
+
+from .digest import digest
+
+
+@functools.cache
+def code_version(module: str, packages: tuple[str, ...]) -> str:
+    """Digest of the files of `module` (absolute name) and of all gsgi modules below it, and of packages' versions."""
+    hashes = {name: hashlib.blake2b(path.read_bytes()).hexdigest() for name, path in closure(module).items()}
+    constants = hashlib.blake2b((GLSL_FOLDER / "lib" / "constants.glsl").read_bytes()).hexdigest()
+    return digest({"modules": hashes, "constants": constants, "packages": {name: _version(name) for name in packages}})
+
+
+def closure(module: str) -> dict[str, Path]:
+    """Name and file of `module` and of every gsgi module that it imports, anywhere in its code, directly or not."""
+    found, waiting = {}, [module]
+    while waiting:
+        name = waiting.pop()
+        if name not in found and (path := _file(name)):
+            found[name] = path
+            waiting += _imports(name, path)
+    return dict(sorted(found.items()))
+
+
+def _imports(module: str, path: Path) -> list[str]:
+    """Absolute names within gsgi that may be modules."""
+    if path.suffix != ".py":
+        return []
+    package = module.split(".") if path.name == "__init__.py" else module.split(".")[:-1]
+    names = []
+    for node in ast.walk(ast.parse(path.read_bytes())):
+        if isinstance(node, ast.Import):
+            names += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            base = package[: len(package) - node.level + 1] if node.level else []
+            base = ".".join([*base, *([node.module] if node.module else [])])
+            names += [base, *(f"{base}.{alias.name}" for alias in node.names)]
+    return [name for name in names if name.split(".")[0] == "gsgi"]
+
+
+@functools.cache
+def _file(module: str) -> Path | None:
+    """Its source, or its library where it is compiled; None for a name that is no module. Imports packages only."""
+    parent = module.rpartition(".")[0]
+    inside = _file(parent) if parent else None
+    if inside and inside.name != "__init__.py":  # a name inside a module
+        return None
+    spec = find_spec(module)
+    return Path(spec.origin) if spec and spec.origin else None
+
+
+def _version(package: str) -> str | None:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None

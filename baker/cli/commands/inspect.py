@@ -1,0 +1,74 @@
+"""`gsgi inspect`: what a .gsgi file holds."""
+
+import argparse
+from pathlib import Path
+
+from gsgi.baker.cli import options as shared
+
+
+def add(commands) -> None:
+    """Declare the command."""
+    parser = shared.command(
+        commands,
+        "inspect",
+        run,
+        "Say what a .gsgi file holds.",
+        "  gsgi inspect room.gsgi\n  gsgi inspect room.gsgi --json",
+    )
+    parser.add_argument("file", metavar="FILE", help="a .gsgi file")
+    shared.add_json(parser)
+
+
+def run(options: argparse.Namespace) -> None:
+    """Print the facts, one a line or as JSON."""
+    from gsgi.baker.cli.inputs import read_bake
+    from gsgi.baker.cli.json_output import print_json
+
+    facts = _facts(read_bake(options.file), Path(options.file).read_bytes())
+    if options.json:
+        print_json(facts)
+        return
+    width = max(map(len, facts))
+    for name, value in facts.items():
+        print(f"{name.replace('_', ' '):<{width}} {_plain(value)}")
+
+
+def _facts(baked, data: bytes) -> dict:
+    import dataclasses
+
+    from gsgi.runtime.file import codec
+    from gsgi.runtime.gaussians import Effects
+
+    facts = {
+        "version": codec.version(data),
+        "bytes": len(data),
+        "operator": codec.OPERATOR_NAMES[type(baked.blend)],
+        "effects": [effect.name.lower() for effect in Effects if effect in baked.effects],
+        **{name: round(value, 9) for name, value in dataclasses.asdict(baked.blend).items()},
+        "tone_scale": baked.tone_scale,
+        "bounces": baked.bounces or None,
+        "scene": f"{baked.scene:016x}" if baked.scene else None,
+        **_level(baked.gaussians),
+    }
+    if baked.coarse is not None:
+        facts |= {f"coarse_{name}": value for name, value in _level(baked.coarse).items()}
+    return facts
+
+
+def _level(gaussians) -> dict:
+    facts = {"gaussians": len(gaussians), "sh_degree": gaussians.sh_degree}
+    if len(gaussians):
+        facts |= {
+            "bounds": [gaussians.position.min(axis=0).tolist(), gaussians.position.max(axis=0).tolist()],
+            "scale": [float(gaussians.scale.min()), float(gaussians.scale.max())],
+            "opacity": [float(gaussians.opacity.min()), float(gaussians.opacity.max())],
+        }
+    return facts
+
+
+def _plain(value) -> str:
+    if value is None:
+        return "unknown"
+    if isinstance(value, list):
+        return ", ".join(map(_plain, value)) or "none"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

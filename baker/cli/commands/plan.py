@@ -1,0 +1,49 @@
+"""`gsgi plan`: what a bake of a scene would do, why, and what it would cost."""
+
+import argparse
+
+from gsgi.baker.cli import options as shared
+
+
+def add(commands) -> None:
+    """Declare the command."""
+    parser = shared.command(
+        commands,
+        "plan",
+        run,
+        "Say what a bake of a scene would do: which effects it calls for, why, and what each costs.",
+        "  gsgi plan room.glb\n"
+        "  gsgi plan room.glb --env sky.hdr --json > plan.json\n"
+        "  gsgi plan room.glb --bounces 2 --ignore emissive   # the flags of a bake: what do they change?",
+    )
+    shared.add_scene(parser)
+    shared.add_light(parser)
+    shared.add_settings(parser)
+    shared.add_cache(parser)
+    shared.add_verbosity(parser)
+    shared.add_json(parser, "print the plan as JSON on stdout")
+
+
+def run(options: argparse.Namespace) -> None:
+    """Make the plan, time a sample of the work, print both."""
+    from gsgi.baker.cli.inputs import open_cache, plan_of
+    from gsgi.baker.cli.json_output import print_json
+    from gsgi.baker.estimate import estimate
+    from gsgi.baker.plan_table import Decision, decisions
+    from gsgi.baker.progress import Progress
+    from gsgi.baker.views.coverage import coverage_summary
+
+    progress = Progress(options.quiet)
+    plan = plan_of(options, progress, open_cache(options, progress))
+    with progress.stage("estimate"):
+        seconds = estimate(plan)
+    stages = ", ".join(f"{stage} {value:.0f} s" for stage, value in seconds.items())
+    rows = [*decisions(plan), Decision("time", f"{sum(seconds.values()):.0f} s", f"on this machine: {stages}")]
+    if options.json:
+        print_json([row._asdict() for row in rows])
+        return
+    widths = [max(len(row[k]) for row in rows) for k in (0, 1)]
+    for row in rows:
+        print(f"{row.what:<{widths[0]}}  {row.decision:<{widths[1]}}  {row.why}".rstrip())
+    for line in coverage_summary(plan.placement.coverage)[1:]:
+        print(line)

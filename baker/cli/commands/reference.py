@@ -1,0 +1,55 @@
+"""`gsgi reference`: one layer of one path-traced image."""
+
+import argparse
+
+from gsgi.baker.cli import options as shared
+
+
+def add(commands) -> None:
+    """Declare the command."""
+    parser = shared.command(
+        commands,
+        "reference",
+        run,
+        "Path-trace what `gsgi render` approximates: same cameras, sizes and layers, by Mitsuba.",
+        "  gsgi reference room.glb -o truth.exr --samples 4096\n"
+        "  gsgi reference room.glb -o truth.png --camera kitchen --size 1280x720",
+    )
+    shared.add_scene(parser)
+    shared.add_light(parser)
+    shared.add_picture(parser)
+    parser.add_argument("--samples", type=shared.whole(2, 2**20), default=1024, metavar="N", help="paths per pixel")
+    parser.add_argument("--denoise", action="store_true", help="denoise B; leave it out to measure")
+    parser.add_argument("--seed", type=shared.whole(0, 2**30), default=0, metavar="N", help="seed of the paths")
+    shared.add_verbosity(parser)
+
+
+def run(options: argparse.Namespace) -> None:
+    """Trace and write the layer."""
+    from gsgi.baker.cli.inputs import choose_camera, read_scene
+    from gsgi.baker.evaluation.pictures import write_layer
+    from gsgi.baker.progress import Progress
+    from gsgi.baker.trace import reference
+    from gsgi.baker.trace.tracer import Tracer
+    from gsgi.runtime.atomic import check_writable
+    from gsgi.runtime.image import check_image_path
+
+    check_image_path(options.output)
+    check_writable(options.output)
+    progress = Progress(options.quiet)
+    with progress.stage("scene"):
+        scene = read_scene(options, progress)
+        camera = choose_camera(scene, options)
+    width, height = options.size
+    with progress.stage("trace", 2 * width * height, "points") as advance:
+        truth = reference.trace(Tracer(scene), camera, width, height, options.samples, options.seed, advance)
+    indirect = truth.clean if options.denoise else truth.indirect
+    layers = {
+        "final": truth.lit(indirect),
+        "primary": truth.primary,
+        "indirect": indirect,
+        "albedo": truth.surface.albedo,
+        "normal": truth.surface.shading_normal,
+        "depth": truth.surface.depth,
+    }
+    write_layer(options.output, options.layer, layers[options.layer], options.exposure)

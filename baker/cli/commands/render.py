@@ -1,0 +1,60 @@
+"""`gsgi render`: one layer of one deferred frame."""
+
+import argparse
+
+from gsgi.baker.cli import options as shared
+
+
+def add(commands) -> None:
+    """Declare the command."""
+    parser = shared.command(
+        commands,
+        "render",
+        run,
+        "Draw a scene with its baked light: headless, deferred, OpenGL.",
+        "  gsgi render room.glb --gi room.gsgi -o room.png\n"
+        "  gsgi render room.glb --gi room.gsgi -o b.exr --layer indirect --camera kitchen --size 1280x720\n"
+        "  gsgi render room.glb --gi room.gsgi -o room.png --profile",
+    )
+    shared.add_scene(parser)
+    shared.add_light(parser)
+    shared.add_gi(parser)
+    shared.add_picture(parser)
+    parser.add_argument("--backend", choices=("egl", "osmesa", "auto"), default="auto",
+                        help="OpenGL without a display; auto takes EGL, else OSMesa, and says which")  # fmt: skip
+    parser.add_argument("--device", type=int, metavar="N", help="draw on this device of EGL, from 0")
+    parser.add_argument("--profile", action="store_true", help="print the driver and what each pass of the frame costs")
+    shared.add_verbosity(parser)
+
+
+def run(options: argparse.Namespace) -> None:
+    """Draw and write the layer."""
+    from gsgi.baker.cli.inputs import choose_camera, read_light, read_scene
+    from gsgi.baker.evaluation.pictures import write_layer
+    from gsgi.baker.progress import Progress
+    from gsgi.runtime.atomic import check_writable
+    from gsgi.runtime.errors import UsageError
+    from gsgi.runtime.gl.headless import costs, draw
+    from gsgi.runtime.image import check_image_path
+
+    check_image_path(options.output)
+    check_writable(options.output)
+    if options.gi is None and options.layer == "indirect":
+        raise UsageError("--layer indirect needs baked light: --gi FILE")
+    progress = Progress(options.quiet)
+    scene = read_scene(options, progress)
+    baked = read_light(options, scene, progress)
+    frame = scene, baked, choose_camera(scene, options), *options.size, options.backend, options.device
+    write_layer(options.output, options.layer, draw(*frame, progress.say)[options.layer], options.exposure)
+    if options.profile:
+        print_costs(*costs(*frame))
+
+
+def print_costs(driver: str, rows: list[dict]) -> None:
+    """The driver, and a table with a last row for all passes."""
+    everything = {"name": "all", **{column: sum(row[column] for row in rows) for column in ("gpu_ms", "cpu_ms")}}
+    print(driver)
+    print(f"{'pass':<28}{'gpu ms':>9}{'cpu ms':>9}{'quads':>9}{'fragments':>12}")
+    for row in [*rows, everything | {"quads": 0, "fragments": ""}]:
+        times = f"{row['gpu_ms']:>9.2f}{row['cpu_ms']:>9.2f}"
+        print(f"{row['name']:<28}{times}{row['quads'] or '':>9}{row['fragments']:>12}".rstrip())

@@ -1,0 +1,39 @@
+"""`gsgi view`: a window to fly through a scene with its baked light."""
+
+import argparse
+
+from gsgi.baker.cli import options as shared
+from gsgi.runtime.viewer.controls import HELP
+
+
+def add(commands) -> None:
+    """Declare the command."""
+    keys = "\n".join(f"  {line}" for line in HELP.splitlines())
+    parser = shared.command(
+        commands,
+        "view",
+        run,
+        "Fly through a scene with its baked light, in a window.",
+        "  gsgi view room.glb --gi room.gsgi\n"
+        "  gsgi view room.glb --gi room.gsgi --camera kitchen --size 1920x1080\n"
+        f"  gsgi view room.glb --sun 140,35\n\nkeys:\n{keys}",
+    )
+    shared.add_scene(parser)
+    shared.add_light(parser)
+    shared.add_gi(parser)
+    shared.add_camera(parser, "1280x720")
+
+
+def run(options: argparse.Namespace) -> None:
+    """Open the window; returns when it is closed."""
+    from pathlib import Path
+
+    from gsgi.baker.cli.inputs import choose_camera, read_light, read_scene
+    from gsgi.baker.progress import Progress
+    from gsgi.runtime.viewer.window import Viewer
+
+    progress = Progress()
+    scene = read_scene(options, progress)
+    baked = read_light(options, scene, progress)
+    camera = choose_camera(scene, options)
+    Viewer(scene, baked, camera, options.size, Path(options.scene).stem, progress.say, options.exposure).run()

@@ -1,0 +1,159 @@
+"""What the options of a command stand for: a scene, a camera of it, a plan, a cache, baked light."""
+
+import argparse
+import re
+from bisect import bisect_right
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gsgi.baker.cache.store import Cache, default_folder, size_limit
+from gsgi.baker.progress import Progress
+from gsgi.baker.settings import BUDGET_MAX, Settings
+from gsgi.runtime.camera import Camera
+from gsgi.runtime.errors import FormatError, SceneError, UsageError
+from gsgi.runtime.gaussians import Bake
+from gsgi.runtime.lighting import KEYS, Lighting, beside, light, read_lights
+from gsgi.runtime.scene import Scene
+
+if TYPE_CHECKING:
+    from gsgi.baker.plan import Plan
+
+WARNINGS = 4  # of one kind that the log shows
+
+
+def read_scene(options: argparse.Namespace, progress: Progress) -> Scene:
+    """The scene that the options name, under their light; what the reader left out goes to the log."""
+    from gsgi.runtime.gltf.limits import parse_limits
+    from gsgi.runtime.gltf.reader import read_gltf
+
+    scene = read_gltf(options.scene, parse_limits(options.limit or ()), options.transparent)
+    for line in _in_short(scene.warnings, options.scene):
+        progress.warn(line)
+    if path := _lights_file(options):
+        scene = replace(scene, files=(*scene.files, path))
+    return light(scene, _lighting(options, progress))
+
+
+def _in_short(warnings: Iterable[str], scene: str) -> Iterator[str]:
+    """The reader's warnings: the first of those that name the same member of different entries, and how many more."""
+    groups: dict[str, list[str]] = {}
+    for warning in warnings:
+        pointer = warning.removeprefix(f"{scene}: ").partition(": ")[0]
+        groups.setdefault(re.sub(r"\d+", "*", pointer), []).append(warning)
+    for pointer, group in groups.items():
+        yield from group[:WARNINGS]
+        if more := group[WARNINGS:]:
+            yield f"{scene}: {pointer}: {len(more)} more like these: `gsgi validate` lists them"
+
+
+def _lights_file(options: argparse.Namespace) -> Path | None:
+    """The TOML file with light, where there is one."""
+    return Path(options.lights) if options.lights else beside(options.scene)
+
+
+def _lighting(options: argparse.Namespace, progress: Progress) -> Lighting:
+    """Light from the TOML file, if there is one, and from flags, which win."""
+    values = {}
+    if path := _lights_file(options):
+        values = read_lights(path)
+        progress.say(f"light also from {path}")
+    values |= {key: getattr(options, key) for key in KEYS if getattr(options, key) is not None}
+    for key in values:
+        source = key.partition("_")[0]
+        if source in KEYS and source not in values:
+            raise UsageError(f"{options.scene}: {key} is given without {source}")
+    return Lighting(**values)
+
+
+def plan_of(options: argparse.Namespace, progress: Progress, cache: Cache) -> "Plan":
+    """The plan for the scene, light and settings that the options name."""
+    from gsgi.baker.plan import make_plan
+    from gsgi.baker.views.camera_path import read_camera_path
+
+    with progress.stage("scene"):
+        scene = read_scene(options, progress)
+    path = {}
+    if options.camera_path:
+        path = read_camera_path(options.camera_path, scene.diagonal())
+        scene = replace(scene, files=(*scene.files, Path(options.camera_path)))
+    try:
+        return make_plan(scene, _settings(options), progress, cache, path)
+    except SceneError as error:
+        raise SceneError(f"{options.scene}: {error}") from error
+
+
+def _settings(options: argparse.Namespace) -> Settings:
+    """What the flags of `add_settings` say."""
+    return Settings(
+        operator=options.operator,
+        quality=options.quality,
+        budget=options.budget if options.target_bytes is None else _budget(options.operator, options.target_bytes),
+        target_loss=options.target_loss,
+        views=options.views,
+        size=options.view_size,
+        samples=options.samples,
+        error=options.error,
+        bounces=options.bounces,
+        bounce_fraction=options.bounce_fraction,
+        iterations=options.iterations,
+        denoise=options.denoise == "auto",
+        ignore=tuple(sorted(set(options.ignore))),
+        seed=options.seed,
+    )
+
+
+def _budget(operator: str, size: int) -> int:
+    """How many Gaussians a file of `size` bytes holds. Raises UsageError where that is none."""
+    from gsgi.baker.plan import file_bytes
+
+    least = file_bytes(operator, 1)
+    if size < least:
+        raise UsageError(f"--target-bytes {size}: a file with one Gaussian takes {least}")
+    return bisect_right(range(1, BUDGET_MAX + 1), size, key=lambda count: file_bytes(operator, count))
+
+
+def open_cache(options: argparse.Namespace, progress: Progress) -> Cache:
+    """The cache that the options and the environment name. Raises UsageError for a limit that makes no sense."""
+    return Cache(options.cache or default_folder(), size_limit(), progress.warn)
+
+
+def choose_camera(scene: Scene, options: argparse.Namespace) -> Camera:
+    """The camera that is asked for; without a name the scene's first, or one placed where it sees much."""
+    if options.camera is not None:
+        if options.camera not in scene.cameras:
+            known = ", ".join(map(repr, scene.cameras)) or "none"
+            raise UsageError(f"{options.scene}: expected the name of a camera ({known}), got {options.camera!r}")
+        return scene.cameras[options.camera]
+    if scene.cameras:
+        return next(iter(scene.cameras.values()))
+    from gsgi.baker.views.placement import place
+    from gsgi.baker.views.surface_points import Triangles
+
+    triangles = Triangles(scene)
+    placement = place(triangles, {}, max(options.size), seed=0, count=1, texel_limit=triangles.diagonal)
+    return next(iter(placement.fitted.values()))
+
+
+def read_light(options: argparse.Namespace, scene: Scene, progress: Progress) -> Bake | None:
+    """The bake that --gi names, with a warning where it was made for other geometry."""
+    from gsgi.runtime.file.fingerprint import fingerprint
+
+    if options.gi is None:
+        return None
+    baked = read_bake(options.gi)
+    if baked.scene not in (0, fingerprint(scene)):
+        progress.warn(f"{options.gi}: was baked for other geometry than {options.scene}; its light may not fit")
+    return baked
+
+
+def read_bake(path: str | Path) -> Bake:
+    """The bake in a .gsgi file. Raises FileError or FormatError, both naming the file."""
+    from gsgi.runtime.file import codec
+    from gsgi.runtime.gltf.glb import read_file
+
+    try:
+        return codec.decode(read_file(Path(path)))
+    except FormatError as error:
+        raise FormatError(f"{path}: {error}") from error

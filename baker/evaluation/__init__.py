@@ -1,0 +1,1 @@
+"""How close a bake comes to path tracing."""

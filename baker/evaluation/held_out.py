@@ -1,0 +1,154 @@
+"""How well Gaussians meet path tracing in views that were not fitted."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gsgi.baker.fitting.loss import image_loss
+from gsgi.baker.fitting.target import Target
+from gsgi.baker.plan import Plan
+from gsgi.baker.trace.reference import Reference, Verdict, judge_frame, judge_indirect
+from gsgi.runtime import constants
+from gsgi.runtime.camera import Camera
+from gsgi.runtime.display import auto_exposure
+from gsgi.runtime.gaussians import Bake, OverBlend
+
+from .metrics import mean_psnr, psnr, squared_error
+
+SIZE = 128  # px, edge of a view
+SAMPLES = 1024  # paths per pixel, in two halves
+
+
+@dataclass(frozen=True)
+class Score:
+    """PSNR (dB), SSIM and FLIP of an image. `ssim_ceiling` is the SSIM between the reference's own halves."""
+
+    psnr: float
+    ssim: float
+    ssim_ceiling: float
+    flip: float
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """How well one view is met: by the loss of the fit, as B (`indirect`), and as the full frame that it makes."""
+
+    name: str
+    loss: float
+    indirect: Score
+    final: Score
+
+
+@dataclass(frozen=True)
+class Exam:
+    """The views, and their mean: of PSNR the mean of the squared errors, not of the dB. None where there is no view."""
+
+    views: list[HeldOut]
+    mean: HeldOut | None
+
+
+def references(plan: Plan, advance: Callable[..., None]) -> dict[str, Reference]:
+    """References, by name, of the views that the plan holds out, but not of those in which no B is seen.
+
+    Those that the plan's cache holds are not traced again. `advance(points)` is called with `points(plan)` in all.
+    """
+    traced = {}
+    for i, (name, camera) in enumerate(plan.placement.held_out.items()):
+        traced[name] = plan.light.reference(camera, SIZE, SAMPLES, plan.settings.seed + 1000 + i, advance)
+    return {name: reference for name, reference in traced.items() if reference.valid.any()}
+
+
+def points(plan: Plan) -> int:
+    """Points that `references` traces."""
+    return 2 * len(plan.placement.held_out) * SIZE**2
+
+
+class HeldOutLoss:
+    """The loss of the fit in the views that were not fitted, made once and asked for as often as one likes.
+
+    `cameras` holds those of all `references`, by name; `tone_scale` is that of the fit, in radiance.
+    """
+
+    def __init__(self, references: Mapping[str, Reference], cameras: Mapping[str, Camera], tone_scale: float):
+        self.references = list(references.values())
+        self.cameras = [cameras[name] for name in references]
+        self.targets = [_target(reference, tone_scale) for reference in self.references]
+        self.exposure = exposure([reference.indirect for reference in self.references])
+
+    def of(self, baked: Bake) -> tuple[float, float]:
+        """Means over the views, as in `Exam`: the loss, and the PSNR of B (dB). (0, 100) where there is no view."""
+        if not self.references:
+            return 0.0, psnr(0.0)
+        images = [draw(baked, *view) for view in zip(self.cameras, self.references, strict=True)]
+        losses = [image_loss(image, target).value for image, target in zip(images, self.targets, strict=True)]
+        errors = [
+            squared_error(image, r.indirect_a, r.indirect_b, self.exposure, r.valid)
+            for image, r in zip(images, self.references, strict=True)
+        ]
+        return float(np.mean(losses)), psnr(float(np.mean(errors)))
+
+
+def judge(references: Mapping[str, Reference], cameras: Mapping[str, Camera], baked: Bake) -> Exam:
+    """Compare a bake with `references`, whose cameras `cameras` holds by name.
+
+    The full frame is the reference's primary light and albedo with the B of the bake.
+    """
+    truths = references.values()
+    of_indirect, of_final = (exposure([getattr(t, layer) for t in truths]) for layer in ("indirect", "final"))
+    views = []
+    for name, truth in references.items():
+        image = draw(baked, cameras[name], truth)
+        loss = image_loss(image, _target(truth, baked.tone_scale)).value
+        indirect = judge_indirect(image, truth, of_indirect)
+        final = judge_frame(truth.lit(image), truth, of_final)
+        views.append(HeldOut(name, loss, _score(indirect), _score(final)))
+    return Exam(views, _mean(views) if views else None)
+
+
+def exposure(images: Sequence[np.ndarray]) -> float:
+    """One exposure for linear images (H, W, 3) of one scene: takes their brightness to mid-grey.
+
+    That is the root mean square of their log-averages. Each image by its own would show the noise of a room without
+    light, and an error that nobody sees there would count like one in bright light. In the log-average of all together
+    dark images would weigh as much as bright ones, and white these out. Black images, and none at all, give 1.
+    """
+    averages = [constants.MID_GREY / auto_exposure(image) if image.any() else 0.0 for image in images]
+    brightness = np.linalg.norm(averages) / max(len(averages), 1) ** 0.5
+    return float(constants.MID_GREY / brightness) if brightness > 0 else 1.0
+
+
+def draw(baked: Bake, camera: Camera, reference: Reference) -> np.ndarray:
+    """B (H, W, 3) float32 as a bake shows it where `reference` was traced."""
+    height, width = reference.valid.shape
+    if isinstance(baked.blend, OverBlend):
+        from gsgi.baker.over.rasterise import rasterise
+
+        return rasterise(baked.gaussians, camera.pinhole(width, height), baked.blend)
+    from gsgi.baker.surface.lookup import evaluate
+
+    surface = reference.surface
+    points = surface.position[reference.valid], surface.normal[reference.valid]
+    image = np.zeros((height, width, 3), np.float32)
+    image[reference.valid], _ = evaluate(baked.gaussians, baked.coarse, baked.blend, *points)
+    return image
+
+
+def _target(reference: Reference, tone_scale: float) -> Target:
+    return Target.of(reference.clean, reference.valid, tone_scale)
+
+
+def _score(verdict: Verdict) -> Score:
+    difference = verdict.difference
+    return Score(difference.psnr, difference.ssim, verdict.ceiling, difference.flip)
+
+
+def _mean(views: list[HeldOut]) -> HeldOut:
+    loss = float(np.mean([view.loss for view in views]))
+    indirect, final = (_mean_score([getattr(view, layer) for view in views]) for layer in ("indirect", "final"))
+    return HeldOut(f"mean of {len(views)} views", loss, indirect, final)
+
+
+def _mean_score(scores: list[Score]) -> Score:
+    ssim, ceiling, flip = (float(np.mean([getattr(s, n) for s in scores])) for n in ("ssim", "ssim_ceiling", "flip"))
+    return Score(mean_psnr([score.psnr for score in scores]), ssim, ceiling, flip)

@@ -1,0 +1,1 @@
+"""What both fits share."""

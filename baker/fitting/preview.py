@@ -1,0 +1,42 @@
+"""Pictures of a fit while it runs: B of the held-out views, over their references."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from gsgi.baker.evaluation.held_out import draw, exposure
+from gsgi.baker.trace.reference import Reference
+from gsgi.runtime.camera import Camera
+from gsgi.runtime.display import to_uint8, tone_map
+from gsgi.runtime.errors import FileError
+from gsgi.runtime.gaussians import Bake
+from gsgi.runtime.image import write_image
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder that pictures can go to. Raises FileError."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FileError(f"{folder}: cannot make the folder: {error.strerror}") from error
+
+
+class Preview:
+    """Writes `fit-<Gaussians>-<iteration>.png` into a folder: upper row the fit, lower row path tracing."""
+
+    def __init__(self, folder: Path, references: Mapping[str, Reference], cameras: Mapping[str, Camera]):
+        """`folder` exists; `cameras` holds those of the references, by name."""
+        self._folder = folder
+        self._views = [(cameras[name], reference) for name, reference in references.items()]
+        self._exposure = exposure([reference.indirect for _, reference in self._views])
+
+    def draw(self, iteration: int, baked: Bake) -> None:
+        """Write the picture of this iteration."""
+        columns = []
+        for camera, reference in self._views:
+            image = draw(baked, camera, reference)
+            pair = (np.where(reference.valid[..., None], b, 0) for b in (image, reference.clean))
+            columns.append(np.concatenate([tone_map(b, self._exposure) for b in pair]))
+        name = f"fit-{len(baked.gaussians):06d}-{iteration:06d}.png"
+        write_image(str(self._folder / name), to_uint8(np.concatenate(columns, axis=1)))

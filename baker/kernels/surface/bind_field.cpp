@@ -1,0 +1,104 @@
+// Python's view of reading Gaussians at surface points, and of its gradient.
+#include "arrays.h"
+#include "surface/field.h"
+
+using namespace nb::literals;
+
+template <class Real> static FieldArrays<Real> arrays_of(nb::handle gaussians)
+{
+    nb::ndarray<const Real, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu> position, scale;
+    nb::ndarray<const Real, nb::shape<-1, 4>, nb::c_contig, nb::device::cpu> rotation;
+    nb::ndarray<const Real, nb::shape<-1>, nb::c_contig, nb::device::cpu> opacity;
+    nb::ndarray<const Real, nb::shape<-1, -1, 3>, nb::c_contig, nb::device::cpu> sh;
+    if (!nb::try_cast(gaussians.attr("position"), position, false) ||
+        !nb::try_cast(gaussians.attr("rotation"), rotation, false) ||
+        !nb::try_cast(gaussians.attr("scale"), scale, false) ||
+        !nb::try_cast(gaussians.attr("opacity"), opacity, false) ||
+        !nb::try_cast(gaussians.attr("sh"), sh, false))
+        throw nb::type_error("Gaussians: wrong dtype, shape or layout");
+    const size_t n = position.shape(0), k = sh.shape(1);
+    if (rotation.shape(0) != n || scale.shape(0) != n || opacity.shape(0) != n || sh.shape(0) != n)
+        throw nb::type_error("position, rotation, scale, opacity and sh must have the same first dimension");
+    if (k != 1 && k != 4 && k != 9)
+        throw nb::type_error("sh must have 1, 4 or 9 coefficients");
+    return {n, k, position.data(), rotation.data(), scale.data(), opacity.data(), sh.data()};
+}
+
+template <class Real> static FieldArrays<Real> listed(const Field<Real>& field, nb::handle gaussians)
+{
+    const auto arrays = arrays_of<Real>(gaussians);
+    require(arrays.count == field.listed(), "the Gaussians are not those that were listed");
+    return arrays;
+}
+
+template <class Real> static void bind_precision(nb::module_& m, const char* name)
+{
+    using Vectors = Input<Real, -1, 3>;
+    using Values = Input<Real, -1>;
+    nb::class_<Field<Real>>(m, name, "Surface points at which Gaussians are read.")
+        .def(
+            "__init__",
+            [](Field<Real>* self, Vectors position, Vectors normal) {
+                require(
+                    position.shape(0) == normal.shape(0), "position and normal must have the same length");
+                new (self) Field<Real>(position.shape(0), position.data(), normal.data());
+            },
+            "position"_a.noconvert(), "normal"_a.noconvert())
+        .def(
+            "list",
+            [](Field<Real>& self, nb::handle gaussians, double cutoff, int sharpness, double margin) {
+                const auto arrays = arrays_of<Real>(gaussians);
+                require(cutoff > 0 && cutoff < 1, "cutoff must lie between 0 and 1");
+                require(sharpness >= 0, "sharpness must not be negative");
+                require(margin >= 1, "margin must be at least 1");
+                nb::gil_scoped_release unlocked;
+                self.list(arrays, {cutoff, sharpness}, margin);
+            },
+            "gaussians"_a, "cutoff"_a, "sharpness"_a, "margin"_a, "Lists which Gaussians reach which points.")
+        .def(
+            "read",
+            [](Field<Real>& self, nb::handle gaussians) {
+                const auto arrays = listed(self, gaussians);
+                auto sums = allocate<Real>({self.count(), 4});
+                nb::gil_scoped_release unlocked;
+                self.read(arrays, sums.data());
+                return sums;
+            },
+            "gaussians"_a, "sum w c and sum w (S, 4).")
+        .def(
+            "backward",
+            [](Field<Real>& self, nb::handle gaussians, Vectors light, Vectors by_light,
+                Values inverse_weight, Values error) {
+                const auto arrays = listed(self, gaussians);
+                for (size_t n : {light.shape(0), by_light.shape(0), inverse_weight.shape(0), error.shape(0)})
+                    require(n == self.count(), "one value per point is needed");
+                auto moments = allocate<Real>({arrays.count, FIELD_MOMENTS});
+                nb::gil_scoped_release unlocked;
+                self.backward(arrays, light.data(), by_light.data(), inverse_weight.data(), error.data(),
+                    moments.data());
+                return moments;
+            },
+            "gaussians"_a, "light"_a.noconvert(), "by_light"_a.noconvert(), "inverse_weight"_a.noconvert(),
+            "error"_a.noconvert(), "Sums (N, 16) over the points, see FIELD_MOMENTS.")
+        .def(
+            "spread",
+            [](Field<Real>& self, nb::handle gaussians, Vectors values, Values inverse_weight) {
+                const auto arrays = listed(self, gaussians);
+                for (size_t n : {values.shape(0), inverse_weight.shape(0)})
+                    require(n == self.count(), "one value per point is needed");
+                auto result = allocate<Real>({arrays.count, arrays.coefficients, 3});
+                nb::gil_scoped_release unlocked;
+                self.spread(arrays, values.data(), inverse_weight.data(), result.data());
+                return result;
+            },
+            "gaussians"_a, "values"_a.noconvert(), "inverse_weight"_a.noconvert(),
+            "sum of w / (sum w) Y_k(n) values over the points, (N, K, 3).")
+        .def_prop_ro(
+            "entry_count", &Field<Real>::entry_count, "Pairs of a Gaussian and a block that it reaches.");
+}
+
+void bind_field(nb::module_& m)
+{
+    bind_precision<float>(m, "FieldFloat");
+    bind_precision<double>(m, "FieldDouble");
+}

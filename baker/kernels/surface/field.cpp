@@ -1,0 +1,234 @@
+#include "surface/field.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "dispatch.h"
+#include "parallel.h"
+
+namespace {
+
+constexpr double SCALE_MIN = 1e-12; // m; its inverse times any distance is a float
+constexpr size_t FAN = 8;           // boxes of one level in a box of the next
+constexpr size_t READER_GRAIN = 1024, GAUSSIAN_GRAIN = 64, BLOCK_GRAIN = 32; // of parallel loops
+
+template <class Real> Box box_of(const PointBlock<Real>& block)
+{
+    Box box;
+    for (int axis = 0; axis < 3; ++axis) {
+        const auto [low, high] =
+            std::minmax_element(block.position[axis], block.position[axis] + FIELD_LANES);
+        box.low[axis] = float(*low), box.high[axis] = float(*high);
+    }
+    return box;
+}
+
+Box united(const Box* boxes, size_t count)
+{
+    Box all = boxes[0];
+    for (size_t i = 1; i < count; ++i)
+        for (int axis = 0; axis < 3; ++axis) {
+            all.low[axis] = std::min(all.low[axis], boxes[i].low[axis]);
+            all.high[axis] = std::max(all.high[axis], boxes[i].high[axis]);
+        }
+    return all;
+}
+
+template <class Real> Reader<Real> reader_of(const FieldArrays<Real>& a, size_t i)
+{
+    const Real x = a.rotation[4 * i], y = a.rotation[4 * i + 1], z = a.rotation[4 * i + 2],
+               w = a.rotation[4 * i + 3];
+    // The axes are the columns of the rotation.
+    Reader<Real> r = {{},
+        {{1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)},
+            {2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)},
+            {2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)}},
+        {}, a.opacity[i]};
+    for (int axis = 0; axis < 3; ++axis) {
+        r.position[axis] = a.position[3 * i + axis];
+        r.inverse_scale[axis] = 1 / std::max(a.scale[3 * i + axis], Real(SCALE_MIN));
+    }
+    return r;
+}
+
+// The values of a block's points; those of the lanes that fill it up are 0.
+template <class Real> struct BlockValues {
+    alignas(64) Real value[3 * FIELD_LANES] = {};
+
+    BlockValues(const Real* values, size_t columns, size_t first, size_t count)
+    {
+        std::copy_n(values + columns * first, columns * count, value);
+    }
+};
+
+} // namespace
+
+template <class Real>
+Field<Real>::Field(size_t count, const Real* position, const Real* normal)
+    : points(count)
+    , blocks((count + FIELD_LANES - 1) / FIELD_LANES)
+    , first_entry(1)
+    , first_reach(blocks.size() + 1)
+{
+    for (size_t b = 0; b < blocks.size(); ++b)
+        for (size_t lane = 0; lane < FIELD_LANES; ++lane) {
+            const size_t i = std::min(b * FIELD_LANES + lane, count - 1);
+            for (int axis = 0; axis < 3; ++axis) {
+                blocks[b].position[axis][lane] = position[3 * i + axis];
+                blocks[b].normal[axis][lane] = b * FIELD_LANES + lane < count ? normal[3 * i + axis] : 0;
+            }
+        }
+    levels.emplace_back(blocks.size());
+    std::transform(blocks.begin(), blocks.end(), levels[0].begin(), box_of<Real>);
+    while (levels.back().size() > FAN) {
+        const std::vector<Box>& below = levels.back();
+        std::vector<Box> level((below.size() + FAN - 1) / FAN);
+        for (size_t i = 0; i < level.size(); ++i)
+            level[i] = united(&below[FAN * i], std::min(FAN, below.size() - FAN * i));
+        levels.push_back(std::move(level));
+    }
+}
+
+// Calls visit(block), in rising order, for the blocks that a Gaussian `margin` times as large would reach.
+template <class Real>
+template <class Visit>
+void Field<Real>::visit_touched(const Reader<Real>& reader, double radius, double margin, Visit&& visit) const
+{
+    double low[3], high[3];
+    for (int axis = 0; axis < 3; ++axis) {
+        double square = 0;
+        for (int i = 0; i < 3; ++i)
+            square += std::pow(reader.axes[i][axis] / reader.inverse_scale[i], 2);
+        const double half = radius * margin * std::sqrt(square);
+        low[axis] = reader.position[axis] - half, high[axis] = reader.position[axis] + half;
+    }
+    const auto descend = [&](const auto& self, size_t level, size_t first, size_t last) -> void {
+        for (size_t i = first; i < last; ++i) {
+            const Box& box = levels[level][i];
+            bool apart = false;
+            for (int axis = 0; axis < 3; ++axis)
+                apart = apart || box.low[axis] > high[axis] || box.high[axis] < low[axis];
+            if (apart)
+                continue;
+            if (level > 0)
+                self(self, level - 1, FAN * i, std::min(FAN * (i + 1), levels[level - 1].size()));
+            else if (field_kernels<Real>().touches(reader, blocks[i], blend, margin))
+                visit(i);
+        }
+    };
+    descend(descend, levels.size() - 1, 0, levels.back().size());
+}
+
+template <class Real> void Field<Real>::prepare(const FieldArrays<Real>& gaussians)
+{
+    readers.reserve(gaussians.count);
+    parallel_for(gaussians.count, READER_GRAIN, [&](size_t begin, size_t end) {
+        for (size_t i = begin; i < end; ++i)
+            readers.get()[i] = reader_of(gaussians, i);
+    });
+}
+
+template <class Real>
+void Field<Real>::list(const FieldArrays<Real>& gaussians, const FieldBlend& operation, double margin)
+{
+    blend = operation;
+    prepare(gaussians);
+    const double radius = std::sqrt(-2 * std::log(blend.cutoff));
+    first_entry.assign(gaussians.count + 1, 0);
+    parallel_for(gaussians.count, GAUSSIAN_GRAIN, [&](size_t begin, size_t end) {
+        for (size_t i = begin; i < end; ++i)
+            visit_touched(readers.get()[i], radius, margin, [&](size_t) { ++first_entry[i + 1]; });
+    });
+    for (size_t i = 0; i < gaussians.count; ++i)
+        first_entry[i + 1] += first_entry[i];
+    std::vector<uint32_t> block_of(first_entry.back());
+    parallel_for(gaussians.count, GAUSSIAN_GRAIN, [&](size_t begin, size_t end) {
+        for (size_t i = begin; i < end; ++i) {
+            size_t next = first_entry[i];
+            visit_touched(
+                readers.get()[i], radius, margin, [&](size_t b) { block_of[next++] = uint32_t(b); });
+        }
+    });
+    first_reach.assign(blocks.size() + 1, 0);
+    for (uint32_t b : block_of)
+        ++first_reach[b + 1];
+    for (size_t b = 0; b < blocks.size(); ++b)
+        first_reach[b + 1] += first_reach[b];
+    std::vector<size_t> next(first_reach.begin(), first_reach.end() - 1);
+    reached.resize(block_of.size());
+    for (size_t i = 0; i < gaussians.count; ++i)
+        for (size_t entry = first_entry[i]; entry < first_entry[i + 1]; ++entry)
+            reached[next[block_of[entry]]++] = {uint32_t(i), uint32_t(entry)};
+}
+
+// Calls body(block, reading, first point, points) for all blocks.
+template <class Real>
+template <class Body>
+void Field<Real>::for_each_block(const FieldArrays<Real>& gaussians, Body&& body)
+{
+    prepare(gaussians);
+    parallel_for(blocks.size(), BLOCK_GRAIN, [&](size_t begin, size_t end) {
+        for (size_t b = begin; b < end; ++b) {
+            const size_t first = b * FIELD_LANES;
+            const BlockReading<Real> reading = {&blocks[b], reached.data() + first_reach[b],
+                first_reach[b + 1] - first_reach[b], readers.get(), gaussians.sh, gaussians.coefficients,
+                blend};
+            body(reading, first, std::min(size_t(FIELD_LANES), points - first));
+        }
+    });
+}
+
+template <class Real> void Field<Real>::read(const FieldArrays<Real>& gaussians, Real* sums)
+{
+    for_each_block(gaussians, [&](const BlockReading<Real>& reading, size_t first, size_t count) {
+        Real local[4 * FIELD_LANES];
+        field_kernels<Real>().read(reading, local);
+        std::copy_n(local, 4 * count, sums + 4 * first);
+    });
+}
+
+// Writes to (gaussians, columns) the sums of each Gaussian's rows of by_entry, in the order of the blocks.
+template <class Real> void Field<Real>::sum_entries(size_t gaussians, size_t columns, Real* to) const
+{
+    parallel_for(gaussians, GAUSSIAN_GRAIN, [&](size_t begin, size_t end) {
+        std::vector<double> total(columns);
+        for (size_t i = begin; i < end; ++i) {
+            std::fill(total.begin(), total.end(), 0.0);
+            for (size_t entry = first_entry[i]; entry < first_entry[i + 1]; ++entry)
+                for (size_t c = 0; c < columns; ++c)
+                    total[c] += by_entry.get()[entry * columns + c];
+            std::transform(
+                total.begin(), total.end(), to + i * columns, [](double sum) { return Real(sum); });
+        }
+    });
+}
+
+template <class Real>
+void Field<Real>::backward(const FieldArrays<Real>& gaussians, const Real* light, const Real* by_light,
+    const Real* inverse_weight, const Real* error, Real* moments)
+{
+    by_entry.reserve(reached.size() * FIELD_MOMENTS);
+    for_each_block(gaussians, [&](const BlockReading<Real>& reading, size_t first, size_t count) {
+        const BlockValues<Real> l(light, 3, first, count), by(by_light, 3, first, count),
+            inverse(inverse_weight, 1, first, count), e(error, 1, first, count);
+        field_kernels<Real>().read_backward(
+            reading, l.value, by.value, inverse.value, e.value, by_entry.get());
+    });
+    sum_entries(gaussians.count, FIELD_MOMENTS, moments);
+}
+
+template <class Real>
+void Field<Real>::spread(
+    const FieldArrays<Real>& gaussians, const Real* values, const Real* inverse_weight, Real* spread)
+{
+    const size_t columns = 3 * gaussians.coefficients;
+    by_entry.reserve(reached.size() * columns);
+    for_each_block(gaussians, [&](const BlockReading<Real>& reading, size_t first, size_t count) {
+        const BlockValues<Real> v(values, 3, first, count), inverse(inverse_weight, 1, first, count);
+        field_kernels<Real>().spread(reading, v.value, inverse.value, by_entry.get());
+    });
+    sum_entries(gaussians.count, columns, spread);
+}
+
+template class Field<float>;
+template class Field<double>;

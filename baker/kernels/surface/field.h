@@ -1,0 +1,51 @@
+// Surface points, and the Gaussians that are read there.
+#pragma once
+
+#include <vector>
+
+#include "buffer.h"
+#include "surface/field_records.h"
+
+// Points (count, 3) with normals (count, 3), copied. Where neighbours follow each other blocks are small and
+// less is read in vain.
+template <class Real> class Field {
+public:
+    Field(size_t count, const Real* position, const Real* normal);
+
+    // Lists the Gaussians that reach each block, were they `margin` times as large. Later calls are about
+    // these.
+    void list(const FieldArrays<Real>& gaussians, const FieldBlend& blend, double margin);
+
+    // sums (count, 4): sum w c and sum w of the Gaussians that were listed, which may have moved a little.
+    void read(const FieldArrays<Real>& gaussians, Real* sums);
+
+    // moments (N, FIELD_MOMENTS), from the light (count, 3) and 1 / sum w (count,) that `read` found and
+    // dloss / dlight.
+    void backward(const FieldArrays<Real>& gaussians, const Real* light, const Real* by_light,
+        const Real* inverse_weight, const Real* error, Real* moments);
+
+    // spread (N, K, 3): sum of share Y_k(n) values (count, 3) over the points; the transpose of reading.
+    void spread(
+        const FieldArrays<Real>& gaussians, const Real* values, const Real* inverse_weight, Real* spread);
+
+    size_t count() const { return points; }
+    size_t entry_count() const { return reached.size(); }    // pairs of a Gaussian and a block
+    size_t listed() const { return first_entry.size() - 1; } // Gaussians
+
+private:
+    template <class Visit>
+    void visit_touched(const Reader<Real>& reader, double radius, double margin, Visit&& visit) const;
+    template <class Body> void for_each_block(const FieldArrays<Real>& gaussians, Body&& body);
+    void prepare(const FieldArrays<Real>& gaussians);
+    void sum_entries(size_t gaussians, size_t columns, Real* to) const;
+
+    size_t points;
+    std::vector<PointBlock<Real>> blocks;
+    std::vector<std::vector<Box>> levels; // boxes of blocks, of 8 blocks, of 64 blocks ...
+    FieldBlend blend = {};
+    std::vector<size_t> first_entry; // by Gaussian
+    std::vector<size_t> first_reach; // by block
+    std::vector<Reach> reached;      // block by block
+    Buffer<Reader<Real>> readers;
+    Buffer<Real> by_entry;
+};

@@ -1,0 +1,217 @@
+// Reads Gaussians at the points of a block, one point per lane, and the way back.
+#pragma once
+
+#include "simd/elementary.h"
+#include "surface/field_records.h"
+
+namespace INSTRUCTION_SET {
+
+template <class Real> using Points = Lanes<Real, FIELD_LANES>;
+
+template <class Real> struct PointLanes {
+    using L = Points<Real>;
+    L x, y, z, nx, ny, nz;
+
+    explicit PointLanes(const PointBlock<Real>& block)
+        : x(L::load(block.position[0]))
+        , y(L::load(block.position[1]))
+        , z(L::load(block.position[2]))
+        , nx(L::load(block.normal[0]))
+        , ny(L::load(block.normal[1]))
+        , nz(L::load(block.normal[2]))
+    {
+    }
+    ALWAYS_INLINE L normal_along(const Real* axis) const
+    {
+        return fma(L(axis[0]), nx, fma(L(axis[1]), ny, L(axis[2]) * nz));
+    }
+};
+
+// What one Gaussian weighs at each point.
+template <class Real> struct Weighed {
+    using L = Points<Real>;
+    L e[3];
+    L gauss;   // exp(-q / 2)
+    L falloff; // max(0, gauss - cutoff)
+    L cosine;  // max(0, n . n_i), or 1 where sharpness is 0
+    L before;  // cosine^(sharpness - 1)
+    L scaled;  // opacity cosine^sharpness
+    L weight;  // scaled falloff
+
+    ALWAYS_INLINE Weighed(const Reader<Real>& reader, const PointLanes<Real>& at, const FieldBlend& blend)
+    {
+        const L dx = at.x - L(reader.position[0]), dy = at.y - L(reader.position[1]),
+                dz = at.z - L(reader.position[2]);
+        for (int i = 0; i < 3; ++i)
+            e[i] = L(reader.inverse_scale[i]) *
+                fma(L(reader.axes[i][0]), dx, fma(L(reader.axes[i][1]), dy, L(reader.axes[i][2]) * dz));
+        const L q = fma(e[0], e[0], fma(e[1], e[1], e[2] * e[2]));
+        // exp2(q * -1/2 log2(e)); what is farther weighs nothing, nor does NaN.
+        gauss = exp2(max(q * L(Real(-0.72134752044448170)), L(-126)));
+        falloff = max(gauss - L(Real(blend.cutoff)), L(0));
+        cosine = before = 1;
+        if (blend.sharpness > 0)
+            cosine = max(at.normal_along(reader.axes[2]), L(0));
+        for (int i = 1; i < blend.sharpness; ++i)
+            before = before * cosine;
+        scaled = L(reader.opacity) * before * cosine;
+        weight = scaled * falloff;
+    }
+};
+
+template <class Real>
+bool touches(
+    const Reader<Real>& reader, const PointBlock<Real>& block, const FieldBlend& blend, double margin)
+{
+    using L = Points<Real>;
+    const PointLanes<Real> at(block);
+    Reader<Real> larger = reader;
+    for (Real& s : larger.inverse_scale)
+        s = Real(s / margin);
+    const Weighed<Real> w(larger, at, blend);
+    const auto is_point = L(0) < at.nx * at.nx + at.ny * at.ny + at.nz * at.nz;
+    return bits_of(is_point & (L(0) < w.falloff) & (L(0) < w.cosine)) != 0;
+}
+
+// Spherical harmonics of the normals, as kernels/sh.h has them.
+template <class Real> struct NormalBasis {
+    using L = Points<Real>;
+    L value[FIELD_SH_MAX];
+
+    NormalBasis(const PointLanes<Real>& at, size_t coefficients)
+    {
+        const L x = at.nx, y = at.ny, z = at.nz;
+        const auto c = [](double v) { return L(Real(v)); };
+        value[0] = c(SH_C0);
+        if (coefficients < 4)
+            return;
+        value[1] = c(-SH_C1) * y, value[2] = c(SH_C1) * z, value[3] = c(-SH_C1) * x;
+        if (coefficients < 9)
+            return;
+        value[4] = c(SH_C2_0) * x * y, value[5] = c(-SH_C2_0) * y * z;
+        value[6] = c(SH_C2_1) * (L(2) * z * z - x * x - y * y);
+        value[7] = c(-SH_C2_0) * x * z, value[8] = c(SH_C2_2) * (x * x - y * y);
+    }
+
+    // One channel of the colour of a Gaussian whose coefficients are `sh` (K, 3).
+    ALWAYS_INLINE L colour(const Real* sh, size_t coefficients, int channel) const
+    {
+        L sum = value[0] * L(sh[channel]);
+        for (size_t k = 1; k < coefficients; ++k)
+            sum = fma(value[k], L(sh[3 * k + channel]), sum);
+        return sum;
+    }
+};
+
+// Every `stride`-th number.
+template <class Real> ALWAYS_INLINE Points<Real> gather(const Real* from, int stride, int offset)
+{
+    alignas(64) Real lanes[FIELD_LANES];
+    for (int i = 0; i < FIELD_LANES; ++i)
+        lanes[i] = from[i * stride + offset];
+    return Points<Real>::load(lanes);
+}
+
+template <class Real> ALWAYS_INLINE void scatter(Points<Real> values, Real* to, int stride, int offset)
+{
+    alignas(64) Real lanes[FIELD_LANES];
+    values.store(lanes);
+    for (int i = 0; i < FIELD_LANES; ++i)
+        to[i * stride + offset] = lanes[i];
+}
+
+constexpr size_t READERS_AHEAD = 8;
+
+template <class Real> ALWAYS_INLINE void prefetch_reader(const BlockReading<Real>& in, size_t i)
+{
+    if (i + READERS_AHEAD < in.reached_count)
+        prefetch(in.readers[in.reached[i + READERS_AHEAD].gaussian]);
+}
+
+template <class Real> void read(const BlockReading<Real>& in, Real* sums)
+{
+    using L = Points<Real>;
+    const PointLanes<Real> at(*in.points);
+    const NormalBasis<Real> basis(at, in.coefficients);
+    L light[3] = {0, 0, 0}, weight = 0;
+    for (size_t i = 0; i < in.reached_count; ++i) {
+        prefetch_reader(in, i);
+        const Reader<Real>& reader = in.readers[in.reached[i].gaussian];
+        const Real* const sh = in.sh + size_t(in.reached[i].gaussian) * in.coefficients * 3;
+        const Weighed<Real> weighed(reader, at, in.blend);
+        weight = weight + weighed.weight;
+        for (int c = 0; c < 3; ++c)
+            light[c] = fma(weighed.weight, basis.colour(sh, in.coefficients, c), light[c]);
+    }
+    for (int c = 0; c < 3; ++c)
+        scatter(light[c], sums, 4, c);
+    scatter(weight, sums, 4, 3);
+}
+
+template <class Real>
+void read_backward(const BlockReading<Real>& in, const Real* light, const Real* by_light,
+    const Real* inverse_weight, const Real* error, Real* moments)
+{
+    using L = Points<Real>;
+    const PointLanes<Real> at(*in.points);
+    const NormalBasis<Real> basis(at, in.coefficients);
+    const L inverse = L::load(inverse_weight), err = L::load(error);
+    L by[3], shown = 0;
+    for (int c = 0; c < 3; ++c) {
+        by[c] = gather(by_light, 3, c) * inverse;
+        shown = fma(by[c], gather(light, 3, c), shown);
+    }
+    for (size_t i = 0; i < in.reached_count; ++i) {
+        prefetch_reader(in, i);
+        const Reader<Real>& reader = in.readers[in.reached[i].gaussian];
+        const Real* const sh = in.sh + size_t(in.reached[i].gaussian) * in.coefficients * 3;
+        const Weighed<Real> weighed(reader, at, in.blend);
+        const auto inside = L(0) < weighed.falloff;
+        L p = L(0) - shown;
+        for (int c = 0; c < 3; ++c)
+            p = fma(by[c], basis.colour(sh, in.coefficients, c), p);
+        const L* const e = weighed.e;
+        const L w = weighed.weight, g = select(inside, p * weighed.scaled * weighed.gauss, L(0));
+        const L by_cosine = L(reader.opacity * Real(in.blend.sharpness)) * weighed.before * weighed.falloff;
+        const L h = select(L(0) < weighed.cosine, p * by_cosine, L(0));
+        const L n_x = at.normal_along(reader.axes[0]), n_y = at.normal_along(reader.axes[1]);
+        const L gx = g * e[0], gy = g * e[1], gz = g * e[2];
+        const L all[FIELD_MOMENTS] = {gx, gy, gz, gx * e[0], gx * e[1], gx * e[2], gy * e[1], gy * e[2],
+            gz * e[2], p * w, h * n_x, h * n_y, w * by[0], w * by[1], w * by[2], w * inverse * err};
+        sums(all).store(moments + size_t(in.reached[i].entry) * FIELD_MOMENTS);
+    }
+}
+
+template <class Real>
+void spread(const BlockReading<Real>& in, const Real* values, const Real* inverse_weight, Real* spread)
+{
+    using L = Points<Real>;
+    const PointLanes<Real> at(*in.points);
+    const NormalBasis<Real> basis(at, in.coefficients);
+    const L inverse = L::load(inverse_weight);
+    L value[3];
+    for (int c = 0; c < 3; ++c)
+        value[c] = gather(values, 3, c) * inverse;
+    const size_t columns = 3 * in.coefficients;
+    for (size_t i = 0; i < in.reached_count; ++i) {
+        prefetch_reader(in, i);
+        const Reader<Real>& reader = in.readers[in.reached[i].gaussian];
+        const Weighed<Real> weighed(reader, at, in.blend);
+        L all[2 * FIELD_LANES];
+        for (L& lanes : all)
+            lanes = 0;
+        for (size_t k = 0; k < in.coefficients; ++k)
+            for (int c = 0; c < 3; ++c)
+                all[3 * k + c] = weighed.weight * basis.value[k] * value[c];
+        Real total[2 * FIELD_LANES];
+        sums(all).store(total);
+        if (columns > FIELD_LANES)
+            sums(all + FIELD_LANES).store(total + FIELD_LANES);
+        std::memcpy(spread + in.reached[i].entry * columns, total, columns * sizeof(Real));
+    }
+}
+
+template <class Real>
+constexpr FieldKernels<Real> FIELD = {touches<Real>, read<Real>, read_backward<Real>, spread<Real>};
+
+} // namespace INSTRUCTION_SET

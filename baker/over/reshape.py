@@ -1,0 +1,97 @@
+"""Density control, the mechanism: take Gaussians out, merge pairs, split or clone, with what Adam knows of the rest."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .raw_gaussians import NAMES, RawGaussians
+from .workspace import AdamState
+
+# Where the halves of a split lie, in standard deviations along the longest axis; they shrink so that the pair's
+# covariance is that of the whole.
+SPLIT_OFFSET = 0.7
+
+
+@dataclass(frozen=True)
+class State:
+    """Gaussians in training."""
+
+    raw: RawGaussians
+    adam: AdamState
+
+    @staticmethod
+    def fresh(raw: RawGaussians) -> "State":
+        """Before the first step."""
+        return State(raw, AdamState.zeros(raw))
+
+    def __len__(self) -> int:
+        return len(self.raw)
+
+
+def keep(state: State, which: np.ndarray) -> State:
+    """Those in `which`, (N,) bool or indices, bit by bit."""
+    adam = AdamState(_taken(state.adam.mean, which), _taken(state.adam.square, which), state.adam.steps[which])
+    return State(_taken(state.raw, which), adam)
+
+
+def extend(state: State, raw: RawGaussians) -> State:
+    """With further Gaussians behind, of which Adam knows nothing."""
+    fresh = AdamState.zeros(raw)
+    mean, square = _joined(state.adam.mean, fresh.mean), _joined(state.adam.square, fresh.square)
+    adam = AdamState(mean, square, np.concatenate([state.adam.steps, fresh.steps]))
+    return State(_joined(state.raw, raw), adam)
+
+
+def divide(state: State, which: np.ndarray, clone: np.ndarray) -> State:
+    """Two in place of each Gaussian of the indices `which` (D,): where `clone` (D,) bool, both in its place, else the
+    halves of a split along its longest axis."""
+    parents = _taken(state.raw, which)
+    halves = [_halves(parents, sign * ~clone) for sign in (-1, 1)]
+    others = np.ones(len(state), bool)
+    others[which] = False
+    return extend(keep(state, others), _joined(*halves))
+
+
+def merge(state: State, pairs: np.ndarray) -> State:
+    """One in place of each pair (P, 2) of indices: the middle in position, logarithmic scale and colour, with the
+    first's rotation, and as opaque as both together."""
+    a, b = (_taken(state.raw, side) for side in pairs.T)
+    middle = {name: (getattr(a, name) + getattr(b, name)) / 2 for name in NAMES} | {"rotation": a.rotation}
+    # In logarithms, so that neither full opacity nor none becomes infinite: 1 - o = (1 - o_a)(1 - o_b).
+    clear = -np.logaddexp(0, a.logit_opacity.astype(np.float64)) - np.logaddexp(0, b.logit_opacity.astype(np.float64))
+    middle["logit_opacity"] = (np.log(-np.expm1(clear)) - clear).astype(np.float32)
+    others = np.ones(len(state), bool)
+    others[pairs.reshape(-1)] = False
+    return extend(keep(state, others), RawGaussians(**middle))
+
+
+def _halves(parents: RawGaussians, sign: np.ndarray) -> RawGaussians:
+    """Halves (D,) on the side `sign` of the longest axis; clones where it is 0. Each is as opaque as makes two of a
+    clone as opaque as the parent; a split's halves overlap little and stay as they are."""
+    rows = np.arange(len(parents))
+    axis = np.argmax(parents.log_scale, axis=1)
+    direction = _axes(parents.rotation)[rows, :, axis]
+    length = np.exp(parents.log_scale[rows, axis])
+    position = parents.position + (SPLIT_OFFSET * sign * length)[:, None] * direction
+    log_scale = parents.log_scale.copy()
+    log_scale[rows, axis] += np.where(sign == 0, 0, 0.5 * np.log(1 - SPLIT_OFFSET**2))
+    # Two layers of 1 - sqrt(1 - o) let through what one of o does; in logarithms, as in `merge`.
+    clear = -0.5 * np.logaddexp(0, parents.logit_opacity.astype(np.float64))
+    logit = np.where(sign == 0, np.log(-np.expm1(clear)) - clear, parents.logit_opacity)
+    arrays = position, parents.rotation, log_scale, logit, parents.sh
+    return RawGaussians(*(np.ascontiguousarray(array, np.float32) for array in arrays))
+
+
+def _axes(rotation: np.ndarray) -> np.ndarray:
+    """Rotation matrices (D, 3, 3) of quaternions xyzw (D, 4) of any length; columns are the ellipsoids' axes."""
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_quat(rotation).as_matrix().reshape(-1, 3, 3)
+
+
+def _taken(raw: RawGaussians, which: np.ndarray) -> RawGaussians:
+    return RawGaussians(*(np.ascontiguousarray(getattr(raw, name)[which]) for name in NAMES))
+
+
+def _joined(a: RawGaussians, b: RawGaussians) -> RawGaussians:
+    return RawGaussians(*(np.concatenate([getattr(a, name), getattr(b, name)]) for name in NAMES))

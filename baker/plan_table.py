@@ -1,0 +1,94 @@
+"""A plan as a table to read: what was decided, why, and what it costs."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from gsgi.baker.surface.budget import COARSE_DEGREE, FINE_DEGREE, coarse_count
+from gsgi.baker.trace.tracer import BOUNCES_MAX, PASS_SAMPLES
+from gsgi.baker.views.coverage import VIEWS, length
+
+from .effects import findings
+from .plan import SH_DEGREE, Plan
+
+OPERATOR_REASONS = {
+    "surface": "Gaussians are read at surface points: nothing to sort, few suffice",
+    "over": "Gaussians are blended along the ray, as in the paper",
+}
+
+
+class Decision(NamedTuple):
+    """One line: of what, what was decided, and the reason or the cost."""
+
+    what: str
+    decision: str
+    why: str
+
+
+def decisions(plan: Plan) -> list[Decision]:
+    """Every decision of a plan, effects first."""
+    s, fitted, coverage = plan.settings, plan.placement.fitted, plan.placement.coverage
+    placed = sum(name not in plan.scene.cameras and not name.startswith("path ") for name in fitted)
+    bounces = "asked for" if plan.lost is None else f"further ones add {plan.lost:.2%} of the picture"
+    if s.bounces == BOUNCES_MAX:
+        bounces = "the most that are followed: this scene keeps its light"
+    fine = f"half the area at {length(coverage.texel_median)} per texel or finer"
+    if not np.isfinite(coverage.texel_median):
+        fine = f"less than half the area is seen by {VIEWS} views"
+    seen = f"of the visible area is seen by {VIEWS} views at {length(coverage.texel_limit)} per texel or finer"
+    dark = f"; {len(plan.dark)} see no light" if plan.dark else ""
+    rows = [
+        *((f.name, f.found, f.cost) for f in findings(plan.scene)),
+        ("operator", s.operator, OPERATOR_REASONS[s.operator]),
+        ("bounces", f"{s.bounces}", bounces),
+        ("views", f"{len(fitted)}", f"{placed} placed; {len(plan.placement.held_out)} more are held out{dark}"),
+        ("coverage", f"{coverage.seen[VIEWS - 1]:.1%}", seen),
+        *(_surface_rows(plan) if s.operator == "surface" else _over_rows(plan, fine)),
+        ("memory", f"{plan.memory / 1e9:.1f} GB", "at the peak"),
+        ("file", f"{plan.file_bytes} bytes", f"{s.budget} Gaussians at most"),
+    ]
+    return [Decision(*row) for row in rows]
+
+
+def _over_rows(plan: Plan, fine: str) -> list[tuple[str, str, str]]:
+    """What is decided for the `over` operator alone."""
+    s = plan.settings
+    until = f"until the standard error is {s.error:.0%} of B and its mean" if s.error else "all of them"
+    least = PASS_SAMPLES if s.error else s.samples
+    visits = s.iterations / max(len(plan.placement.fitted), 1)
+    return [
+        ("SH degree", f"{SH_DEGREE}", "surfaces are Lambertian: B looks the same from everywhere"),
+        ("view size", f"{s.size} px", fine),
+        ("samples", f"{least} to {s.samples}", f"{until}: {plan.samples:.0f} on average"),
+        ("fit", f"{s.iterations} steps", f"each view {visits:.0f} times{_search(plan)}"),
+    ]
+
+
+def _surface_rows(plan: Plan) -> list[tuple[str, str, str]]:
+    """What is decided for the `surface` operator alone."""
+    s = plan.settings
+    coarse = coarse_count(s.budget)
+    return [
+        ("SH degree", f"{FINE_DEGREE}", f"{COARSE_DEGREE} in the coarse level, which serves moving objects"),
+        ("levels", f"{s.budget - coarse} + {coarse}", "Gaussians on the surfaces, and throughout free space"),
+        ("samples", f"{plan.points}", f"points on the surfaces that the views see, {s.samples} paths each"),
+        ("fit", f"{s.iterations} steps", f"each over all samples{_search(plan)}"),
+    ]
+
+
+def _search(plan: Plan) -> str:
+    target = plan.settings.target_loss
+    return "" if target is None else f"; again with more Gaussians until the held-out loss is {target:g}"
+
+
+def summary(plan: Plan) -> str:
+    """The decisions that cost most, on one line for the log."""
+    s = plan.settings
+    views = len(plan.placement.fitted)
+    traced = f"{views} views of {s.size} px, about {plan.samples:.0f} paths a pixel"
+    if s.operator == "surface":
+        traced = f"{plan.points} surface points in {views} views, {s.samples} paths each"
+    return (
+        f"plan: {s.operator}, {s.bounces} bounces, {traced}, {s.budget} Gaussians at most, {s.iterations} steps of the "
+        f"fit, {plan.memory / 1e9:.1f} GB"
+    )

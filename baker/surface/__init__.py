@@ -1,0 +1,1 @@
+"""The fit of the `surface` operator: Gaussians read at surface points."""

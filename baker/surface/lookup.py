@@ -1,0 +1,49 @@
+"""B where Gaussians are read at surface points: the `surface` operator (see SurfaceBlend)."""
+
+import numpy as np
+
+from gsgi.baker import _kernels
+from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
+
+from .point_order import coherent
+
+
+def evaluate(
+    gaussians: Gaussians, coarse: Gaussians, blend: SurfaceBlend, position: np.ndarray, normal: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """B (S, 3) float32, linear radiance, at points (S, 3), m, with unit normals (S, 3); and the fine sum w (S,).
+
+    B is 0 where no Gaussian of either level reaches. The same bits whatever the number of threads.
+    """
+    order = coherent(position, normal)
+    field = _kernels.FieldFloat(*(np.ascontiguousarray(array[order], np.float32) for array in (position, normal)))
+    light = coarse_light(field, coarse, blend)
+    field.list(gaussians, blend.cutoff, blend.sharpness, 1.0)
+    fine = field.read(gaussians)
+    result, weight = np.empty((len(position), 3), np.float32), np.empty(len(position), np.float32)
+    result[order], weight[order] = light_of(fine + filling(fine, light, blend)), fine[:, 3]
+    return result, weight
+
+
+def coarse_light(field: _kernels.FieldFloat, coarse: Gaussians, blend: SurfaceBlend) -> np.ndarray:
+    """Light (S, 3) of the coarse level at the points of a field, which may be negative."""
+    field.list(coarse, blend.cutoff, 0, 1.0)
+    sums = field.read(coarse)
+    return sums[:, :3] * inverse_weight(sums)[:, None]
+
+
+def filling(fine: np.ndarray, coarse: np.ndarray, blend: SurfaceBlend) -> np.ndarray:
+    """What light (S, 3) of the coarse level adds to sum w c and sum w (S, 4) of the fine one."""
+    gap = np.maximum(np.float32(blend.floor) - fine[:, 3:], 0)
+    return np.concatenate([gap * coarse, gap], axis=1)
+
+
+def light_of(sums: np.ndarray) -> np.ndarray:
+    """B (S, 3) of sum w c and sum w (S, 4): 0 where it is negative, and where nothing weighs anything."""
+    return np.maximum(sums[:, :3] * inverse_weight(sums)[:, None], 0)
+
+
+def inverse_weight(sums: np.ndarray) -> np.ndarray:
+    """1 / sum w (S,) of sums (S, 4), 0 where it is so small that it has no inverse."""
+    weight = sums[:, 3]
+    return np.divide(1, weight, out=np.zeros_like(weight), where=weight >= np.finfo(weight.dtype).tiny)

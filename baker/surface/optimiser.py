@@ -1,0 +1,181 @@
+"""Steps Gaussians of the `surface` operator against all samples at once."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from gsgi.baker import _kernels
+from gsgi.runtime import constants
+from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
+
+from . import colours
+from .lookup import coarse_light, filling, inverse_weight
+from .point_order import coherent
+from .samples import SurfaceSamples
+from .state import PARAMETERS, SurfaceState, axes
+
+# Which samples Gaussians reach is looked up every so many steps, as if they were so much larger: they grow and move.
+# How noise pulls at them is looked up at the same steps.
+LIST_STEPS, MARGIN = 10, 1.1
+
+# Adam (Kingma and Ba 2015). All samples take part in each step: the square need not remember long.
+BETA_1, BETA_2, EPSILON = 0.9, 0.98, 1e-20
+
+DARK = 1.5  # mean B; light counts relative to itself and so much more
+SIZE_COST = 0.05  # of the error, for all Gaussians e times as large: of shapes that fit alike the small one costs less
+LOGIT_MAX = 5.0  # of the opacity
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What a step found: the loss, and the error (N,) float32 of the samples, free of their noise, by Gaussian."""
+
+    loss: float
+    error: np.ndarray
+
+
+class _Reading(NamedTuple):
+    """At each of S samples: B (S, 3), 1 / (sum w + gap) (S,), and the light (S, 3) that gives way to a Gaussian which
+    comes to weigh more: B, or below the floor that of the coarse level."""
+
+    light: np.ndarray
+    inverse: np.ndarray
+    yielding: np.ndarray
+
+
+class SurfaceOptimiser:
+    """The loss is the mean over samples of importance |B - light|^2, linear light, importance = 1 / (B + DARK mean)^2.
+
+    Squared error in linear light has its minimum at the mean of noisy samples; the importance depends on B alone, which
+    hardly knows the noise. A parameter moves only where both halves of the samples' paths, each on its own, pull it the
+    same way (after the AND-mask of Parascandolo et al. 2020): what noise alone asks for is left. Deterministic,
+    whatever the number of threads.
+    """
+
+    def __init__(self, samples: SurfaceSamples, coarse: Gaussians, blend: SurfaceBlend, tone_scale: float):
+        samples = samples[coherent(samples.position, samples.normal)]
+        self._a, self._b, self._light = samples.indirect_a, samples.indirect_b, samples.indirect
+        self._field = _kernels.FieldFloat(samples.position, samples.normal)
+        self._coarse = coarse_light(self._field, coarse, blend)
+        self.blend, self.tone_scale, self._dark = blend, tone_scale, np.float32(DARK * tone_scale)
+        self._listed = 0
+        self._noise: np.ndarray | None = None
+
+    def solve(self, gaussians: Gaussians, iterations: int, ridge: float = colours.RIDGE) -> Gaussians:
+        """With the best colours for their shapes."""
+        self._list(gaussians)
+        base = filling(self._field.read(gaussians), self._coarse, self.blend)
+        importance = self._importance(self._read(gaussians).light)
+        sh = colours.solve(self._field, gaussians, base, self._light, importance, iterations, ridge)
+        return replace(gaussians, sh=sh)
+
+    def share(self, gaussians: Gaussians) -> np.ndarray:
+        """Of how many samples (N,) float32 each Gaussian makes up the light: sums of w over sum w."""
+        self._list(gaussians)
+        light, inverse, _ = self._read(gaussians)
+        return self._field.spread(gaussians, np.ones_like(light), inverse)[:, 0, 0] / np.float32(constants.SH_C0)
+
+    def step(self, state: SurfaceState, rates: Mapping[str, float], steps: int) -> tuple[SurfaceState, Seen]:
+        """One step of Adam, the `steps`-th since it began.
+
+        Raises FloatingPointError where a gradient, naming the Gaussian, or the loss is not finite. Depends on earlier
+        steps by what they listed, unless `steps` - 1 is a multiple of LIST_STEPS.
+        """
+        if (steps - 1) % LIST_STEPS == 0 or self._listed != len(state):
+            self._list(state.gaussians)
+        reading = self._read(state.gaussians)
+        moments, loss, error = self._moments(state.gaussians, reading)
+        if len(broken := np.flatnonzero(~np.isfinite(moments).all(axis=1))):
+            raise FloatingPointError(f"the gradient of Gaussian {broken[0]} is not finite")
+        if not np.isfinite(loss):
+            raise FloatingPointError(f"the loss is {loss}")
+        gradient = parameter_gradient(moments, state.gaussians)
+        gradient[:, 6:9] += SIZE_COST * max(error, 0) / max(len(state), 1)
+        if self._noise is None:
+            self._noise = self._gradient_noise(state.gaussians, reading)
+        gradient[np.abs(gradient) <= self._noise] = 0
+        rate = np.repeat([rates[name] for name in PARAMETERS], list(PARAMETERS.values()))
+        mean = BETA_1 * state.mean + np.float32(1 - BETA_1) * gradient
+        square = BETA_2 * state.square + np.float32(1 - BETA_2) * gradient**2
+        change = -rate * (mean / (1 - BETA_1**steps)) / (np.sqrt(square / (1 - BETA_2**steps)) + EPSILON)
+        stepped = moved(state.gaussians, change, self.tone_scale, state.smallest, state.largest)
+        seen = Seen(loss, moments[:, 15])
+        return replace(state, gaussians=stepped, mean=mean.astype(np.float32), square=square.astype(np.float32)), seen
+
+    def _list(self, gaussians: Gaussians) -> None:
+        self._field.list(gaussians, self.blend.cutoff, self.blend.sharpness, MARGIN)
+        self._listed, self._noise = len(gaussians), None
+
+    def _read(self, gaussians: Gaussians) -> _Reading:
+        fine = self._field.read(gaussians)
+        sums = fine + filling(fine, self._coarse, self.blend)
+        inverse = inverse_weight(sums)
+        light = sums[:, :3] * inverse[:, None]
+        return _Reading(light, inverse, np.where(fine[:, 3:] < self.blend.floor, self._coarse, light))
+
+    def _importance(self, light: np.ndarray) -> np.ndarray:
+        return 1 / np.square(np.maximum(light.mean(axis=1), 0) + self._dark)
+
+    def _moments(self, gaussians: Gaussians, reading: _Reading) -> tuple[np.ndarray, float, float]:
+        """Moments (N, 16), see FIELD_MOMENTS, the loss, and the part of it that is not noise."""
+        light, importance = reading.light, self._importance(reading.light)
+        residual = light - self._light
+        error = importance * ((light - self._a) * (light - self._b)).sum(axis=1)
+        loss = importance * np.square(residual).sum(axis=1)
+        means = (float(part.sum(dtype=np.float64)) / max(len(light), 1) for part in (loss, error))
+        return self._backward(gaussians, reading, residual, error), *means
+
+    def _gradient_noise(self, gaussians: Gaussians, reading: _Reading) -> np.ndarray:
+        """Half the difference (N, 13) of the halves' gradients, without sign: they agree about what is larger."""
+        moments = self._backward(gaussians, reading, (self._a - self._b) / 2, np.zeros(len(self._a), np.float32))
+        return np.abs(parameter_gradient(moments, gaussians))
+
+    def _backward(self, gaussians: Gaussians, reading: _Reading, residual: np.ndarray, error: np.ndarray) -> np.ndarray:
+        """Moments (N, 16) of the loss whose residuals are (S, 3), and of `error` (S,)."""
+        by_light = np.float32(2 / max(len(residual), 1)) * self._importance(reading.light)[:, None] * residual
+        return self._field.backward(gaussians, reading.yielding, by_light, reading.inverse, error)
+
+
+def parameter_gradient(moments: np.ndarray, gaussians: Gaussians) -> np.ndarray:
+    """The loss's gradient (N, 13) float32 by PARAMETERS, from the sums (N, 16) of FIELD_MOMENTS.
+
+    A place u moves the centre by R S u, a turn w rotates the axes by w about themselves: both at 0. A colour is the
+    constant SH coefficient.
+    """
+    e_x, e_y, e_z, xx, xy, xz, yy, yz, zz, p_w, h_x, h_y, red, green, blue = moments[:, :15].T
+    x, y, z = gaussians.scale.T
+    columns = [
+        *(e_x, e_y, e_z),
+        *(yz * (y / z - z / y) - h_y, xz * (z / x - x / z) + h_x, xy * (x / y - y / x)),
+        *(xx, yy, zz),
+        p_w * (1 - gaussians.opacity),
+        *(constants.SH_C0 * colour for colour in (red, green, blue)),
+    ]
+    return np.stack(columns, axis=1).astype(np.float32)
+
+
+def moved(
+    gaussians: Gaussians, change: np.ndarray, unit: float, smallest: np.ndarray, largest: np.ndarray
+) -> Gaussians:
+    """Gaussians after a change (N, 13) of PARAMETERS, colours in units of `unit` (radiance), none below 0; standard
+    deviations stay between `smallest` and `largest` (N, 3)."""
+    from scipy.spatial.transform import Rotation
+
+    g = gaussians
+    place, turn, log_scale, logit, colour = np.split(change, np.cumsum(list(PARAMETERS.values()))[:-1], axis=1)
+    position = g.position + (axes(g.rotation) * (g.scale * place)[:, None, :]).sum(axis=2)
+    rotation = (Rotation.from_quat(g.rotation) * Rotation.from_rotvec(turn)).as_quat().reshape(-1, 4)
+    opacity = g.opacity.astype(np.float64)
+    odds = np.clip(np.log(opacity / (1 - opacity)) + logit[:, 0], -LOGIT_MAX, LOGIT_MAX)
+    arrays = (
+        position,
+        rotation,
+        np.clip(g.scale * np.exp(log_scale), smallest, largest),
+        1 / (1 + np.exp(-odds)),
+        np.concatenate(
+            [np.maximum(g.sh[:, :1] + (unit / constants.SH_C0 * colour)[:, None, :], 0), g.sh[:, 1:]], axis=1
+        ),
+    )
+    return Gaussians(*(array.astype(np.float32) for array in arrays))

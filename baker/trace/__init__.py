@@ -1,0 +1,1 @@
+"""B, the demodulated indirect light, at points: Mitsuba's rays and Dr.Jit kernels of our own."""

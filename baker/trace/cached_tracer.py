@@ -1,0 +1,105 @@
+"""The light of one scene as finished tasks: what a cache holds is not traced again."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from gsgi.baker.cache.code_version import code_version
+from gsgi.baker.cache.digest import scene_digest
+from gsgi.baker.cache.records import from_arrays, to_arrays
+from gsgi.baker.cache.store import Cache, task_key
+from gsgi.runtime.camera import Camera
+from gsgi.runtime.scene import Scene
+
+from . import reference
+from .tracer import Light, Sampling, Tracer
+
+PACKAGES = ("mitsuba", "drjit", "numpy")
+
+
+@dataclass(frozen=True)
+class TracedView:
+    """B (H, W, 3) float32 as traced, 0 where not valid; normal (H, W, 3) and depth (H, W) along the camera's -Z, m, of
+    the surface; valid (H, W): which pixels show a diffuse surface (see Surface) and have a B from at least one path;
+    invalid: how many paths gave no finite number."""
+
+    indirect: np.ndarray
+    normal: np.ndarray
+    depth: np.ndarray
+    valid: np.ndarray
+    invalid: int
+
+
+class TracedLight:
+    """Traces the light of `scene`, each task once. Mitsuba starts with the first task that `cache` does not hold."""
+
+    def __init__(self, scene: Scene, cache: Cache):
+        self.scene, self.cache = scene, cache
+
+    def at_points(self, position, normal, sampling: Sampling, seed: int, advance=None) -> Light:
+        """B at surface points: position (N, 3) float32 m, normal (N, 3) float32 unit."""
+        key = self._key("points", position=position, normal=normal, sampling=sampling, seed=seed)
+        if found := self.cache.get(key):
+            if advance:
+                advance(len(position))
+            return from_arrays(Light, found)
+        light = self.tracer.indirect(position, normal, normal, sampling, seed, advance)
+        self.cache.put(key, to_arrays(light))
+        return light
+
+    def views(
+        self,
+        cameras: Sequence[Camera],
+        size: int,
+        sampling: Sampling,
+        seed: int,
+        advance: Callable[..., None],
+        say: Callable[[str], None],
+    ) -> list[TracedView]:
+        """A square view of `size` px for each camera; the n-th depends on `seed` + n. Says how many the cache held."""
+        keys = [
+            self._key("view", camera=camera, size=size, sampling=sampling, seed=seed + i)
+            for i, camera in enumerate(cameras)
+        ]
+        found = [self.cache.get(key) for key in keys]
+        views = [None if arrays is None else from_arrays(TracedView, arrays) for arrays in found]
+        missing = [i for i, view in enumerate(views) if view is None]
+        if len(missing) < len(keys):
+            say(f"{len(keys) - len(missing)} of {len(keys)} views from the cache")
+            advance((len(keys) - len(missing)) * size**2)
+        for i in missing:
+            views[i] = self._view(cameras[i], size, sampling, seed + i, advance)
+            self.cache.put(keys[i], to_arrays(views[i]))
+            advance(0, f"view {i + 1}/{len(keys)}")
+        return views
+
+    def reference(self, camera: Camera, size: int, samples: int, seed: int, advance) -> reference.Reference:
+        """A square reference of `size` px, in two halves."""
+        key = self._key("reference", camera=camera, size=size, samples=samples, seed=seed)
+        if found := self.cache.get(key):
+            advance(2 * size**2, "from the cache")
+            return from_arrays(reference.Reference, found)
+        truth = reference.trace(self.tracer, camera, size, size, samples, seed, advance)
+        self.cache.put(key, to_arrays(truth))
+        return truth
+
+    def _view(self, camera: Camera, size: int, sampling: Sampling, seed: int, advance) -> TracedView:
+        surface = self.tracer.surface(camera, size, size)
+        light = self.tracer.indirect(*surface.points(), sampling, seed, advance)
+        advance(float((~surface.diffuse).sum()))
+        valid = surface.image(light.samples > 0)
+        return TracedView(surface.image(light.mean), surface.normal, surface.depth, valid, light.invalid)
+
+    def _key(self, stage: str, **inputs) -> str:
+        return task_key(stage, code=code_version(__name__, PACKAGES), scene=self._scene_digest, **inputs)
+
+    @cached_property
+    def _scene_digest(self) -> str:
+        return scene_digest(self.scene)
+
+    @cached_property
+    def tracer(self) -> Tracer:
+        """Made when it is first needed."""
+        return Tracer(self.scene)

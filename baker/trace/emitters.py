@@ -1,0 +1,75 @@
+"""Emissive triangles as lights: a point on one is drawn by area times radiance."""
+
+import numpy as np
+
+from gsgi.runtime.scene import Scene
+
+from .mitsuba_scene import load_mitsuba
+from .surface_tables import Surfaces, emits
+
+mi = load_mitsuba()
+
+import drjit as dr  # noqa: E402  (needs the LLVM that load_mitsuba chose)
+
+PROBES = 16  # texels looked at to guess how bright a triangle of a textured emitter is
+
+
+class Emitters:
+    """The emissive triangles of a scene. `count` is 0 where there are none."""
+
+    def __init__(self, scene: Scene, surfaces: Surfaces):
+        material = surfaces.face[:, 3].view(np.uint32)
+        has_area = surfaces.face[:, :3].any(axis=1)
+        lit = np.flatnonzero(np.array([emits(m, scene) for m in scene.materials], bool)[material] & has_area)
+        self.count = len(lit)
+        if not self.count:
+            return
+        corners = surfaces.position[surfaces.triangle[lit]].astype(np.float64)
+        edges = corners[:, 1:] - corners[:, :1]
+        area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) / 2
+        weight = area * _brightness(scene, surfaces, lit)
+        weight /= weight.sum()
+        rows = np.zeros((self.count, 12), np.float32)
+        rows[:, :3], rows[:, 4:7], rows[:, 8:11] = corners[:, 0], edges[:, 0], edges[:, 1]
+        self.corners = mi.Float(rows.ravel())
+        self.prim = mi.UInt32(lit.astype(np.uint32))
+        self.distribution = mi.DiscreteDistribution(mi.Float(weight.astype(np.float32)))
+        # Probability per area (1/m^2) of each triangle of the scene, 0 for those that do not emit.
+        density = np.zeros(len(surfaces.triangle), np.float32)
+        density[lit] = weight / area
+        self.density = mi.Float(density)
+
+    def sample(self, u, v):
+        """A point on some emitter from `u` Float and `v` Point2f in [0, 1): (Point3f, prim, b, 1/m^2 density)."""
+        index = self.distribution.sample(u)
+        b = mi.warp.square_to_uniform_triangle(v)
+        row = [dr.gather(mi.Vector4f, self.corners, 3 * index + k) for k in range(3)]
+        at, first, second = (mi.Vector3f(r.x, r.y, r.z) for r in row)
+        prim = dr.gather(mi.UInt32, self.prim, index)
+        return mi.Point3f(at + first * b.x + second * b.y), prim, b, dr.gather(mi.Float, self.density, prim)
+
+
+def _brightness(scene: Scene, surfaces: Surfaces, lit: np.ndarray) -> np.ndarray:
+    """Estimate (L,) of each emissive triangle's mean radiance; never 0."""
+    material = surfaces.face[lit, 3].view(np.uint32)
+    result = np.empty(len(lit))
+    for index in np.unique(material):
+        of = scene.materials[index]
+        factor, at = float(np.mean(of.emission)), np.flatnonzero(material == index)
+        result[at] = factor
+        if of.emission_texture is not None:
+            texture = scene.textures[of.emission_texture.texture].pixels
+            seen = _probed(texture, surfaces.uv[lit[at], of.emission_texture.uv])
+            # Half by the triangle's own texels, half by the mean: texels between the probes are not forgotten.
+            result[at] *= (seen + texture[..., :3].mean() / 255) / 2 + 1e-3
+    return result
+
+
+def _probed(pixels: np.ndarray, uv: np.ndarray) -> np.ndarray:
+    """Mean stored value (T,) in [0, 1] of texels spread over triangles with corners `uv` (T, 8)."""
+    rng = np.random.default_rng(0)
+    b = rng.dirichlet((1, 1, 1), PROBES)
+    points = np.einsum("pk,tkc->tpc", b, uv[:, :6].reshape(-1, 3, 2).astype(np.float64)) % 1
+    height, width = pixels.shape[:2]
+    x, y = (np.minimum((points[..., i] * size).astype(int), size - 1) for i, size in enumerate((width, height)))
+    return pixels[y, x, :3].mean(axis=(1, 2)) / 255

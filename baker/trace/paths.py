@@ -1,0 +1,238 @@
+"""Dr.Jit kernels of the path tracer. Imported inside the tracing stage only: importing it starts Mitsuba.
+
+A surface is one-sided or two-sided; the back of a one-sided surface reflects and emits nothing, is invisible to camera
+rays, and stops all other light. Alpha-tested holes stop nothing. What a scene does not have is not compiled.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from gsgi.runtime import constants
+
+from .mitsuba_scene import load_mitsuba
+from .random_numbers import Draws, hashed
+from .rays import closest, closest_front, lifted, side, unoccluded
+
+mi = load_mitsuba()
+
+import drjit as dr  # noqa: E402  (needs the LLVM that load_mitsuba chose)
+
+ROULETTE_BOUNCE = 3
+ROULETTE_MAX = 0.95
+
+# Dimensions of `Draws`: which number each choice takes.
+DIRECTION, ROULETTE, LIGHT, EMITTER, EMITTER_POINT, ENVIRONMENT, TEXTURE = 0, 2, 3, 4, 5, 7, 9
+_JITTER = {"base_color_texture": 0, "metallic_texture": 2, "emission_texture": 4}
+
+
+class Sums(NamedTuple):
+    """Sums over the paths of each point: light (N, 3), its squared mean of channels (N,), paths that gave no number."""
+
+    light: np.ndarray
+    squared: np.ndarray
+    invalid: np.ndarray
+
+
+def first_hits(tracer, origin: np.ndarray, direction: np.ndarray) -> dict[str, np.ndarray]:
+    """What rays from `origin` (M, 3) along unit `direction` (M, 3) see; nothing along a direction of 0.
+
+    Columns normal, shading_normal, geometric_normal, albedo, emission, valid and diffuse of `irradiance.Surface`; the
+    triangle (M,), 0 where there is none, with the weights (M, 2) of its corners 1 and 2; and background (M, 3), the
+    environment's radiance as far as the G-buffer's half floats hold it.
+    """
+    o, d = mi.Point3f(origin.T), mi.Vector3f(direction.T)
+    aimed = dr.squared_norm(d) > 0
+    hit = closest_front(tracer, o, d, aimed)
+    valid = aimed & dr.isfinite(hit.t)
+    ng, material, _ = side(tracer, hit, d, valid)
+    albedo, emission = tracer.shading.shown(material, hit.prim, hit.b, valid)
+    diffuse = tracer.shading.diffuse(material, hit.prim, hit.b, valid)
+    background = mi.Color3f(0)
+    if tracer.environment is not None:
+        background = dr.minimum(tracer.environment.eval(d, aimed)[0], constants.HALF_MAX)
+    columns = {
+        "normal": tracer.shading.shading_normal(hit.prim, hit.b, ng, valid),
+        "shading_normal": tracer.shading.mapped_normal(material, hit.prim, hit.b, ng, valid),
+        "geometric_normal": ng,
+        "albedo": albedo,
+        "emission": emission,
+        "weights": hit.b,
+    }
+    columns = {name: dr.select(valid, value, 0) for name, value in columns.items()} | {"background": background}
+    triangle = dr.select(valid, hit.prim, 0)
+    # In one kernel: each look at a column by itself would trace the rays again.
+    dr.eval(valid, diffuse, triangle, columns)
+    arrays = {name: np.broadcast_to(np.array(c).T, (len(o.x), len(c))) for name, c in columns.items()}
+    masks = {"valid": np.array(valid).astype(bool), "diffuse": np.array(diffuse).astype(bool)}
+    return arrays | masks | {"triangle": np.array(triangle)}
+
+
+def indirect(tracer, position, normal, geometric_normal, samples: int, bounces: int, seed: int) -> Sums:
+    """Sums over `samples` paths of the light arriving at each point; arguments (N, 3) float32.
+
+    Every lane follows the paths of one point, one after the other: short and long paths even out.
+    """
+    p, n, ng = mi.Point3f(position.T), mi.Normal3f(normal.T), mi.Normal3f(geometric_normal.T)
+    key = hashed(dr.arange(mi.UInt32, len(position)) + hashed(dr.opaque(mi.UInt32, seed)))
+    limits = dr.opaque(mi.UInt32, samples), dr.opaque(mi.UInt32, bounces)
+    light, squared, invalid = _paths(tracer, key, p, n, ng, *limits)
+    dr.eval(light, squared, invalid)
+    return Sums(np.array(light, np.float64).T, np.array(squared, np.float64), np.array(invalid, np.int64))
+
+
+def direct(tracer, position, normal, geometric_normal) -> dict[str, np.ndarray]:
+    """Light of all punctual lights at each point over pi, `direct` (N, 3) float32; arguments (N, 3) float32."""
+    p, n, ng = mi.Point3f(position.T), mi.Normal3f(normal.T), mi.Normal3f(geometric_normal.T)
+    active = dr.squared_norm(n) > 0
+    result = mi.Color3f(0)
+    for index in range(tracer.lights.count):
+        # Opaque: one kernel serves all lights.
+        result += _punctual(tracer, p, n, ng, dr.opaque(mi.UInt32, index), active)
+        dr.eval(result)
+    return {"direct": np.array(result).T}
+
+
+@dr.syntax
+def _paths(tracer, key, start, start_n, start_ng, samples, bounces):
+    """Sums over the paths of each lane's point: cosine-weighted light without the direct light of punctual lights."""
+    p, n, ng = mi.Point3f(start), mi.Normal3f(start_n), mi.Normal3f(start_ng)
+    throughput, light = mi.Color3f(1), mi.Color3f(0)
+    total, squared, invalid = mi.Color3f(0), mi.Float(0), mi.UInt32(0)
+    sample, bounce = mi.UInt32(0), mi.UInt32(0)
+    active = (dr.squared_norm(start_n) > 0) & (samples > 0)
+    while active:
+        draws = Draws(key, sample, bounce)
+        light += throughput * _arriving_at_vertex(tracer, draws, p, n, ng, bounce, active)
+        light_there, alive, p, n, ng, reflectance = _next_vertex(tracer, draws, p, n, ng, bounce < bounces, active)
+        light += throughput * light_there
+        throughput *= reflectance
+        # Russian roulette (Arvo and Kirk 1990).
+        survival = dr.select(bounce + 1 >= ROULETTE_BOUNCE, dr.minimum(dr.max(throughput), ROULETTE_MAX), 1)
+        alive &= (draws.one(ROULETTE) < survival) & (dr.max(throughput) > 0)
+        throughput *= dr.select(survival > 0, dr.rcp(survival), 0)
+        bounce += 1
+
+        # At its end a path is counted, and the next one starts at the point.
+        ends = active & ~alive
+        mean = (light.x + light.y + light.z) * (1 / 3)
+        counts = ends & dr.isfinite(mean)
+        total += dr.select(counts, light, 0)
+        squared += dr.select(counts, mean * mean, 0)
+        invalid += dr.select(ends & ~counts, mi.UInt32(1), mi.UInt32(0))
+        sample += dr.select(ends, mi.UInt32(1), mi.UInt32(0))
+        bounce = dr.select(ends, mi.UInt32(0), bounce)
+        throughput, light = dr.select(ends, 1, throughput), dr.select(ends, 0, light)
+        p, n, ng = dr.select(ends, start, p), dr.select(ends, start_n, n), dr.select(ends, start_ng, ng)
+        active &= sample < samples
+    return total, squared, invalid
+
+
+def _arriving_at_vertex(tracer, draws, p, n, ng, bounce, active):
+    """Light that reaches a vertex straight from lights, as sampling the lights finds it, over pi."""
+    light = mi.Color3f(0)
+    if tracer.lights.count > 0:
+        # The direct light of punctual lights is the engine's: not at the point itself.
+        index, weight = tracer.lights.sample(draws.one(LIGHT))
+        light += weight * _punctual(tracer, p, n, ng, index, active & (bounce > 0))
+    if tracer.emitters.count > 0:
+        light += _sample_emitter(tracer, draws, p, n, ng, active)
+    if tracer.environment is not None and tracer.environment.samples_light:
+        light += _sample_environment(tracer, draws, p, n, ng, active)
+    return light
+
+
+def _next_vertex(tracer, draws, p, n, ng, reflects, active):
+    """Follow a direction of the cosine lobe to the next surface.
+
+    Returns the light that it emits, or that comes from the environment; whether the path goes on (as far as `reflects`
+    lets it); and position, normals and albedo there.
+    """
+    finds_light = tracer.emitters.count > 0 or tracer.environment is not None
+    active = active & (mi.Bool(finds_light) | reflects)
+    local = mi.warp.square_to_cosine_hemisphere(draws.two(DIRECTION))
+    d = mi.Frame3f(n).to_world(local)
+    active &= dr.dot(d, ng) > 0
+    pdf = local.z * dr.inv_pi
+    origin = lifted(tracer, p, ng)
+    hit = closest(tracer, origin, d, active)
+    found = active & dr.isfinite(hit.t)
+    front_ng, material, front = side(tracer, hit, d, found)
+    visible = found & (front | tracer.shading.is_double_sided(material, found))
+    jitter = _jitter(draws)
+    light = mi.Color3f(0)
+    if tracer.emitters.count > 0:
+        density = dr.gather(mi.Float, tracer.emitters.density, hit.prim, visible)
+        emits = visible & (density > 0)
+        emission = tracer.shading.emission(material, hit.prim, hit.b, emits, jitter)
+        light_pdf = density * hit.t * hit.t / dr.abs(dr.dot(front_ng, d))
+        light = dr.select(emits & (pdf > 0), emission * _balance(pdf, light_pdf), 0)
+    if tracer.environment is not None:
+        escapes = active & ~dr.isfinite(hit.t)
+        radiance, density = tracer.environment.eval(d, escapes)
+        light += dr.select(escapes & (pdf > 0), radiance * _balance(pdf, density), 0)
+    alive = visible & reflects
+    reflectance = tracer.shading.albedo(material, hit.prim, hit.b, alive, jitter)
+    reflectance = dr.select(alive & ~_is_unlit(tracer, material, alive), reflectance, 0)
+    next_n = tracer.shading.shading_normal(hit.prim, hit.b, front_ng, alive)
+    next_p = mi.Point3f(origin + d * dr.select(found, hit.t, 0))
+    return light, alive, next_p, next_n, mi.Normal3f(front_ng), reflectance
+
+
+def _jitter(draws):
+    """The point within a texel that each kind of texture is read at, by its name."""
+    return lambda name: draws.two(TEXTURE + _JITTER[name])
+
+
+def _balance(pdf, other):
+    """Weight of the balance heuristic (Veach 1997); right for an infinite `other`."""
+    return dr.rcp(1 + other / pdf)
+
+
+def _punctual(tracer, p, n, ng, index, active):
+    """Light of punctual light `index` that a white Lambertian surface at p would send on."""
+    # `active = active & ...`: the augmented form would write into the caller's array.
+    origin = lifted(tracer, p, ng)
+    wi, distance, color = tracer.lights.arriving(index, p)
+    cosine = dr.dot(wi, n)
+    active = active & (cosine > 0) & (dr.dot(wi, ng) > 0) & (dr.max(color) > 0)
+    active = active & unoccluded(tracer, origin, wi, distance, active)
+    return dr.select(active, color * cosine * dr.inv_pi, 0)
+
+
+def _sample_emitter(tracer, draws, p, n, ng, active):
+    """Light of one point of an emissive surface; multiple importance sampling against the cosine lobe (Veach 1997)."""
+    origin = lifted(tracer, p, ng)
+    point, prim, b, density = tracer.emitters.sample(draws.one(EMITTER), draws.two(EMITTER_POINT))
+    offset = point - origin
+    squared = dr.squared_norm(offset)
+    distance = dr.sqrt(squared)
+    wi = offset / distance
+    cosine = dr.dot(wi, n)
+    active = active & (cosine > 0) & (dr.dot(wi, ng) > 0) & (squared > 0)
+    front_ng, material = tracer.shading.frame(prim, active)
+    facing = -dr.dot(front_ng, wi)
+    active &= (facing > 0) | (tracer.shading.is_double_sided(material, active) & (facing != 0))
+    if tracer.masked is not None:
+        active &= ~tracer.shading.hole(prim, b, active)
+    active &= unoccluded(tracer, origin, wi, distance, active)
+    radiance = tracer.shading.emission(material, prim, b, active, _jitter(draws))
+    light_pdf = density * squared / dr.abs(facing)
+    pdf = cosine * dr.inv_pi
+    return dr.select(active, radiance * pdf / (light_pdf + pdf), 0)
+
+
+def _sample_environment(tracer, draws, p, n, ng, active):
+    """Light from one direction of the environment, drawn by its radiance."""
+    wi, radiance, density = tracer.environment.sample(draws.two(ENVIRONMENT))
+    cosine = dr.dot(wi, n)
+    active = active & (cosine > 0) & (dr.dot(wi, ng) > 0) & (density > 0)
+    active = active & unoccluded(tracer, lifted(tracer, p, ng), wi, mi.Float(dr.inf), active)
+    pdf = cosine * dr.inv_pi
+    return dr.select(active, radiance * pdf / (density + pdf), 0)
+
+
+def _is_unlit(tracer, material, active):
+    if not tracer.unlit:
+        return mi.Bool(False)
+    return dr.gather(mi.Vector4f, tracer.shading.emission_table, material, active).w > 0

@@ -1,0 +1,107 @@
+"""Path-traced references: a camera's full light as two independent halves, and a deferred frame's distance to it."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from gsgi.baker.evaluation.metrics import Difference, compare_linear, ssim
+from gsgi.runtime.camera import Camera
+from gsgi.runtime.display import auto_exposure, tone_map
+
+from . import denoise
+from .tracer import Sampling, Surface, Tracer
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What path tracing sees through the pixel centres of a camera; images (H, W, 3) float32, linear Rec.709.
+
+    `indirect_a` and `indirect_b` are B from independent halves of the samples, undenoised, 0 where B is not seen (see
+    Surface); `valid` (H, W) bool: where it is, and both have it from at least one path. `primary` is emission and
+    punctual light, and the environment where no surface is: it has no noise to speak of.
+    """
+
+    surface: Surface
+    primary: np.ndarray
+    indirect_a: np.ndarray
+    indirect_b: np.ndarray
+    valid: np.ndarray
+
+    @property
+    def indirect(self) -> np.ndarray:
+        """B from all samples, undenoised."""
+        return (self.indirect_a + self.indirect_b) / 2
+
+    @property
+    def final(self) -> np.ndarray:
+        """Primary light + albedo * B from all samples, undenoised."""
+        return self.lit(self.indirect)
+
+    def lit(self, indirect: np.ndarray) -> np.ndarray:
+        """The full light that a B (H, W, 3) makes."""
+        return self.primary + self.surface.albedo * indirect
+
+    @cached_property
+    def clean(self) -> np.ndarray:
+        """B from all samples, denoised; as it is where no denoiser is installed."""
+        return self._denoised(self.indirect)
+
+    @cached_property
+    def clean_halves(self) -> tuple[np.ndarray, np.ndarray]:
+        """B from each half of the samples, likewise."""
+        return self._denoised(self.indirect_a), self._denoised(self.indirect_b)
+
+    def _denoised(self, indirect: np.ndarray) -> np.ndarray:
+        if not denoise.available():
+            return indirect
+        return denoise.denoise(indirect, self.surface.normal, self.valid)
+
+
+def trace(tracer: Tracer, camera: Camera, width: int, height: int, samples: int, seed: int, advance=None) -> Reference:
+    """Trace a reference of `samples` paths per pixel, half of them for each half.
+
+    `advance(points)` is called as pixels are done, with `2 * width * height` points in all.
+    """
+    surface = tracer.surface(camera, width, height)
+    direct = surface.image(tracer.direct(*surface.shading_points()))
+    half = Sampling(-(-samples // 2))
+    # Hashed: a reference shares its random numbers with no view of a bake, whose seeds are small numbers too.
+    seeds = np.random.SeedSequence(seed).generate_state(2).tolist()
+    a, b = (tracer.indirect(*surface.points(), half, s, advance) for s in seeds)
+    if advance:
+        advance(2 * float((~surface.diffuse).sum()))
+    valid = surface.image((a.samples > 0) & (b.samples > 0))
+    primary = surface.emission + surface.albedo * direct
+    return Reference(surface, primary, surface.image(a.mean), surface.image(b.mean), valid)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A picture's distance to a reference, and the SSIM between the reference's own halves: nothing can pass it."""
+
+    difference: Difference
+    ceiling: float
+
+
+def judge_frame(frame: np.ndarray, reference: Reference, exposure: float | None = None) -> Verdict:
+    """How far a linear frame (H, W, 3) is from the full light of the reference.
+
+    By default the exposure is the reference's own: its log-average to mid-grey.
+    """
+    return _judge(frame, reference, reference.lit, exposure)
+
+
+def judge_indirect(indirect: np.ndarray, reference: Reference, exposure: float | None = None) -> Verdict:
+    """How far a B (H, W, 3) is from the reference's, over its valid pixels; exposure as for `judge_frame`."""
+    valid = reference.valid
+    return _judge(np.where(valid[..., None], indirect, 0), reference, lambda b: b, exposure, valid)
+
+
+def _judge(image, reference: Reference, lit, exposure: float | None, valid: np.ndarray | None = None) -> Verdict:
+    # Not from the denoised image: the denoiser leaves traces of light where there is none.
+    exposure = auto_exposure(lit(reference.indirect)) if exposure is None else exposure
+    clean = lit(reference.clean)
+    difference = compare_linear(image, lit(reference.indirect_a), lit(reference.indirect_b), clean, exposure, valid)
+    halves = (tone_map(lit(half), exposure) for half in reference.clean_halves)
+    return Verdict(difference, ssim(*halves, valid))

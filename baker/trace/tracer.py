@@ -1,0 +1,236 @@
+"""B, the demodulated indirect light, in camera views and at surface points.
+
+`B(x) = (1/pi) * integral of L_in(x, w) cos(theta) dw` (Kajiya 1986, "The rendering equation") without the light that
+reached x straight from a punctual light. Emissive surfaces light the scene through B completely.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from gsgi.runtime.camera import Camera
+from gsgi.runtime.scene import Scene
+
+from . import mitsuba_scene
+from .punctual_lights import PunctualLights
+from .surface_tables import tabulate
+
+# Paths per point and points of one launch. Points are constant, because Dr.Jit compiles anew for every other number.
+PASS_SAMPLES = 32
+LAUNCH_POINTS = 1 << 14
+
+PRIOR_SAMPLES = 64
+
+# Bounces where none are asked for: at albedo 0.75 the light cut off is below 1e-7.
+BOUNCES_MAX = 64
+
+
+@dataclass(frozen=True)
+class Surface:
+    """What a camera sees through its pixel centres, arrays (H, W, ...) float32; zeros where it sees no surface.
+
+    position (m), normal (interpolated, unit, towards the camera), shading_normal (as a normal texture bends it: primary
+    light goes by it) and geometric_normal in world space; albedo and emission linear Rec.709; depth along the camera's
+    -Z (m); valid bool: a surface is seen; diffuse bool: it shows light that falls on it, as it is neither unlit nor
+    metal. Where there is no surface, emission is the environment's radiance.
+    """
+
+    position: np.ndarray
+    normal: np.ndarray
+    shading_normal: np.ndarray
+    geometric_normal: np.ndarray
+    albedo: np.ndarray
+    emission: np.ndarray
+    depth: np.ndarray
+    valid: np.ndarray
+    diffuse: np.ndarray
+
+    def points(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """position, normal and geometric_normal (N, 3) of the pixels that are diffuse: where B is seen."""
+        return tuple(array[self.diffuse] for array in (self.position, self.normal, self.geometric_normal))
+
+    def shading_points(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The same with the shading normal: where primary light falls."""
+        return tuple(array[self.diffuse] for array in (self.position, self.shading_normal, self.geometric_normal))
+
+    def image(self, values: np.ndarray) -> np.ndarray:
+        """Values (N, ...) at `points()` as an image (H, W, ...) of their dtype, 0 in all other pixels."""
+        result = np.zeros(self.diffuse.shape + values.shape[1:], values.dtype)
+        result[self.diffuse] = values
+        return result
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """How long points are traced: at most `samples` paths (in passes of PASS_SAMPLES) of at most `bounces` surfaces.
+
+    A point is done earlier once its standard error is below `error` * (B + `scale`), scale in radiance: relative where
+    it is bright, absolute where it is dark. `error` 0: never earlier.
+    """
+
+    samples: int
+    bounces: int = BOUNCES_MAX
+    error: float = 0.0
+    scale: float = 1.0
+
+
+@dataclass(frozen=True)
+class Light:
+    """B at N points: mean (N, 3) float32, linear Rec.709 radiance; error (N,) float32, its standard error (mean of the
+    channels); samples (N,) int64: paths that gave a finite number; invalid: how many others were left out."""
+
+    mean: np.ndarray
+    error: np.ndarray
+    samples: np.ndarray
+    invalid: int
+
+
+class Tracer:
+    """Traces the light of one scene. What it returns depends on the arguments alone, not on threads or history."""
+
+    def __init__(self, scene: Scene):
+        from .emitters import Emitters
+        from .environment_light import EnvironmentLight
+        from .shading import Shading
+
+        surfaces = tabulate(scene)
+        self.corners = surfaces.position, surfaces.triangle
+        count = self.opaque_count = surfaces.opaque
+        parts = surfaces.triangle[:count], surfaces.triangle[count:]
+        self.opaque, self.masked = (mitsuba_scene.build(surfaces.position, p) if len(p) else None for p in parts)
+        self.diagonal = scene.diagonal()
+        self.unlit = any(material.unlit for material in scene.materials)
+        self.shading = Shading(surfaces)
+        self.lights = PunctualLights(scene.lights, self.diagonal)
+        self.emitters = Emitters(scene, surfaces)
+        self.environment = None if scene.environment is None else EnvironmentLight(scene.environment)
+
+    def surface(self, camera: Camera, width: int, height: int) -> Surface:
+        """The surfaces behind the pixel centres of an image of this size (px)."""
+        from . import paths
+
+        pinhole = camera.pinhole(width, height)
+        y, x = np.mgrid[0:height, 0:width] + 0.5
+        local = np.stack([(x - pinhole.cx) / pinhole.fx, (pinhole.cy - y) / pinhole.fy, -np.ones_like(x)], axis=-1)
+        direction = local.reshape(-1, 3) @ camera.world_from_view[:3, :3].T
+        origin = camera.position + camera.znear * direction
+        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+        hits = self._launched(paths.first_hits, origin, direction)
+        hits["position"] = self._positions(hits.pop("triangle"), hits.pop("weights"))
+        depth = (camera.position - hits["position"]) @ camera.world_from_view[:3, 2]
+        valid = hits.pop("valid") & (depth <= camera.zfar)
+        diffuse = hits.pop("diffuse") & valid
+        background = hits.pop("background")
+        columns = {name: np.where(valid[:, None], column, 0) for name, column in hits.items()}
+        columns["emission"] = np.where(valid[:, None], hits["emission"], background)
+        columns |= {"depth": np.where(valid, depth, 0).astype(np.float32), "valid": valid, "diffuse": diffuse}
+        return Surface(**{name: column.reshape(height, width, *column.shape[1:]) for name, column in columns.items()})
+
+    def indirect(self, position, normal, geometric_normal, sampling: Sampling, seed: int, advance=None) -> Light:
+        """B at surface points: position (N, 3) m, normal and geometric_normal (N, 3) unit, all float32, world space.
+
+        The same arguments give the same bits. `advance(points)` is called as points are done, with N in all.
+        """
+        points = position, normal, geometric_normal
+        passes = -(-sampling.samples // PASS_SAMPLES)
+        sums = _Sums.empty(len(position))
+        active = np.arange(len(position))
+        for k in range(passes):
+            self._pass(points, active, sums, sampling.bounces, (seed, k), advance and (lambda n: advance(n / passes)))
+            if not sampling.error:
+                continue
+            going = active[sums.error()[active] > sampling.error * (sums.brightness()[active] + sampling.scale)]
+            if advance:
+                advance((len(active) - len(going)) * (passes - 1 - k) / passes)
+            active = going
+        return sums.light()
+
+    def direct(self, position, normal, geometric_normal) -> np.ndarray:
+        """Light straight from the punctual lights: (N, 3) float32, such that primary = albedo * direct + emission.
+
+        Arguments as for `indirect`, with the shading normal. Exact: a shadow ray to every light, and the lights have no
+        extent.
+        """
+        from . import paths
+
+        if not self.lights.count:
+            return np.zeros((len(position), 3), np.float32)
+        return self._launched(paths.direct, position, normal, geometric_normal)["direct"]
+
+    def _launched(self, kernel: Callable, *inputs: np.ndarray) -> dict[str, np.ndarray]:
+        """Columns (N, ...) of a kernel that takes arrays (N, 3), in launches of one size."""
+        count = len(inputs[0])
+        starts = range(0, max(count, 1), LAUNCH_POINTS)
+        launches = [kernel(self, *(_padded(array[k : k + LAUNCH_POINTS]) for array in inputs)) for k in starts]
+        return {name: np.concatenate([launch[name] for launch in launches])[:count] for name in launches[0]}
+
+    def _positions(self, triangle: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """Points (N, 3) float32 on triangles (N,), from the weights (N, 2) of their corners 1 and 2.
+
+        Not from distances along rays: seen from far away, those miss the surface by more than rays start off it.
+        """
+        position, corners = self.corners
+        a, b, c = (position[corner].astype(np.float64) for corner in corners[triangle].T)
+        return (a + weights[:, :1] * (b - a) + weights[:, 1:] * (c - a)).astype(np.float32)
+
+    def _pass(self, points, active: np.ndarray, sums: "_Sums", bounces: int, seed: tuple, advance) -> None:
+        """PASS_SAMPLES more paths for the points `active`."""
+        from . import paths
+
+        for first in range(0, len(active), LAUNCH_POINTS):
+            at = active[first : first + LAUNCH_POINTS]
+            padded = [_padded(array[at]) for array in points]
+            launch_seed = int(np.random.SeedSequence((*seed, first)).generate_state(1)[0])
+            sums.add(at, paths.indirect(self, *padded, PASS_SAMPLES, bounces, launch_seed))
+            if advance:
+                advance(len(at))
+
+
+@dataclass(frozen=True)
+class _Sums:
+    """Running sums over the paths of N points."""
+
+    total: np.ndarray  # (N, 3)
+    squared: np.ndarray  # (N,) of the mean of the channels
+    samples: np.ndarray  # (N,)
+    invalid: np.ndarray  # (N,)
+
+    @staticmethod
+    def empty(count: int) -> "_Sums":
+        return _Sums(np.zeros((count, 3)), np.zeros(count), np.zeros(count, np.int64), np.zeros(count, np.int64))
+
+    def add(self, at: np.ndarray, launch) -> None:
+        """The first len(at) points of a launch belong to the points `at`."""
+        invalid = launch.invalid[: len(at)]
+        self.total[at] += launch.light[: len(at)]
+        self.squared[at] += launch.squared[: len(at)]
+        self.samples[at] += PASS_SAMPLES - invalid
+        self.invalid[at] += invalid
+
+    def brightness(self) -> np.ndarray:
+        """Mean of the channels (N,)."""
+        return self.total.mean(axis=1) / np.maximum(self.samples, 1)
+
+    def error(self) -> np.ndarray:
+        """Standard error of the brightness (N,).
+
+        The variance leans on that of all points as PRIOR_SAMPLES paths would: few paths that all missed a small light
+        know nothing of it.
+        """
+        n = np.maximum(self.samples, 1)
+        variance = np.maximum(self.squared / n - self.brightness() ** 2, 0)
+        pooled = (variance * n + variance.mean() * PRIOR_SAMPLES) / (n + PRIOR_SAMPLES) if len(n) else variance
+        return np.sqrt(pooled / n)
+
+    def light(self) -> Light:
+        mean = self.total / np.maximum(self.samples, 1)[:, None]
+        counts = self.samples, int(self.invalid.sum())
+        return Light(mean.astype(np.float32), self.error().astype(np.float32), *counts)
+
+
+def _padded(array: np.ndarray) -> np.ndarray:
+    """(n, 3) -> (LAUNCH_POINTS, 3) float32; what is added has normal or direction 0, where nothing is traced."""
+    result = np.zeros((LAUNCH_POINTS, 3), np.float32)
+    result[: len(array)] = array
+    return result

@@ -1,0 +1,39 @@
+"""An optional camera path: a JSON file of cameras to fit besides the scene's own."""
+
+from pathlib import Path
+
+import numpy as np
+
+from gsgi.runtime.camera import Camera, look_at
+from gsgi.runtime.gltf.json_value import Json, parse
+from gsgi.runtime.gltf.uri import read_file
+from gsgi.runtime.vectors import unit
+
+from .placement import YFOV
+
+YFOV_MIN, YFOV_MAX = 0.01, 3.0  # rad
+NEAR = 1e-3  # of the scene's diagonal
+ACROSS_MIN = 1e-3  # sine of the angle between a camera's up and where it looks
+
+
+def read_camera_path(path: str, diagonal: float) -> dict[str, Camera]:
+    """The cameras of a path, named "path 1" and so on; `diagonal` (m) is that of the scene.
+
+    {"cameras": [{"position": [x, y, z], "target": [x, y, z], "up": [x, y, z], "yfov": 1.0}, ...]}, in glTF's space;
+    `up` (+Y) and `yfov` (rad) may be left out. Raises FileError, and SceneError with file and JSON pointer.
+    """
+    cameras = parse(read_file(Path(path)), path).get("cameras")
+    if not cameras.array():
+        raise cameras.refuse("at least one camera")
+    return {f"path {i}": _camera(value, NEAR * diagonal) for i, value in enumerate(cameras.items(), 1)}
+
+
+def _camera(value: Json, near: float) -> Camera:
+    eye, target, up = value.get("position"), value.get("target"), value.get("up", [0, 1, 0])
+    along = target.vector(3) - eye.vector(3)
+    if not along.any():
+        raise target.refuse("a point other than the position", "the same")
+    if not up.vector(3).any() or np.linalg.norm(np.cross(unit(up.vector(3)), unit(along))) < ACROSS_MIN:
+        raise up.refuse("a vector across the line of sight")
+    yfov = value.get("yfov", YFOV).number(YFOV_MIN, YFOV_MAX)
+    return look_at(eye.vector(3), eye.vector(3) + unit(along), unit(up.vector(3)), yfov, near)

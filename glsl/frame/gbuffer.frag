@@ -1,0 +1,97 @@
+// What primary light and composite need to know of the nearest surface.
+#include "lib/constants.glsl"
+#include "lib/normal_map.glsl"
+#include "lib/octahedral.glsl"
+#include "lib/texture.glsl"
+
+uniform vec4 base_color;  // linear; alpha
+uniform float metallic;
+uniform vec3 emission;  // radiance
+in vec3 v_offset;
+in vec3 v_normal;
+in float v_depth;
+#if ALPHA_MASK
+uniform float alpha_cutoff;
+#endif
+#if VERTEX_COLOR
+in vec4 v_color;
+#endif
+#if BASE_TEXTURE
+uniform highp sampler2D base_texture;
+uniform vec2 base_mirror;
+in vec2 v_base_uv;
+#endif
+#if METALLIC_TEXTURE
+uniform highp sampler2D metallic_texture;
+uniform vec2 metallic_mirror;
+in vec2 v_metallic_uv;
+#endif
+#if NORMAL_TEXTURE
+uniform highp sampler2D normal_texture;
+uniform vec2 normal_mirror;
+uniform float normal_scale;
+in vec2 v_normal_uv;
+in vec4 v_tangent;
+#endif
+#if EMISSION_TEXTURE
+uniform highp sampler2D emission_texture;
+uniform vec2 emission_mirror;
+in vec2 v_emission_uv;
+#endif
+
+layout(location = 0) out vec4 out_albedo;
+layout(location = 1) out vec4 out_normal;    // octahedral: shading normal, triangle's normal
+layout(location = 2) out vec4 out_emission;  // the start value of primary light
+layout(location = 3) out vec4 out_depth;
+#if INTERPOLATED
+layout(location = 4) out vec4 out_interpolated;  // octahedral: shading normal without normal map
+#endif
+
+void main() {
+    // Derivatives come before any discard.
+    vec3 face = cross(dFdx(v_offset), dFdy(v_offset));
+    vec4 color = base_color;
+#if VERTEX_COLOR
+    color *= v_color;
+#endif
+#if BASE_TEXTURE
+    color *= texture(base_texture, mirrored(v_base_uv, base_mirror));
+#endif
+    float metal = metallic;
+#if METALLIC_TEXTURE
+    metal *= texture(metallic_texture, mirrored(v_metallic_uv, metallic_mirror)).b;
+#endif
+    vec3 radiance = emission;
+#if EMISSION_TEXTURE
+    radiance *= texture(emission_texture, mirrored(v_emission_uv, emission_mirror)).rgb;
+#endif
+    vec3 albedo = color.rgb * (1.0 - metal);
+#if UNLIT
+    radiance = color.rgb;
+    albedo = vec3(0.0);
+#endif
+
+    // Turn all normals to the camera's side, which is that of the triangle, whatever the file says. The mapped normal
+    // is turned with the interpolated one. It may then still lie below the triangle and stays as it is: light arrives
+    // from where both dot(wi, shading) > 0 and dot(wi, face) > 0.
+    vec3 interpolated = unit_or(v_normal, normalize(-v_offset));
+    face = unit_or(face, interpolated);
+    face *= dot(face, v_offset) > 0.0 ? -1.0 : 1.0;
+    vec3 shading = interpolated;
+#if NORMAL_TEXTURE
+    vec3 texel = texture(normal_texture, mirrored(v_normal_uv, normal_mirror)).xyz;
+    shading = mapped_normal(interpolated, v_tangent, texel, normal_scale);
+#endif
+    float side = dot(interpolated, face) < 0.0 ? -1.0 : 1.0;
+
+#if ALPHA_MASK
+    if (color.a < alpha_cutoff) discard;
+#endif
+    out_albedo = vec4(albedo, 1.0);
+    out_normal = vec4(octahedral_from_normal(side * shading), octahedral_from_normal(face));
+    out_emission = vec4(min(radiance, vec3(HALF_MAX)), 1.0);
+    out_depth = vec4(v_depth, 0.0, 0.0, 1.0);
+#if INTERPOLATED
+    out_interpolated = vec4(octahedral_from_normal(side * interpolated), 0.0, 1.0);
+#endif
+}

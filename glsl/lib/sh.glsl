@@ -1,0 +1,43 @@
+// Real spherical harmonics, orthonormal on the sphere, Condon-Shortley phase; order (l, m): 0,0; 1,-1 1,0 1,1; ...
+// Degree: the define SH_DEGREE, 0 to 3.
+#include "lib/constants.glsl"
+
+#define SH_COUNT ((SH_DEGREE + 1) * (SH_DEGREE + 1))
+
+// Values of the basis in the unit direction `d`.
+void sh_basis(vec3 d, out float basis[SH_COUNT]) {
+    // Ramamoorthi and Hanrahan 2001, "An Efficient Representation for Irradiance Environment Maps"; signs as in
+    // Kerbl et al. 2023
+    basis[0] = SH_C0;
+#if SH_DEGREE > 0
+    basis[1] = -SH_C1 * d.y;
+    basis[2] = SH_C1 * d.z;
+    basis[3] = -SH_C1 * d.x;
+#endif
+#if SH_DEGREE > 1
+    float xx = d.x * d.x, yy = d.y * d.y, zz = d.z * d.z;
+    basis[4] = SH_C2_0 * d.x * d.y;
+    basis[5] = -SH_C2_0 * d.y * d.z;
+    basis[6] = SH_C2_1 * (2.0 * zz - xx - yy);
+    basis[7] = -SH_C2_0 * d.x * d.z;
+    basis[8] = SH_C2_2 * (xx - yy);
+#endif
+#if SH_DEGREE > 2
+    basis[9] = -SH_C3_0 * d.y * (3.0 * xx - yy);
+    basis[10] = SH_C3_1 * d.x * d.y * d.z;
+    basis[11] = -SH_C3_2 * d.y * (4.0 * zz - xx - yy);
+    basis[12] = SH_C3_3 * d.z * (2.0 * zz - 3.0 * xx - 3.0 * yy);
+    basis[13] = -SH_C3_2 * d.x * (4.0 * zz - xx - yy);
+    basis[14] = SH_C3_4 * d.z * (xx - yy);
+    basis[15] = -SH_C3_0 * d.x * (xx - 3.0 * yy);
+#endif
+}
+
+// The function of these coefficients in the unit direction `d`.
+vec3 sh_sum(vec3 coefficients[SH_COUNT], vec3 d) {
+    float basis[SH_COUNT];
+    sh_basis(d, basis);
+    vec3 sum = vec3(0.0);
+    for (int k = 0; k < SH_COUNT; ++k) sum += basis[k] * coefficients[k];
+    return sum;
+}

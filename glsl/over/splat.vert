@@ -1,0 +1,45 @@
+// One quad per Gaussian, just large enough for what is visible of it. Draw a strip of four vertices per instance.
+#include "lib/camera.glsl"
+#include "lib/gaussian.glsl"
+#include "lib/projection.glsl"
+
+uniform highp sampler2D shape_data;
+uniform highp sampler2D sh_data;
+uniform mat4 view_from_world;
+uniform vec3 eye;
+uniform vec2 focal;   // px
+uniform vec2 centre;  // px
+uniform vec2 size;    // px
+uniform float near;      // m
+uniform float dilation;  // px^2
+uniform float alpha_min;
+
+in uint index;  // of the Gaussian; instances run back to front
+flat out vec2 v_mean2d;
+flat out vec3 v_whiten;
+flat out vec4 v_color;  // light, opacity
+
+void main() {
+    gl_Position = vec4(2.0, 2.0, 2.0, 1.0);  // outside: nothing is drawn
+    v_mean2d = vec2(0.0);
+    v_whiten = vec3(0.0);
+    v_color = vec4(0.0);
+    Gaussian g = fetch_gaussian(shape_data, int(index));
+    vec3 t = (view_from_world * vec4(g.position, 1.0)).xyz;
+    // Written so that a NaN fails the test.
+    if (!(-t.z >= near && g.opacity >= alpha_min)) return;
+
+    mat3 axes = mat3(view_from_world) * rotation_from_quaternion(g.rotation);
+    axes = mat3(axes[0] * g.scale.x, axes[1] * g.scale.y, axes[2] * g.scale.z);
+    Footprint f = project_covariance(t, axes, focal, size, dilation);
+    if (!(f.determinant > 0.0) || isinf(f.determinant)) return;
+
+    v_mean2d = pixel_from_view(t, focal, centre);
+    v_whiten = whiten(f);
+    v_color = vec4(fetch_color(sh_data, int(index), normalize(g.position - eye)), g.opacity);
+    // opacity * exp(-r^2 / 2) falls to alpha_min at r standard deviations.
+    float r = sqrt(2.0 * log(g.opacity / alpha_min));
+    vec2 corner = vec2((gl_VertexID & 1) == 0 ? -r : r, (gl_VertexID & 2) == 0 ? -r : r);
+    vec2 ndc = 2.0 * (v_mean2d + ellipse_axes(f) * corner) / size - 1.0;
+    gl_Position = vec4(ndc.x, -ndc.y, 0.0, 1.0);
+}

@@ -1,0 +1,184 @@
+// The colour that pyrender gives a surface, and indirect light besides.
+#include "pyrender/metallic_roughness.glsl"
+#include "lib/srgb.glsl"
+#include "lib/texture.glsl"
+
+#define GAMMA 2.2
+
+uniform vec4 base_color;
+in vec3 v_position;
+in float v_depth;
+#if NORMAL
+in vec3 v_normal;
+#endif
+#if VERTEX_COLOR
+in vec4 v_color;
+#endif
+#if TEXTURES
+uniform highp sampler2D base_texture;
+uniform vec2 base_mirror;
+in vec2 v_uv;
+#endif
+
+#if LIT
+uniform float metallic;
+uniform float roughness;
+uniform vec3 emission;
+uniform vec3 ambient;
+uniform vec3 eye;
+#if TEXTURES
+uniform highp sampler2D surface_texture;  // roughness, metallic
+uniform highp sampler2D occlusion_texture;
+uniform highp sampler2D emission_texture;
+uniform vec2 surface_mirror;
+uniform vec2 occlusion_mirror;
+uniform vec2 emission_mirror;
+#endif
+#if NORMAL_TEXTURE
+uniform highp sampler2D normal_texture;
+uniform vec2 normal_mirror;
+#endif
+#if LIGHTS > 0
+uniform vec3 light_place[LIGHTS];      // position, world space, m; of a directional light, the way towards it
+uniform float light_near[LIGHTS];      // 1; directional: 0
+uniform vec3 light_color[LIGHTS];
+uniform vec3 light_direction[LIGHTS];  // the way light travels
+uniform vec2 light_cone[LIGHTS];       // factor and summand that take the cosine to the edge's [0, 1]
+#endif
+#if SHADOWS
+uniform highp sampler2DShadow shadow_maps;  // tiles side by side
+uniform mat4 map_from_world[LIGHTS];   // ends in [0, 1]
+uniform vec2 tile_low[LIGHTS];         // corners of the light's tile in texture coordinates
+uniform vec2 tile_high[LIGHTS];        // 0: no shadows
+#endif
+#if INDIRECT
+uniform highp sampler2D indirect;
+uniform highp sampler2D surface_depth;
+#endif
+#endif
+
+layout(location = 0) out vec4 out_color;
+
+#if LIT
+vec3 shading_normal(vec3 v) {
+#if !NORMAL
+    return v;
+#elif NORMAL_TEXTURE
+    // Schüler 2013, "Normal Mapping Without Precomputed Tangents"
+    vec3 n = normalize(v_normal);
+    vec3 position_dx = dFdx(v_position), position_dy = dFdy(v_position);
+    vec2 uv_dx = dFdx(v_uv), uv_dy = dFdy(v_uv);
+    vec3 t = (uv_dy.y * position_dx - uv_dx.y * position_dy) / (uv_dx.x * uv_dy.y - uv_dy.x * uv_dx.y);
+    t = normalize(t - n * dot(n, t));
+    vec3 texel = texture(normal_texture, mirrored(v_uv, normal_mirror)).xyz;
+    return normalize(mat3(t, normalize(cross(n, t)), n) * (2.0 * texel - 1.0));
+#else
+    return normalize(v_normal);
+#endif
+}
+
+#if SHADOWS
+#define SHADOW_BIAS 0.001
+#define SHADOW_BIAS_MIN 1e-4
+
+float visibility(int i, float nl) {
+    if (tile_high[i] == vec2(0.0)) return 1.0;
+    vec4 p = map_from_world[i] * vec4(v_position, 1.0);
+    vec3 place = p.xyz / p.w;
+    if (place.z > 1.0) return 1.0;
+    float depth = place.z - max(SHADOW_BIAS * (1.0 - nl), SHADOW_BIAS_MIN) / p.w;
+    vec2 texel = 1.0 / vec2(textureSize(shadow_maps, 0));
+    vec2 low = tile_low[i] + 0.5 * texel, high = tile_high[i] - 0.5 * texel;
+    vec2 uv = mix(tile_low[i], tile_high[i], place.xy);
+    float lit = 0.0;
+    for (int tap = 0; tap < 9; ++tap) {
+        vec2 offset = vec2(tap % 3, tap / 3) * texel;  // pyrender's filter lies a texel off its middle
+        lit += texture(shadow_maps, vec3(clamp(uv + offset, low, high), depth)) / 9.0;
+    }
+    return lit;
+}
+#endif
+
+vec3 primary_light(Surface surface, vec3 n, vec3 v) {
+    vec3 sum = vec3(0.0);
+#if LIGHTS > 0
+    for (int i = 0; i < LIGHTS; ++i) {
+        vec3 offset = light_place[i] - light_near[i] * v_position;
+        vec3 l = normalize(offset);
+        float attenuation = light_near[i] > 0.0 ? 1.0 / dot(offset, offset) : 1.0;
+        float cosine = clamp(dot(light_direction[i], -l), 0.0, 1.0);
+        float edge = clamp(cosine * light_cone[i].x + light_cone[i].y, 0.0, 1.0);
+        vec3 light = edge * edge * attenuation * light_color[i] * reflected(surface, n, v, l);
+#if SHADOWS
+        light *= visibility(i, clamp(dot(n, l), 0.0, 1.0));
+#endif
+        sum += light;
+    }
+#endif
+    return sum;
+}
+
+#if INDIRECT
+#define SAME_DEPTH 0.01
+
+// B of the fragment's surface. Where the pixel's centre shows another one, the neighbour nearest in depth has it.
+vec3 indirect_light() {
+    ivec2 centre = ivec2(gl_FragCoord.xy), last = textureSize(surface_depth, 0) - 1, best = centre;
+    float off = abs(texelFetch(surface_depth, centre, 0).r - v_depth);
+    if (off > SAME_DEPTH * v_depth) {
+        for (int i = 0; i < 9; ++i) {
+            ivec2 texel = clamp(centre + ivec2(i % 3 - 1, i / 3 - 1), ivec2(0), last);
+            float d = abs(texelFetch(surface_depth, texel, 0).r - v_depth);
+            if (d < off) {
+                off = d;
+                best = texel;
+            }
+        }
+    }
+    return texelFetch(indirect, best, 0).rgb;
+}
+#endif
+
+vec3 lit_color(vec3 base) {
+    vec3 v = normalize(eye - v_position);
+    float metal = metallic, rough = roughness, occlusion = 1.0;
+    vec3 glow = emission;
+#if TEXTURES
+    vec2 texel = texture(surface_texture, mirrored(v_uv, surface_mirror)).rg;
+    rough *= texel.r;
+    metal *= texel.g;
+    occlusion = texture(occlusion_texture, mirrored(v_uv, occlusion_mirror)).r;
+    glow *= linear_from_srgb(texture(emission_texture, mirrored(v_uv, emission_mirror)).rgb);
+#endif
+    metal = clamp(metal, 0.0, 1.0);
+    rough = clamp(rough, DIELECTRIC, 1.0);
+    Surface surface = Surface(
+        base * (1.0 - DIELECTRIC) * (1.0 - metal), mix(vec3(DIELECTRIC), base, metal), rough);
+    vec3 color = occlusion * (primary_light(surface, shading_normal(v), v) + base * ambient);
+#if INDIRECT
+    color += base * (1.0 - metal) * indirect_light();
+#endif
+    return color + glow * emission;  // pyrender counts the factor twice
+}
+#endif
+
+void main() {
+    vec4 color = base_color;
+#if TEXTURES
+    vec4 texel = texture(base_texture, mirrored(v_uv, base_mirror));
+#if LIT
+    texel.rgb = linear_from_srgb(texel.rgb);
+#endif
+    color *= texel;
+#endif
+#if LIT
+    color.rgb = lit_color(color.rgb);
+#endif
+#if VERTEX_COLOR
+    color *= v_color;
+#endif
+#if LIT
+    color.rgb = pow(color.rgb, vec3(1.0 / GAMMA));
+#endif
+    out_color = clamp(color, 0.0, 1.0);
+}

@@ -1,0 +1,28 @@
+// Weight and weighted light of one Gaussian at the surface point of one pixel. Blended ONE, ONE.
+#include "lib/sh.glsl"
+#include "surface/weight.glsl"
+
+uniform highp sampler2D surface_position;
+uniform highp sampler2D surface_plane;
+uniform float cutoff;
+
+flat in vec4 v_center;
+flat in mat3 v_whiten;
+flat in vec3 v_sh[SH_COUNT];
+#if NORMAL_POWER > 0
+flat in vec3 v_normal;
+#endif
+
+layout(location = 0) out vec4 out_sums;  // sum w c, sum w
+
+void main() {
+    ivec2 texel = ivec2(gl_FragCoord.xy);
+    vec3 x = texelFetch(surface_position, texel, 0).xyz;
+    vec3 n = texelFetch(surface_plane, texel, 0).xyz;
+    float w = v_center.w * nearness((x - v_center.xyz) * v_whiten, cutoff);
+#if NORMAL_POWER > 0
+    w *= likeness(dot(n, v_normal), NORMAL_POWER);
+#endif
+    w = w > 0.0 ? w : 0.0;  // a NaN fails the test
+    out_sums = w * vec4(sh_sum(v_sh, n), 1.0);
+}

@@ -1,0 +1,50 @@
+// One polygon per Gaussian, just large enough for where it has weight. Draw a strip of OUTLINE_CORNERS vertices per
+// instance.
+#include "lib/ellipsoid.glsl"
+#include "lib/gaussian.glsl"
+
+uniform highp sampler2D shape_data;
+uniform highp sampler2D sh_data;
+uniform mat4 view_from_world;
+uniform vec2 focal;   // px
+uniform vec2 centre;  // px
+uniform vec2 size;    // px
+uniform float margin;  // px; how far along an axis a surface point may lie from the centre of its pixel
+uniform float near;    // m; no surface is nearer
+uniform float radius;  // standard deviations; where weights end
+
+in uint index;  // of the Gaussian
+flat out vec4 v_center;   // world space, m; opacity
+flat out mat3 v_whiten;   // columns: the ellipsoid's axes, world space, in 1 / standard deviations
+flat out vec3 v_sh[SH_COUNT];
+#if NORMAL_POWER > 0
+flat out vec3 v_normal;
+#endif
+
+// More than a depth buffer of 24 bits rounds by: even a Gaussian without thickness covers the surface that it lies on.
+#define DEPTH_SLACK 1e-6
+
+void main() {
+    gl_Position = vec4(2.0, 2.0, 2.0, 1.0);  // outside: nothing is drawn
+    Gaussian g = fetch_gaussian(shape_data, int(index));
+    mat3 rotation = rotation_from_quaternion(g.rotation);
+    v_center = vec4(g.position, min(g.opacity, 1.0));
+    v_whiten = mat3(rotation[0] / g.scale.x, rotation[1] / g.scale.y, rotation[2] / g.scale.z);
+    fetch_sh(sh_data, int(index), v_sh);
+    for (int k = 0; k < SH_COUNT; ++k) v_sh[k] = clamp(v_sh[k], -HALF_MAX / SH_C0, HALF_MAX / SH_C0);
+#if NORMAL_POWER > 0
+    v_normal = rotation[2];
+#endif
+
+    vec3 t = (view_from_world * vec4(g.position, 1.0)).xyz;
+    vec3 reach = radius * g.scale;
+    mat3 axes = mat3(view_from_world) * mat3(rotation[0] * reach.x, rotation[1] * reach.y, rotation[2] * reach.z);
+    vec3 extent = half_extent(axes);
+    float nearest = max(near, -t.z - extent.z);
+    // Written so that a NaN fails the test.
+    if (!(g.opacity > 0.0 && extent.z - t.z >= near)) return;
+    vec2 corner = outline_corner(gl_VertexID, t, axes, extent, near, focal, centre, size, margin);
+    vec2 ndc = 2.0 * corner / size - 1.0;
+    float depth = window_depth(nearest, near) - DEPTH_SLACK;
+    gl_Position = vec4(ndc.x, -ndc.y, max(2.0 * depth - 1.0, -1.0), 1.0);
+}

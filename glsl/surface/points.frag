@@ -1,0 +1,71 @@
+// The surface points at which the Gaussians are read: each pixel of the target takes one of the SPLAT_SCALE x
+// SPLAT_SCALE pixels of the host's textures that it covers.
+#include "lib/camera.glsl"
+#include "surface/host.glsl"
+
+uniform highp sampler2D normal;
+uniform highp sampler2D depth;
+
+uniform mat4 world_from_view;
+uniform mat4 world_from_offset;
+uniform vec2 axis;
+uniform vec2 size;      // px, of the view
+uniform vec2 corner;    // px; where the view begins in the textures
+uniform vec2 z_to_clip;
+uniform float near;
+#if BOX
+uniform vec3 box_low;
+uniform vec3 box_high;
+#endif
+
+layout(location = 0) out vec4 out_position;  // world space, m
+layout(location = 1) out vec4 out_plane;     // the tangent plane: its normal n, world space, unit; -n . position; 0: no surface
+
+float depth_at(ivec2 texel) {
+    return depth_from_texel(texelFetch(depth, ivec2(corner) + texel, 0).r, z_to_clip);
+}
+
+#if SPLAT_SCALE == 1
+ivec2 chosen_texel(ivec2 target) {
+    return target;
+}
+#else
+// Of depth: pixels further apart show different surfaces.
+#define DEPTH_STEP 1.1
+
+// The middle of the block; where there are several surfaces, the nearest and the farthest in turns, as on a
+// chessboard: then both are among any three neighbours. Surfaces come before the background.
+ivec2 chosen_texel(ivec2 target) {
+    ivec2 last = ivec2(size) - 1;
+    ivec2 middle = min(target * SPLAT_SCALE + SPLAT_SCALE / 2, last), near_texel = middle, far_texel = middle;
+    float seen = depth_at(middle), nearest = seen, farthest = seen;
+    for (int i = 0; i < SPLAT_SCALE * SPLAT_SCALE; ++i) {
+        ivec2 texel = min(target * SPLAT_SCALE + ivec2(i % SPLAT_SCALE, i / SPLAT_SCALE), last);
+        float d = depth_at(texel);
+        if (d > 0.0 && (d < nearest || nearest <= 0.0)) {
+            nearest = d;
+            near_texel = texel;
+        }
+        if (d > farthest) {
+            farthest = d;
+            far_texel = texel;
+        }
+    }
+    if (seen > 0.0 && farthest < nearest * DEPTH_STEP) return middle;
+    return ((target.x + target.y) & 1) == 0 ? near_texel : far_texel;
+}
+#endif
+
+void main() {
+    ivec2 texel = chosen_texel(ivec2(gl_FragCoord.xy));
+    float view_depth = depth_at(texel);
+    out_position = vec4(world_from_fragment(vec2(texel) + 0.5, view_depth, axis, world_from_offset), 1.0);
+    bool seen = view_depth > 0.0;
+#if BOX
+    seen = seen && all(greaterThanEqual(out_position.xyz, box_low)) && all(lessThanEqual(out_position.xyz, box_high));
+#endif
+    vec3 n = normal_from_texel(texelFetch(normal, ivec2(corner) + texel, 0), world_from_view);
+    out_plane = seen ? vec4(n, -dot(n, out_position.xyz)) : vec4(0.0);
+    // Nothing is nearer than 0: where there is no surface, no Gaussian passes the depth test.
+    gl_FragDepth = seen ? window_depth(view_depth, near) : 0.0;
+}

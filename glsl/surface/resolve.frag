@@ -1,0 +1,88 @@
+// B from the sums of the `surface` operator, by one division. At lower resolution the filled sums of the nearest points
+// are added up first, each as far as it shows the pixel's surface.
+#include "lib/camera.glsl"
+#include "lib/constants.glsl"
+#include "surface/host.glsl"
+#include "surface/weight.glsl"
+
+#if SPLAT_SCALE > 1
+uniform highp sampler2D filled_sums;
+uniform highp sampler2D surface_plane;
+uniform highp sampler2D normal;
+uniform highp sampler2D depth;
+
+uniform mat4 world_from_view;
+uniform mat4 world_from_offset;
+uniform vec2 axis;
+uniform vec2 corner;
+uniform vec2 z_to_clip;
+#else
+uniform highp sampler2D fine_sums;
+#if COARSE
+uniform highp sampler2D coarse_sums;
+#endif
+uniform float weight_floor;
+#endif
+
+layout(location = 0) out vec4 out_indirect;  // B
+
+#if SPLAT_SCALE > 1
+#define PLANE_TOLERANCE 0.01  // of depth; a pixel further off a point's plane shows another surface
+#define BLUR 0.01             // added to the weights by place, so that no neighbour is left out
+#define OTHERS 1e-7           // of points of other surfaces: taken where there are no others
+#define ALIKE_ENOUGH 0.5      // one of the three nearest points as alike as that: no need of those around them
+
+// How far a point's tangent plane is that of the pixel's point `x` with normal `n`, 0 to 1. `tolerance`: per m.
+float alike(vec4 plane, vec3 x, vec3 n, float tolerance) {
+    float on_plane = max(0.0, 1.0 - tolerance * abs(dot(plane, vec4(x, 1.0))));
+    // Normals that differ count as the eighth power of their cosine.
+    float cosine = max(0.0, dot(plane.xyz, n)), squared = cosine * cosine, fourth = squared * squared;
+    return on_plane * fourth * fourth;
+}
+
+vec4 upsampled(ivec2 texel) {
+    // Kopf et al. 2007, "Joint Bilateral Upsampling"
+    float view_depth = depth_from_texel(texelFetch(depth, ivec2(corner) + texel, 0).r, z_to_clip);
+    vec3 x = world_from_fragment(gl_FragCoord.xy, view_depth, axis, world_from_offset);
+    vec3 n = normal_from_texel(texelFetch(normal, ivec2(corner) + texel, 0), world_from_view);
+    float tolerance = 1.0 / (PLANE_TOLERANCE * view_depth);
+
+    // Linear over the triangle of the three nearest points: two opposite corners of a square, and one of the others.
+    vec2 place = vec2(texel - SPLAT_SCALE / 2) / float(SPLAT_SCALE), part = fract(place);
+    ivec2 low = ivec2(floor(place)), last = textureSize(filled_sums, 0) - 1;
+    ivec2 side = part.x > part.y ? ivec2(1, 0) : ivec2(0, 1);
+    float far = max(part.x, part.y), near = min(part.x, part.y);
+    vec3 by_place = vec3(1.0 - far, far - near, near) + BLUR;
+    vec4 sum = vec4(0.0);
+    float most_alike = 0.0;
+    for (int i = 0; i < 3; ++i) {  // where no surface is, the sums are 0
+        ivec2 tap = clamp(low + (i == 0 ? ivec2(0) : i == 1 ? side : ivec2(1)), ivec2(0), last);
+        float weight = alike(texelFetch(surface_plane, tap, 0), x, n, tolerance);
+        most_alike = max(most_alike, weight);
+        sum += by_place[i] * (weight + OTHERS) * texelFetch(filled_sums, tap, 0);
+    }
+    // On wires and at outlines often none of the three, but one of the points around them shows the pixel's surface.
+    float need = 1.0 - most_alike / ALIKE_ENOUGH;
+    int around = view_depth > 0.0 && need > 0.0 ? 16 : 0;  // llvmpipe leaves loops, but skips no branch
+    for (int i = 0; i < around; ++i) {
+        ivec2 tap = clamp(low - 1 + ivec2(i % 4, i / 4), ivec2(0), last);
+        sum += need * alike(texelFetch(surface_plane, tap, 0), x, n, tolerance) * texelFetch(filled_sums, tap, 0);
+    }
+    return view_depth > 0.0 ? sum : vec4(0.0);
+}
+#endif
+
+void main() {
+    ivec2 texel = ivec2(gl_FragCoord.xy);
+#if SPLAT_SCALE > 1
+    vec4 sum = upsampled(texel);
+#else
+    vec4 fine = texelFetch(fine_sums, texel, 0), coarse = vec4(0.0);
+#if COARSE
+    if (fine.a < weight_floor) coarse = texelFetch(coarse_sums, texel, 0);
+#endif
+    vec4 sum = filled(fine, coarse, weight_floor);
+#endif
+    vec3 light = sum.a > 0.0 ? sum.rgb / sum.a : vec3(0.0);
+    out_indirect = vec4(clamp(light, 0.0, HALF_MAX), 1.0);
+}

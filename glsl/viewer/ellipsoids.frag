@@ -1,0 +1,29 @@
+// The near side of one ellipsoid, in one colour, darker where it turns away.
+#include "lib/camera.glsl"
+
+uniform vec2 focal;   // px
+uniform vec2 centre;  // px
+uniform vec2 size;    // px
+uniform float near;   // m
+
+flat in vec3 v_eye;
+flat in mat3 v_whiten;
+flat in vec3 v_color;
+
+layout(location = 0) out vec4 out_color;
+
+#define EDGE 0.3  // of the colour, where the surface is seen from the side
+
+void main() {
+    vec3 ray = view_from_pixel(pixel_from_fragment(gl_FragCoord.xy, size.y), 1.0, focal, centre);
+    vec3 d = ray * v_whiten;
+    // Where eye + depth * d meets the unit sphere, by the ray's distance from its centre, which cannot cancel.
+    vec3 apart = cross(v_eye, d);
+    float square = dot(d, d), rest = square - dot(apart, apart);
+    if (!(rest >= 0.0)) discard;
+    float depth = (-dot(v_eye, d) - sqrt(rest)) / square;
+    if (!(depth >= near)) discard;  // the eye is inside
+    vec3 normal = normalize(v_whiten * (v_eye + depth * d));
+    out_color = vec4(v_color * mix(EDGE, 1.0, abs(dot(normal, normalize(ray)))), 1.0);
+    gl_FragDepth = window_depth(depth, near);
+}

@@ -1,0 +1,1 @@
+"""The .gsgi file; FORMAT.md specifies it."""

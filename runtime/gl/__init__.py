@@ -1,0 +1,1 @@
+"""OpenGL: the deferred frame, and indirect light as a pass in any moderngl host's frame."""

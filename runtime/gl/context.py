@@ -1,0 +1,95 @@
+"""Headless OpenGL contexts: the only place that creates one."""
+
+import ctypes
+import ctypes.util
+from collections.abc import Callable
+
+import moderngl
+
+from gsgi.runtime.errors import UnsupportedError
+
+REQUIRED_VERSION = 330
+_ADVICE = "install Mesa's drivers (Debian: libegl1 libgl1-mesa-dri, or libosmesa6)"
+
+# GL/osmesa.h: FORMAT RGBA, DEPTH_BITS 0, PROFILE CORE, version 3.3, end.
+_OSMESA_ATTRIBUTES = (0x22, 0x1908, 0x30, 0, 0x33, 0x34, 0x36, REQUIRED_VERSION // 100, 0x37, 3, 0)
+_GL_UNSIGNED_BYTE = 0x1401
+
+_NAMES = {"egl": "EGL", "osmesa": "OSMesa"}
+
+
+class OSMesa:
+    """Mesa's off-screen context in the shape that `moderngl.create_context(context=...)` accepts.
+
+    Everything is drawn into framebuffer objects: its own buffer is one pixel that nobody reads.
+    """
+
+    def __init__(self):
+        name = ctypes.util.find_library("OSMesa") or "libOSMesa.so.8"
+        self.library = ctypes.CDLL(name)
+        pointer, integer = ctypes.c_void_p, ctypes.c_int
+        for function, result, arguments in (
+            ("OSMesaCreateContextAttribs", pointer, [ctypes.POINTER(integer), pointer]),
+            ("OSMesaMakeCurrent", ctypes.c_ubyte, [pointer, pointer, ctypes.c_uint, integer, integer]),
+            ("OSMesaGetProcAddress", pointer, [ctypes.c_char_p]),
+            ("OSMesaDestroyContext", None, [pointer]),
+        ):
+            getattr(self.library, function).restype = result
+            getattr(self.library, function).argtypes = arguments
+        attributes = (integer * len(_OSMESA_ATTRIBUTES))(*_OSMESA_ATTRIBUTES)
+        self.handle = self.library.OSMesaCreateContextAttribs(attributes, None)
+        if not self.handle:
+            raise OSError(f"{name} has no OpenGL 3.3 core profile")
+        self.pixel = (ctypes.c_ubyte * 4)()
+        self.__enter__()
+
+    def load_opengl_function(self, name: str) -> int:
+        """Address of a GL function, 0 if there is none."""
+        return self.library.OSMesaGetProcAddress(name.encode()) or 0
+
+    load = load_opengl_function
+
+    def __enter__(self):
+        assert self.library.OSMesaMakeCurrent(self.handle, self.pixel, _GL_UNSIGNED_BYTE, 1, 1)
+        return self
+
+    def __exit__(self, *_):
+        pass
+
+    def release(self):
+        """Destroy the context. Calling it twice is harmless."""
+        if self.handle:
+            self.library.OSMesaDestroyContext(self.handle)
+        self.handle = None
+
+
+def create_context(
+    backend: str = "auto", device: int | None = None, say: Callable[[str], None] | None = None
+) -> moderngl.Context:
+    """OpenGL 3.3 core context without a window: `backend` "egl", "osmesa" or "auto" (EGL, then OSMesa).
+
+    `device`: which of EGL's devices, from 0; then nothing but EGL is tried. `say` is called with one line: what was
+    chosen, and why nothing that comes before it was. The context becomes current; inside `with ctx:` it is again,
+    after another one was used, and behind that block none is. Raises UnsupportedError that says what was tried and
+    what to install.
+    """
+    names = {"auto": ("egl", "osmesa"), "egl": ("egl",), "osmesa": ("osmesa",)}[backend if device is None else "egl"]
+    reasons = {}
+    for name in names:
+        try:
+            source = {"backend": "egl", "device_index": device or 0} if name == "egl" else {"context": OSMesa()}
+            context = moderngl.create_context(standalone=True, require=REQUIRED_VERSION, **source)
+        except Exception as error:  # moderngl raises bare Exception
+            reasons[name] = " ".join(str(error).split())
+            continue
+        if say:
+            failed = (f"; {_NAMES[other]} failed: {reason}" for other, reason in reasons.items())
+            say("".join((f"OpenGL: {_NAMES[name]}, {renderer_string(context)}", *failed)))
+        return context
+    tried = "; ".join(f"{name}: {reason}" for name, reason in reasons.items())
+    raise UnsupportedError(f"no OpenGL 3.3 context ({tried}); {_ADVICE}")
+
+
+def renderer_string(ctx: moderngl.Context) -> str:
+    """The driver in one line, such as "llvmpipe (LLVM 15.0.6, 256 bits), 4.5 (Core Profile) Mesa 22.3.6"."""
+    return f"{ctx.info['GL_RENDERER']}, {ctx.info['GL_VERSION']}"

@@ -1,0 +1,77 @@
+"""G-buffer: what is seen through each pixel."""
+
+import moderngl
+
+from gsgi.runtime.camera import Camera
+
+from .geometry import Batch, Geometry
+from .permutations import defines, sampled
+from .shader import program, set_uniforms
+
+
+class GBuffer:
+    """Targets of (width, height) px, all linear:
+
+    albedo    RGBA16F  base colour * (1 - metallic); a = 1 on surfaces
+    normal    RGBA16F  octahedral, world space: zw the triangle's normal, towards the camera; xy shading normal, that is
+                       the interpolated one on the same side, bent by the normal map
+    emission  RGBA16F  radiance, an unlit surface's base colour; where primary light starts from
+    depth     R32F     distance along the view axis, m; 0 = no surface
+
+    `interpolated` has the shading normal without normal map in xy: B belongs to it. A target of its own, RG16F, where a
+    material has a normal map, else it is `normal`.
+    """
+
+    def __init__(self, ctx: moderngl.Context, geometry: Geometry, size: tuple[int, int]):
+        self.ctx, self.geometry, self.size = ctx, geometry, size
+        self.albedo, self.normal, self.emission = (ctx.texture(size, 4, dtype="f2") for _ in range(3))
+        self.depth = ctx.texture(size, 1, dtype="f4")
+        self._nearest = ctx.depth_renderbuffer(size)
+        self._targets = [self.albedo, self.normal, self.emission, self.depth]
+        self._bent = any("normal" in sampled(batch.material) for batch in geometry.batches)
+        self.interpolated = ctx.texture(size, 2, dtype="f2") if self._bent else self.normal
+        if self._bent:
+            self._targets.append(self.interpolated)
+        self._target = ctx.framebuffer(self._targets, self._nearest)
+        self._programs: dict[tuple, moderngl.Program] = {}
+        self._draws = [(batch, self._vertex_array(batch)) for batch in geometry.batches]
+
+    def draw(self, camera: Camera) -> None:
+        """Fill all targets."""
+        self._target.use()
+        self._target.clear()
+        frame = {
+            "view_from_world": camera.view_from_world,
+            "clip_from_view": camera.clip_from_view(self.size[0] / self.size[1]),
+            "eye": camera.position,
+        }
+        for batch, triangles in self._draws:
+            material = batch.material
+            culling = 0 if material.double_sided else moderngl.CULL_FACE
+            self.ctx.enable_only(moderngl.DEPTH_TEST | culling)
+            set_uniforms(triangles.program, **frame, **self._surface(batch))
+            triangles.render()
+
+    def release(self) -> None:
+        """Free the GPU memory."""
+        resources = [*self._targets, self._nearest, self._target]
+        for resource in [t for _, t in self._draws] + list(self._programs.values()) + resources:
+            resource.release()
+
+    def _vertex_array(self, batch: Batch) -> moderngl.VertexArray:
+        features = defines("frame/gbuffer", batch.triangles(self._bent))
+        key = tuple(features.values())
+        if key not in self._programs:
+            self._programs[key] = program(self.ctx, "frame/gbuffer", **features)
+        return batch.vertex_array(self._programs[key])
+
+    def _surface(self, batch: Batch) -> dict:
+        material = batch.material
+        return {
+            "base_color": material.base_color,
+            "metallic": material.metallic,
+            "emission": material.emission,
+            "alpha_cutoff": 0.0 if material.alpha_cutoff is None else material.alpha_cutoff,
+            "normal_scale": material.normal_scale,
+            **self.geometry.bind(material, "base", "metallic", "normal", "emission"),
+        }

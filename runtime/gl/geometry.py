@@ -1,0 +1,106 @@
+"""Scene triangles and textures on the GPU, in batches that draw alike."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+
+from gsgi.runtime.errors import UnsupportedError
+from gsgi.runtime.scene import Material, Mesh, Scene, Texture
+
+from .permutations import Triangles, sampled
+
+_SRGB8_ALPHA8 = 0x8C43  # decoded before it is filtered, as in the path tracer
+_SRGB_SLOTS = {"base", "emission"}  # the others are linear
+
+
+@dataclass(frozen=True)
+class Batch:
+    """All triangles of one material that have vertex colours, or all of it that have none.
+
+    `attributes` are float32 by their names in the shaders: position, normal, color, tangent, `slot`_uv. Slots of one
+    channel share a buffer.
+    """
+
+    material: Material
+    attributes: dict[str, moderngl.Buffer]
+    indices: moderngl.Buffer  # uint32
+
+    def triangles(self, bent: bool = False) -> Triangles:
+        """What the passes' defines follow from."""
+        return Triangles(self.material, "color" in self.attributes, bent)
+
+    def vertex_array(self, program: moderngl.Program) -> moderngl.VertexArray:
+        """The triangles for `program`, with the attributes that it reads."""
+        read = [name for name in self.attributes if name in program]
+        content = [(self.attributes[name], f"{program[name].dimension}f", name) for name in read]
+        return program.ctx.vertex_array(program, content, self.indices, index_element_size=4)
+
+
+class Geometry:
+    """What the passes that draw triangles share. Raises UnsupportedError for a texture that the driver cannot hold."""
+
+    def __init__(self, ctx: moderngl.Context, scene: Scene):
+        groups: dict[tuple[int, bool], list[Mesh]] = {}
+        for mesh in scene.meshes:
+            if len(mesh.triangle):
+                groups.setdefault((mesh.material, mesh.color is not None), []).append(mesh)
+        self.batches = [_batch(ctx, scene.materials[key[0]], meshes) for key, meshes in sorted(groups.items())]
+        used = {(slot.texture, name in _SRGB_SLOTS) for b in self.batches for name, slot in sampled(b.material).items()}
+        self._textures = {(i, srgb): _upload(ctx, scene.textures[i], srgb) for i, srgb in sorted(used)}
+        self._mirror = {i: [float(wrap == "mirror") for wrap in scene.textures[i].wrap] for i, _ in used}
+
+    def bind(self, material: Material, *names: str) -> dict:
+        """Bind the textures of the slots `names` that the material uses to units 0, 1, ...; returns their uniforms,
+        `name`_texture and `name`_mirror."""
+        slots = sampled(material)
+        uniforms = {}
+        for unit, name in enumerate(name for name in names if name in slots):
+            index = slots[name].texture
+            self._textures[index, name in _SRGB_SLOTS].use(unit)
+            uniforms |= {f"{name}_texture": unit, f"{name}_mirror": self._mirror[index]}
+        return uniforms
+
+    def release(self) -> None:
+        """Free the GPU memory."""
+        buffers = [buffer for b in self.batches for buffer in (b.indices, *b.attributes.values())]
+        for resource in [*buffers, *self._textures.values()]:
+            resource.release()
+
+
+def _batch(ctx: moderngl.Context, material: Material, meshes: Sequence[Mesh]) -> Batch:
+    def buffer(arrays: list[np.ndarray]) -> moderngl.Buffer:
+        return ctx.buffer(np.ascontiguousarray(np.concatenate(arrays), np.float32))
+
+    slots = sampled(material)
+    attributes = {"position": buffer([m.position for m in meshes]), "normal": buffer([m.normal for m in meshes])}
+    if meshes[0].color is not None:
+        attributes["color"] = buffer([m.color for m in meshes])
+    if "normal" in slots:
+        assert all(m.tangent is not None for m in meshes), material
+        attributes["tangent"] = buffer([m.tangent for m in meshes])
+    channels = {i: buffer([m.uv[:, i] for m in meshes]) for i in {slot.uv for slot in slots.values()}}
+    attributes |= {f"{name}_uv": channels[slot.uv] for name, slot in slots.items()}
+    first = np.cumsum([0] + [len(m.position) for m in meshes[:-1]])
+    indices = np.concatenate([m.triangle + start for m, start in zip(meshes, first, strict=True)])
+    return Batch(material, attributes, ctx.buffer(indices.astype("u4")))
+
+
+def _upload(ctx: moderngl.Context, texture: Texture, srgb: bool) -> moderngl.Texture:
+    size = texture_size(ctx, texture.pixels)
+    pixels = np.ascontiguousarray(texture.pixels)
+    result = ctx.texture(size, 4, pixels, internal_format=_SRGB8_ALPHA8 if srgb else None)
+    result.filter = (moderngl.NEAREST,) * 2 if texture.nearest else (moderngl.LINEAR,) * 2
+    # moderngl has no mirrored repeat: the shader folds the coordinate, then the edge is clamped.
+    result.repeat_x, result.repeat_y = (wrap == "repeat" for wrap in texture.wrap)
+    return result
+
+
+def texture_size(ctx: moderngl.Context, pixels: np.ndarray) -> tuple[int, int]:
+    """(width, height) of an image (H, W, C). Raises UnsupportedError if the driver holds none of that size."""
+    height, width = pixels.shape[:2]
+    limit = ctx.info["GL_MAX_TEXTURE_SIZE"]
+    if max(width, height) > limit:
+        raise UnsupportedError(f"texture of {width} x {height} px: this driver's limit is {limit}")
+    return width, height

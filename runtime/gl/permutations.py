@@ -1,0 +1,144 @@
+"""Which code a pass compiles: each define of the shaders, and what of a scene, a file or a host it follows from.
+
+One table, for all passes. A pass whose effect a scene lacks is not made, so it has no define for that. The file's
+effects record decides none: it says what the stored light holds, not how it is read.
+"""
+
+from collections.abc import Callable, Collection
+from typing import Any, NamedTuple
+
+from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
+from gsgi.runtime.scene import Light, Material, TextureSlot
+
+from .host_textures import Encoding
+
+_WIDEST_FACE = 0.5  # cosine; a cone wider than 60 degrees to a side wastes a single face's texels: it gets a cube
+
+
+class Triangles(NamedTuple):
+    """What is drawn at once: all of one material, with vertex colours or without. `bent`: a normal map is in sight,
+    on these or others."""
+
+    material: Material
+    colored: bool
+    bent: bool = False
+
+
+class Level(NamedTuple):
+    """One level of Gaussians of the `surface` operator."""
+
+    gaussians: Gaussians
+    blend: SurfaceBlend
+    coarse: bool
+
+
+class Reading(NamedTuple):
+    """How the `surface` operator reads. `coarse`: there is a coarse level; `boxed`: only surfaces in a box are lit."""
+
+    splat_scale: int
+    encoding: Encoding
+    coarse: bool
+    boxed: bool
+
+
+class Primitive(NamedTuple):
+    """Of a pyrender scene. `slots`: names of the textures that it shows; the rest is what lights it, if it is `lit`."""
+
+    slots: Collection[str]
+    normals: bool
+    colored: bool
+    lit: bool = False
+    lights: int = 0
+    shadows: bool = False
+    indirect: bool = False
+
+
+def sampled(material: Material) -> dict[str, TextureSlot]:
+    """The textures that a material reads, by the names of their slots in the shaders."""
+    slots = {"base": material.base_color_texture}
+    if not material.unlit:
+        slots["metallic"] = material.metallic_texture
+        slots["normal"] = material.normal_texture
+        slots["emission"] = material.emission_texture
+    return {name: slot for name, slot in slots.items() if slot is not None}
+
+
+def face_count(light: Light) -> int:
+    """How many faces its shadow map has: 1 or 6."""
+    wide = light.kind == "point" or (light.kind == "spot" and light.cos_outer < _WIDEST_FACE)
+    return 6 if wide else 1
+
+
+def _masked(triangles: Triangles) -> bool:
+    return triangles.material.alpha_cutoff is not None
+
+
+# The host's choice, as Encoding spells it.
+_HOST = {name: lambda reading, name=name: reading.encoding.defines()[name] for name in Encoding().defines()}
+
+# Pass: its defines, each with its value for what the pass draws or reads.
+PASSES: dict[str, dict[str, Callable[[Any], int]]] = {
+    "frame/gbuffer": {  # Triangles
+        "BASE_TEXTURE": lambda t: "base" in sampled(t.material),
+        "METALLIC_TEXTURE": lambda t: "metallic" in sampled(t.material),
+        "NORMAL_TEXTURE": lambda t: "normal" in sampled(t.material),
+        "EMISSION_TEXTURE": lambda t: "emission" in sampled(t.material),
+        "VERTEX_COLOR": lambda t: t.colored,
+        "ALPHA_MASK": _masked,
+        "UNLIT": lambda t: t.material.unlit,
+        "INTERPOLATED": lambda t: t.bent,
+    },
+    "frame/background": {},  # made where there is an environment
+    "frame/shadow": {  # Triangles
+        "BASE_TEXTURE": lambda t: _masked(t) and "base" in sampled(t.material),
+        "VERTEX_COLOR": lambda t: _masked(t) and t.colored,
+        "ALPHA_MASK": _masked,
+    },
+    "frame/primary": {  # Light
+        "SPOT": lambda light: light.kind == "spot",
+        "DIRECTIONAL": lambda light: light.kind == "directional",
+        "FACES": face_count,
+    },
+    "over/splat": {"SH_DEGREE": lambda gaussians: gaussians.sh_degree},  # Gaussians
+    "surface/points": {  # Reading
+        "SPLAT_SCALE": lambda reading: reading.splat_scale,
+        "BOX": lambda reading: reading.boxed,
+        **_HOST,
+    },
+    "surface/gaussians": {  # Level
+        "SH_DEGREE": lambda level: level.gaussians.sh_degree,
+        "NORMAL_POWER": lambda level: 0 if level.coarse else level.blend.sharpness,
+    },
+    "surface/gap": {},  # made where there is a coarse level
+    "surface/fill": {"COARSE": lambda reading: reading.coarse},  # Reading; made where sums are upsampled
+    "surface/resolve": {  # Reading
+        "SPLAT_SCALE": lambda reading: reading.splat_scale,
+        "COARSE": lambda reading: reading.coarse and reading.splat_scale == 1,
+        **_HOST,
+    },
+    "surface/add_light": {"ALBEDO_SRGB": lambda encoding: encoding.albedo_defines()["ALBEDO_SRGB"]},  # Encoding
+    "frame/composite": {},
+    "frame/display": {"SURFACES_ONLY": lambda masked: masked},  # bool
+    "viewer/ellipsoids": {  # Bake
+        "SH_DEGREE": lambda bake: bake.gaussians.sh_degree,
+        "NORMAL_COLOR": lambda bake: isinstance(bake.blend, SurfaceBlend),
+    },
+    "viewer/overlay": {},
+    "pyrender/forward": {  # Primitive
+        "NORMAL": lambda p: p.lit and p.normals,
+        "VERTEX_COLOR": lambda p: p.colored,
+        "TEXTURES": lambda p: len(p.slots) > 0 if p.lit else "base" in p.slots,
+        "NORMAL_TEXTURE": lambda p: p.lit and "normal" in p.slots,
+        "LIT": lambda p: p.lit,
+        "LIGHTS": lambda p: p.lights,
+        "SHADOWS": lambda p: p.shadows,
+        "INDIRECT": lambda p: p.indirect,
+    },
+    "pyrender/silhouette": {},
+    "pyrender/visible": {"NORMAL": lambda p: p.normals},  # Primitive
+}
+
+
+def defines(name: str, subject=None) -> dict[str, int]:
+    """The defines of a pass for its `subject`, of the type that the table names."""
+    return {define: int(rule(subject)) for define, rule in PASSES[name].items()}

@@ -1,0 +1,74 @@
+"""Primary light: what reaches each visible surface straight from a punctual light."""
+
+from collections.abc import Sequence
+
+import moderngl
+import numpy as np
+
+from gsgi.runtime.camera import Camera
+from gsgi.runtime.scene import Light
+
+from .gbuffer import GBuffer
+from .permutations import defines
+from .profile import Profile, measured
+from .shader import program, set_uniforms
+from .shadow import Shadow
+from .view import View
+
+
+class Primary:
+    """Adds `albedo / pi * color * attenuation * max(0, n.l) * visibility` of each light to the G-buffer's emission.
+
+    n is the shading normal; no light arrives from behind the triangle.
+    """
+
+    def __init__(self, ctx: moderngl.Context, gbuffer: GBuffer, shadow: Shadow, lights: Sequence[Light]):
+        self.ctx, self.gbuffer, self.shadow, self.lights = ctx, gbuffer, shadow, lights
+        self._target = ctx.framebuffer(gbuffer.emission)
+        self._programs = {features: self._program(features) for features in {_features(light) for light in lights}}
+        self._triangles = {features: ctx.vertex_array(p, []) for features, p in self._programs.items()}
+
+    def draw(self, camera: Camera, profile: Profile | None = None) -> None:
+        """Light the surfaces of the G-buffer. One shadow atlas and one full-screen pass per light."""
+        frame = View.of_camera(camera, self.gbuffer.size).uniforms()
+        for light in self.lights:
+            with measured(profile, "frame/shadow"):
+                shadow = self.shadow.draw(light)
+            with measured(profile, "frame/primary"):
+                self._add(light, {**frame, **shadow})
+
+    def release(self) -> None:
+        """Free the GPU memory."""
+        for resource in [*self._triangles.values(), *self._programs.values(), self._target]:
+            resource.release()
+
+    def _add(self, light: Light, uniforms: dict) -> None:
+        features = _features(light)
+        self._target.use()
+        self.ctx.enable_only(moderngl.BLEND)
+        self.ctx.blend_func = moderngl.ONE, moderngl.ONE
+        set_uniforms(self._programs[features], **uniforms, **_light(light))
+        inputs = self.gbuffer.albedo, self.gbuffer.normal, self.gbuffer.depth, self.shadow.atlas
+        for unit, texture in enumerate(inputs):
+            texture.use(unit)
+        self._triangles[features].render(vertices=3)
+
+    def _program(self, features: tuple) -> moderngl.Program:
+        result = program(self.ctx, "frame/primary", **dict(features))
+        set_uniforms(result, albedo=0, normal=1, depth=2, shadow_atlas=3)
+        return result
+
+
+def _features(light: Light) -> tuple:
+    """Defines of primary.frag, as a key."""
+    return tuple(defines("frame/primary", light).items())
+
+
+def _light(light: Light) -> dict:
+    return {
+        "light_color": light.color,
+        "light_position": light.position,
+        "light_direction": light.direction,
+        "light_inverse_range": float(1 / np.float64(light.range)),
+        "light_cone": (light.cos_inner, light.cos_outer),
+    }

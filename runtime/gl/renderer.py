@@ -1,0 +1,149 @@
+"""The deferred frame: G-buffer, background, primary light, splats, composite, in this order."""
+
+import moderngl
+import numpy as np
+
+from gsgi.runtime.camera import Camera
+from gsgi.runtime.gaussians import Bake
+from gsgi.runtime.layers import LAYERS
+from gsgi.runtime.rebase import local_bake, local_camera, local_scene, origin_of
+from gsgi.runtime.scene import Scene
+
+from .background import Background
+from .composite import Composite, Display
+from .gbuffer import GBuffer
+from .geometry import Geometry
+from .indirect_light import IndirectLight
+from .primary import Primary
+from .profile import Profile, measured
+from .shadow import Shadow
+from .view import View
+
+
+class DeferredRenderer:
+    """Draws `scene` with the indirect light of `bake` into targets of `width` x `height` px of its own.
+
+    Only what the scene calls for is made: no bake, no splats and no composite; no lights, no shadows; no environment,
+    no background. A bake of the `surface` operator is read once per `splat_scale` x `splat_scale` pixels (1 to 4)
+    and upsampled, one of `over` always at full resolution. Leaves the framebuffer, blending, depth test and culling
+    of `ctx` changed. Raises UnsupportedError for textures or Gaussians that the driver cannot hold.
+    """
+
+    def __init__(
+        self, ctx: moderngl.Context, scene: Scene, bake: Bake | None, width: int, height: int, splat_scale: int = 1
+    ):
+        self._ctx, self._origin = ctx, origin_of(scene)
+        if self._origin.any():
+            scene = local_scene(scene, self._origin)
+            bake = bake and local_bake(bake, self._origin)
+        self._scene, self._bake = scene, bake
+        self.geometry = Geometry(ctx, scene)
+        self.shadow = self.splats = None
+        if scene.lights and self.geometry.batches:
+            self.shadow = Shadow(ctx, self.geometry, scene.bounds())
+        if bake is not None:
+            self.splats = IndirectLight(ctx, bake, splat_scale=splat_scale)
+        self._make_targets((width, height))
+
+    def resize(self, width: int, height: int) -> None:
+        """Draw at another size from the next frame on; what was uploaded stays."""
+        if self.gbuffer.size != (width, height):
+            self._release_targets()
+            self._make_targets((width, height))
+
+    def set_splat_scale(self, splat_scale: int) -> None:
+        """Read the Gaussians once per `splat_scale` x `splat_scale` pixels (1 to 4) from the next frame on."""
+        if self.splats:
+            self.splats.release()
+            self.splats = IndirectLight(self._ctx, self._bake, splat_scale=splat_scale)
+
+    def render(self, camera: Camera, profile: Profile | None = None) -> None:
+        """Draw one frame; with a `profile`, of `ctx`, its passes are measured."""
+        camera = local_camera(camera, self._origin)
+        with measured(profile, "frame/gbuffer"):
+            self.gbuffer.draw(camera)
+        if self.background:
+            with measured(profile, "frame/background"):
+                self.background.draw(camera)
+        if self.primary:
+            self.primary.draw(camera, profile)
+        if self.splats:
+            view = View.of_camera(camera, self.gbuffer.size)
+            self.splats.draw_view(view, self.gbuffer.depth, self.gbuffer.interpolated, profile=profile)
+            with measured(profile, "frame/composite"):
+                self.composite.draw(self.splats.indirect)
+
+    def read(self, layer: str) -> np.ndarray:
+        """A layer of the last frame, row 0 on top, float32: "depth" (H, W), the others (H, W, 3).
+
+        "final", "primary": radiance, the environment's where there is no surface. The others are 0 there: "indirect":
+        B; "albedo"; "normal": shading normal, as the normal map bends it, world space, unit; "depth": distance along
+        the view axis, m.
+        """
+        assert layer in LAYERS, layer
+        depth = pixels(self.gbuffer.depth)[..., 0]
+        if layer == "depth":
+            return depth
+        if layer == "normal":
+            return _decode_octahedral(pixels(self.gbuffer.normal)[..., :2]) * (depth > 0)[..., None]
+        if layer == "indirect":
+            if not self.splats:
+                return np.zeros((*depth.shape, 3), np.float32)
+            return np.where(depth[..., None] > 0, pixels(self.texture(layer))[..., :3], np.float32(0))
+        return pixels(self.texture(layer))[..., :3]
+
+    def texture(self, layer: str) -> moderngl.Texture:
+        """What the last frame drew, until the next one or a resize; RGBA16F: "final", "primary", "albedo", "indirect".
+
+        "indirect" needs a bake; of one of the `over` operator there may be light where no surface is.
+        """
+        textures = {"final": self._final, "primary": self.gbuffer.emission, "albedo": self.gbuffer.albedo}
+        return self.splats.indirect if layer == "indirect" else textures[layer]
+
+    def display(self, exposure: float) -> np.ndarray:
+        """The last frame under `exposure` and the tone curve: (H, W, 3) uint8 sRGB, row 0 on top."""
+        self._display.draw(exposure)
+        return pixels(self._display.color)[..., :3]
+
+    def release(self) -> None:
+        """Free the GPU memory."""
+        self._release_targets()
+        for part in (self.shadow, self.splats, self.geometry):
+            if part is not None:
+                part.release()
+
+    def _make_targets(self, size: tuple[int, int]) -> None:
+        """The passes that draw into textures of the frame's size."""
+        ctx, scene = self._ctx, self._scene
+        self.gbuffer = GBuffer(ctx, self.geometry, size)
+        self.background = self.primary = self.composite = None
+        if scene.environment is not None:
+            self.background = Background(ctx, self.gbuffer, scene.environment)
+        if self.shadow:
+            self.primary = Primary(ctx, self.gbuffer, self.shadow, scene.lights)
+        if self.splats:
+            self.composite = Composite(ctx, self.gbuffer)
+        # Background and light passes write to the G-buffer's emission: afterwards that target holds primary light.
+        self._final = self.composite.radiance if self.composite else self.gbuffer.emission
+        self._display = Display(ctx, self._final)
+
+    def _release_targets(self) -> None:
+        for part in (self._display, self.background, self.primary, self.composite, self.gbuffer):
+            if part is not None:
+                part.release()
+
+
+def pixels(texture: moderngl.Texture) -> np.ndarray:
+    """(H, W, C) in the texture's type (halves as float32), row 0 on top."""
+    width, height = texture.size
+    raw = np.frombuffer(texture.read(alignment=1), {"f1": "u1", "f2": "f2", "f4": "f4"}[texture.dtype])
+    image = raw.reshape(height, width, texture.components)[::-1]
+    return np.ascontiguousarray(image, np.uint8 if texture.dtype == "f1" else np.float32)
+
+
+def _decode_octahedral(p: np.ndarray) -> np.ndarray:
+    """Inverse of glsl/octahedral.glsl: (..., 2) to unit (..., 3) float32."""
+    z = 1 - np.abs(p).sum(axis=-1, keepdims=True)
+    folded = (1 - np.abs(p[..., ::-1])) * np.where(p >= 0, 1, -1)
+    n = np.concatenate([np.where(z < 0, folded, p), z], axis=-1)
+    return (n / np.linalg.norm(n, axis=-1, keepdims=True)).astype(np.float32)

@@ -1,0 +1,148 @@
+"""Shadow atlas: linear depth as a light sees the scene, one face or the six of a cube."""
+
+from typing import NamedTuple
+
+import moderngl
+import numpy as np
+
+from gsgi.runtime.scene import Light
+
+from .geometry import Batch, Geometry
+from .permutations import defines, face_count
+from .shader import program, set_uniforms
+
+FACE_SIZE = 1024  # px; a cube's face: about 0.1 degrees per texel
+GUTTER = 4  # texels around a face; the normal offset and the filter reach less far
+_NEAR = 1e-5  # of the reach; depth is linear, so a close near plane costs nothing
+
+_CUBE = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], float)
+
+
+class Faces(NamedTuple):
+    """F faces of one light (F = 1 or 6). `clip_from_world` (F, 4, 4), `depth_from_world` (F, 4): plane equation of the
+    stored depth [0, 1]; `axis` (F, 3) unit, away from the light; `texel_size` (2,): edge of a texel in m, constant
+    part and part per unit of stored depth; `size` of a face in px."""
+
+    clip_from_world: np.ndarray
+    depth_from_world: np.ndarray
+    axis: np.ndarray
+    texel_size: np.ndarray
+    size: int
+
+
+def faces_of(light: Light, corners: np.ndarray) -> Faces:
+    """Faces that cover what `light` reaches of a scene within `corners` (8, 3) of its bounds, world space, m."""
+    if light.kind == "directional":
+        return _orthographic(light, corners)
+    reach = min(np.linalg.norm(corners - light.position, axis=1).max() * 1.001, light.range)
+    if face_count(light) == 6:
+        size, axes, tangent = FACE_SIZE, _CUBE, 1.0
+    else:
+        size, axes = 2 * FACE_SIZE, np.asarray(light.direction, float)[None]
+        tangent = np.sqrt(1 - min(light.cos_outer, 0.9999) ** 2) / min(light.cos_outer, 0.9999)
+    tangent *= size / (size - 2 * GUTTER)
+    views = np.array([_view(axis, light.position) for axis in axes])
+    near, far = _NEAR * reach, reach
+    clip_from_view = np.array([
+        [1 / tangent, 0, 0, 0], [0, 1 / tangent, 0, 0],
+        [0, 0, (far + near) / (near - far), 2 * far * near / (near - far)], [0, 0, -1, 0]])  # fmt: skip
+    texel_size = np.array([0, 2 * tangent * reach / size])
+    return Faces(clip_from_view @ views, -views[:, 2] / reach, axes, texel_size, size)
+
+
+def _orthographic(light: Light, corners: np.ndarray) -> Faces:
+    size, axis = 2 * FACE_SIZE, np.asarray(light.direction, float)
+    view = _view(axis, corners.mean(axis=0))
+    half = np.abs(corners @ view[:3, :3].T + view[:3, 3]).max(axis=0)
+    half = np.maximum(half, 1e-6 * half.max())
+    half[:2] *= size / (size - 2 * GUTTER)
+    half[2] *= 1.001
+    clip_from_view = np.diag([*(1, 1, -1) / half, 1])
+    depth_from_view = np.array([0, 0, -0.5 / half[2], 0.5])
+    texel_size = np.array([2 * half[:2].max() / size, 0])
+    return Faces((clip_from_view @ view)[None], (depth_from_view @ view)[None], axis[None], texel_size, size)
+
+
+def _view(axis: np.ndarray, origin: np.ndarray) -> np.ndarray:
+    """view_from_world (4, 4) of an eye at `origin` that looks along the unit `axis`."""
+    right = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+    right /= np.linalg.norm(right)
+    view = np.eye(4)
+    view[:3, :3] = right, np.cross(right, axis), -axis
+    view[:3, 3] = -view[:3, :3] @ np.asarray(origin, float)
+    return view
+
+
+class Shadow:
+    """One atlas (3 x 2 faces of a cube, or one face of twice the size), drawn anew for each light.
+
+    All triangles are drawn from both sides: a single-sided wall stops light whichever way it comes.
+    """
+
+    def __init__(self, ctx: moderngl.Context, geometry: Geometry, bounds: tuple[np.ndarray, np.ndarray]):
+        self.ctx, self.geometry = ctx, geometry
+        self.size = (3 * FACE_SIZE, 2 * FACE_SIZE)
+        self.corners = np.stack(np.meshgrid(*np.transpose(bounds)), axis=-1).reshape(8, 3)
+        self.atlas = ctx.depth_texture(self.size)
+        self.atlas.compare_func = "<="
+        self.atlas.filter = (moderngl.LINEAR, moderngl.LINEAR)
+        self.atlas.repeat_x = self.atlas.repeat_y = False
+        self._target = ctx.framebuffer(depth_attachment=self.atlas)
+        self._programs: dict[tuple, moderngl.Program] = {}
+        self._draws = [(batch, self._vertex_array(batch)) for batch in geometry.batches]
+        self._drawn: Light | None = None
+
+    def draw(self, light: Light) -> dict:
+        """Fill the atlas unless it holds `light` already; returns the uniforms that glsl/shadow.glsl needs."""
+        faces = faces_of(light, self.corners)
+        tiles = [(i % 3, i // 3) for i in range(len(faces.axis))]
+        if self._drawn is not light:
+            self._fill(faces, tiles)
+            self._drawn = light
+        atlas_from_clip = np.array([self._atlas_from_clip(tile, faces.size) for tile in tiles])
+        return {
+            "atlas_from_world": atlas_from_clip @ faces.clip_from_world,
+            "depth_from_world": faces.depth_from_world,
+            "face_axis": faces.axis,
+            "texel_size": faces.texel_size,
+        }
+
+    def release(self) -> None:
+        """Free the GPU memory."""
+        for resource in [*(t for _, t in self._draws), *self._programs.values(), self._target, self.atlas]:
+            resource.release()
+
+    def _fill(self, faces: Faces, tiles: list[tuple[int, int]]) -> None:
+        self._target.use()
+        self._target.clear(depth=1.0)
+        self.ctx.enable_only(moderngl.DEPTH_TEST)
+        for i, (column, row) in enumerate(tiles):
+            self._target.viewport = (column * faces.size, row * faces.size, faces.size, faces.size)
+            face = {"clip_from_world": faces.clip_from_world[i], "depth_from_world": faces.depth_from_world[i]}
+            for batch, triangles in self._draws:
+                set_uniforms(triangles.program, **face, **self._mask(batch))
+                triangles.render()
+        self._target.viewport = (0, 0, *self.size)
+
+    def _atlas_from_clip(self, tile: tuple[int, int], size: int) -> np.ndarray:
+        scale = 0.5 * size / np.array(self.size)
+        result = np.diag([*scale, 1, 1])
+        result[:2, 3] = scale * (2 * np.array(tile) + 1)
+        return result
+
+    def _vertex_array(self, batch: Batch) -> moderngl.VertexArray:
+        features = defines("frame/shadow", batch.triangles())
+        key = tuple(features.values())
+        if key not in self._programs:
+            self._programs[key] = program(self.ctx, "frame/shadow", **features)
+        return batch.vertex_array(self._programs[key])
+
+    def _mask(self, batch: Batch) -> dict:
+        material = batch.material
+        if material.alpha_cutoff is None:
+            return {}
+        return {
+            "base_alpha": material.base_color[3],
+            "alpha_cutoff": material.alpha_cutoff,
+            **self.geometry.bind(material, "base"),
+        }

@@ -1,0 +1,196 @@
+"""Gaussians to indirect light by the `surface` operator: read at surface points, added up unsorted, divided once."""
+
+import moderngl
+import numpy as np
+
+from gsgi.runtime.camera import Pinhole
+from gsgi.runtime.gaussians import Bake, Gaussians, SurfaceBlend
+
+from .cull import in_view
+from .gaussian_textures import GaussianTextures
+from .host_textures import OURS, Encoding
+from .permutations import Level, Reading, defines
+from .profile import Profile, measured
+from .shader import program, set_uniforms
+from .surface_targets import SurfaceTargets
+from .view import View
+
+OUTLINE_CORNERS = 8  # of glsl/ellipsoid.glsl: vertices of a strip
+SCALES = 1, 2, 3, 4  # pixels of the frame per pixel of the target, along each axis
+
+Box = tuple[np.ndarray, np.ndarray]  # lowest and highest corner (3,), world space, m
+
+
+class SurfaceSplats:
+    """The Gaussians of a bake on the GPU, read at the surfaces that a host's depth and normal textures show.
+
+    They are read once per `splat_scale` x `splat_scale` pixels, and the sums upsampled along the surfaces. Surfaces
+    outside of `box` have no light. Raises UnsupportedError for more Gaussians than the driver's textures hold.
+    """
+
+    def __init__(
+        self, ctx: moderngl.Context, bake: Bake, splat_scale: int, encoding: Encoding = OURS,
+        box: Box | None = None,
+    ):  # fmt: skip
+        assert splat_scale in SCALES, splat_scale
+        self.ctx, self.splat_scale, self._coarse_too = ctx, splat_scale, len(bake.coarse) > 0
+        self.targets: SurfaceTargets | None = None
+        blend, reading = bake.blend, Reading(splat_scale, encoding, self._coarse_too, box is not None)
+        self._points = _FullScreen(
+            ctx, "surface/points", {"normal": 0, "depth": 1}, **defines("surface/points", reading)
+        )
+        if box is not None:
+            set_uniforms(self._points.program, box_low=box[0], box_high=box[1])
+        self._fine = _Level(ctx, bake.gaussians, blend, coarse=False)
+        self._coarse = _Level(ctx, bake.coarse, blend, coarse=True) if self._coarse_too else None
+        self._gap = _FullScreen(ctx, "surface/gap", {"fine_sums": 0}) if self._coarse_too else None
+        levels = {"fine_sums": 0, "coarse_sums": 1}
+        upsampled = {"filled_sums": 0, "surface_plane": 1, "normal": 2, "depth": 3}
+        self._fill = (
+            _FullScreen(ctx, "surface/fill", levels, **defines("surface/fill", reading)) if splat_scale > 1 else None
+        )
+        self._resolve = _FullScreen(
+            ctx, "surface/resolve", upsampled if self._fill else levels, **defines("surface/resolve", reading)
+        )
+        for part in (self._gap, self._fill, self._resolve):
+            if part:
+                set_uniforms(part.program, weight_floor=blend.floor)
+
+    @property
+    def indirect(self) -> moderngl.Texture:
+        """RGBA16F, of the last view's size: B (linear Rec.709 radiance for albedo 1), 0 where there is no surface."""
+        return self.targets.indirect
+
+    def draw(
+        self, view: View, depth: moderngl.Texture, normal: moderngl.Texture, corner: tuple[int, int] = (0, 0),
+        z_to_clip: tuple[float, float] = (0.0, 0.0), profile: Profile | None = None,
+    ) -> None:  # fmt: skip
+        """Fill `indirect` for a view that begins at the pixel `corner` of the textures.
+
+        `z_to_clip`: of the projection's third row the columns of z and 1, for depth buffers.
+        """
+        targets, pinhole = self._targets_for(view.pinhole), view.pinhole
+        host = {
+            "world_from_view": view.world_from_view, "world_from_offset": view.world_from_offset, "axis": view.axis,
+            "size": targets.size, "corner": corner, "z_to_clip": z_to_clip, "near": view.near,
+        }  # fmt: skip
+        with measured(profile, "surface/points"):
+            self._write_depth()
+            self._points.draw(targets.points, normal, depth, **host)
+        frame = {
+            "view_from_world": pinhole.view_from_world,
+            "near": view.near,
+            **_pixel_uniforms(pinhole, targets.read_size, self.splat_scale),
+        }
+        with measured(profile, "surface/gaussians, fine") as cost:
+            cost.quads += self._fine.draw(pinhole, frame, targets, targets.fine_sums)
+        if self._coarse:
+            with measured(profile, "surface/gap"):
+                self._write_depth()
+                self._gap.draw(targets.gap, targets.fine)
+            with measured(profile, "surface/gaussians, coarse") as cost:
+                cost.quads += self._coarse.draw(pinhole, frame, targets, targets.coarse_sums)
+        levels = [targets.fine, *([targets.coarse] if targets.coarse else [])]
+        with measured(profile, "surface/resolve"):
+            self.ctx.enable_only(moderngl.NOTHING)
+            if self._fill:
+                self._fill.draw(targets.filled_sums, *levels)
+                self._resolve.draw(targets.resolved, targets.filled, targets.plane, normal, depth, **host)
+            else:
+                self._resolve.draw(targets.resolved, *levels)
+
+    def release(self) -> None:
+        """Free the GPU memory."""
+        for resource in (self._points, self._fine, self._gap, self._coarse, self._fill, self._resolve, self.targets):
+            if resource is not None:
+                resource.release()
+
+    def _write_depth(self) -> None:
+        """Of all fragments, whatever is there; without the test no depth is written."""
+        self.ctx.enable_only(moderngl.DEPTH_TEST)
+        self.ctx.depth_func = "1"  # always
+
+    def _targets_for(self, pinhole: Pinhole) -> SurfaceTargets:
+        """Those at hand, made anew where the size is another."""
+        size = pinhole.width, pinhole.height
+        if self.targets is None or self.targets.size != size:
+            if self.targets is not None:
+                self.targets.release()
+            self.targets = SurfaceTargets(self.ctx, size, self.splat_scale, self._coarse_too)
+        return self.targets
+
+
+class _FullScreen:
+    """A pass of glsl/`name`.frag over all pixels of a target; `units` of its samplers."""
+
+    def __init__(self, ctx: moderngl.Context, name: str, units: dict[str, int], **defines: int):
+        self.program = program(ctx, name, **defines)
+        set_uniforms(self.program, **units)
+        self._triangle = ctx.vertex_array(self.program, [])
+
+    def draw(self, target: moderngl.Framebuffer, *textures: moderngl.Texture, **uniforms) -> None:
+        """`textures` by unit."""
+        target.use()
+        set_uniforms(self.program, **uniforms)
+        for unit, texture in enumerate(textures):
+            texture.use(unit)
+        self._triangle.render(vertices=3)
+
+    def release(self) -> None:
+        """Free the GPU memory."""
+        self._triangle.release()
+        self.program.release()
+
+
+class _Level:
+    """One level of Gaussians; those of the `coarse` one face every way."""
+
+    def __init__(self, ctx: moderngl.Context, gaussians: Gaussians, blend: SurfaceBlend, coarse: bool):
+        self.ctx = ctx
+        self.position = np.ascontiguousarray(gaussians.position.T)
+        self.radius = np.float32(blend.radius) * gaussians.scale.max(axis=1)
+        self._data = GaussianTextures(ctx, gaussians)
+        self._index = ctx.buffer(reserve=max(4 * len(gaussians), 4), dynamic=True)
+        self._program = program(
+            ctx, "surface/gaussians", **defines("surface/gaussians", Level(gaussians, blend, coarse))
+        )
+        set_uniforms(
+            self._program, shape_data=0, sh_data=1, surface_position=2, surface_plane=3, radius=blend.radius,
+            cutoff=blend.cutoff,
+        )  # fmt: skip
+        self._outlines = ctx.vertex_array(self._program, [(self._index, "1u4/i", "index")])
+
+    def draw(self, pinhole: Pinhole, frame: dict, targets: SurfaceTargets, sums: moderngl.Framebuffer) -> int:
+        """Fill `sums`, sum w c and sum w at the points that lie behind nothing in its depth buffer; returns how many
+        Gaussians were drawn."""
+        sums.use()
+        sums.clear()
+        index = in_view(self.position, self.radius, pinhole)
+        if not len(index):
+            return 0
+        self.ctx.enable_only(moderngl.BLEND | moderngl.DEPTH_TEST)
+        self.ctx.blend_func = moderngl.ONE, moderngl.ONE
+        self.ctx.depth_func = "<"
+        self._index.orphan()
+        self._index.write(index)
+        set_uniforms(self._program, **frame)
+        for unit, texture in enumerate((self._data.shape, self._data.sh, targets.position, targets.plane)):
+            texture.use(unit)
+        self._outlines.render(moderngl.TRIANGLE_STRIP, vertices=OUTLINE_CORNERS, instances=len(index))
+        return len(index)
+
+    def release(self) -> None:
+        """Free the GPU memory."""
+        for resource in (self._outlines, self._program, self._index, self._data):
+            resource.release()
+
+
+def _pixel_uniforms(pinhole: Pinhole, size: tuple[int, int], splat_scale: int) -> dict:
+    """The lens for a target of `size`, whose pixels are `splat_scale` of the pinhole's; both share the bottom left."""
+    rows = size[1] - pinhole.height / splat_scale
+    return {
+        "size": size,
+        "focal": (pinhole.fx / splat_scale, pinhole.fy / splat_scale),
+        "centre": (pinhole.cx / splat_scale, pinhole.cy / splat_scale + rows),
+        "margin": 0.0 if splat_scale == 1 else 0.5,
+    }

@@ -1,0 +1,124 @@
+"""Materials of a glTF file, each read once and only when used."""
+
+from dataclasses import dataclass
+
+from gsgi.runtime.scene import Material, TextureSlot
+
+from . import transparency
+from .document import Document
+from .json_value import Json
+from .problems import Code
+from .textures import Textures, UvChannel
+
+MAX_LIGHT = 1e15  # cd, lx or radiance: float32 holds the product of two
+EMISSIVE_STRENGTH, UNLIT = "KHR_materials_emissive_strength", "KHR_materials_unlit"
+SPECULAR_GLOSSINESS = "KHR_materials_pbrSpecularGlossiness"
+
+
+@dataclass(frozen=True)
+class Paint:
+    """A material as primitives use it: its index, and the texture coordinates that its slots count through."""
+
+    index: int
+    material: Material
+    channels: tuple[UvChannel, ...]
+
+    @property
+    def normal_channel(self) -> int | None:
+        """The channel of the normal texture."""
+        slot = self.material.normal_texture
+        return None if slot is None else slot.uv
+
+
+class Materials:
+    """Hands out paints; their materials in the order of their indices are `records`."""
+
+    def __init__(self, document: Document, mode: str):
+        self.records: list[Material] = []
+        self.textures = Textures(document)
+        self._document = document
+        self._mode = mode
+        self._paints: dict[str, Paint | None] = {}
+
+    def paint(self, primitive: Json) -> Paint | None:
+        """The material of a mesh primitive, glTF's default one if it names none; None if it is not to be seen."""
+        if "material" in primitive:
+            material = self._document.lookup("materials", primitive.get("material"))
+            key = material.pointer
+        else:
+            material, key = Json(primitive.file, f"{primitive.pointer}/material", {}), ""
+        if key not in self._paints:
+            self._paints[key] = self.read(material)
+        return self._paints[key]
+
+    def read(self, material: Json) -> Paint | None:
+        """An entry of /materials; None if it is not to be seen. Raises SceneError, UnsupportedError."""
+        channels: list[UvChannel] = []
+        opacity = transparency.read(self._document, material, self._mode)
+        if opacity is None:
+            return None
+        factor, base_texture = self._base_color(material)
+        factor = (*factor[:3], factor[3] * opacity.factor if opacity.cutoff is not None else 1.0)
+        unlit = material.extension(UNLIT) is not None
+        metallic, metallic_texture = (0.0, None) if unlit else self._metallic(material)
+        # Textures that cannot change a picture are not decoded.
+        colored = any(factor[:3]) and (metallic < 1 or metallic_texture is not None)
+        emission = (0.0, 0.0, 0.0) if unlit else _emission(material)
+        normal = material.get("normalTexture") if "normalTexture" in material and colored and not unlit else None
+        record = Material(
+            name=material.get("name", "").string(),
+            base_color=factor,
+            base_color_texture=self._slot(base_texture if colored or opacity.cutoff is not None else None, channels),
+            metallic=metallic,
+            metallic_texture=self._slot(metallic_texture if colored else None, channels),
+            normal_texture=self._slot(normal, channels),
+            normal_scale=1.0 if normal is None else normal.get("scale", 1).number(-MAX_LIGHT, MAX_LIGHT),
+            emission=emission,
+            emission_texture=self._slot(_member(material, "emissiveTexture") if any(emission) else None, channels),
+            alpha_cutoff=opacity.cutoff,
+            double_sided=material.get("doubleSided", False).boolean(),
+            unlit=unlit,
+        )
+        self.records.append(record)
+        return Paint(len(self.records) - 1, record, tuple(channels))
+
+    def _base_color(self, material: Json) -> tuple[tuple[float, ...], Json | None]:
+        """Factor (RGBA) and textureInfo of the colour of diffuse reflection."""
+        glossy = material.extension(SPECULAR_GLOSSINESS)
+        if glossy is not None:
+            place = self._document.root.get("materials")
+            self._document.warn(
+                place, Code.SIMPLIFIED, f"{SPECULAR_GLOSSINESS}: only diffuse factors and textures count"
+            )
+            factor = glossy.get("diffuseFactor", [1, 1, 1, 1]).vector(4, 0, 1)
+            return tuple(factor.tolist()), _member(glossy, "diffuseTexture")
+        pbr = material.get("pbrMetallicRoughness", {})
+        factor = pbr.get("baseColorFactor", [1, 1, 1, 1]).vector(4, 0, 1)
+        return tuple(factor.tolist()), _member(pbr, "baseColorTexture")
+
+    def _metallic(self, material: Json) -> tuple[float, Json | None]:
+        """Factor and textureInfo."""
+        if material.extension(SPECULAR_GLOSSINESS) is not None:
+            return 0.0, None
+        pbr = material.get("pbrMetallicRoughness", {})
+        factor = pbr.get("metallicFactor", 1).number(0, 1)
+        texture = _member(pbr, "metallicRoughnessTexture") if factor else None
+        if "metallicFactor" not in pbr and texture is None:
+            text = "metallicFactor is absent and counts as 1: a metal has no diffuse light"
+            self._document.warn(pbr, Code.SIMPLIFIED, text)
+        return factor, texture
+
+    def _slot(self, info: Json | None, channels: list[UvChannel]) -> TextureSlot | None:
+        return None if info is None else self.textures.slot(info, channels)
+
+
+def _member(parent: Json, key: str) -> Json | None:
+    return parent.get(key) if key in parent else None
+
+
+def _emission(material: Json) -> tuple[float, ...]:
+    """Radiance: factor * strength."""
+    factor = material.get("emissiveFactor", [0, 0, 0]).vector(3, 0, 1)
+    extension = material.extension(EMISSIVE_STRENGTH)
+    strength = 1.0 if extension is None else extension.get("emissiveStrength", 1).number(0, MAX_LIGHT)
+    return tuple((factor * strength).tolist())

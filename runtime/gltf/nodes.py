@@ -1,0 +1,126 @@
+"""The node hierarchy of a glTF file, flattened to world matrices."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from gsgi.runtime.vectors import unit
+
+from .document import Document
+from .json_value import Json
+from .problems import Code
+
+MAX_NODE_DEPTH = 256  # levels; rounding adds up along the product of matrices
+
+
+class Node(NamedTuple):
+    """A node of the scene and its matrix (4, 4) float64."""
+
+    json: Json
+    world_from_node: np.ndarray
+
+
+def flatten(document: Document) -> Iterator[Node]:
+    """The nodes of the default scene with their world matrices, parents first, in the file's order."""
+    entries = document.root.get("nodes", [])
+    document.limits.check("nodes", len(entries.array()), entries.where(), entries.pointer)
+    children = _children(document)
+    nodes = list(entries.items())
+    stack = [(root, np.eye(4), 1) for root in reversed(_roots(document, children))]
+    while stack:
+        index, world_from_parent, depth = stack.pop()
+        node = nodes[index]
+        if depth > MAX_NODE_DEPTH:
+            raise node.refuse(f"at most {MAX_NODE_DEPTH} levels of nodes", "more", Code.LIMIT)
+        with np.errstate(over="ignore", invalid="ignore"):
+            world_from_node = world_from_parent @ local_matrix(node)
+        if not np.isfinite(world_from_node).all():
+            raise node.refuse("a finite world matrix", "an overflow", Code.OVERFLOW)
+        yield Node(node, world_from_node)
+        stack += [(child, world_from_node, depth + 1) for child in reversed(children[index])]
+
+
+def _children(document: Document) -> list[list[int]]:
+    """Child indices per node; raises SceneError unless the nodes form trees."""
+    nodes = list(document.root.get("nodes", []).items())
+    children, parent = [], {}
+    for index, node in enumerate(nodes):
+        children.append([])
+        for child in node.get("children", []).items():
+            document.lookup("nodes", child)
+            number = child.integer()
+            if number in parent:
+                got = f"node {number} of /nodes/{parent[number]}"
+                raise child.refuse("a node without another parent", got, Code.NODE_PARENT)
+            parent[number] = index
+            children[index].append(number)
+    # With one parent each, what no root reaches is a cycle.
+    reached = [index for index in range(len(nodes)) if index not in parent]
+    for index in reached:
+        reached += children[index]
+    if len(reached) < len(nodes):
+        cycle = min(set(range(len(nodes))) - set(reached))
+        raise nodes[cycle].refuse("a tree of nodes", "a cycle", Code.NODE_CYCLE)
+    return children
+
+
+def _roots(document: Document, children: list[list[int]]) -> list[int]:
+    """Root nodes of the default scene, else of the first one, else every node without a parent."""
+    inner = {child for node in children for child in node}
+    root = document.root
+    if "scene" in root:
+        scene = document.lookup("scenes", root.get("scene"))
+    elif root.get("scenes", []).array():
+        scene = root.get("scenes").item(0)
+    else:
+        return [index for index in range(len(children)) if index not in inner]
+    roots = []
+    for value in scene.get("nodes", []).items():
+        document.lookup("nodes", value)
+        if value.integer() in inner or value.integer() in roots:
+            raise value.refuse("a root node, named once", f"node {value.integer()}", Code.NODE_PARENT)
+        roots.append(value.integer())
+    return roots
+
+
+def local_matrix(node: Json) -> np.ndarray:
+    """parent_from_node (4, 4) float64. Raises SceneError."""
+    if "matrix" in node:
+        matrix = node.get("matrix").vector(16).reshape(4, 4, order="F")
+        if any(key in node for key in ("translation", "rotation", "scale")):
+            raise node.refuse("a matrix or translation, rotation and scale", "both")
+        if not np.array_equal(matrix[3], (0, 0, 0, 1)):
+            raise node.get("matrix").refuse("an affine matrix", f"the last row {matrix[3].tolist()}")
+        return matrix
+    rotation = node.get("rotation", [0, 0, 0, 1])
+    quaternion = rotation.vector(4, -2, 2)
+    if quaternion @ quaternion < 1e-6:
+        raise rotation.refuse("a unit quaternion", "one of length 0")
+    translation, scale = node.get("translation", [0, 0, 0]).vector(3), node.get("scale", [1, 1, 1]).vector(3)
+    return compose(translation[None], quaternion[None], scale[None])[0]
+
+
+def compose(translation: np.ndarray, quaternion: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """Matrices (N, 4, 4) float64 of translations (N, 3), quaternions xyzw (N, 4) of any length, and scales (N, 3)."""
+    x, y, z, w = quaternion.T
+    zero = np.zeros_like(x)
+    skew = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
+    norm = (quaternion * quaternion).sum(axis=1)[:, None, None]
+    rotation = np.eye(3) + 2 / norm * (w[:, None, None] * skew + skew @ skew)
+    matrix = np.tile(np.eye(4), (len(x), 1, 1))
+    matrix[:, :3, :3] = rotation * scale[:, None, :]
+    matrix[:, :3, 3] = translation
+    return matrix
+
+
+def rigid(node: Node) -> np.ndarray:
+    """The pose of a node without its scale (4, 4): the view axis -Z is kept, then the up axis. Raises SceneError."""
+    _, up, back = node.world_from_node[:3, :3].T
+    right = np.cross(unit(up), unit(back)) if up.any() and back.any() else np.zeros(3)
+    if not right.any():
+        raise node.json.refuse("a node with an orientation", "a scale of 0")
+    right, back = unit(right), unit(back)
+    pose = np.eye(4)
+    pose[:3, :4] = np.stack([right, np.cross(back, right), back, node.world_from_node[:3, 3]], axis=1)
+    return pose

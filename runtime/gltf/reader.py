@@ -1,0 +1,137 @@
+"""Read a glTF 2.0 scene as arrays in world space."""
+
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from gsgi.runtime.errors import SceneError
+from gsgi.runtime.scene import Mesh, Scene
+
+from . import primitives
+from .cameras import cameras
+from .document import Document
+from .extensions import check_header
+from .glb import open_document
+from .instancing import instances
+from .json_value import Json
+from .lights import light
+from .limits import Limits
+from .materials import Materials, Paint
+from .nodes import Node, flatten
+from .primitives import Primitive
+from .problems import Code
+from .prune import prune
+from .skins import joint_matrices
+from .transparency import MODES
+from .world_space import finished, placed, skinned
+
+MAX_WEIGHT = 1e6  # of a morph target: anything larger is a mistake
+
+
+def read_gltf(path: str | Path, limits: Limits = Limits(), transparency: str = "cutout") -> Scene:  # noqa: B008 (frozen)
+    """The default scene of a .gltf or .glb file, in world space (m, +Y up).
+
+    Materials and textures are those in use. Skins, morph targets and animations stand at their rest pose; what is
+    partly transparent becomes a hole ("cutout"), "opaque" or "absent". What counts as less than the file says is
+    listed in `Scene.warnings`. Raises FileError (unreadable), SceneError (broken, larger than the limits, or without
+    triangles), UnsupportedError (valid, but beyond this reader), each with `code` and `pointer`.
+    """
+    return read_document(open_document(Path(path), limits), transparency)
+
+
+def read_document(document: Document, transparency: str) -> Scene:
+    """The same for an open document."""
+    assert transparency in MODES, transparency
+    check_header(document)
+    _warn_of_animations(document)
+    nodes = list(flatten(document))
+    materials = Materials(document, transparency)
+    meshes = tuple(_meshes(document, nodes, materials))
+    lights = [light(document, node) for node in nodes]
+    scene = Scene(
+        meshes,
+        tuple(materials.records),
+        materials.textures.decode(),
+        tuple(entry for entry in lights if entry is not None),
+        cameras=cameras(document, nodes),
+        warnings=document.warnings(),
+        transparent=tuple(problem.message for problem in document.problems if problem.code == Code.TRANSPARENT),
+        files=(document.path, *document.files.names),
+    )
+    scene = prune(scene)
+    if not scene.meshes:
+        # A scene of glass alone is no scene, and its warnings would go unsaid.
+        got = f"none that can be seen: {scene.transparent[0]}" if scene.transparent else "none"
+        raise SceneError(f"{document.path}: expected a scene with triangles, got {got}", Code.NO_TRIANGLES)
+    return scene
+
+
+def _warn_of_animations(document: Document) -> None:
+    animations = document.root.get("animations", [])
+    if animations.array():
+        document.warn(animations, Code.FROZEN, "animations are left out: the scene stands as its nodes have it")
+
+
+def _meshes(document: Document, nodes: list[Node], materials: Materials) -> Iterator[Mesh]:
+    """A mesh for each primitive of each instance of each node; a primitive is decoded once for each set of weights."""
+    decoded: dict[tuple, Primitive] = {}
+    instance_count, element_count = len(nodes), 0
+    worlds = {node.json.pointer: node.world_from_node for node in nodes}
+    for node in nodes:
+        if "mesh" not in node.json:
+            continue
+        where = node.json.where(), node.json.pointer
+        places = _places(document, node, worlds)
+        instance_count += len(places) - 1
+        document.limits.check("nodes", instance_count, *where)
+        for primitive, paint, weights in _painted(document, node, materials):
+            key = primitive.pointer, weights
+            if key not in decoded:
+                decoded[key] = primitives.decode(document, primitive, paint, weights)
+            element_count += len(decoded[key]) * len(places)
+            document.limits.check("elements", element_count, *where)
+            meshes = (finished(place(decoded[key]), paint) for place in places)
+            yield from (mesh for mesh in meshes if mesh is not None)
+
+
+def _places(document: Document, node: Node, worlds: dict[str, np.ndarray]) -> list[Callable[[Primitive], Primitive]]:
+    """What takes the node's primitives to world space, one function for each instance."""
+    if "skin" not in node.json:
+        return [partial(placed, world_from_node=matrix) for matrix in instances(document, node)]
+    document.warn(document.root.get("skins", []), Code.FROZEN, "skins stand at the rest pose of their joints")
+    matrices = joint_matrices(document, node.json.get("skin"), worlds)
+
+    def place(primitive: Primitive) -> Primitive:
+        if primitive.joints is None:
+            return placed(primitive, node.world_from_node)
+        return skinned(primitive, matrices)
+
+    return [place]
+
+
+def _painted(document: Document, node: Node, materials: Materials) -> Iterator[tuple[Json, Paint, tuple[float, ...]]]:
+    """The primitives of a node that are to be seen, with their materials and the weights of their morph targets."""
+    mesh = document.lookup("meshes", node.json.get("mesh"))
+    for primitive in mesh.get("primitives").items():
+        if primitives.has_triangles(document, primitive):
+            paint = materials.paint(primitive)
+            if paint is not None:
+                yield primitive, paint, morph_weights(document, primitive, mesh, node.json)
+
+
+def morph_weights(document: Document, primitive: Json, mesh: Json, node: Json) -> tuple[float, ...]:
+    """The weight of each morph target of a primitive: the node's, else the mesh's, else 0. Raises SceneError."""
+    count = len(primitive.get("targets", []).array())
+    if not count:
+        return ()
+    document.warn(document.root.get("meshes"), Code.FROZEN, "morph targets stand at their default weights")
+    owner = next((owner for owner in (node, mesh) if "weights" in owner), None)
+    if owner is None:
+        return (0.0,) * count
+    weights = owner.get("weights")
+    if len(weights.array()) != count:
+        text = f"{count} weights, one for each morph target"
+        raise weights.refuse(text, str(len(weights.array())), Code.COUNT_MISMATCH)
+    return tuple(weight.number(-MAX_WEIGHT, MAX_WEIGHT) for weight in weights.items())

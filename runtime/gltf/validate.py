@@ -1,0 +1,149 @@
+"""Everything that is wrong with a glTF file, not only the first thing."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from gsgi.runtime.errors import GsgiError
+
+from . import accessors, cameras, extensions, instancing, lights, meshopt, primitives, reader, textures
+from .document import Document
+from .glb import open_document
+from .json_value import Json
+from .limits import Limits
+from .materials import Materials
+from .nodes import Node, flatten, local_matrix
+from .problems import Problem
+from .skins import joint_matrices
+
+Examine = Callable[[Document, Json], object]
+
+
+def validate(path: str | Path, limits: Limits = Limits()) -> list[Problem]:  # noqa: B008 (frozen)
+    """The errors of every part of the file, used or not, then the reader's warnings; each once.
+
+    A part that is broken hides no other; within one part, the first error counts.
+    """
+    try:
+        document = open_document(Path(path), limits)
+    except GsgiError as error:
+        return [_problem(error, path)]
+    errors: dict[Problem, None] = {}
+    for examine, value in _parts(document.root):
+        _collect(lambda: examine(document, value), path, errors)  # noqa: B023 (called at once)
+    if not errors:
+        _collect(lambda: reader.read_document(document, "cutout"), path, errors)
+    return [*errors, *document.problems]
+
+
+def _collect(examine: Callable[[], object], path: str | Path, errors: dict[Problem, None]) -> None:
+    try:
+        examine()
+    except GsgiError as error:
+        errors[_problem(error, path)] = None
+
+
+def _problem(error: GsgiError, path: str | Path) -> Problem:
+    """The finding behind an exception, without file and place at the start of its text."""
+    message = str(error).removeprefix(f"{path}: ").removeprefix(f"{error.pointer or '/'}: ")
+    return Problem("error", error.code, error.pointer, message)
+
+
+def _parts(root: Json) -> Iterator[tuple[Examine, Json]]:
+    """Each part of the file that is examined by itself, with the function that does."""
+    yield lambda _, root: extensions.check_version(root.get("asset")), root
+    for kind, examine in EXAMINE.items():
+        yield lambda _, root, kind=kind: root.get(kind, []).array(), root
+        yield from ((examine, entry) for entry in _entries(root, kind))
+    for mesh in _entries(root, "meshes"):
+        yield from ((_primitive, primitive) for primitive in _entries(mesh, "primitives"))
+    yield from ((_light, light) for light in _entries(root, "extensions", lights.NAME, "lights"))
+    yield lambda document, _: list(flatten(document)), root
+
+
+def _entries(value: Json, *path: str) -> list[Json]:
+    """The entries of the array at the end of a path; none where something else stands on the way."""
+    for key in path:
+        if not isinstance(value.data, dict) or key not in value.data:
+            return []
+        value = value.get(key)
+    return list(value.items()) if isinstance(value.data, list) else []
+
+
+def _index(entry: Json) -> Json:
+    """The index of an entry of an array, as a reference to it."""
+    return Json(entry.file, entry.pointer, int(entry.pointer.rpartition("/")[2]))
+
+
+def _buffer(document: Document, buffer: Json) -> None:
+    if not meshopt.is_fallback(buffer):
+        document.buffer(_index(buffer))
+
+
+def _accessor(document: Document, accessor: Json) -> None:
+    values = accessors.elements(document, accessor)
+    # What has no bytes is zero, however long.
+    if values.dtype.kind == "f" and "bufferView" in accessor:
+        accessors.check_finite(accessor, values)
+
+
+def _texture(document: Document, texture: Json) -> None:
+    textures.Textures(document).slot(Json(texture.file, texture.pointer, {"index": _index(texture).data}), [])
+
+
+def _primitive(document: Document, primitive: Json) -> None:
+    if primitives.has_triangles(document, primitive):
+        paint = Materials(document, "cutout").paint(primitive)
+        if paint is not None:
+            primitives.decode(document, primitive, paint, ())
+
+
+def _light(document: Document, light: Json) -> None:
+    lights.placed(light, _at_origin(light))
+
+
+def _skin(document: Document, skin: Json) -> None:
+    nodes = {node.pointer: np.eye(4) for node in _entries(document.root, "nodes")}
+    joint_matrices(document, _index(skin), nodes)
+
+
+def _node(document: Document, node: Json) -> None:
+    local_matrix(node)
+    placed = _at_origin(node)
+    lights.light(document, placed)
+    for kind, key in (("cameras", "camera"), ("skins", "skin")):
+        if key in node:
+            document.lookup(kind, node.get(key))
+    if "mesh" in node:
+        instancing.instances(document, placed)
+        mesh = document.lookup("meshes", node.get("mesh"))
+        for primitive in _entries(mesh, "primitives"):
+            reader.morph_weights(document, primitive, mesh, node)
+
+
+def _scene(document: Document, scene: Json) -> None:
+    for node in scene.get("nodes", []).items():
+        document.lookup("nodes", node)
+
+
+def _at_origin(value: Json) -> Node:
+    return Node(value, np.eye(4))
+
+
+EXAMINE: dict[str, Examine] = {
+    "extensionsRequired": lambda _, name: extensions.check_required(name),
+    "extensionsUsed": lambda _, name: name.string(),
+    "buffers": _buffer,
+    "bufferViews": lambda document, view: document.view(_index(view)),
+    "accessors": _accessor,
+    "images": lambda document, image: textures.decode_images(document, [image]),
+    "samplers": lambda _, sampler: textures.sampling(sampler),
+    "textures": _texture,
+    "materials": lambda document, material: Materials(document, "cutout").read(material),
+    "meshes": lambda _, mesh: mesh.get("primitives").array(),
+    "cameras": lambda document, camera: cameras.placed(document, camera, _at_origin(camera)),
+    "skins": _skin,
+    "nodes": _node,
+    "scenes": _scene,
+}

@@ -1,0 +1,130 @@
+"""Primitives in world space: placed by their node or by a skin, then finished as meshes."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from gsgi.runtime.scene import Mesh
+from gsgi.runtime.vectors import unit
+
+from .materials import Paint
+from .primitives import Primitive
+from .problems import Code
+from .tangents import orthonormal, tangents
+
+
+@np.errstate(over="ignore", invalid="ignore")  # what overflows is refused at the end, by finished()
+def placed(primitive: Primitive, world_from_node: np.ndarray) -> Primitive:
+    """The primitive in world space. A mirroring matrix (4, 4) turns the winding around: the front stays the front."""
+    linear = world_from_node[:3, :3]
+    position = (primitive.position @ linear.T + world_from_node[:3, 3]).astype(np.float32)
+    # Products of normals and tangents stay finite.
+    linear = linear / max(np.abs(linear).max(), np.finfo(float).tiny)
+    mirrored = np.linalg.det(linear) < 0
+    sign = -1 if mirrored else 1
+    normal, tangent = primitive.normal, primitive.tangent
+    if normal is not None:
+        normal = normal @ (cofactor(linear).T * sign)
+    if tangent is not None:
+        tangent = np.concatenate([tangent[:, :3] @ linear.T, tangent[:, 3:] * sign], axis=1)
+    triangle = primitive.triangle[:, ::-1] if mirrored else primitive.triangle
+    return replace(primitive, position=position, normal=normal, tangent=tangent, triangle=triangle)
+
+
+@np.errstate(over="ignore", invalid="ignore")
+def skinned(primitive: Primitive, world_from_joint: np.ndarray) -> Primitive:
+    """The primitive in world space, each vertex moved by the weighted sum of its joints' matrices (J, 4, 4).
+
+    Raises SceneError for a joint that the skin lacks. Source: glTF 2.0, 3.7.3.
+    """
+    matrix = _blended(primitive, world_from_joint)
+    linear = matrix[:, :, :3]
+    position = (np.einsum("vij,vj->vi", linear, primitive.position) + matrix[:, :, 3]).astype(np.float32)
+    linear = linear / np.maximum(np.abs(linear).max(axis=(1, 2), keepdims=True), np.finfo(float).tiny)
+    sign = np.where(np.linalg.det(linear) < 0, -1, 1)
+    normal, tangent = primitive.normal, primitive.tangent
+    if normal is not None:
+        normal = np.einsum("vij,vj->vi", cofactor(linear), normal) * sign[:, None]
+    if tangent is not None:
+        xyz = np.einsum("vij,vj->vi", linear, tangent[:, :3])
+        tangent = np.concatenate([xyz, tangent[:, 3:] * sign[:, None]], axis=1)
+    mirrored = sign[primitive.triangle].sum(axis=1) < 0
+    triangle = np.where(mirrored[:, None], primitive.triangle[:, ::-1], primitive.triangle)
+    return replace(primitive, position=position, normal=normal, tangent=tangent, triangle=triangle)
+
+
+def finished(primitive: Primitive, paint: Paint) -> Mesh | None:
+    """The mesh of a primitive in world space; triangles without area are left out, None where none is left.
+
+    Raises SceneError.
+    """
+    if not np.isfinite(primitive.position).all():
+        raise primitive.json.refuse("positions that float32 holds", "an overflow in world space", Code.OVERFLOW)
+    face = face_vectors(primitive.position, primitive.triangle)
+    keep = face.any(axis=1)
+    triangle, face = np.ascontiguousarray(primitive.triangle[keep]), face[keep]
+    if not len(triangle):
+        return None
+    given = np.zeros_like(primitive.position) if primitive.normal is None else primitive.normal
+    normal = _normals(given, triangle, face)
+    tangent = None
+    if primitive.tangent is not None:
+        tangent = orthonormal(primitive.tangent, normal)
+    elif paint.normal_channel is not None:
+        tangent = tangents(primitive.position, normal, primitive.uv[:, paint.normal_channel], triangle)
+    color = _color(primitive.color, alpha=paint.material.alpha_cutoff is not None)
+    return Mesh(primitive.position, normal, primitive.uv, triangle, paint.index, color, tangent)
+
+
+def cofactor(linear: np.ndarray) -> np.ndarray:
+    """Cofactor matrices (..., 3, 3): det * inverse transpose, which turn normals up to their length and sign.
+
+    They exist for matrices that scale to 0 along an axis, too.
+    """
+    return np.cross(linear[..., [1, 2, 0], :], linear[..., [2, 0, 1], :])
+
+
+def face_vectors(position: np.ndarray, triangle: np.ndarray) -> np.ndarray:
+    """(F, 3) float64 normal of each triangle, twice its area long."""
+    a, b, c = (position[corner].astype(np.float64) for corner in triangle.T)
+    return np.cross(b - a, c - a)
+
+
+def _normals(normal: np.ndarray, triangle: np.ndarray, face: np.ndarray) -> np.ndarray:
+    """Unit normals (V, 3) float32; a null one is replaced by the mean of the faces around it."""
+    null = ~normal.any(axis=1)
+    if null.any():
+        corner, faces = triangle.reshape(-1), np.repeat(face, 3, axis=0)
+        normal = normal.astype(np.float64)
+        for axis in range(3):
+            around = np.bincount(corner, weights=faces[:, axis], minlength=len(normal))
+            normal[null, axis] = around[null]
+        normal[~normal.any(axis=1)] = (0, 1, 0)  # a vertex of no triangle
+    return unit(normal).astype(np.float32)
+
+
+def _color(color: np.ndarray | None, alpha: bool) -> np.ndarray | None:
+    """Vertex colours where they matter: some are not white."""
+    if color is not None and not alpha:
+        color = color.copy()
+        color[:, 3] = 1
+    return color if color is not None and (color != 1).any() else None
+
+
+def _blended(primitive: Primitive, world_from_joint: np.ndarray) -> np.ndarray:
+    """The matrix (V, 3, 4) of each vertex; weights count by their share, all-zero ones as the first joint alone."""
+    joints, weights = primitive.joints, primitive.weights.astype(np.float64)
+    used = joints[weights != 0]
+    if used.size and used.max() >= len(world_from_joint):
+        text = f"joints below {len(world_from_joint)}"
+        raise primitive.json.get("attributes").refuse(text, str(used.max()), Code.INDEX_RANGE)
+    weights[~weights.any(axis=1), 0] = 1
+    total = weights.sum(axis=1, keepdims=True)
+    if not (total > 0).all():
+        raise primitive.json.get("attributes").refuse("weights of joints above 0", "others")
+    weights /= total
+    joints = np.minimum(joints, len(world_from_joint) - 1)
+    matrix = np.zeros((len(joints), 3, 4))
+    for joint, weight in zip(joints.T, weights.T, strict=True):
+        matrix += weight[:, None, None] * world_from_joint[joint, :3]
+    return matrix

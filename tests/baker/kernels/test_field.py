@@ -1,0 +1,233 @@
+"""Reading Gaussians at surface points: equal to the oracle, nobody left out, and the same bits everywhere."""
+
+import numpy as np
+import oracle
+import pytest
+from surface_cases import FIELDS, KINDS, field_of, gaussians, of_type, points
+
+from gsgi.baker import _kernels
+from gsgi.runtime.gaussians import Gaussians
+
+
+def by_oracle(given: Gaussians, position, normal, cutoff: float, sharpness: int) -> np.ndarray:
+    """Of sharpness 0 they face every way."""
+    return oracle.level_sums(given, cutoff, sharpness or None, position.astype(float), normal)
+
+
+# Floats: a weight is off by some 1e-6 of the opacity, a colour by as much of its coefficients, of which 100 are summed.
+@pytest.mark.parametrize(("dtype", "tolerance"), [(np.float64, 1e-12), (np.float32, 2e-5)])
+@pytest.mark.parametrize("coefficients", [1, 4, 9])
+@pytest.mark.parametrize(("cutoff", "sharpness"), [(0.05, 0), (0.05, 1), (0.05, 2), (0.2, 5), (1e-4, 2), (0.9, 0)])
+def test_reading_equals_the_oracle(dtype, tolerance, coefficients, cutoff, sharpness):
+    position, normal = points(203, dtype)
+    given = gaussians(100, coefficients)
+    expected = by_oracle(given, position, normal, cutoff, sharpness)
+    assert expected[:, 3].max() > 0.03
+    typed = of_type(given, dtype)
+    sums = field_of(typed, position, normal, cutoff, sharpness).read(typed)
+    assert sums.dtype == dtype
+    np.testing.assert_allclose(sums, expected, atol=tolerance)
+
+
+@pytest.mark.parametrize("count", [1, 15, 16, 17, 129, 1100])
+def test_any_number_of_points(count):
+    """One lane, whole blocks, and more than one level of boxes above them."""
+    position, normal = points(count)
+    given = gaussians(30)
+    expected = by_oracle(given, position, normal, 0.05, 2)
+    np.testing.assert_allclose(field_of(given, position, normal).read(given), expected, atol=1e-5)
+
+
+def test_no_points_and_no_gaussians():
+    position, normal = points(20)
+    nobody = gaussians(0)
+    field = _kernels.FieldFloat(position, normal)
+    np.testing.assert_array_equal(field.read(nobody), np.zeros((20, 4)))  # nobody was listed either
+    field.list(nobody, 0.05, 2, 1.0)
+    np.testing.assert_array_equal(field.read(nobody), np.zeros((20, 4)))
+    ones = np.ones(20, np.float32)
+    assert field.backward(nobody, position, normal, ones, ones).shape == (0, 16)
+    assert field.spread(nobody, position, ones).shape == (0, 1, 3)
+    assert field.entry_count == 0
+    given, empty = gaussians(7, 9), np.empty((0, 3), np.float32)
+    field = field_of(given, empty, empty)
+    assert field.read(given).shape == (0, 4)
+    np.testing.assert_array_equal(field.backward(given, empty, empty, ones[:0], ones[:0]), np.zeros((7, 16)))
+    np.testing.assert_array_equal(field.spread(given, empty, ones[:0]), np.zeros((7, 9, 3)))
+
+
+@pytest.mark.parametrize("sharpness", [0, 2])
+@pytest.mark.parametrize("order", ["coherent", "random"])
+def test_the_list_misses_nobody_who_weighs_anything(sharpness, order):
+    """What a list with any margin adds weighs nothing: not a bit changes."""
+    position, normal = points(5000)
+    if order == "coherent":
+        position = position[np.lexsort(np.floor(position * 4).T)]
+    given = gaussians(500)
+    fields = [field_of(given, position, normal, 0.05, sharpness, margin) for margin in (1.0, 1.5, 20.0)]
+    assert fields[0].entry_count < fields[1].entry_count < fields[2].entry_count
+    first, *others = (field.read(given) for field in fields)
+    for other in others:
+        np.testing.assert_array_equal(first, other)
+
+
+def test_gaussians_that_move_within_the_margin_are_still_listed():
+    position, normal = points(2000)
+    before = gaussians(300)
+    after = of_type(before, np.float32, scale=before.scale * np.float32(1.5))
+    field = field_of(before, position, normal, margin=1.5 + 1e-5)
+    np.testing.assert_array_equal(field.read(after), field_of(after, position, normal).read(after))
+
+
+def test_a_gaussian_ends_at_its_radius_and_faces_one_way():
+    """By hand: one Gaussian of deviations (1, 2, 4), turned by a third about (1, 1, 1), so that +z is the x axis."""
+    cutoff = np.exp(-2.0)  # two deviations
+    given = of_type(gaussians(1), np.float64, position=np.array([[1.0, 2, 3]]), rotation=np.full((1, 4), 0.5))
+    given.scale, given.opacity, given.sh = np.array([[1.0, 2, 4]]), np.array([0.5]), np.ones((1, 1, 3))
+    offset = np.array([[0, 0, 0], [4, 0, 0], [7.999, 0, 0], [8.001, 0, 0], [0, 1.999, 0], [0, 2.001, 0], [0, 0, 3.999]])
+    straight = np.tile([1.0, 0, 0], (7, 1))
+    weights = field_of(given, given.position + offset, straight, cutoff, 2).read(given)[:, 3]
+    expected = [0.5 * (1 - cutoff), 0.5 * (np.exp(-0.5) - cutoff)]
+    np.testing.assert_allclose(weights[:2], expected, rtol=1e-12)
+    np.testing.assert_array_equal(weights > 0, [True, True, True, False, True, False, True])
+    sixty = np.array([[0.5, np.sqrt(0.75), 0], [-0.5, np.sqrt(0.75), 0], [0, 0, 1]])
+    here = np.repeat(given.position, 3, axis=0)
+    for sharpness in (1, 2, 5):
+        weights = field_of(given, here, sixty, cutoff, sharpness).read(given)[:, 3]
+        np.testing.assert_allclose(weights, [expected[0] * 0.5**sharpness, 0, 0], atol=1e-15)
+
+
+def test_spread_is_the_transpose_of_reading():
+    """<read(sh) / w, v> = <sh, spread(v)> for all coefficients and values."""
+    position, normal = points(333, np.float64)
+    given = of_type(gaussians(40, 9), np.float64)
+    field = field_of(given, position, normal)
+    values = np.random.default_rng(3).normal(size=position.shape)
+    sums = field.read(given)
+    inverse = np.divide(1, sums[:, 3], out=np.zeros(333), where=sums[:, 3] > 0)
+    left = (sums[:, :3] * inverse[:, None] * values).sum()
+    assert abs(left) > 0.1
+    assert (given.sh * field.spread(given, values, inverse)).sum() == pytest.approx(left, rel=1e-12)
+
+
+def all_bits(dtype) -> list[bytes]:
+    position, normal = points(3000, dtype)
+    given = of_type(gaussians(400, 4), dtype)
+    field = field_of(given, position, normal, margin=1.1)
+    sums = field.read(given)
+    ones = np.ones(3000, dtype)
+    results = sums, field.backward(given, position, normal, ones, ones), field.spread(given, normal, ones)
+    return [array.tobytes() for array in results]
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_same_bits_for_any_number_of_threads_and_every_instruction_set(dtype):
+    expected = all_bits(dtype)
+    try:
+        for threads in (1, 2, 3):
+            _kernels.set_thread_count(threads)
+            assert all_bits(dtype) == expected
+        for name in _kernels.instruction_sets():  # the last is the default
+            _kernels.set_instruction_set(name)
+            assert all_bits(dtype) == expected
+    finally:
+        _kernels.set_thread_count(0)
+        _kernels.set_instruction_set(_kernels.instruction_sets()[-1])
+
+
+@pytest.mark.parametrize("kind", KINDS.values())
+def test_wrong_points_are_refused(kind):
+    dtype, other = (np.float32, np.float64) if kind is _kernels.FieldFloat else (np.float64, np.float32)
+    position, normal = points(8, dtype)
+    turned = np.asfortranarray(position)
+    for wrong in (position.astype(other), position[:, :2].copy(), position[:, 0].copy(), turned, position[::2], None):
+        with pytest.raises(TypeError):
+            kind(wrong, normal)
+        with pytest.raises(TypeError):
+            kind(position, wrong)
+    with pytest.raises(ValueError, match="same length"):
+        kind(position, normal[:-1])
+
+
+@pytest.mark.parametrize("name", FIELDS)
+def test_wrong_gaussians_are_refused(name):
+    field = _kernels.FieldFloat(*points(8))
+    given = gaussians(5, 9)
+    array = getattr(given, name)
+    wrong = [array.astype(np.float64), array[:-1].copy(), array[..., None], array[::-1]]
+    wrong += [np.asfortranarray(array), array[..., :2].copy()] if array.ndim > 1 else []
+    for values in wrong:
+        with pytest.raises(TypeError):
+            field.list(of_type(given, np.float32, **{name: values}), 0.05, 2, 1.0)
+    with pytest.raises(TypeError, match="1, 4 or 9"):
+        field.list(of_type(given, np.float32, sh=given.sh[:, :5].copy()), 0.05, 2, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "name"),
+    [((0.0, 2, 1.0), "cutoff"), ((1.0, 2, 1.0), "cutoff"), ((0.1, -1, 1.0), "sharp"), ((0.1, 2, 0.9), "margin")],
+)
+def test_an_impossible_operator_is_refused(arguments, name):
+    with pytest.raises(ValueError, match=name):
+        _kernels.FieldFloat(*points(8)).list(gaussians(5), *arguments)
+
+
+def test_values_of_another_length_and_other_gaussians_are_refused():
+    position, normal = points(20)
+    given, ones = gaussians(5), np.ones(20, np.float32)
+    field = field_of(given, position, normal)
+    right = position, normal, ones, ones
+    for i, array in enumerate(right):
+        with pytest.raises(ValueError, match="per point"):
+            field.backward(given, *right[:i], array[:-1].copy(), *right[i + 1 :])
+        with pytest.raises(TypeError):
+            field.backward(given, *right[:i], array.astype(np.float64), *right[i + 1 :])
+    for wrong in ((position[:-1], ones), (position, ones[:-1])):
+        with pytest.raises(ValueError, match="per point"):
+            field.spread(given, *wrong)
+    calls = (field.read,), (field.backward, *right), (field.spread, position, ones)
+    for call, *arguments in calls:
+        with pytest.raises(ValueError, match="listed"):
+            call(gaussians(6), *arguments)
+
+
+HARD = {
+    "needles": {"scale": np.float32([1e-6, 1e-6, 1.0])},
+    "flat": {"scale": np.float32([0.3, 0.3, 0.0])},
+    "points": {"scale": np.float32([0.0, 0.0, 0.0])},
+    "giants": {"scale": np.float32([1e12, 1e12, 1e12])},
+    "invisible": {"opacity": np.float32(0)},
+    "coincident": {"position": np.float32([0.1, 0.2, 0.3]), "rotation": np.float32([0, 0, 0, 1])},
+    "bright": {"sh": np.float32(1e6)},
+    "far away": {"position": np.float32([1e18, -1e18, 1e18])},
+}
+
+
+@pytest.mark.parametrize("sharpness", [0, 1, 2])
+@pytest.mark.parametrize("case", HARD)
+def test_hard_gaussians_give_finite_numbers(case, sharpness):
+    given = of_type(gaussians(64, 9), np.float32)
+    for name, value in HARD[case].items():
+        getattr(given, name)[...] = value
+    position, normal = points(300)
+    position[:64], normal[:32] = given.position, -normal[32:64]  # some at centres, some opposite
+    position[64:80] *= np.float32(1e18)
+    field = field_of(given, position, normal, sharpness=sharpness, margin=1.1)
+    sums = field.read(given)
+    assert np.isfinite(sums).all()
+    assert (sums[:, 3] >= 0).all()
+    assert (sums[:64, 3].max() > 0) == (case != "invisible")
+    inverse = np.divide(1, sums[:, 3], out=np.zeros(300, np.float32), where=sums[:, 3] > 1e-30)
+    ones = np.ones((300, 3), np.float32)
+    assert np.isfinite(field.backward(given, sums[:, :3] * inverse[:, None], ones, inverse, ones[:, 0].copy())).all()
+    assert np.isfinite(field.spread(given, ones, inverse)).all()
+
+
+def test_normals_that_are_opposite_see_nobody():
+    position, _ = points(100)
+    given = of_type(gaussians(50), np.float32)
+    given.rotation[...] = [0, 0, 0, 1]
+    down = np.tile(np.float32([0, 0, -1]), (100, 1))
+    field = field_of(given, position, down)
+    assert field.entry_count == 0
+    np.testing.assert_array_equal(field.read(given), np.zeros((100, 4)))

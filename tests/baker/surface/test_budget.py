@@ -1,0 +1,76 @@
+"""How a budget is shared out: both levels, samples and their paths, and what the file takes."""
+
+import numpy as np
+import pytest
+
+from gsgi.baker.surface.budget import (
+    COARSE_DEGREE,
+    COARSE_MOST,
+    FINE_DEGREE,
+    PATHS_MOST,
+    PATHS_STEP,
+    SAMPLES_FEWEST,
+    SAMPLES_MOST,
+    coarse_count,
+    file_bytes,
+    free_count,
+    path_count,
+    sample_count,
+)
+from gsgi.runtime.file import codec
+from gsgi.runtime.gaussians import Bake, Gaussians, SurfaceBlend
+
+BUDGETS = (1, 2, 3, 4, 7, 64, 500, 4096, 4097, 50_000)
+
+
+def level(count: int, degree: int) -> Gaussians:
+    rng = np.random.default_rng(count)
+    rotation = np.tile(np.float32([0, 0, 0, 1]), (count, 1))
+    position, sh = rng.random((count, 3), np.float32), rng.random((count, (degree + 1) ** 2, 3), np.float32)
+    return Gaussians(position, rotation, np.full((count, 3), 0.1, np.float32), np.ones(count, np.float32), sh)
+
+
+@pytest.mark.parametrize("budget", BUDGETS)
+def test_a_file_is_as_large_as_its_budget_says(budget):
+    coarse = coarse_count(budget)
+    bake = Bake(level(budget - coarse, FINE_DEGREE), SurfaceBlend(), coarse=level(coarse, COARSE_DEGREE))
+    assert len(codec.encode(bake)) == file_bytes(budget)
+
+
+def test_a_quarter_is_coarse_but_one_at_least_and_not_too_many():
+    assert [coarse_count(budget) for budget in (1, 2, 3, 4, 7, 8, 64)] == [1, 1, 1, 1, 1, 2, 16]
+    assert coarse_count(4 * COARSE_MOST) == coarse_count(1 << 19) == COARSE_MOST
+
+
+def test_samples_in_free_space_follow_the_coarse_level():
+    assert [free_count(budget) for budget in (4, 4000, 1 << 19)] == [256, 256_000, 256 * COARSE_MOST]
+
+
+def test_more_gaussians_never_make_a_smaller_file():
+    sizes = [file_bytes(budget) for budget in range(1, 5000)]
+    assert sizes == sorted(set(sizes))
+
+
+def test_samples_grow_with_the_budget_within_bounds():
+    counts = [sample_count(budget) for budget in BUDGETS]
+    assert counts == sorted(counts)
+    assert (counts[0], counts[-1]) == (SAMPLES_FEWEST, SAMPLES_MOST)
+    assert sample_count(4096) == 64 * 4096
+
+
+def test_noisier_light_and_fewer_samples_per_gaussian_take_more_paths():
+    quiet, noisy = path_count(4096, 1.0), path_count(4096, 1.5)
+    # 64 samples of one Gaussian and 0.7 % of noise: 1 / 0.007^2 / 64 = 319 paths, in steps of 64; 2.25 times as many.
+    assert (quiet, noisy) == (320, 768)
+    assert path_count(64, 1.5) < noisy  # the samples are SAMPLES_FEWEST all the same
+    assert path_count(1 << 16, 1.0) > quiet
+
+
+@pytest.mark.parametrize("budget", BUDGETS)
+def test_paths_come_in_whole_steps_within_bounds(budget):
+    counts = [path_count(budget, noise) for noise in (0.0, 0.1, 0.5, 1.0, 3.0, 100.0)]
+    assert counts == sorted(counts)
+    assert counts[0] == PATHS_STEP
+    assert counts[-1] <= PATHS_MOST
+    assert not any(count % PATHS_STEP for count in counts)
+    assert path_count(budget, 1e6) == PATHS_MOST

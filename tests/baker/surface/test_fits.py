@@ -1,0 +1,59 @@
+"""Fits with the surface operator: all of a bake but its views."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from repository import SCENES
+
+from gsgi.baker.bake import bake
+from gsgi.baker.cache.store import Cache
+from gsgi.baker.over.rasterise import set_thread_count
+from gsgi.baker.plan import Plan, make_plan
+from gsgi.baker.progress import Progress
+from gsgi.baker.settings import Settings
+from gsgi.baker.surface import budget, fits, samples
+from gsgi.runtime.file import codec
+from gsgi.runtime.gaussians import SurfaceBlend
+from gsgi.runtime.gltf.reader import read_gltf
+
+CORNELL = SCENES / "cornell.glb"
+QUIET = Progress(quiet=True)
+
+
+@pytest.fixture(scope="module")
+def plan() -> Plan:
+    settings = Settings(budget=64, views=2, size=24, samples=64, bounces=2, iterations=20)
+    return make_plan(read_gltf(CORNELL), settings, QUIET, Cache())
+
+
+@pytest.fixture(autouse=True)
+def few_samples(monkeypatch):
+    monkeypatch.setattr(budget, "SAMPLES_FEWEST", 1 << 12)
+    for module in (samples, fits):
+        monkeypatch.setattr(module, "CHUNK", 1 << 11)
+
+
+def test_the_same_bytes_each_time_whatever_the_number_of_threads(plan):
+    files = []
+    try:
+        for count in (1, 2, 2):
+            set_thread_count(count)
+            files.append(bake(plan, QUIET).data)
+    finally:
+        set_thread_count(0)
+    assert files[0] == files[1] == files[2]
+    assert bake(replace(plan, settings=replace(plan.settings, seed=1)), QUIET).data != files[0]
+
+
+def test_a_file_holds_both_levels_of_the_budget(plan):
+    baked = bake(plan, QUIET)
+    read = codec.decode(baked.data)
+    assert isinstance(read.blend, SurfaceBlend)
+    assert (len(read.gaussians), len(read.coarse)) == (48, 16)
+    assert (read.gaussians.sh_degree, read.coarse.sh_degree) == (
+        budget.FINE_DEGREE,
+        budget.COARSE_DEGREE,
+    )
+    assert len(baked.data) == plan.file_bytes
+    assert read.tone_scale == np.float32(plan.pilot.mean)

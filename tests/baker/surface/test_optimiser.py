@@ -1,0 +1,345 @@
+"""Steps of the `surface` operator's fit: the gradient against finite differences, and what a step may change."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import oracle
+import pytest
+from scipy.spatial.transform import Rotation
+from surface_cases import FIELDS, field_of, gaussians, of_type, points
+
+from gsgi.baker import _kernels
+from gsgi.baker.surface.lookup import evaluate, filling
+from gsgi.baker.surface.optimiser import BETA_1, DARK, SIZE_COST, SurfaceOptimiser, moved, parameter_gradient
+from gsgi.baker.surface.samples import SurfaceSamples
+from gsgi.baker.surface.state import PARAMETERS, SurfaceState
+from gsgi.runtime import constants
+from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
+
+BLEND = SurfaceBlend()
+COUNT, STEP = 12, 1e-6
+NOWHERE = dict.fromkeys(PARAMETERS, 0.0)
+RATES = dict.fromkeys(PARAMETERS, 0.02)
+
+
+def exactly_moved(given: SimpleNamespace, change: np.ndarray) -> SimpleNamespace:
+    """What `moved` does, in double precision and without limits."""
+    place, turn, log_scale, logit, colour = np.split(change, np.cumsum(list(PARAMETERS.values()))[:-1], axis=1)
+    axes = oracle.rotation_matrix(given.rotation)
+    odds = given.opacity / (1 - given.opacity) * np.exp(logit[:, 0])
+    sh = given.sh.copy()
+    sh[:, 0] += colour
+    return SimpleNamespace(
+        position=given.position + np.einsum("nij,nj->ni", axes, given.scale * place),
+        rotation=(Rotation.from_quat(given.rotation) * Rotation.from_rotvec(turn)).as_quat(),
+        scale=given.scale * np.exp(log_scale),
+        opacity=odds / (1 + odds),
+        sh=sh,
+    )
+
+
+class Exact(SimpleNamespace):
+    """Gaussians of degree 0 in double precision, for the oracle."""
+
+    sh_degree = 0
+
+    def __len__(self) -> int:
+        return len(self.position)
+
+
+class Problem:
+    """Double-precision Gaussians, points that lie near the ends of some, and a smooth loss, sum v . B + |B|^2 / 2.
+
+    A weight ends without a step, but its derivative does not, and B goes below the floor with a kink: points that stand
+    within 1e-4 of the end of a Gaussian, of its horizon or of the floor, a hundred times what the differences move, are
+    left out.
+    """
+
+    def __init__(self, sharpness: int, coefficients: int):
+        given = gaussians(COUNT, coefficients)
+        given.scale[...] = np.maximum(given.scale, 0.1)
+        self.given = of_type(given, np.float64)
+        self.given.rotation /= np.linalg.norm(self.given.rotation, axis=1, keepdims=True)  # beyond a float's 24 bits
+        position, normal = points(1500, np.float64)
+        nearness, cosine = self.nearness(position, normal)
+        ends = np.abs(nearness - 0.05)
+        clear = (ends.min(axis=1) > 1e-4) & (np.abs(cosine).min(axis=1) > 1e-4)
+        weight = field_of(self.given, position, normal, 0.05, sharpness).read(self.given)[:, 3]
+        clear &= np.abs(weight - BLEND.floor) > 1e-4
+        assert ((weight > 0) & (weight < BLEND.floor))[clear].sum() >= 20
+        assert (weight > BLEND.floor)[clear].sum() >= 20
+        assert ((nearness > 0.05) & (ends < 2e-3)).any(axis=1)[clear].sum() > 5  # hardly inside
+        assert ((nearness < 0.05) & (ends < 2e-3)).any(axis=1)[clear].sum() > 5  # hardly outside
+        self.position, self.normal = position[clear], normal[clear]
+        rng = np.random.default_rng(5)
+        self.values, self.coarse = rng.normal(size=self.position.shape), rng.uniform(1, 2, self.position.shape)
+        self.field = field_of(self.given, self.position, self.normal, 0.05, sharpness, 1.1)
+
+    def nearness(self, position, normal) -> tuple[np.ndarray, np.ndarray]:
+        """G and cosine (S, COUNT)."""
+        axes = oracle.rotation_matrix(self.given.rotation)
+        e = np.einsum("snj,nji->sni", position[:, None] - self.given.position, axes) / self.given.scale
+        return np.exp(-0.5 * (e**2).sum(axis=2)), normal @ axes[:, :, 2].T
+
+    def light(self, given) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """B, 1 / (sum w + gap), and the light that gives way to a Gaussian which comes to weigh more."""
+        fine = self.field.read(given)
+        sums = fine + filling(fine, self.coarse, BLEND)
+        light = sums[:, :3] / sums[:, 3:]
+        return light, 1 / sums[:, 3], np.where(fine[:, 3:] < BLEND.floor, self.coarse, light)
+
+    def loss(self, given) -> float:
+        light, *_ = self.light(given)
+        return (self.values * light + light**2 / 2).sum()
+
+    def gradient(self) -> np.ndarray:
+        light, inverse, yielding = self.light(self.given)
+        moments = self.field.backward(self.given, yielding, self.values + light, inverse, np.zeros(len(light)))
+        return parameter_gradient(moments, self.given)
+
+    def difference(self, index: int, parameter: int) -> float:
+        change = np.zeros((COUNT, sum(PARAMETERS.values())))
+        change[index, parameter] = STEP
+        return (self.loss(exactly_moved(self.given, change)) - self.loss(exactly_moved(self.given, -change))) / 2 / STEP
+
+
+@pytest.mark.parametrize("coefficients", [1, 9])
+@pytest.mark.parametrize("sharpness", [0, 1, 2, 5])
+def test_every_gradient_equals_finite_differences(sharpness, coefficients):
+    problem = Problem(sharpness, coefficients)
+    got = problem.gradient()
+    expected = np.array([[problem.difference(i, k) for k in range(got.shape[1])] for i in range(COUNT)])
+    assert (np.abs(expected) > 1e-2).mean() > 0.8
+    # The gradient has 24 bits; differences of losses near 1e3 have errors of 1e3 * 1e-16 * some / 1e-6.
+    np.testing.assert_allclose(got, expected, rtol=1e-5, atol=1e-5)
+
+
+@pytest.mark.parametrize("floor", [0.0, 0.1, 10.0])
+def test_a_step_follows_the_gradient_of_what_the_oracle_reads(floor):
+    """The whole step's: Adam's first mean. The importance is no part of it, the light's own size is. A floor of 10 is
+    more than any sample has."""
+    given, coarse, blend = gaussians(4, seed=3), gaussians(6, 9, seed=8), SurfaceBlend(floor=floor)
+    given.scale[...], coarse.scale[...] = np.maximum(given.scale, 0.3), 1.0
+    given.sh[...], coarse.sh[:, :1] = np.abs(given.sh) + 1, np.abs(coarse.sh[:, :1]) + 6  # B is never cut at 0
+    position, normal = points(1500)
+    weight = oracle.level_sums(given, blend.cutoff, blend.sharpness, position.astype(float), normal)[:, 3]
+    chosen = (weight > 1e-3) & (np.abs(weight - floor) > 1e-4)
+    position, normal, weight = position[chosen], normal[chosen], weight[chosen]
+    assert min((weight < floor).sum(), (weight > floor).sum()) > (50 if floor == 0.1 else -1)
+    samples = samples_of(np.ones(position.shape), position, normal)
+
+    def light(gaussians) -> np.ndarray:
+        return oracle.read_surface(gaussians, coarse, blend, position.astype(float), normal)[1]
+
+    importance = 1 / (light(given).mean(axis=1, keepdims=True) + DARK) ** 2
+
+    def loss(change: np.ndarray) -> float:
+        changed = Exact(**vars(exactly_moved(of_type(given, np.float64), change)))
+        return (importance * (light(changed) - 1) ** 2).sum() / len(position)
+
+    steps = 1e-5 * np.eye(4 * 13).reshape(-1, 4, 13)
+    expected = np.reshape([(loss(step) - loss(-step)) / 2e-5 for step in steps], (4, 13))
+    optimiser = SurfaceOptimiser(samples, coarse, blend, 1.0)
+    state, seen = optimiser.step(SurfaceState.fresh(given), NOWHERE, 1)
+    got = state.mean / (1 - BETA_1)
+    got[:, 6:9] -= SIZE_COST * seen.loss / 4  # without noise all of the loss is error
+    assert seen.loss == pytest.approx(loss(np.zeros((4, 13))), rel=1e-4)
+    np.testing.assert_allclose(got, expected, atol=1e-4 * np.abs(expected).max())
+
+
+def test_moved_is_the_move_that_the_gradient_is_of():
+    given = gaussians(COUNT)
+    given.sh[...] = np.abs(given.sh) + 1
+    change = np.random.default_rng(0).uniform(-0.1, 0.1, (COUNT, 13))
+    unit = 2.5
+    result = moved(given, change, unit, np.zeros((COUNT, 3)), np.full((COUNT, 3), np.inf))
+    change[:, 10:] *= unit / constants.SH_C0
+    expected = exactly_moved(of_type(given, np.float64), change)
+    for name in FIELDS:
+        np.testing.assert_allclose(getattr(result, name), getattr(expected, name), rtol=2e-5, atol=2e-6, err_msg=name)
+
+
+def test_a_move_keeps_to_its_limits():
+    given = gaussians(COUNT)
+    far = np.full((COUNT, 13), 100.0)
+    smallest, largest = given.scale / 2, given.scale * 2
+    for sign, scale, opacity in ((1, largest, 1 / (1 + np.exp(-5.0))), (-1, smallest, 1 / (1 + np.exp(5.0)))):
+        result = moved(given, sign * far, 1.0, smallest, largest)
+        np.testing.assert_array_equal(result.scale, scale)
+        np.testing.assert_allclose(result.opacity, opacity, rtol=1e-5)
+        assert result.sh.min() >= 0
+        np.testing.assert_allclose(np.linalg.norm(result.rotation, axis=1), 1, rtol=1e-6)
+
+
+def samples_of(light: np.ndarray, position, normal, noise: float = 0.0) -> SurfaceSamples:
+    rng = np.random.default_rng(9)
+    halves = (light + noise * rng.normal(size=light.shape) for _ in range(2))
+    return SurfaceSamples(position, normal, *(half.astype(np.float32) for half in halves), 0)
+
+
+def wall(count: int = 4000) -> tuple[np.ndarray, np.ndarray]:
+    """Points of the square [-1, 1]^2 at z = 0, which faces +z."""
+    rng = np.random.default_rng(3)
+    position = np.column_stack([rng.uniform(-1, 1, (count, 2)), np.zeros(count)]).astype(np.float32)
+    return position, np.tile(np.float32([0, 0, 1]), (count, 1))
+
+
+def tiles(edge: int = 4) -> Gaussians:
+    """Grey, on the wall, one per cell of a grid."""
+    x, y = (np.indices((edge, edge)).reshape(2, -1) + 0.5) / edge * 2 - 1
+    n = edge**2
+    arrays = (
+        np.column_stack([x, y, np.zeros(n)]),
+        np.tile([0, 0, 0, 1], (n, 1)),
+        np.full((n, 3), 1.0 / edge) * [1, 1, 0.3],
+        np.full(n, 0.5),
+        np.full((n, 1, 3), 2.0),
+    )
+    return Gaussians(*(array.astype(np.float32) for array in arrays))
+
+
+def test_the_loss_is_relative_to_the_light_and_the_error_free_of_noise():
+    """By hand: with one constant colour B is known, and with it loss and error."""
+    position, normal = wall()
+    given = tiles()
+    b = 2.0 * constants.SH_C0
+    target, noise, tone_scale = 0.4, 0.3, 0.5
+    samples = samples_of(np.full((len(position), 3), target), position, normal, noise)
+    optimiser = SurfaceOptimiser(samples, gaussians(0, 9), SurfaceBlend(), tone_scale)
+    _, seen = optimiser.step(SurfaceState.fresh(given), NOWHERE, 1)
+    importance = 1 / (b + 1.5 * tone_scale) ** 2
+    residual = b - samples.indirect
+    assert seen.loss == pytest.approx(importance * (residual**2).sum(axis=1).mean(), rel=1e-4)
+    # The noise would add 3 noise^2 / 2 to each sample's error, five times what is there; 4000 samples leave 2 %.
+    free = importance * 3 * (b - target) ** 2 * len(position)
+    noisy = importance * 3 * noise**2 / 2 * len(position)
+    assert noisy > 1.5 * free
+    assert seen.error.sum() == pytest.approx(free, abs=0.1 * noisy)
+
+
+def test_shares_add_up_to_the_samples():
+    position, normal = wall()
+    samples = samples_of(np.ones((len(position), 3)), position, normal)
+    given = tiles()
+    share = SurfaceOptimiser(samples, gaussians(0, 9), SurfaceBlend(), 1.0).share(given)
+    assert share.sum() == pytest.approx(len(position), rel=1e-5)
+    np.testing.assert_allclose(share, len(position) / 16, rtol=0.25)  # 250 +- 16 points in each cell
+    # Below the floor the rest is the coarse level's share.
+    blend = SurfaceBlend(floor=0.4)
+    _, weight = evaluate(given, tiles(), blend, position, normal)
+    assert 0.1 < (weight < 0.4).mean() < 0.9
+    share = SurfaceOptimiser(samples, tiles(), blend, 1.0).share(given)
+    assert share.sum() == pytest.approx(np.minimum(1, weight / 0.4).sum(), rel=1e-5)
+
+
+def test_steps_lead_downhill_and_a_rate_of_zero_nowhere():
+    position, normal = wall()
+    light = 1 + 0.5 * np.sin(3 * position[:, :1]) * np.ones(3)
+    optimiser = SurfaceOptimiser(samples_of(light, position, normal), gaussians(0, 9), SurfaceBlend(), 1.0)
+    state = SurfaceState.fresh(tiles())
+    same, first = optimiser.step(state, NOWHERE, 1)
+    for name in ("position", "scale", "sh"):
+        np.testing.assert_allclose(getattr(same.gaussians, name), getattr(tiles(), name), rtol=1e-6, err_msg=name)
+    for step in range(1, 61):
+        state, seen = optimiser.step(state, RATES, step)
+    assert seen.loss < 0.1 * first.loss
+    assert (state.gaussians.scale <= state.largest).all()
+    assert (state.gaussians.scale >= state.smallest).all()
+
+
+@pytest.mark.parametrize("apart", [0.1, 5.0])
+def test_only_what_both_halves_ask_for_is_done(apart):
+    """Grey 0.56 where the mean of the halves is 1: both ask for more light and, as long as the error is not noise, for
+    small Gaussians; or one asks for less light and the error might be noise."""
+    position, normal = wall()
+    half = np.ones((len(position), 3), np.float32)
+    samples = SurfaceSamples(position, normal, half + np.float32(apart), half - np.float32(apart), 0)
+    optimiser = SurfaceOptimiser(samples, gaussians(0, 9), SurfaceBlend(), 1.0)
+    state, _ = optimiser.step(SurfaceState.fresh(tiles()), RATES, 1)
+    agreed = apart < 1
+    assert ((state.gaussians.sh > 2) == agreed).all()
+    assert (state.gaussians.scale < tiles().scale).all() == agreed
+    assert ((state.mean[:, 10:] < 0) == agreed).all()
+
+
+def test_halves_that_differ_keep_noise_out():
+    """One colour under noise: moving Gaussians add less than half of the noise to the light that they would if both
+    halves were alike, so that noise could not be told from light."""
+    position, normal = wall()
+    nobody = gaussians(0, 9)
+    samples = samples_of(np.ones((len(position), 3)), position, normal, 0.5)
+
+    def noise(given: Gaussians) -> float:
+        return np.square(evaluate(given, nobody, SurfaceBlend(), position, normal)[0] - 1).mean()
+
+    added = []
+    for seen in (samples, replace(samples, indirect_a=samples.indirect, indirect_b=samples.indirect)):
+        optimiser = SurfaceOptimiser(seen, nobody, SurfaceBlend(), 1.0)
+        start = optimiser.solve(tiles(16), 10)
+        state = SurfaceState.fresh(start)
+        for step in range(1, 61):
+            state, _ = optimiser.step(state, RATES, step)
+        added.append(noise(state.gaussians) - noise(start))
+    assert added[0] < 0.5 * added[1]
+
+
+def test_a_step_after_a_multiple_of_ten_does_not_know_what_came_before():
+    """So a fit that goes on from a checkpoint kept there repeats it to the bit."""
+    position, normal = wall()
+    samples = samples_of(np.ones((len(position), 3)) * position[:, :1] ** 2, position, normal)
+    optimiser = SurfaceOptimiser(samples, gaussians(0, 9), SurfaceBlend(), 1.0)
+    states = [SurfaceState.fresh(tiles(8))]
+    for step in range(1, 31):
+        states.append(optimiser.step(states[-1], dict.fromkeys(PARAMETERS, 0.1), step)[0])
+    fresh = SurfaceOptimiser(samples, gaussians(0, 9), SurfaceBlend(), 1.0)
+    state = states[20]
+    for step in range(21, 31):
+        state, _ = fresh.step(state, dict.fromkeys(PARAMETERS, 0.1), step)
+        for name in FIELDS:
+            np.testing.assert_array_equal(getattr(state.gaussians, name), getattr(states[step].gaussians, name))
+
+
+def test_what_is_not_finite_is_named():
+    position, normal = wall()
+    light = np.ones((len(position), 3), np.float32)
+    given = tiles()
+    last = np.abs(position - given.position[15]).max(axis=1).argmin()
+    light[last] = np.nan
+    given.scale[:15] *= np.float32(0.1)  # only the last reaches the sample
+    optimiser = SurfaceOptimiser(samples_of(light, position, normal), gaussians(0, 9), SurfaceBlend(), 1.0)
+    with pytest.raises(FloatingPointError, match="gradient of Gaussian 15 is"):
+        optimiser.step(SurfaceState.fresh(given), RATES, 1)
+    far = samples_of(light, position + np.float32(100), normal)
+    with pytest.raises(FloatingPointError, match="the loss is nan"):  # nobody reaches it
+        SurfaceOptimiser(far, gaussians(0, 9), SurfaceBlend(), 1.0).step(SurfaceState.fresh(given), RATES, 1)
+
+
+def test_nobody_and_no_samples():
+    position, normal = wall(100)
+    samples = samples_of(np.ones((100, 3)), position, normal)
+    optimiser = SurfaceOptimiser(samples, gaussians(0, 9), SurfaceBlend(), 1.0)
+    state, seen = optimiser.step(SurfaceState.fresh(gaussians(0)), RATES, 1)
+    assert len(state) == 0
+    assert seen.loss == pytest.approx(3 / 1.5**2, rel=1e-6)  # black against white
+    optimiser = SurfaceOptimiser(samples[:0], gaussians(0, 9), SurfaceBlend(), 1.0)
+    state, seen = optimiser.step(SurfaceState.fresh(tiles()), RATES, 1)
+    assert seen.loss == 0
+    np.testing.assert_array_equal(state.gaussians.position, tiles().position)
+
+
+def test_same_bits_for_one_and_two_threads():
+    position, normal = wall()
+    samples = samples_of(np.abs(position), position, normal, 0.1)
+    results = []
+    try:
+        for threads in (1, 2):
+            _kernels.set_thread_count(threads)
+            optimiser = SurfaceOptimiser(samples, tiles(2), SurfaceBlend(), 1.0)
+            state = SurfaceState.fresh(optimiser.solve(tiles(8), 5))
+            for step in range(1, 6):
+                state, _ = optimiser.step(state, RATES, step)
+            results.append([getattr(state.gaussians, name).tobytes() for name in FIELDS])
+    finally:
+        _kernels.set_thread_count(0)
+    assert results[0] == results[1]

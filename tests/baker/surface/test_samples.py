@@ -1,0 +1,200 @@
+"""Where the `surface` operator is fitted: on what cameras see, by area, in two halves that are independent."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scenes
+
+from gsgi.baker.cache.store import Cache, entries
+from gsgi.baker.surface import samples
+from gsgi.baker.surface.samples import Sampler, SurfaceSamples, joined
+from gsgi.baker.trace.cached_tracer import TracedLight
+from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling
+from gsgi.runtime.camera import Camera, look_at
+from gsgi.runtime.scene import Environment, Material, Scene
+
+CHUNK = 4096
+FEW = Sampling(PASS_SAMPLES, bounces=2)
+ARRAYS = samples.ARRAYS
+UP = np.array([0.0, 0.0, -1.0])
+
+
+@pytest.fixture(autouse=True)
+def small_chunks(monkeypatch):
+    monkeypatch.setattr(samples, "CHUNK", CHUNK)
+
+
+def ignore(*_):
+    """Progress."""
+
+
+def sampler(scene: Scene, cameras=(), cache=None, sampling=FEW, seed=0) -> Sampler:
+    return Sampler(TracedLight(scene, cache or Cache()), [*(cameras or [scenes.inside_camera()])], sampling, seed)
+
+
+def above(eye, yfov: float) -> Camera:
+    """Looks straight down."""
+    return look_at(np.array(eye), np.array(eye) - [0, 1, 0], UP, yfov, 0.01)
+
+
+def assert_same(a: SurfaceSamples, b: SurfaceSamples):
+    for name in ARRAYS:
+        np.testing.assert_array_equal(getattr(a, name), getattr(b, name), err_msg=name)
+
+
+def test_a_chunk_is_the_same_whatever_else_is_asked_for():
+    one, two = sampler(scenes.furnace()), sampler(scenes.furnace())
+    first = one.surface(CHUNK, ignore)
+    free = two.free(1, ignore)
+    both = two.surface(CHUNK + 1, ignore)
+    assert (len(first), len(both)) == (CHUNK, 2 * CHUNK)
+    assert_same(both[:CHUNK], first)
+    assert_same(one.free(1, ignore), free)
+    assert (both.position[CHUNK:] != first.position).any()
+    assert (both.indirect_a[CHUNK:] != first.indirect_a).mean() > 0.9
+    other = sampler(scenes.furnace(), seed=1).surface(1, ignore)
+    assert (other.position != first.position).any()
+    assert (other.indirect_a != first.indirect_a).mean() > 0.9
+
+
+def test_more_samples_in_free_space_take_no_more_paths(monkeypatch):
+    taken, trace = [], samples._trace
+    monkeypatch.setattr(samples, "_trace", lambda *args: (taken.append(args[2]), trace(*args))[1])
+    for chunks in (1, 2, 4):
+        assert len(sampler(scenes.furnace()).free(chunks * CHUNK, ignore)) == chunks * CHUNK
+    assert taken == [replace(FEW, samples=FEW.samples // chunks) for chunks in (1, 2, 2, 4, 4, 4, 4)]
+
+
+def test_what_the_cache_holds_is_not_traced_again(tmp_path):
+    scene, cache = scenes.furnace(), Cache(tmp_path)
+    done = []
+    first = sampler(scene, cache=cache).surface(2 * CHUNK, lambda *args: done.append(args[0]))
+    assert sum(done) == pytest.approx(4 * CHUNK)
+    assert len(entries(tmp_path)) == 2
+    light, done = TracedLight(scene, cache), []
+    light.__dict__["tracer"] = None  # whoever asks it for anything fails
+    again = Sampler(light, [scenes.inside_camera()], FEW, 0)
+    assert_same(again.surface(2 * CHUNK, lambda *args: done.append(args[0])), first)
+    assert sum(done) == 4 * CHUNK
+    for other in (
+        Sampler(light, [above([0.0, 0.5, 0.0], 1.0)], FEW, 0),
+        Sampler(light, [scenes.inside_camera()], replace(FEW, bounces=3), 0),
+        Sampler(light, [scenes.inside_camera()], FEW, 1),
+    ):
+        with pytest.raises(AttributeError):
+            other.surface(1, ignore)
+    with pytest.raises(AttributeError):
+        again.free(1, ignore)
+
+
+def test_samples_lie_on_the_surfaces_that_a_camera_sees():
+    camera = scenes.inside_camera()
+    samples = sampler(scenes.furnace()).surface(1, ignore)
+    np.testing.assert_allclose(np.abs(samples.position).max(axis=1), 1, atol=1e-5)
+    np.testing.assert_allclose(np.linalg.norm(samples.normal, axis=1), 1, rtol=1e-5)
+    wall = np.abs(samples.position).argmax(axis=1)
+    inward = -samples.position[np.arange(CHUNK), wall]
+    np.testing.assert_allclose(samples.normal[np.arange(CHUNK), wall], inward, atol=1e-5)
+    view = samples.position @ camera.view_from_world[:3, :3].T + camera.view_from_world[:3, 3]
+    slope = np.abs(view[:, :2]) / -view[:, 2:]
+    assert (view[:, 2] < 0).all()
+    assert slope.max() <= np.tan(camera.yfov / 2)
+
+
+def test_a_floor_is_sampled_evenly_also_at_the_edges_of_a_wide_image():
+    """The camera sees 3.1 m of it from 1 m above: at the corners a pixel covers as much as in the middle."""
+    camera = above([0.0, 1.0, 0.0], 2.0)
+    samples = sampler(Scene((scenes.floor(5.0),), (scenes.WHITE,)), [camera]).surface(1, ignore)
+    half = np.tan(1.0)
+    distance = np.abs(samples.position[:, [0, 2]]).max(axis=1)
+    assert distance.max() < half
+    for share in (0.25, 0.5, 0.75):  # of the width; whole pixels
+        assert (distance < share * half).mean() == pytest.approx(share**2, abs=0.01)  # stratified
+
+
+def test_a_wall_of_twice_the_area_gets_twice_the_samples():
+    """Whatever the distance, and however it is turned to the camera."""
+    slope = 3.0
+    # 2 x 1 m, level; and 1 m x 1 m in its own plane, nearer to the camera, but steep.
+    level = scenes.quad([(-2.2, 0, 0.5), (-0.2, 0, 0.5), (-0.2, 0, -0.5), (-2.2, 0, -0.5)])
+    run = 1 / np.sqrt(1 + slope**2)
+    steep = scenes.quad(
+        [(0.3, 2, 0.5), (0.3 + run, 2 - slope * run, 0.5), (0.3 + run, 2 - slope * run, -0.5), (0.3, 2, -0.5)]
+    )
+    eye = [0.0, 4.0, 0.0]
+    samples = sampler(Scene((level, steep), (scenes.WHITE,)), [above(eye, 1.1)]).surface(1, ignore)
+    on_level = samples.position[:, 1] < 1e-3
+    # Edges fall between the pixels of an image of 64 px, in which the smaller wall is some 6 px wide.
+    assert on_level.sum() / (~on_level).sum() == pytest.approx(2, rel=0.12)
+
+
+def test_what_two_cameras_see_gets_twice_the_samples():
+    floor = Scene((scenes.floor(5.0),), (scenes.WHITE,))
+    eyes = [0.0, 1.0, 0.0], [0.0, 1.0, 0.0], [4.0, 1.0, 0.0]
+    samples = sampler(floor, [above(eye, 0.8) for eye in eyes]).surface(1, ignore)
+    assert (samples.position[:, 0] < 2).mean() == pytest.approx(2 / 3, abs=0.01)
+
+
+def test_free_samples_lie_in_free_space_and_face_every_way():
+    solid = scenes.box(0.3, inward=False)
+    camera = scenes.inside_camera()
+    samples = sampler(Scene((*scenes.box(), *solid), (scenes.WHITE,)), [camera]).free(1, ignore)
+    assert len(samples) == CHUNK
+    assert np.abs(samples.position).max() < 1
+    assert np.abs(samples.position).max(axis=1).min() > 0.3  # not inside the solid one
+    shadow = samples.position[:, 2] < -0.3  # nor behind it, as seen from the camera
+    way = (samples.position - camera.position)[shadow]
+    front = camera.position + way * ((0.3 - camera.position[2]) / way[:, 2:])
+    assert (np.abs(front[:, :2]).max(axis=1) > 0.3 - 1e-4).all()
+    normal = samples.normal.astype(float)
+    np.testing.assert_allclose(np.linalg.norm(normal, axis=1), 1, rtol=1e-5)
+    np.testing.assert_allclose(normal.mean(axis=0), 0, atol=0.05)  # standard error 0.009
+    np.testing.assert_allclose(normal.T @ normal / CHUNK, np.eye(3) / 3, atol=0.05)
+
+
+@pytest.mark.parametrize("kind", ["surface", "free"])
+def test_halves_are_independent_and_right_on_average(kind):
+    """In a closed box that emits 1 at albedo 1/2 there is B = 2 everywhere, for every normal."""
+    asked = sampler(scenes.furnace(), sampling=Sampling(PASS_SAMPLES))
+    samples = asked.surface(1, ignore) if kind == "surface" else asked.free(1, ignore)
+    a, b = (half[:, 0] - 2.0 for half in (samples.indirect_a, samples.indirect_b))
+    assert min(a.std(), b.std()) > 0.02
+    assert abs(np.corrcoef(a, b)[0, 1]) < 0.06  # standard error 0.016
+    for error in (a, b):
+        assert abs(error.mean()) < 6 * error.std() / np.sqrt(CHUNK)
+    np.testing.assert_allclose(samples.indirect, (samples.indirect_a + samples.indirect_b) / 2)
+    assert samples.indirect[:, 0].std() == pytest.approx(a.std() / np.sqrt(2), rel=0.1)
+    assert samples.invalid == 0
+
+
+def test_light_in_free_space_depends_on_the_normal():
+    """Over a floor that emits 1, under a black sky: a normal with cosine c to it sees (1 - c) / 2 of B = 1."""
+    lamp = Material("lamp", (0.0, 0.0, 0.0, 1.0), emission=(1.0, 1.0, 1.0))
+    scene = Scene((scenes.floor(1000.0),), (lamp,))
+    samples = sampler(scene, [above([0.0, 3.0, 0.0], 0.5)], sampling=Sampling(256)).free(1, ignore)
+    expected = (1 - samples.normal[:, 1]) / 2
+    np.testing.assert_allclose(samples.indirect[:, 0], expected, atol=0.15)
+    assert abs((samples.indirect[:, 0] - expected).mean()) < 0.005
+
+
+def test_cameras_that_see_no_surface_give_no_samples():
+    sky = Scene((scenes.floor(),), (scenes.WHITE,), environment=Environment(np.ones((1, 1, 3), np.float32)))
+    up = look_at(np.array([0.0, 1.0, 0.0]), np.array([0.0, 2.0, 0.0]), UP, 0.8, 0.01)
+    asked = sampler(sky, [up])
+    assert len(asked.surface(1, ignore)) == len(asked.free(1, ignore)) == 0
+    unlit = Scene((scenes.floor(),), (Material(unlit=True),))
+    assert len(sampler(unlit, [above([0.0, 1.0, 0.0], 0.8)]).surface(1, ignore)) == 0
+
+
+def test_parts_of_samples_and_sets_together():
+    rng = np.random.default_rng(0)
+    samples = SurfaceSamples(*(rng.random((9, 3)).astype(np.float32) for _ in ARRAYS), 4)
+    for index in (slice(2, 7, 2), np.arange(9) % 2 == 0, np.array([5, 1])):
+        part = samples[index]
+        np.testing.assert_array_equal(part.normal, samples.normal[index])
+        assert part.indirect_b.flags.c_contiguous
+    whole = joined([samples[:4], samples[4:]])
+    assert_same(whole, samples)
+    assert whole.invalid == 8
+    assert len(whole) == 9

@@ -1,0 +1,283 @@
+"""The plan: what a scene calls for, and that a bake follows it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scenes
+
+from gsgi.baker import plan as planning
+from gsgi.baker.bake import bake
+from gsgi.baker.cache.store import Cache
+from gsgi.baker.over.rasterise import rasterise
+from gsgi.baker.plan import PIXELS, PIXELS_PER_GAUSSIAN, SIZE_MAX, SIZE_MIN, Plan, make_plan
+from gsgi.baker.plan_table import decisions, summary
+from gsgi.baker.progress import Progress
+from gsgi.baker.settings import EFFECTS, OPERATORS, QUALITIES, SAMPLES, Settings
+from gsgi.baker.surface import budget, fits, samples
+from gsgi.baker.surface.lookup import evaluate
+from gsgi.baker.surface_detail import gaussians_for
+from gsgi.baker.trace.reference import Reference
+from gsgi.baker.trace.tracer import Surface
+from gsgi.baker.views.placement import HELD_OUT
+from gsgi.baker.views.surface_points import Triangles
+from gsgi.runtime.camera import Camera
+from gsgi.runtime.errors import SceneError
+from gsgi.runtime.file import codec
+from gsgi.runtime.file.fingerprint import fingerprint
+from gsgi.runtime.gaussians import Effects
+from gsgi.runtime.scene import Environment, Light, Material, Scene
+
+SMALL = Settings(budget=64, views=4, size=32, samples=32, iterations=2)
+LAMP = Light("point", np.ones(3), np.zeros(3), np.array([0.0, -1.0, 0.0]))
+
+
+def room(albedo: float = 0.5, **changes) -> Scene:
+    """A closed box with a lamp in its middle."""
+    scene = Scene(tuple(scenes.box()), (Material("wall", (albedo, albedo, albedo, 1.0)),), lights=(LAMP,))
+    return replace(scene, **changes)
+
+
+def planned(scene: Scene, settings: Settings = SMALL, **arguments) -> Plan:
+    return make_plan(scene, settings, Progress(quiet=True), Cache(), **arguments)
+
+
+def black(camera: Camera) -> Reference:
+    """A reference without light."""
+    image, everywhere = np.zeros((16, 16, 3), np.float32), np.ones((16, 16), bool)
+    up = np.tile(np.float32([0, 1, 0]), (16, 16, 1))
+    surface = Surface(image, up, up, up, image, image, image[..., 0], everywhere, everywhere)
+    return Reference(surface, image, image, image, everywhere)
+
+
+def decided(plan: Plan) -> dict[str, str]:
+    return {row.what: row.decision for row in decisions(plan)}
+
+
+def of(plan: Plan, **changes) -> Plan:
+    """The plan with other settings, looked at no further."""
+    return replace(plan, settings=replace(plan.settings, **changes))
+
+
+@pytest.fixture(autouse=True)
+def few_samples(monkeypatch):
+    monkeypatch.setattr(budget, "SAMPLES_FEWEST", 1 << 12)
+    for module in (samples, fits):
+        monkeypatch.setattr(module, "CHUNK", 1 << 11)
+
+
+@pytest.fixture(scope="module")
+def triangles() -> Triangles:
+    return Triangles(room())
+
+
+@pytest.fixture(scope="module")
+def small() -> Plan:
+    return planned(room())
+
+
+QUALITY_FACTORS = {"over": (1 / 4, 1, 4), "surface": (1 / 16, 1 / 4, 1)}
+
+
+@pytest.mark.parametrize("operator", OPERATORS)
+def test_a_quality_is_so_many_gaussians_for_the_detail_of_the_scene(triangles, operator):
+    for quality, factor in zip(("draft", "medium", "high"), QUALITY_FACTORS[operator], strict=True):
+        settings = Settings(operator, quality, views=1000, size=96)
+        assert planning._budget(settings, triangles) == round(factor * gaussians_for(triangles, 0))
+
+
+def test_there_are_no_more_gaussians_than_the_views_can_tell_apart(triangles):
+    """Those that surface points read are no matter of the views."""
+    for quality in QUALITIES["over"]:
+        settings = Settings("over", quality, views=2, size=64)
+        assert planning._budget(settings, triangles) == 2 * 64**2 // PIXELS_PER_GAUSSIAN
+        few, many = (Settings("surface", quality, views=views, size=64) for views in (2, 1000))
+        assert planning._budget(few, triangles) == planning._budget(many, triangles)
+
+
+@pytest.mark.parametrize("operator", OPERATORS)
+def test_a_budget_wins_over_the_quality(triangles, operator):
+    for quality in QUALITIES[operator]:
+        for target in (None, 0.01):
+            settings = replace(SMALL, operator=operator, budget=77, quality=quality, target_loss=target)
+            assert planning._budget(settings, triangles) == 77
+
+
+@pytest.mark.parametrize("operator", OPERATORS)
+def test_a_search_may_go_as_far_as_high_quality(triangles, operator):
+    many = Settings(operator, views=1000, size=96)
+    high = planning._budget(replace(many, quality="high"), triangles)
+    for quality in QUALITIES[operator]:
+        assert planning._budget(replace(many, quality=quality, target_loss=0.01), triangles) == high
+
+
+def test_a_search_is_told():
+    plan = planned(room(), replace(SMALL, operator="over", budget=None, target_loss=0.01))
+    assert plan.settings.budget == plan.points // PIXELS_PER_GAUSSIAN
+    for operator in OPERATORS:
+        (fit,) = (row for row in decisions(of(plan, operator=operator)) if row.what == "fit")
+        assert fit.why.endswith("again with more Gaussians until the held-out loss is 0.01")
+        (fit,) = (row for row in decisions(of(plan, operator=operator, target_loss=None)) if row.what == "fit")
+        assert "again" not in fit.why
+
+
+def test_each_view_is_visited_so_often():
+    for name, quality in QUALITIES["over"].items():
+        few, many = (planning._iterations(Settings("over", name, views=views)) for views in (1, 10_000))
+        assert (few, many) == (quality.steps, 10_000 * quality.visits)
+    draft, medium, high = QUALITIES["over"].values()
+    assert all(a.visits < b.visits for a, b in ((draft, medium), (medium, high)))
+
+
+def test_steps_over_all_samples_are_no_matter_of_the_views():
+    for name, quality in QUALITIES["surface"].items():
+        assert {planning._iterations(Settings(quality=name, views=views)) for views in (1, 10_000)} == {quality.steps}
+
+
+@pytest.mark.parametrize("operator", OPERATORS)
+def test_a_better_quality_is_fitted_for_longer(operator):
+    for name in QUALITIES[operator]:
+        assert planning._iterations(Settings(operator, name, views=10_000, iterations=3)) == 3
+    assert planning._iterations(Settings(operator, views=1, iterations=0)) == 0
+    draft, medium, high = QUALITIES[operator].values()
+    assert draft < medium < high
+    assert draft.steps < medium.steps < high.steps
+
+
+@pytest.mark.parametrize("operator", OPERATORS)
+@pytest.mark.parametrize("views", [1, 4, 411])
+def test_the_target_does_not_change_how_long_a_fit_is(views, operator):
+    """Nor does the budget: a try of the search is the fit that its budget would get."""
+    expected = planning._iterations(Settings(operator, views=views))
+    assert planning._iterations(Settings(operator, views=views, target_loss=0.01)) == expected
+    assert planning._iterations(Settings(operator, views=views, budget=1)) == expected
+
+
+def test_paths_are_as_many_as_the_operator_calls_for(small):
+    """As many as asked for; else, for a surface sample, more where the light is noisy."""
+    over, surface = Settings("over", budget=64), Settings("surface", budget=64)
+    noisy = replace(small.pilot, deviation=10 * small.pilot.deviation)
+    assert planning._samples(over, small.pilot) == planning._samples(over, noisy) == SAMPLES
+    assert planning._samples(surface, small.pilot) == budget.path_count(64, small.pilot.noise)
+    assert planning._samples(surface, small.pilot) < planning._samples(surface, noisy)
+    for settings in (over, surface):
+        assert planning._samples(replace(settings, samples=7), noisy) == 7
+
+
+def test_brighter_walls_call_for_more_bounces():
+    bounces = [planned(room(albedo)).settings.bounces for albedo in (0.05, 0.3, 0.8)]
+    assert bounces == sorted(set(bounces))
+
+
+def test_bounces_and_effects_are_taken_out_of_its_hands():
+    scene = room(environment=Environment(np.ones((1, 1, 3), np.float32)))
+    plan = planned(scene, replace(SMALL, bounces=3, ignore=("environment",)))
+    assert (plan.settings.bounces, plan.lost is None) == (3, False)
+    assert plan.scene.environment is None
+    assert plan.effects == Effects.PUNCTUAL
+    assert planned(scene, replace(SMALL, bounces=17)).lost is None
+    with pytest.raises(SceneError, match="no light"):
+        planned(scene, replace(SMALL, ignore=EFFECTS))
+
+
+def test_a_scene_without_light_is_refused():
+    with pytest.raises(SceneError, match=r"no light.*--sun or --env"):
+        planned(room(lights=()))
+
+
+def test_cameras_of_the_scene_and_of_a_path_are_fitted_and_others_held_out():
+    own, further = scenes.inside_camera(), scenes.above_camera(0.8)
+    plan = planned(room(cameras={"own": own}), path={"path 1": further})
+    fitted = plan.placement.fitted
+    assert list(fitted)[:2] == ["own", "path 1"]
+    assert plan.settings.views == len(fitted) == 4
+    assert len(plan.placement.held_out) == HELD_OUT
+    assert not fitted.keys() & plan.placement.held_out.keys()
+
+
+@pytest.mark.parametrize(("views", "size"), [(1, SIZE_MAX), (140, SIZE_MAX), (800, 80), (10_000, SIZE_MIN)])
+def test_more_views_are_smaller_views(views, size):
+    assert planning._size(views) == size
+    assert views * size**2 <= PIXELS or size == SIZE_MIN
+
+
+def test_the_texel_size_is_that_of_the_views_as_they_are_traced():
+    large, small = (planned(room(), replace(SMALL, size=size)).placement.coverage for size in (64, 32))
+    assert small.texel_limit == pytest.approx(2 * large.texel_limit, rel=1e-6)
+
+
+@pytest.mark.parametrize("operator", OPERATORS)
+def test_the_file_records_what_was_decided(small, operator):
+    plan = of(small, operator=operator)
+    baked = codec.decode(bake(plan, Progress(quiet=True)).data)
+    assert baked.blend == codec.decode(codec.encode(replace(baked, blend=plan.blend))).blend
+    assert baked.bounces == plan.settings.bounces
+    assert baked.effects & ~Effects.DENOISED == plan.effects == Effects.PUNCTUAL
+    assert baked.scene == fingerprint(room())
+    assert 0 < len(baked.gaussians) + len(baked.coarse or ()) <= plan.settings.budget
+
+
+OWN_ROWS = {
+    "over": {"SH degree": "0", "view size": "32 px", "fit": "2 steps"},
+    "surface": {"SH degree": "0", "levels": "48 + 16", "samples": "4096", "fit": "2 steps"},
+}
+
+
+@pytest.mark.parametrize("operator", OPERATORS)
+def test_the_table_has_a_reason_for_everything_that_was_decided(small, operator):
+    plan = of(small, operator=operator)
+    rows = decisions(plan)
+    assert all(row.why for row in rows if row.decision != "none")
+    common = {"operator": operator, "point lights": "1", "environment": "none"}
+    assert decided(plan) | common | OWN_ROWS[operator] == decided(plan)
+    assert f"plan: {operator}, {plan.settings.bounces} bounces" in summary(plan)
+
+
+@pytest.mark.parametrize(("operator", "change"), [("over", {"size": 320}), ("surface", {"budget": 1 << 13})])
+def test_expected_memory_grows_with_what_is_held(small, operator, change):
+    plan = of(small, operator=operator)
+    more = of(plan, **change)
+    assert more.points > 10 * plan.points
+    assert more.memory - plan.memory > 50 * (more.points - plan.points)
+
+
+def test_the_same_scene_gets_the_same_plan():
+    first, again = planned(room()), planned(room())
+    assert first.settings == again.settings
+    assert first.pilot.lost == again.pilot.lost
+    for name, camera in first.placement.fitted.items():
+        np.testing.assert_array_equal(camera.world_from_view, again.placement.fitted[name].world_from_view)
+
+
+@pytest.mark.parametrize("operator", OPERATORS)
+def test_darkness_is_said_and_baked(capsys, operator):
+    """Surfaces that reflect nothing: the target is met at once, and the file draws black."""
+    plan = planned(room(albedo=0.0), replace(SMALL, operator=operator, target_loss=1e-6))
+    references = {name: black(camera) for name, camera in plan.placement.held_out.items()}
+    baked = bake(plan, Progress(quiet=True), references)
+    assert "darkness" in capsys.readouterr().err
+    read = codec.decode(baked.data)
+    assert baked.fitted.loss < 1e-6  # the denoiser leaves a trace of light
+    assert (baked.fitted.count, len(baked.tried)) == (len(read.gaussians) + len(read.coarse or ()), 1)
+    assert read.tone_scale == 1
+    if operator == "over":
+        light = rasterise(read.gaussians, plan.cameras[0].pinhole(16, 16), read.blend)
+    else:
+        points = plan.triangles.draw(100, np.random.default_rng(0))
+        light, _ = evaluate(read.gaussians, read.coarse, read.blend, points.position, points.normal)
+    assert not light.any()
+
+
+def test_where_no_held_out_view_sees_a_b_there_is_no_search():
+    plan = planned(room(albedo=0.0), replace(SMALL, target_loss=1e-6))
+    baked = bake(plan, Progress(quiet=True), {})
+    assert [(fitted.loss, fitted.psnr) for fitted in baked.tried] == [(None, None)]
+    assert baked.data == bake(of(plan, target_loss=None), Progress(quiet=True)).data
+
+
+@pytest.mark.parametrize(("operator", "size"), [("over", 144 + 18 * 64), ("surface", 144 + 18 * 48 + 42 * 16)])
+def test_what_a_scene_has_none_of_takes_no_bytes(small, operator, size):
+    lit = room(environment=Environment(np.arange(24, dtype=np.float32).reshape(2, 4, 3)))
+    assert (
+        of(small, operator=operator).file_bytes == of(replace(small, scene=lit), operator=operator).file_bytes == size
+    )

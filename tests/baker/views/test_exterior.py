@@ -1,0 +1,34 @@
+"""Views from outside: only where something opens to the outside."""
+
+import numpy as np
+import pytest
+import scenes
+
+from gsgi.baker.views.placement import HELD_OUT, place
+from gsgi.baker.views.surface_points import Triangles
+from gsgi.runtime.scene import Scene
+
+
+def outside(meshes, size: int = 48) -> np.ndarray:
+    """Positions (N, 3) of the cameras that stand beside the box of edge 2 around the origin."""
+    placement = place(Triangles(Scene(tuple(meshes), (scenes.WHITE,))), {}, size, seed=0).judged_in_light(set())
+    cameras = [*placement.fitted.values(), *placement.held_out.values()]
+    position = np.array([camera.position for camera in cameras])
+    beside = (np.abs(position) > 1).any(axis=1)
+    assert len(placement.held_out) == HELD_OUT
+    if beside.any():
+        assert (np.abs([camera.position for camera in placement.held_out.values()]) > 1).any()
+    return position[beside]
+
+
+def test_a_closed_room_is_not_looked_at_from_outside():
+    assert len(outside(scenes.box())) == 0
+
+
+@pytest.mark.parametrize(("axis", "sign"), [(2, 1.0), (0, -1.0), (1, 1.0)])
+def test_an_open_side_is_looked_in_by_several_views(axis, sign):
+    walls = [mesh for mesh in scenes.box() if not np.allclose(mesh.position[:, axis], sign)]
+    eyes = outside(walls)
+    assert len(eyes) >= 4
+    assert (sign * eyes[:, axis] > 1).all()
+    assert (eyes[:, 1] >= -1).all()

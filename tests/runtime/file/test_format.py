@@ -1,0 +1,75 @@
+"""FORMAT.md states what the codec does."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from gsgi_files import example, surface_example
+
+from gsgi.runtime.file import codec
+from gsgi.runtime.file.header import EFFECT_BITS, HEADER, HEADER_1, HEADER_2, OPERATOR_NAMES, OPERATORS, VERSION
+from gsgi.runtime.file.levels import LEVEL, planes
+from gsgi.runtime.gaussians import Effects
+
+FORMAT = Path(codec.__file__).with_name("FORMAT.md").read_text(encoding="utf-8")
+
+
+def stated_fields(section: str) -> list[tuple[int, str, str]]:
+    """Rows `| offset | type | field |` of a part of FORMAT.md."""
+    rows = re.findall(r"^\| (\d+) \| (\S+(?: x \d)?) \| (\w+) \|", section, re.MULTILINE)
+    return [(int(offset), kind, name) for offset, kind, name in rows]
+
+
+def actual_fields(layout: np.dtype) -> list[tuple[int, str, str]]:
+    found = []
+    for name in layout.names:
+        kind, offset = layout.fields[name]
+        base = "level" if kind == LEVEL else kind.base.str.lstrip("<|")
+        found.append((offset, base + (f" x {kind.shape[0]}" if kind.shape else ""), name))
+    return found
+
+
+def test_format_md_states_the_header_that_the_codec_uses():
+    header, level = FORMAT.split("## Header")[1].split("Effects:")[0].split("A level is")
+    assert stated_fields(header) == actual_fields(HEADER)
+    assert stated_fields(level) == actual_fields(LEVEL)
+    assert level.startswith(f" {LEVEL.itemsize} bytes")
+    assert f"| header_bytes | {HEADER.itemsize} |" in header
+    assert f"| version | {VERSION} |" in header
+    for number, operator in enumerate(OPERATORS[VERSION]):
+        assert re.search(rf"\| operator \|.*\b{number} = `{OPERATOR_NAMES[operator]}`", header)
+
+
+@pytest.mark.parametrize("layout", [HEADER, LEVEL], ids=["header", "level"])
+def test_every_header_field_lies_at_a_multiple_of_its_size(layout):
+    for name in layout.names:
+        kind, offset = layout.fields[name]
+        size = 4 if kind == LEVEL or kind.kind == "S" else kind.base.itemsize
+        assert offset % size == 0, name
+    assert layout.itemsize % 4 == 0
+
+
+def test_format_md_states_the_effects():
+    rows = re.findall(r"^\| (\d+) \| (\w+) \| ", FORMAT.split("| bit |")[1].split("\n\n")[0], re.MULTILINE)
+    assert rows == [(str(effect.value), effect.name.lower()) for effect in Effects]
+    assert sum(Effects) == EFFECT_BITS[VERSION]
+
+
+def test_format_md_states_the_headers_of_versions_1_and_2():
+    assert stated_fields(FORMAT.split("**Versions 1 and 2**")[1]) == actual_fields(HEADER_2)
+    size, last = re.search(r"\*\*Version 1\*\* has a header of (\d+) bytes: it ends with (\w+)", FORMAT).groups()
+    assert (int(size), last) == (HEADER_1.itemsize, HEADER_1.names[-1])
+    assert HEADER_1.names == HEADER_2.names[: len(HEADER_1.names)]
+
+
+def test_format_md_states_the_arrays_in_order_and_the_size():
+    section = FORMAT.split("## Arrays")[1].split("**rotation**")[0]
+    names = [name for _, name in re.findall(r"^\| ([iu]\d[^|]*) \| (\w+) \|", section, re.MULTILINE)]
+    assert names == list(planes(1, 1).names)
+    fixed, rest = map(int, re.search(r"N \* \((\d+) \+ (\d+) \* \(K - 1\)\)", FORMAT).groups())
+    header = int(re.search(r"a file has (\d+) bytes more than its two levels", FORMAT)[1])
+    for degree in range(4):
+        level = 5 * (fixed + rest * ((degree + 1) ** 2 - 1))
+        assert len(codec.encode(example(5, degree))) == header + level
+    assert len(codec.encode(surface_example(5, 2, 7, 0))) == header + 5 * (fixed + 8 * rest) + 7 * fixed

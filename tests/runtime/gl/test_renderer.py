@@ -1,0 +1,131 @@
+"""The whole deferred frame."""
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import oracle
+import pytest
+import scenes
+from frames import HEIGHT, WIDTH, bake, full_scene, render, surface_bake
+from repository import TESTS
+
+from gsgi.runtime.constants import HALF_MAX
+from gsgi.runtime.display import to_uint8, tone_map
+from gsgi.runtime.gl.renderer import LAYERS, DeferredRenderer
+from gsgi.runtime.scene import Material, Scene
+
+
+def test_layers_have_the_documented_shapes(gl):
+    layers = render(gl, full_scene(), bake())
+    assert layers["depth"].shape == (HEIGHT, WIDTH)
+    for name in set(LAYERS) - {"depth"}:
+        assert layers[name].shape == (HEIGHT, WIDTH, 3), name
+        assert layers[name].dtype == np.float32, name
+        assert np.isfinite(layers[name]).all(), name
+        assert layers[name].any(), name
+    assert layers["display"].dtype == np.uint8
+    assert layers["display"].shape == (HEIGHT, WIDTH, 3)
+
+
+@pytest.mark.parametrize(("make", "splat_scale"), [(bake, 1), (surface_bake, 1), (surface_bake, 2)])
+def test_the_final_image_is_primary_plus_albedo_times_indirect(gl, make, splat_scale):
+    layers = render(gl, full_scene(), make(), splat_scale=splat_scale)
+    assert layers["indirect"].any()
+    expected = layers["primary"] + layers["albedo"] * layers["indirect"]
+    assert np.allclose(layers["final"], expected, rtol=2e-3, atol=1e-5)
+
+
+@pytest.mark.parametrize(("make", "name"), [(bake, "over"), (surface_bake, "surface")])
+def test_the_frame_looks_as_it_did(gl, assert_screenshot, make, name):
+    """Every pass at once. llvmpipe and softpipe disagree on 1.6 pixels in a thousand, at edges and in shadows."""
+    layers = render(gl, full_scene(), make())
+    assert_screenshot(layers["display"], name, max_ratio=0.005)
+    assert_screenshot(layers["indirect"], name, max_ratio=0.005)
+
+
+def test_the_display_is_the_tone_mapped_final_image(gl):
+    layers = render(gl, full_scene(), bake(), exposure=2.5)
+    expected = to_uint8(tone_map(layers["final"], 2.5)).astype(int)
+    assert np.abs(layers["display"] - expected).max() <= 1
+
+
+def test_indirect_is_the_splat_of_the_oracle_where_there_is_a_surface(gl):
+    baked = bake()
+    layers = render(gl, full_scene(), baked)
+    expected, _ = oracle.splat(baked.gaussians, scenes.inside_camera().pinhole(WIDTH, HEIGHT), baked.blend)
+    surface = layers["depth"] > 0
+    assert not surface.all()
+    assert np.abs(layers["indirect"] - expected)[surface].max() < 2 / 255 * 2
+    assert not layers["indirect"][~surface].any()
+    assert np.array_equal(layers["final"][~surface], layers["primary"][~surface])
+
+
+def test_what_the_scene_lacks_is_not_made(gl):
+    dark = DeferredRenderer(gl, scenes.furnace(), None, 8, 8)
+    for part in ("background", "shadow", "primary", "splats", "composite"):
+        assert getattr(dark, part) is None, part
+    dark.render(scenes.inside_camera())
+    assert (dark.read("final") == 1).all()
+    assert not dark.read("indirect").any()
+    dark.release()
+
+
+def test_the_sum_stays_finite(gl):
+    lamp = Material("lamp", emission=(1e9, 1e9, 1e9))
+    baked = bake()
+    bright = replace(baked, gaussians=replace(baked.gaussians, sh=baked.gaussians.sh * np.float32(1e4)))
+    layers = render(gl, Scene(tuple(scenes.box()), (lamp,)), bright)
+    assert (layers["albedo"] * layers["indirect"]).max() > 100
+    assert layers["final"].max() == HALF_MAX
+
+
+def test_a_scene_without_triangles_is_black(gl):
+    layers = render(gl, Scene((), (), lights=full_scene().lights), bake())
+    for name, layer in layers.items():
+        assert not layer.any(), name
+
+
+@pytest.mark.parametrize(("make", "splat_scale"), [(bake, 1), (surface_bake, 1), (surface_bake, 2)])
+def test_a_second_frame_does_not_see_the_first(gl, make, splat_scale):
+    first = render(gl, full_scene(), make(), splat_scale=splat_scale)
+    renderer = DeferredRenderer(gl, full_scene(), make(), WIDTH, HEIGHT, splat_scale)
+    renderer.render(scenes.above_camera())
+    renderer.display(1.0)
+    renderer.render(scenes.inside_camera())
+    for name in LAYERS:
+        assert np.array_equal(renderer.read(name), first[name]), name
+    renderer.release()
+
+
+def test_size_may_be_odd(gl):
+    renderer = DeferredRenderer(gl, full_scene(), bake(), 7, 5)
+    renderer.render(scenes.inside_camera())
+    assert renderer.read("final").shape == (5, 7, 3)
+    assert renderer.display(1.0).shape == (5, 7, 3)
+    renderer.release()
+
+
+CHILD = """
+import sys
+import numpy as np
+from frames import bake, full_scene, render, surface_bake
+from gsgi.runtime.gl.context import create_context
+baked, splat_scale = {"over": (bake(), 1), "surface": (surface_bake(), 1), "half": (surface_bake(), 2)}[sys.argv[3]]
+np.savez(sys.argv[2], **render(create_context(sys.argv[1]), full_scene(), baked, splat_scale=splat_scale))
+"""
+
+
+@pytest.mark.parametrize("what", ["over", "surface", "half"])
+def test_egl_and_osmesa_draw_the_same_bytes(backends, tmp_path, what):
+    if len(backends) < 2:
+        pytest.skip(f"needs EGL and OSMesa, found {backends}")
+    frames = []
+    for name in backends:
+        command = [sys.executable, "-c", CHILD, name, str(tmp_path / f"{name}.npz"), what]
+        run = subprocess.run(command, cwd=TESTS, capture_output=True, text=True)
+        assert run.returncode == 0, run.stderr
+        frames.append(np.load(tmp_path / f"{name}.npz"))
+    for layer in frames[0].files:
+        assert np.array_equal(frames[0][layer], frames[1][layer]), layer

@@ -1,0 +1,141 @@
+"""Shadows against closed forms: whole where a blocker stands, none where nothing does, at every scale."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scenes
+
+from gsgi.runtime.camera import look_at
+from gsgi.runtime.gl.renderer import DeferredRenderer
+from gsgi.runtime.scene import Light, Material, Mesh, Scene, Texture, TextureSlot
+
+SIZE = 128
+SCALES = [0.005, 0.5, 30.0, 1000.0]
+DOWN = np.array([0.0, -1.0, 0.0])
+
+
+def scaled(mesh, scale):
+    return Mesh(mesh.position * np.float32(scale), mesh.normal, mesh.uv, mesh.triangle, mesh.material)
+
+
+def draw(gl, meshes, light, camera, materials=(scenes.WHITE,), textures=()):
+    renderer = DeferredRenderer(gl, Scene(tuple(meshes), materials, textures, (light,)), None, SIZE, SIZE)
+    renderer.render(camera)
+    primary, normal, depth = (renderer.read(layer) for layer in ("primary", "normal", "depth"))
+    renderer.release()
+    return primary[..., 0], normal, depth
+
+
+def points_of(depth, camera):
+    pinhole = camera.pinhole(SIZE, SIZE)
+    slope = (np.arange(SIZE) + 0.5 - pinhole.cx) / pinhole.fx
+    ray = np.stack(np.broadcast_arrays(slope[None, :], -slope[:, None], -1.0), axis=-1)
+    return (ray * depth[..., None]) @ camera.world_from_view[:3, :3].T + camera.position
+
+
+@pytest.mark.parametrize("scale", SCALES)
+@pytest.mark.parametrize("kind", ["point", "spot"])
+def test_an_empty_box_has_no_shadow(gl, scale, kind):
+    position = np.array([0.5, 0.7, -0.3]) * scale
+    axis = np.array([-0.6, -0.8, 0.0])
+    light = Light(kind, np.ones(3) * scale**2, position, axis, cos_inner=0.9, cos_outer=0.6)
+    camera = scenes.inside_camera()
+    pose = camera.world_from_view.copy()
+    pose[:3, 3] *= scale
+    camera = type(camera)(pose, camera.yfov, 0.001 * scale)
+    primary, normal, depth = draw(gl, [scaled(wall, scale) for wall in scenes.box()], light, camera)
+    offset = position - points_of(depth, camera)
+    d = np.linalg.norm(offset, axis=-1)
+    wi = offset / d[..., None]
+    irradiance = scale**2 / d**2 * np.maximum(0, (normal * wi).sum(axis=-1))
+    if kind == "spot":
+        irradiance *= np.clip((-wi @ axis - 0.6) / 0.3, 0, 1) ** 2
+    wrong = np.abs(primary - 0.5 / np.pi * irradiance) > 0.01 * irradiance + 1e-3
+    # Within a texel of a corner, the filter sees the other wall.
+    assert wrong.mean() < 1e-3
+
+
+def blocker_above_floor(scale, height, materials=1):
+    """A square of edge 0.4 that hovers over a floor of edge 4; the second material is the blocker's."""
+    return [scaled(scenes.floor(2.0), scale), scaled(scenes.floor(0.2, height, materials - 1), scale)]
+
+
+def above(scale):
+    """Looks from the side below the blocker's height, so that the whole shadow shows."""
+    eye = np.array([0.0, 0.35, 1.2]) * scale
+    return look_at(eye, np.zeros(3), np.array([0.0, 1.0, 0.0]), 0.9, 0.001 * scale)
+
+
+@pytest.mark.parametrize("scale", SCALES)
+@pytest.mark.parametrize("kind", ["point", "spot", "directional"])
+def test_the_shadow_of_a_square_has_the_right_size(gl, scale, kind):
+    height, top = 0.5, 2.0
+    light = Light(kind, np.ones(3) * scale**2, top * scale * -DOWN, DOWN, cos_inner=0.9, cos_outer=0.7)
+    camera = above(scale)
+    primary, normal, depth = draw(gl, blocker_above_floor(scale, height), light, camera)
+    half = 0.2 * (1.0 if kind == "directional" else top / (top - height)) * scale
+    points = points_of(depth, camera)
+    floor = (depth > 0) & (np.abs(points[..., 1]) < 1e-3 * scale) & (normal[..., 1] > 0.9)
+    edge = np.maximum(np.abs(points[..., 0]), np.abs(points[..., 2])) - half
+    texel = 0.005 * scale
+    inside, outside = floor & (edge < -texel), floor & (edge > texel) & (edge < half)
+    assert inside.sum() > 100
+    assert outside.sum() > 100
+    assert not primary[inside].any()
+    assert (primary[outside] > 0).all()
+
+
+@pytest.mark.parametrize("scale", SCALES)
+def test_a_standing_block_keeps_contact_with_its_shadow(gl, scale):
+    block = [scaled(Mesh(m.position + np.float32([0, 0.2, 0]), m.normal, m.uv, m.triangle, 0), scale)
+             for m in scenes.box(0.2, inward=False)]  # fmt: skip
+    axis = np.array([0.8, -0.6, 0.0])
+    light = Light("directional", np.ones(3), np.zeros(3), axis)
+    camera = look_at(
+        np.array([0.6, 1.0, 0.9]) * scale, np.array([0.3, 0, 0]) * scale, np.array([0.0, 1, 0]), 0.7, 0.001 * scale
+    )
+    primary, normal, depth = draw(gl, [scaled(scenes.floor(2.0), scale), *block], light, camera)
+    x, y, z = np.moveaxis(points_of(depth, camera), -1, 0) / scale
+    floor = (np.abs(y) < 1e-3) & (normal[..., 1] > 0.9)
+    shadow = floor & (x > 0.2) & (x < 0.2 + 0.4 / 0.75 - 0.01) & (np.abs(z) < 0.19)
+    assert shadow.sum() > 300
+    assert (x[shadow] < 0.21).any()
+    assert not primary[shadow].any()
+
+
+def test_a_single_sided_wall_stops_light_from_behind(gl):
+    upside_down = scenes.floor(0.5, 0.5)
+    flipped = Mesh(upside_down.position, -upside_down.normal, upside_down.uv, upside_down.triangle[:, ::-1].copy(), 0)
+    light = Light("directional", np.ones(3), np.zeros(3), DOWN)
+    camera = look_at(np.array([0.0, 3.0, 0.0]), np.zeros(3), np.array([0.0, 0.0, -1.0]), 0.2, 0.01)
+    primary, _, depth = draw(gl, [scenes.floor(), flipped], light, camera)
+    assert np.allclose(depth, 3, atol=1e-4)
+    assert not primary.any()
+
+
+def test_light_falls_through_the_holes_of_a_mask(gl):
+    pixels = np.full((1, 2, 4), 255, np.uint8)
+    pixels[0, 0, 3] = 0
+    materials = scenes.WHITE, Material(base_color_texture=TextureSlot(0), alpha_cutoff=0.5)
+    textures = (Texture(pixels, ("clamp", "clamp")),)
+    assert_the_left_half_is_a_hole(gl, blocker_above_floor(1.0, 0.5, 2), materials, textures)
+
+
+def test_light_falls_through_where_vertex_colors_are_transparent(gl):
+    floor, blocker = blocker_above_floor(1.0, 0.5, 2)
+    color = np.ones((4, 4), np.float32)
+    color[:, 3] = blocker.position[:, 0] > 0
+    meshes = floor, replace(blocker, color=color)
+    assert_the_left_half_is_a_hole(gl, meshes, (scenes.WHITE, Material(alpha_cutoff=0.5)))
+
+
+def assert_the_left_half_is_a_hole(gl, meshes, materials, textures=()):
+    light = Light("directional", np.ones(3), np.zeros(3), DOWN)
+    camera = above(1.0)
+    primary, normal, depth = draw(gl, meshes, light, camera, materials, textures)
+    points = points_of(depth, camera)
+    under = (np.abs(points[..., 1]) < 1e-3) & (normal[..., 1] > 0.9) & (np.abs(points[..., 2]) < 0.19)
+    hole, solid = under & (np.abs(points[..., 0] + 0.1) < 0.09), under & (np.abs(points[..., 0] - 0.1) < 0.09)
+    assert (primary[hole] > 0).all()
+    assert not primary[solid].any()

@@ -1,0 +1,311 @@
+"""The glTF reader: bad files are refused by name and place, whatever stands in them."""
+
+import json
+import random
+import struct
+
+import numpy as np
+import pytest
+from gltf_files import (
+    BLOBS,
+    INDEX,
+    JUNK,
+    POSITION,
+    encode,
+    is_refused,
+    lit,
+    pointers,
+    put,
+    quad_scene,
+    with_nodes,
+    write,
+)
+
+from gsgi.runtime.errors import FileError, SceneError, UnsupportedError, UsageError
+from gsgi.runtime.gltf import nodes
+from gsgi.runtime.gltf.limits import Limits, parse_limits
+from gsgi.runtime.gltf.reader import read_gltf
+
+
+@pytest.fixture
+def read(tmp_path):
+    """Reads JSON and BIN chunk as a GLB, or ready bytes as a file."""
+    return lambda *content: read_gltf(write(tmp_path / "scene.glb", *content))
+
+
+INVALID = {
+    "/asset/version": ("1.0", "/asset/version: expected version"),
+    "/accessors/0/count": (4_000_000_000, "/accessors/0: expected elements within a bufferView of 48 bytes"),
+    "/accessors/0/byteOffset": (4, "/accessors/0: expected elements within"),
+    "/accessors/1/count": (3, "/NORMAL: expected 4 elements, as POSITION, got 3"),
+    "/accessors/2/type": ("VEC3", '/accessors/2/type: expected one of "VEC2", got "VEC3"'),
+    "/accessors/3/byteOffset": (1, "/accessors/3: expected elements aligned to 2 bytes"),
+    "/bufferViews/0/byteStride": (8, "/bufferViews/0/byteStride: expected an integer from 12"),
+    "/bufferViews/0/byteOffset": (10**6, "/bufferViews/0: expected bytes within a buffer"),
+    "/buffers/0/byteLength": (10**9, "/buffers/0: expected 1000000000 bytes"),
+    "/meshes/0/primitives/0/indices": (-1, "/indices: expected an integer from 0"),
+    "/meshes/0/primitives/0/material": (7, "/material: expected an index into 1 materials, got 7"),
+    "/materials/0/pbrMetallicRoughness/metallicFactor": ("1", "/metallicFactor: expected a finite number"),
+    "/materials/0/pbrMetallicRoughness/baseColorFactor": ([1, 1, 1], "/baseColorFactor: expected an array of 4"),
+    "/materials/0/alphaMode": ([], "/alphaMode: expected one of"),
+    "/materials/0/doubleSided": (1, "/doubleSided: expected true or false, got 1"),
+    "/materials/0/name": ("\ud800", "/materials/0/name: expected valid Unicode"),
+    "/samplers/0/wrapS": (True, "/samplers/0/wrapS: expected one of"),
+    "/images/0/bufferView": (0, "/images/0: expected a PNG, JPEG or WebP image"),
+    "/nodes/0/children": ([0], "/nodes/0: expected a tree of nodes, got a cycle"),
+    "/nodes/0/scale": ([1, 10**400, 1], "/nodes/0/scale/1: expected a finite number, got an integer beyond 2"),
+    "/nodes/0/rotation": ([0, 0, 0, 0], "/nodes/0/rotation: expected a unit quaternion"),
+    "/nodes/0/matrix": ([1] * 16, "/nodes/0/matrix: expected an affine matrix"),
+    "/nodes/0/translation": ([1e39, 0, 0], "expected positions that float32 holds"),
+    "/nodes": ({}, "/nodes: expected an array, got an object"),
+    "/scenes/0/nodes": ([], "expected a scene with triangles, got none"),
+    "/scene": (None, "/scene: expected an integer from 0 to 9007199254740992, got null"),
+}
+
+
+@pytest.mark.parametrize("pointer", INVALID)
+def test_invalid(read, pointer):
+    document, data = quad_scene()
+    value, message = INVALID[pointer]
+    with pytest.raises(SceneError) as refused:
+        read(put(document, pointer, value), data)
+    assert message in str(refused.value)
+    assert "scene.glb: " in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+UNSUPPORTED = {
+    "/extensionsRequired": (["EXT_of_the_future"], '"EXT_of_the_future" is required', "UNSUPPORTED_EXTENSION"),
+    "/asset/minVersion": ("2.1", "/asset/minVersion: only glTF 2.0", "VERSION"),
+    "/textures/0": (
+        {"extensions": {"KHR_texture_basisu": {"source": 0}}},
+        "without a PNG, JPEG or WebP",
+        "UNSUPPORTED",
+    ),
+}
+
+
+@pytest.mark.parametrize("pointer", UNSUPPORTED)
+def test_unsupported(read, pointer):
+    document, data = quad_scene()
+    value, message, code = UNSUPPORTED[pointer]
+    with pytest.raises(UnsupportedError) as refused:
+        read(put(document, pointer, value), data)
+    assert message in str(refused.value)
+    assert refused.value.code == code
+    assert refused.value.pointer.startswith(pointer)
+
+
+@pytest.mark.parametrize("name", ["KHR_texture_basisu", "KHR_materials_diffuse_transmission"])
+def test_extensions_that_cannot_be_ignored_when_required(read, name):
+    document, data = quad_scene()
+    document["extensionsUsed"] = [name]
+    assert "is ignored: " in read(document, data).warnings[0]
+    document["extensionsRequired"] = [name]
+    with pytest.raises(UnsupportedError, match=r"/extensionsRequired/0: .* is required and not supported"):
+        read(document, data)
+
+
+@pytest.mark.parametrize("name", ["KHR_materials_ior", "KHR_materials_clearcoat", "KHR_materials_variants"])
+def test_extensions_that_may_be_required(read, name):
+    document, data = quad_scene()
+    document["extensionsUsed"] = document["extensionsRequired"] = [name]
+    (warning,) = read(document, data).warnings
+    assert f'/extensionsUsed/0: extension "{name}" is ignored: ' in warning
+
+
+@pytest.mark.parametrize(
+    ("pointer", "value", "message"),
+    [
+        ("/extensionsUsed", ["EXT_of_the_future"], '"EXT_of_the_future" is ignored'),
+        ("/animations", [{}], "/animations: animations are left out"),
+        ("/accessors/3/count", 5, "5 indices or vertices: the last 2 form no whole triangle"),
+    ],
+)
+def test_warnings(read, pointer, value, message):
+    document, data = quad_scene()
+    (warning,) = read(put(document, pointer, value), data).warnings
+    assert message in warning
+
+
+@pytest.mark.parametrize("index", [4, 65535])
+def test_index_out_of_range(read, index):
+    with pytest.raises(SceneError, match=f"expected indices below 4, got {index}"):
+        read(*quad_scene((*BLOBS[:3], INDEX + np.uint16(index - 3) * (INDEX == 3), BLOBS[4])))
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_numbers_that_are_not_finite(read, value):
+    position = POSITION.copy()
+    position[2, 1] = value
+    with pytest.raises(SceneError, match="/accessors/0: expected finite numbers"):
+        read(*quad_scene((position, *BLOBS[1:])))
+
+
+def test_a_node_with_two_parents(read):
+    with pytest.raises(SceneError, match="/nodes/2/children/0: expected a node without another parent"):
+        read(*with_nodes({"children": [1, 2]}, {"mesh": 0}, {"children": [1]}))
+
+
+def test_nodes_nested_too_deeply(read):
+    count = nodes.MAX_NODE_DEPTH + 1
+    entries = [{"children": [index + 1]} for index in range(count - 1)]
+    with pytest.raises(SceneError, match="expected at most 256 levels of nodes"):
+        read(*with_nodes(*entries, {"mesh": 0}))
+
+
+LIMITS = {
+    "elements": (25, r"/nodes/3: expected at most 25 vertices and indices .*, got 30"),  # the quad counts 4 + 6
+    "texels": (5, "/images/0: expected at most 5 texels in all images .*, got 6"),
+    "nodes": (3, "/nodes: expected at most 3 nodes and instances .*, got 4"),
+    "json_bytes": (100, "scene.glb: expected at most 100 bytes of JSON"),
+    "file_bytes": (1000, "scene.glb: expected at most 1000 bytes in a file"),
+}
+
+
+@pytest.mark.parametrize("name", LIMITS)
+def test_limits(tmp_path, name):
+    limit, message = LIMITS[name]
+    scene = with_nodes({"children": [1, 2, 3]}, {"mesh": 0}, {"mesh": 0}, {"mesh": 0})
+    path = write(tmp_path / "scene.glb", *scene)
+    with pytest.raises(SceneError, match=message) as refused:
+        read_gltf(path, Limits(**{name: limit}))
+    assert f"--limit {name}=N" in str(refused.value)
+    assert refused.value.code == "LIMIT"
+
+
+def test_limits_of_a_command_line():
+    assert parse_limits([]) == Limits()
+    assert parse_limits(["texels=7", "json-bytes=9"]) == Limits(texels=7, json_bytes=9)
+    for wrong in ("texels", "texels=", "texels=-1", "texels=0", "pixels=5", "texels=1e3"):
+        with pytest.raises(UsageError, match="--limit: expected NAME=N with a NAME of elements, "):
+            parse_limits([wrong])
+
+
+@pytest.mark.parametrize(
+    "light",
+    [
+        {"type": "area"},
+        {"type": "point", "intensity": -1},
+        {"type": "point", "range": 0},
+        {"type": "spot"},
+        {"type": "spot", "spot": {"innerConeAngle": 1}},
+        {"type": "spot", "spot": {"outerConeAngle": 1.6}},
+    ],
+)
+def test_invalid_lights(read, light):
+    with pytest.raises(SceneError, match="/extensions/KHR_lights_punctual/lights/0"):
+        read(*lit(light))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [b"", b"{", b"[]", b"null", b'{"asset": NaN}', b"\xff\xfe", b"[" * 200_000, b'{"a": ' + b"9" * 5000 + b"}"],
+    ids=["empty", "open", "array", "null", "NaN", "UTF-16", "deep", "long number"],
+)
+def test_not_a_gltf(read, text):
+    with pytest.raises(SceneError) as refused:
+        read(text)
+    assert "\n" not in str(refused.value)
+
+
+def test_files_that_cannot_be_read(tmp_path):
+    for path in (tmp_path / "missing.glb", tmp_path):
+        with pytest.raises(FileError, match=str(path)):
+            read_gltf(path)
+
+
+@pytest.mark.parametrize("patch", [(4, 1), (8, 10**6), (12, 2**32 - 4), (16, 0)])
+def test_damaged_glb_headers(read, patch):
+    data = bytearray(encode(*quad_scene()))
+    struct.pack_into("<I", data, *patch)
+    with pytest.raises(SceneError, match=r"scene\.glb: byte \d+: expected"):
+        read(bytes(data))
+
+
+def test_every_prefix_is_refused(read):
+    data = encode(*quad_scene())
+    for length in range(len(data)):
+        with pytest.raises(SceneError):
+            read(data[:length])
+
+
+# Addresses
+
+
+@pytest.mark.parametrize(
+    "uri",
+    [
+        "../secret.bin",
+        "%2e%2e/secret.bin",
+        "sub/../../secret.bin",
+        "link.bin",
+        "file:///etc/hostname",
+        "http://example.org/a.bin",
+        "//example.org/a.bin",
+        "C:secret.bin",
+        "a\0b",
+        "a%0Ab",
+        "%ff",
+        "data:;base64,@@@",
+        "data:text/plain",
+        7,
+    ],
+)
+def test_addresses_stay_in_the_folder(tmp_path, uri):
+    document, data = quad_scene()
+    (tmp_path / "secret.bin").write_bytes(data)
+    folder = tmp_path / "scene"
+    folder.mkdir()
+    (folder / "sub").mkdir()
+    (folder / "link.bin").symlink_to(tmp_path / "secret.bin")
+    (folder / "a.gltf").write_text(json.dumps(put(document, "/buffers/0/uri", uri)))
+    with pytest.raises(SceneError, match="/buffers/0/uri: expected"):
+        read_gltf(folder / "a.gltf")
+
+
+def test_absolute_and_missing_addresses(tmp_path):
+    document, data = quad_scene()
+    (tmp_path / "a.bin").write_bytes(data)
+    path = tmp_path / "a.gltf"
+    path.write_text(json.dumps(put(document, "/buffers/0/uri", str(tmp_path / "a.bin"))))
+    with pytest.raises(SceneError, match="/buffers/0/uri: expected a path inside"):
+        read_gltf(path)
+    path.write_text(json.dumps(put(document, "/buffers/0/uri", "b.bin")))
+    with pytest.raises(FileError, match=r"b\.bin: cannot read"):
+        read_gltf(path)
+
+
+# Anything at all
+
+
+def test_mutants_load_or_are_refused(read):
+    document, data = lit({"type": "spot", "intensity": 2, "range": 3, "spot": {"outerConeAngle": 1}})
+    document["nodes"][1] |= {"camera": 0, "rotation": [0, 0, 0, 1]}
+    document["cameras"] = [{"type": "perspective", "perspective": {"yfov": 1, "znear": 0.1, "zfar": 9}}]
+    document["materials"][0] |= {"emissiveFactor": [1, 1, 1], "alphaMode": "MASK", "alphaCutoff": 0.5}
+    places = pointers(document)
+    rng = random.Random(11)
+    refused = 0
+    for _ in range(800):
+        mutant = put(document, rng.choice(places), rng.choice(JUNK))
+        refused += is_refused(read, mutant, data)
+    assert refused > 300
+
+
+def test_damaged_bytes_load_or_are_refused(read):
+    whole = encode(*quad_scene())
+    rng = random.Random(12)
+    for _ in range(200):
+        data = bytearray(whole)
+        for _ in range(rng.randint(1, 4)):
+            data[rng.randrange(len(data))] = rng.randrange(256)
+        is_refused(read, bytes(data))
+
+
+@pytest.mark.parametrize("data", [b"", b"hello", b"GSGI\x01\x00", b"\x89PNG"])
+def test_a_file_that_is_no_gltf_is_named_by_its_first_bytes(tmp_path, data):
+    path = tmp_path / "scene.glb"
+    path.write_bytes(data)
+    with pytest.raises(SceneError, match=r"scene\.glb: byte 0: expected glTF"):
+        read_gltf(path)

@@ -1,0 +1,150 @@
+"""The drop-in with baked light: albedo * B is added to what pyrender draws, before its curve."""
+
+import numpy as np
+import pytest
+from gsgi_files import constant, surface_example
+from pyrender_scenes import SIZE, blended, cameras, empty, from_behind, points, quad, solids, translation
+from scipy.ndimage import binary_erosion
+
+from gsgi.runtime.camera import Camera
+from gsgi.runtime.errors import UnsupportedError
+from gsgi.runtime.file import codec
+from gsgi.runtime.gl.renderer import DeferredRenderer
+from gsgi.runtime.pyrender import OffscreenRenderer, RenderFlags
+from gsgi.runtime.scene import Material, Mesh, Scene
+
+pytestmark = pytest.mark.usefixtures("pyrender", "current_again")
+
+B = np.array([0.2, 0.3, 0.4])
+
+
+@pytest.fixture
+def draw(gl):
+    """Draw a scene once: (scene, bake, flags) to colour."""
+    renderers = []
+
+    def once(scene, bake=None, flags=RenderFlags.NONE):
+        renderers.append(OffscreenRenderer(*SIZE, gi=bake))
+        return renderers[-1].render(scene, flags)[0]
+
+    yield once
+    for renderer in renderers:
+        renderer.delete()
+
+
+def assert_alike(a: np.ndarray, b: np.ndarray) -> None:
+    """A B in half floats may move one level of 255; 1 % of pixels: edges with a sample of another surface."""
+    off = np.abs(a.astype(int) - b)
+    assert (off > 1).mean() < 0.01, (off.max(), (off > 1).mean())
+
+
+# Ambient light adds `base colour * ambient`: so does a B that is the same everywhere, where nothing is metallic.
+@pytest.mark.parametrize("camera", [None, "far", "aspect", "intrinsics"])
+def test_constant_light_equals_ambient_light(pyrender, draw, camera):
+    scene = solids(camera and cameras()[camera], ambient_light=np.zeros(3))
+    for node in scene.mesh_nodes:
+        node.mesh.primitives[0].material.metallicFactor = 0.0
+    lit = draw(scene, constant(B))
+    without = draw(scene)
+    scene.ambient_light = B
+    assert_alike(lit, draw(scene))
+    assert np.abs(lit.astype(int) - without).max() > 20
+
+
+def test_metal_takes_none_of_it(pyrender, draw):
+    scene = solids(ambient_light=np.zeros(3))
+    for node in scene.mesh_nodes:
+        node.mesh.primitives[0].material.metallicFactor = 1.0
+    assert np.array_equal(draw(scene, constant(B)), draw(scene))
+
+
+def test_vertex_colors_and_back_faces(pyrender, draw):
+    scene = from_behind()
+    scene.ambient_light = np.zeros(3)
+    next(iter(scene.mesh_nodes)).mesh.primitives[0].color_0 = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1.0]])
+    lit = draw(scene, constant(B), RenderFlags.SKIP_CULL_FACES)
+    scene.ambient_light = B
+    assert_alike(lit, draw(scene, flags=RenderFlags.SKIP_CULL_FACES))
+
+
+def test_the_over_operator(pyrender, draw):
+    scene = empty(eye=(0.3, 0.2, 2.0), ambient_light=np.zeros(3))
+    scene.add(quad())
+    lit = draw(scene, constant(B, "over"))
+    scene.ambient_light = 0.99 * B  # as much as one Gaussian may cover
+    assert_alike(lit, draw(scene))
+
+
+@pytest.mark.parametrize("normals", [True, False], ids=["normals", "no_normals"])
+def test_light_is_where_the_deferred_renderer_has_it(pyrender, gl, draw, normals):
+    bake = surface_example(count=400, degree=1)
+    scene = empty(eye=(0.3, 0.8, 2.2), ambient_light=np.zeros(3), bg_color=np.zeros(3))
+    mesh = quad()
+    if not normals:
+        mesh.primitives[0].normals = None
+    scene.add(mesh, pose=translation(0.2, 0.1, 0))
+    node = scene.main_camera_node
+    camera = Camera(scene.get_pose(node), node.camera.yfov, node.camera.znear)
+    primitive = mesh.primitives[0]
+    position = primitive.positions + np.float32([0.2, 0.1, 0])
+    normal = np.tile(np.float32([0, 0, 1]), (4, 1))
+    triangle = primitive.indices.astype(np.uint32)
+    triangles = Mesh(position, normal, np.zeros((4, 0, 2), np.float32), triangle, 0)
+    deferred = DeferredRenderer(gl, Scene((triangles,), (Material(),)), bake, *SIZE)
+    deferred.render(camera)
+    light, seen_depth = deferred.read("indirect"), deferred.read("depth")
+    deferred.release()
+    base = np.array(primitive.material.baseColorFactor[:3])
+    expected = np.clip(255 * (base * light) ** (1 / 2.2), 0, 255)
+    inner = binary_erosion(seen_depth > 0)  # without the edges' partly covered pixels
+    off = np.abs(draw(scene, bake) - expected)[inner]
+    assert inner.mean() > 0.1
+    assert expected[inner].std() > 10
+    assert (off > 1.5).mean() < 0.01, (off.max(), (off > 1.5).mean())
+
+
+def test_a_file_gives_the_same_as_its_bake(pyrender, draw, tmp_path):
+    path = tmp_path / "room.gsgi"
+    path.write_bytes(codec.encode(surface_example()))
+    assert np.array_equal(draw(solids(), path), draw(solids(), codec.decode(path.read_bytes())))
+
+
+@pytest.mark.parametrize("flags", [RenderFlags.FLAT, RenderFlags.SEG, RenderFlags.ALL_WIREFRAME])
+def test_what_has_no_surface_has_no_indirect_light(pyrender, draw, flags):
+    assert np.array_equal(draw(solids(), constant(B), flags), draw(solids(), None, flags))
+
+
+def test_points_and_panes_stay_as_they_are(pyrender, draw):
+    assert np.array_equal(draw(points(), constant(B)), draw(points()))
+    scene = blended()
+    for node in list(scene.mesh_nodes):
+        if not node.mesh.is_transparent:
+            scene.remove_node(node)
+    assert np.array_equal(draw(scene, constant(B)), draw(scene))
+
+
+def test_light_is_kept_from_surface_to_surface(pyrender, draw):
+    """An edge pixel with samples of two surfaces takes the light of both: no dark rim around what is in front."""
+    scene = solids(lit=False, ambient_light=np.zeros(3), bg_color=np.zeros(3))
+    for node in scene.mesh_nodes:
+        node.mesh.primitives[0].material = quad().primitives[0].material
+    lit = draw(scene, constant(B))
+    scene.ambient_light = B
+    assert np.array_equal(lit.any(axis=-1), draw(scene).any(axis=-1))
+
+
+def test_an_orthographic_camera_is_refused(pyrender, draw):
+    scene = solids(cameras()["orthographic"])
+    with pytest.raises(UnsupportedError, match="OrthographicCamera"):
+        draw(scene, constant(B))
+
+
+def test_a_shifted_image_centre_shifts_the_light(pyrender, draw):
+    bake, pictures = surface_example(count=400, degree=1), []
+    for cx, cy in ((48, 32), (56, 27)):
+        camera = pyrender.IntrinsicsCamera(80, 100, cx, cy)
+        scene = empty(camera, eye=(0.3, 0.8, 2.2), ambient_light=np.zeros(3))
+        scene.add(quad())
+        pictures.append(draw(scene, bake))
+    assert pictures[0][5:, :-8].std() > 20
+    assert_alike(pictures[0][5:, :-8], pictures[1][:-5, 8:])

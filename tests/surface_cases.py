@@ -1,0 +1,52 @@
+"""Points, Gaussians and samples for the `surface` operator."""
+
+from types import SimpleNamespace
+
+import numpy as np
+
+from gsgi.baker import _kernels
+from gsgi.baker.surface.samples import SurfaceSamples
+from gsgi.runtime.gaussians import Gaussians
+
+FIELDS = "position", "rotation", "scale", "opacity", "sh"
+KINDS = {np.float32: _kernels.FieldFloat, np.float64: _kernels.FieldDouble}
+
+
+def points(count: int, dtype=np.float32, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """Positions among `gaussians`, and unit normals, of which some lie along an axis."""
+    rng = np.random.default_rng(seed)
+    position, normal = rng.uniform(-1, 1, (count, 3)), rng.normal(size=(count, 3))
+    normal[::5] = np.eye(3)[rng.integers(3, size=len(normal[::5]))]
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    return position.astype(dtype), normal.astype(dtype)
+
+
+def gaussians(count: int, coefficients: int = 1, seed: int = 1) -> Gaussians:
+    rng = np.random.default_rng(seed)
+    rotation = rng.normal(size=(count, 4))
+    arrays = (
+        rng.uniform(-1, 1, (count, 3)),
+        rotation / np.linalg.norm(rotation, axis=1, keepdims=True),
+        np.exp(rng.uniform(np.log(0.02), np.log(0.6), (count, 3))),
+        rng.uniform(0.05, 1, count),
+        rng.normal(size=(count, coefficients, 3)),
+    )
+    return Gaussians(*(array.astype(np.float32) for array in arrays))
+
+
+def of_type(given, dtype, **changes) -> SimpleNamespace:
+    """The same Gaussians with arrays of another dtype."""
+    arrays = {name: getattr(given, name).astype(dtype) for name in FIELDS}
+    return SimpleNamespace(**(arrays | changes))
+
+
+def field_of(given, position, normal, cutoff=0.05, sharpness=2, margin=1.0):
+    field = KINDS[position.dtype.type](position, normal)
+    field.list(given, cutoff, sharpness, margin)
+    return field
+
+
+def samples_of(light: np.ndarray, position, normal, noise: float = 0.0) -> SurfaceSamples:
+    rng = np.random.default_rng(5)
+    halves = (light * (1 + noise * rng.normal(size=(len(light), 1))) for _ in range(2))
+    return SurfaceSamples(position, normal, *(half.astype(np.float32) for half in halves), 0)
