@@ -1,23 +1,27 @@
-"""The dial between accuracy and cost: the fewest Gaussians whose loss in views that were not fitted meets a target.
+"""The search for the fewest Gaussians whose loss in held-out views meets a target.
 
-The fewest to within a factor of 1.4. Budgets are tried in rising order, each a fit of its own that knows nothing of the
-target. A tighter target goes on where a looser one stops: it never ends with fewer Gaussians.
+The answer is the fewest to within a factor of 1.4. Budgets are tried in rising order. Each is a fit of its own that
+knows nothing of the target, so a tighter target continues where a looser one stops and never needs fewer Gaussians.
 """
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-FEWEST = 256  # Gaussians of the first try
+from .fitting.task import HistoryEntry
+
+FEWEST = 256  # Gaussians of the first attempt
 STEP = 2  # between budgets
 GAIN = 0.02  # share of the loss; two budgets in a row that gain less end the search
 
 
 @dataclass(frozen=True)
-class Fitted:
-    """One try: the `data` of its file with `count` Gaussians, of `budget` that it might have had; its loss and the PSNR
-    of B (dB) in the views that were not fitted, None where none shows a B; and the seconds that it took, its start and
-    looks at those views included, next to none where the cache held it. `looks` is its history, see `watch.Look`, empty
-    where the cache held it; `covered` see `fitting.Fit`."""
+class Attempt:
+    """One fit of the search: the `data` of its .gsgi file with `count` Gaussians, at most `budget`.
+
+    `loss` and `psnr` (of B, dB) are means over the held-out views, None where no held-out view shows a B. `seconds` is
+    the time of the fit including its start and the evaluations while it ran; next to none where the cache held it.
+    `history` is empty where the cache held the fit. `coverage` is that of `FitResult`.
+    """
 
     budget: int
     data: bytes
@@ -25,29 +29,30 @@ class Fitted:
     loss: float | None
     psnr: float | None
     seconds: float
-    looks: tuple = ()
-    covered: float | None = None
+    history: tuple[HistoryEntry, ...] = ()
+    coverage: float | None = None
 
 
-def turn(target: float, most: int, attempt: Callable[[int], Fitted]) -> tuple[Fitted, list[Fitted]]:
-    """The try with the fewest Gaussians whose loss is at most `target`, else the one with the least loss; and all."""
-    tried: list[Fitted] = []
+def search(target: float, most: int, attempt: Callable[[int], Attempt]) -> tuple[Attempt, list[Attempt]]:
+    """The attempt with the fewest Gaussians whose loss is at most `target`, else the one with the least loss; and all
+    attempts in order. `attempt(budget)` fits; no budget is above `most`."""
+    attempts: list[Attempt] = []
     for budget in budgets(most):
-        tried.append(attempt(budget))
-        if tried[-1].loss <= target:
-            between = round((tried[-1].budget * tried[-2].budget) ** 0.5) if len(tried) > 1 else budget
-            if len(tried) > 1 and between not in (tried[-1].budget, tried[-2].budget):
-                tried.append(attempt(between))
+        attempts.append(attempt(budget))
+        if attempts[-1].loss <= target:
+            between = round((attempts[-1].budget * attempts[-2].budget) ** 0.5) if len(attempts) > 1 else budget
+            if len(attempts) > 1 and between not in (attempts[-1].budget, attempts[-2].budget):
+                attempts.append(attempt(between))
             break
-        if _stalled([fitted.loss for fitted in tried]):
+        if _stalled([attempt.loss for attempt in attempts]):
             break
-    met = [fitted for fitted in tried if fitted.loss <= target]
-    chosen = min(met, key=lambda f: f.count) if met else min(tried, key=lambda f: f.loss)
-    return chosen, tried
+    met = [attempt for attempt in attempts if attempt.loss <= target]
+    chosen = min(met, key=lambda a: a.count) if met else min(attempts, key=lambda a: a.loss)
+    return chosen, attempts
 
 
 def budgets(most: int) -> Iterator[int]:
-    """FEWEST, then STEP times as many each, and `most` at last."""
+    """FEWEST, then STEP times as many each, and finally `most`."""
     budget = FEWEST
     while budget < most:
         yield budget
@@ -56,5 +61,5 @@ def budgets(most: int) -> Iterator[int]:
 
 
 def _stalled(losses: list[float]) -> bool:
-    """Whether the last two losses gained next to nothing on the best before."""
+    """Whether the last two losses gained next to nothing on the best before them."""
     return len(losses) > 2 and min(losses[-2:]) > (1 - GAIN) * min(losses[:-2])

@@ -4,7 +4,6 @@ from collections import Counter
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 
-from gsgi.baker.trace.surface_tables import emits, used_materials
 from gsgi.runtime.gaussians import Effects
 from gsgi.runtime.scene import Material, Scene
 
@@ -106,13 +105,13 @@ def _surfaces(scene: Scene, effect: str, name: str, cost: str) -> Finding:
 
 
 def _has(scene: Scene, effect: str) -> bool:
-    return any(_shows(material, scene, effect) for material in used_materials(scene))
+    return any(_shows(material, scene, effect) for material in scene.used_materials())
 
 
 def _shows(material: Material, scene: Scene, effect: str) -> bool:
     match effect:
         case "emissive":
-            return emits(material, scene)
+            return scene.emits(material)
         case "alpha-mask":
             return material.alpha_cutoff is not None
         case "double-sided":

@@ -18,19 +18,19 @@ def estimate(plan: Plan) -> dict[str, float]:
     The fit is that of the whole budget, which takes longest where a target loss is searched for.
     """
     path = _seconds_per_path(plan)
-    step = _seconds_per_surface_step(plan) if plan.settings.operator == "surface" else _seconds_per_step(plan)
-    exam = held_out.points(plan) * held_out.SAMPLES / 2
+    step = _seconds_per_step(plan)
+    evaluation = held_out.points(plan) * held_out.SAMPLES / 2
     return {
         "irradiance": path * plan.points * plan.samples,
         "fit": step * plan.settings.iterations,
-        "held-out": path * exam,
+        "references": path * evaluation,
     }
 
 
 def _seconds_per_path(plan: Plan) -> float:
     from gsgi.baker.trace.tracer import Sampling
 
-    tracer, size = plan.light.tracer, plan.settings.size
+    tracer, size = plan.tracer.tracer, plan.settings.size
     views = (tracer.surface(camera, size, size).points() for camera in plan.cameras)
     points = next((points for points in views if len(points[0])), None)
     if points is None:
@@ -41,42 +41,13 @@ def _seconds_per_path(plan: Plan) -> float:
 
 
 def _seconds_per_step(plan: Plan) -> float:
-    """A few steps with as many Gaussians as the bake has in the end, on grey images."""
-    from gsgi.baker.fitting.target import Target
-    from gsgi.baker.over.fit import RATES
-    from gsgi.baker.over.initialise import from_surface
-    from gsgi.baker.over.optimiser import optimiser_class
-    from gsgi.baker.over.raw_gaussians import RawGaussians
-    from gsgi.baker.over.reshape import State
-
-    size, seed = plan.settings.size, plan.settings.seed
-    points = plan.triangles.draw(plan.settings.budget, np.random.default_rng(seed))
-    start = from_surface(points.position, points.normal, np.ones_like(points.position), sh_degree=0)
-    state = State.fresh(RawGaussians.from_gaussians(start))
-    optimiser = optimiser_class()(state.raw, state.adam, plan.blend)
-    grey = Target.of(np.ones((size, size, 3), np.float32), np.ones((size, size), bool), 1.0)
-    pinholes = [camera.pinhole(size, size) for camera in plan.cameras[:: -(-len(plan.cameras) // STEPS)]]
-    still = dict.fromkeys(RATES, 0.0)
-    return _second_run(lambda seed: [optimiser.iterate(p, grey, still) for p in pinholes]) / len(pinholes)
-
-
-def _seconds_per_surface_step(plan: Plan) -> float:
-    """A few steps with as many Gaussians as the bake has in the end, at as many grey samples."""
-    from gsgi.baker.surface.coarse import coarse_level
-    from gsgi.baker.surface.fit import RATES, start
-    from gsgi.baker.surface.optimiser import SurfaceOptimiser
-    from gsgi.baker.surface.samples import SurfaceSamples
-    from gsgi.baker.surface.state import SurfaceState
-
-    rng = np.random.default_rng(plan.settings.seed)
-    points = plan.triangles.draw(plan.points, rng)
-    grey = np.ones_like(points.position)
-    samples = SurfaceSamples(points.position, points.normal, grey, grey, 0)
-    coarse = coarse_level(samples, 1, plan.blend, 1.0, plan.settings.seed)
-    optimiser = SurfaceOptimiser(samples, coarse, plan.blend, 1.0)
-    state = SurfaceState.fresh(start(samples, plan.settings.budget, rng))
-    still = dict.fromkeys(RATES, 0.0)
-    return _second_run(lambda seed: [optimiser.step(state, still, 1 + i) for i in range(STEPS)]) / STEPS
+    """Of the fit with as many Gaussians as the bake has in the end, on grey light."""
+    if plan.settings.operator == "surface":
+        from .surface.fits import steps_on_grey_light
+    else:
+        from .over.fits import steps_on_grey_light
+    run, steps = steps_on_grey_light(plan, STEPS)
+    return _second_run(lambda seed: run()) / steps
 
 
 def _second_run(run: Callable[[int], object]) -> float:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gsgi.baker.cache.store import Cache
-from gsgi.baker.trace.cached_tracer import TracedLight
+from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.baker.trace.pilot import Pilot
 from gsgi.baker.trace.tracer import Sampling
 from gsgi.baker.views.coverage import sample_seen
@@ -21,6 +21,7 @@ from gsgi.runtime.scene import Scene
 
 from .effects import effects, without
 from .memory import peak_memory
+from .over.fits import SH_DEGREE
 from .progress import Progress
 from .settings import BUDGET_MAX, QUALITIES, SAMPLES, Settings
 from .surface import budget as surface_budget
@@ -33,8 +34,6 @@ NEAR = 2e-3
 # px^2; added to both variances of a projected Gaussian. Views are smaller than the frames that show the bake: what is
 # widened by a tenth of a small pixel looks the same in fine ones. 0.3, as for photographs, loses 1 dB at 512 px.
 DILATION = 0.03
-
-SH_DEGREE = 0  # Lambertian surfaces look the same from everywhere
 
 # Edge of a view, px, where it is left open: as large as PIXELS in all views allow. Many small views beat few large
 # ones: of as many pixels, 22 of 192 px left twice the loss in held-out views of a Cornell box that 86 of 96 px did.
@@ -49,8 +48,8 @@ PIXELS_PER_GAUSSIAN = 64
 
 @dataclass(frozen=True)
 class Plan:
-    """The decisions of one bake. `scene` is what is baked: without the effects that the settings leave out; `light`
-    traces it, for every stage.
+    """The decisions of one bake. `scene` is what is baked: without the effects that the settings leave out; `tracer`
+    traces its light, for every stage.
 
     `settings` have no None left but where no target loss is asked for. `lost` is the share of the picture that further
     bounces would add, None where it was not measured. `dark` names the fitted views that see no light.
@@ -59,7 +58,7 @@ class Plan:
     scene: Scene
     settings: Settings
     triangles: Triangles
-    light: TracedLight
+    tracer: CachedTracer
     placement: Placement
     pilot: Pilot
     lost: float | None
@@ -134,16 +133,16 @@ def make_plan(
         placement = _at_size(placement, size / (settings.size or PLACED_SIZE))
     with progress.stage("plan"):
         points = sample_seen(triangles, list(placement.fitted.values()), pilot.POINTS, settings.seed)
-        light = TracedLight(scene, cache)
-        probe = pilot.run(light.at_points, points.position, points.normal, settings.seed)
+        tracer = CachedTracer(scene, cache)
+        probe = pilot.run(tracer.at_points, points.position, points.normal, settings.seed)
         bounces = probe.bounces(settings.bounce_fraction) if settings.bounces is None else settings.bounces
-        dark = dark_views(triangles, placement.fitted | placement.held_out, light.at_points, bounces, settings.seed)
-        placement = placement.judged_in_light(dark)
+        dark = dark_views(triangles, placement.fitted | placement.held_out, tracer.at_points, bounces, settings.seed)
+        placement = placement.without_dark(dark)
     settings = replace(settings, views=len(placement.fitted), size=size, bounces=bounces)
     settings = replace(settings, budget=_budget(settings, triangles), iterations=_iterations(settings))
     settings = replace(settings, samples=_samples(settings, probe))
     dark &= placement.fitted.keys()
-    return Plan(scene, settings, triangles, light, placement, probe, probe.lost.get(bounces), dark)
+    return Plan(scene, settings, triangles, tracer, placement, probe, probe.lost.get(bounces), dark)
 
 
 def file_bytes(operator: str, budget: int) -> int:

@@ -9,7 +9,8 @@ from gsgi.baker.trace.tracer import BOUNCES_MAX, PASS_SAMPLES
 from gsgi.baker.views.coverage import VIEWS, length
 
 from .effects import findings
-from .plan import SH_DEGREE, Plan
+from .over.fits import SH_DEGREE
+from .plan import Plan
 
 OPERATOR_REASONS = {
     "surface": "Gaussians are read at surface points: nothing to sort, few suffice",

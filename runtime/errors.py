@@ -25,6 +25,9 @@ class FileError(GsgiError):
 
     exit_code = 2
 
+    def __init__(self, message: str = "", code: str = "FILE", pointer: str = ""):
+        super().__init__(message, code, pointer)
+
 
 class SceneError(GsgiError):
     """A glTF scene that is broken. Names the file, the JSON pointer or byte, what was expected and what stood there."""

@@ -2,80 +2,16 @@
 
 import errno
 import os
-import re
-import tempfile
-from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
-from gsgi.runtime.gltf.limits import Limits
-from gsgi.runtime.gltf.problems import Code
-
 from .atomic import replacing
-from .errors import FileError, SceneError, UsageError
+from .errors import FileError, UsageError
 
 MAX_IMAGE_PIXELS = 2**28  # 16384 x 16384, 4 GiB as RGBA float: larger is a mistake or an attack
-SIGNATURE = {
-    "png": re.compile(rb"\x89PNG\r\n\x1a\n"),
-    "jpg": re.compile(rb"\xff\xd8\xff"),
-    "webp": re.compile(rb"RIFF....WEBP", re.DOTALL),
-}
 SUFFIXES = (".exr", ".png")
 _PNG_END = b"IEND\xaeB`\x82"
-
-
-class Encoded(NamedTuple):
-    """The bytes of an image file, and its place in a scene: as errors begin, and its JSON pointer alone."""
-
-    data: bytes
-    where: str
-    pointer: str = ""
-
-
-def decode_textures(files: Sequence[Encoded], limits: Limits) -> list[np.ndarray]:
-    """Decode PNG, JPEG and WebP files to (H, W, 4) uint8 each, values as stored, alpha not multiplied in.
-
-    The declared sizes are held against the limit before a pixel is decoded. Raises SceneError.
-    """
-    # OpenImageIO's Python module reads files only.
-    with tempfile.TemporaryDirectory(prefix="gsgi-") as folder, ThreadPoolExecutor(os.cpu_count()) as pool:
-        paths = [Path(folder, f"{number}.{_kind(file)}") for number, file in enumerate(files)]
-        texels = 0
-        for file, path in zip(files, paths, strict=True):
-            path.write_bytes(file.data)
-            texels += _declared_size(file, path)
-            limits.check("texels", texels, file.where, file.pointer)
-        return list(pool.map(_decode_texture, files, paths))
-
-
-def _kind(file: Encoded) -> str:
-    for kind, start in SIGNATURE.items():
-        if start.match(file.data):
-            return kind
-    got = f"bytes {file.data[:8].hex(' ') or 'none'}"
-    raise SceneError(f"{file.where}: expected a PNG, JPEG or WebP image, got {got}", Code.IMAGE, file.pointer)
-
-
-def _declared_size(file: Encoded, path: Path) -> int:
-    try:
-        spec = open_image(path).spec()
-    except ValueError as error:
-        raise _broken(file, error) from None
-    return spec.width * spec.height
-
-
-def _decode_texture(file: Encoded, path: Path) -> np.ndarray:
-    try:
-        return _rgba(_pixels(open_image(path), "uint8"))
-    except ValueError as error:
-        raise _broken(file, error) from None
-
-
-def _broken(file: Encoded, error: ValueError) -> SceneError:
-    return SceneError(f"{file.where}: expected an image, got an error: {error}", Code.IMAGE, file.pointer)
 
 
 def read_image(path: str | Path) -> np.ndarray:
@@ -90,12 +26,12 @@ def read_image(path: str | Path) -> np.ndarray:
         spec = source.spec()
         if spec.width * spec.height > MAX_IMAGE_PIXELS:
             raise ValueError(f"{spec.width} x {spec.height} pixels where {MAX_IMAGE_PIXELS} are allowed")
-        pixels = _pixels(source, "float")
+        pixels = read_pixels(source, "float")
     except OSError as error:
         raise FileError(f"{path}: cannot read: {error.strerror or error}") from None
     except ValueError as error:
         raise FileError(f"{path}: cannot read: {error}") from None
-    return np.ascontiguousarray(_rgba(pixels)[..., :3])
+    return np.ascontiguousarray(rgba(pixels)[..., :3])
 
 
 def write_image(path: str | Path, pixels: np.ndarray) -> None:
@@ -134,7 +70,7 @@ def open_image(path: Path):
     return source
 
 
-def _pixels(source, dtype: str) -> np.ndarray:
+def read_pixels(source, dtype: str) -> np.ndarray:
     """Pixels (H, W, C) of an open image. Raises ValueError with a reason."""
     pixels = source.read_image(dtype)
     if pixels is None:
@@ -142,7 +78,7 @@ def _pixels(source, dtype: str) -> np.ndarray:
     return pixels
 
 
-def _rgba(pixels: np.ndarray) -> np.ndarray:
+def rgba(pixels: np.ndarray) -> np.ndarray:
     """Four channels (H, W, 4) from grey, grey and alpha, RGB, or RGBA."""
     channels = pixels.shape[2]
     color = pixels[..., :3] if channels >= 3 else np.repeat(pixels[..., :1], 3, axis=2)

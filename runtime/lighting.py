@@ -7,12 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from gsgi.runtime.gltf.materials import MAX_LIGHT
-from gsgi.runtime.gltf.uri import inside
-
 from .environment import read_environment
 from .errors import FileError, SceneError
-from .scene import Environment, Light, Scene
+from .files import inside
+from .scene import MAX_LIGHT, Environment, Light, Scene
 
 SUFFIX = ".lights.toml"  # of the file beside room.gltf or room.glb: room.lights.toml
 MAX_TOML_BYTES = 1 << 20

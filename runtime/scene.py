@@ -7,6 +7,8 @@ import numpy as np
 
 from .camera import Camera
 
+MAX_LIGHT = 1e15  # cd, lx or radiance: float32 holds the product of two
+
 
 @dataclass(frozen=True)
 class Texture:
@@ -138,6 +140,17 @@ class Scene:
     warnings: tuple[str, ...] = ()
     transparent: tuple[str, ...] = ()
     files: tuple[Path, ...] = ()
+
+    def used_materials(self) -> list[Material]:
+        """The materials that some triangle has."""
+        return [self.materials[index] for index in sorted({mesh.material for mesh in self.meshes})]
+
+    def emits(self, material: Material) -> bool:
+        """Whether a surface of this material lights the scene somewhere."""
+        factor = np.array(material.emission) > 0
+        if material.emission_texture is not None and factor.any():
+            factor &= self.textures[material.emission_texture.texture].pixels[..., :3].any(axis=(0, 1))
+        return bool(factor.any()) and not material.unlit
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Lowest and highest corner of all triangles: two (3,) float64, m."""

@@ -11,7 +11,8 @@ import numpy as np
 
 from gsgi.baker.bake import bake
 from gsgi.baker.cache.store import Cache
-from gsgi.baker.cli.inputs import read_bake
+from gsgi.baker.cli.console import Console
+from gsgi.baker.evaluation.comparison import Comparison, compare_frame
 from gsgi.baker.evaluation.pictures import panels
 from gsgi.baker.plan import make_plan
 from gsgi.baker.progress import Progress
@@ -20,6 +21,7 @@ from gsgi.baker.trace import reference
 from gsgi.baker.trace.tracer import Tracer
 from gsgi.runtime.atomic import write_atomic
 from gsgi.runtime.display import auto_exposure, tone_map
+from gsgi.runtime.file.reader import read_bake
 from gsgi.runtime.gl.headless import draw
 from gsgi.runtime.gltf.reader import read_gltf
 from gsgi.runtime.image import write_image
@@ -35,7 +37,7 @@ SAMPLES = 1024  # per pixel of the reference, in two halves
 def main() -> None:
     """Run every stage, print one table."""
     OUT.mkdir(parents=True, exist_ok=True)
-    progress = Progress()
+    progress = Progress(Console())
     with progress.stage("scene"):
         scene = read_gltf(SCENE)
     plan = make_plan(replace(scene, cameras={}), Settings(), progress, Cache())
@@ -47,7 +49,7 @@ def main() -> None:
         layers = draw(scene, baked, camera, SIZE, SIZE, "auto")
     with progress.stage("reference", 2 * SIZE**2, "points") as advance:
         truth = reference.trace(Tracer(scene), camera, SIZE, SIZE, SAMPLES, seed=7, advance=advance)
-        verdict = reference.judge_frame(layers["final"], truth)
+        comparison = compare_frame(layers["final"], truth)
 
     exposure = auto_exposure(truth.final)
     lit = {
@@ -58,20 +60,19 @@ def main() -> None:
     }
     pictures = {name: tone_map(image.astype(np.float32), exposure) for name, image in lit.items()}
     write_image(OUT / "panels.png", panels(pictures))
-    report(len(baked.gaussians) + len(baked.coarse or ()), verdict, progress)
+    report(len(baked.gaussians) + len(baked.coarse or ()), comparison, progress)
 
 
-def report(gaussians: int, verdict: reference.Verdict, progress: Progress) -> None:
+def report(gaussians: int, comparison: Comparison, progress: Progress) -> None:
     """Print the table and write the same as report.json."""
-    difference = verdict.difference
     rows = [{"stage": name, "seconds": round(seconds, 2)} for name, seconds in progress.seconds.items()]
     figures = {
         "gaussians": gaussians,
         "bytes": (OUT / "cornell.gsgi").stat().st_size,
-        "ssim": round(difference.ssim, 4),
-        "ssim_ceiling": round(verdict.ceiling, 4),
-        "psnr": round(difference.psnr, 2),
-        "flip": round(difference.flip, 4),
+        "ssim": round(comparison.ssim, 4),
+        "ssim_ceiling": round(comparison.ssim_ceiling, 4),
+        "psnr": round(comparison.psnr, 2),
+        "flip": round(comparison.flip, 4),
     }
     write_atomic(OUT / "report.json", (json.dumps({"stages": rows} | figures, indent=2) + "\n").encode())
     print(f"\n{'stage':<12} {'seconds':>8}")

@@ -6,7 +6,6 @@ One uv channel, one wrap mode for both axes; no alpha masks, normal maps, vertex
 import numpy as np
 
 from gsgi.baker.trace.mitsuba_scene import load_mitsuba
-from gsgi.baker.trace.surface_tables import emits
 from gsgi.runtime.scene import Material, Mesh, Scene, TextureSlot
 
 
@@ -57,7 +56,7 @@ def _merge(meshes: list[Mesh]) -> Mesh:
 def _mesh(mi, mesh: Mesh, material: Material, scene: Scene):
     properties = mi.Properties()
     properties["bsdf"] = mi.load_dict(_bsdf(mi, material, scene))
-    if emits(material, scene):
+    if scene.emits(material):
         emission = _texture(mi, _emission(material, scene), scene, material.emission_texture)
         properties["emitter"] = mi.load_dict({"type": "area", "radiance": emission})
     shape = mi.Mesh(

@@ -118,9 +118,9 @@ def level_sums(
     rotations = rotation_matrix(level.rotation.astype(float))
     for i in range(len(level)):
         deviations = (position - level.position[i]) @ rotations[i] / level.scale[i]
-        nearness = np.maximum(0, np.exp(-0.5 * (deviations**2).sum(axis=1)) - cutoff)
+        falloff = np.maximum(0, np.exp(-0.5 * (deviations**2).sum(axis=1)) - cutoff)
         facing = 1.0 if sharpness is None else np.maximum(0, normal @ rotations[i][:, 2]) ** sharpness
-        w = level.opacity[i].astype(float) * nearness * facing
+        w = level.opacity[i].astype(float) * falloff * facing
         sums += w[:, None] * np.concatenate([basis @ level.sh[i], np.ones((len(basis), 1))], axis=1)
     return sums
 

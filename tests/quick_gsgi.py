@@ -11,7 +11,6 @@ from gsgi_files import constant
 
 from gsgi.baker import bake, plan, plan_table
 from gsgi.baker.cli.main import run
-from gsgi.baker.evaluation import held_out
 from gsgi.baker.views import coverage
 from gsgi.runtime.file import codec
 
@@ -20,18 +19,19 @@ def main(log: str, *arguments: str) -> int:
     """Run the command with these arguments; returns its exit code."""
 
     def make_plan(scene, *_) -> SimpleNamespace:
-        return SimpleNamespace(scene=scene, placement=SimpleNamespace(coverage=None, held_out={}))
+        settings = SimpleNamespace(target_loss=None)
+        placement = SimpleNamespace(coverage=None, held_out={})
+        return SimpleNamespace(scene=scene, placement=placement, settings=settings)
 
     def baked(made, *_) -> SimpleNamespace:
         with open(log, "a", encoding="utf-8") as file:
             file.write(made.scene.files[0].stem + "\n")
         light = sum((texture.pixels[..., :3].mean(axis=(0, 1)) for texture in made.scene.textures), start=1)
-        return SimpleNamespace(data=codec.encode(constant(light)), fitted=SimpleNamespace(count=2, loss=None), tried=())
+        return SimpleNamespace(data=codec.encode(constant(light)), attempt=SimpleNamespace(count=2, loss=None))
 
     plan.make_plan, bake.bake = make_plan, baked
     coverage.coverage_summary, plan_table.summary = (lambda _: []), (lambda _: "")
-    held_out.judge = lambda *_: SimpleNamespace(views=(), mean=None)
-    return run([*arguments, "--quiet", "--cache", str(Path(log).parent / "cache")])
+    return run([*arguments, "--quiet", "--no-evaluate", "--cache", str(Path(log).parent / "cache")])
 
 
 if __name__ == "__main__":

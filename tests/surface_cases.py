@@ -4,12 +4,12 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from gsgi.baker import _kernels
+from gsgi.baker.native import kernels
 from gsgi.baker.surface.samples import SurfaceSamples
 from gsgi.runtime.gaussians import Gaussians
 
 FIELDS = "position", "rotation", "scale", "opacity", "sh"
-KINDS = {np.float32: _kernels.FieldFloat, np.float64: _kernels.FieldDouble}
+KINDS = {np.float32: kernels.FieldFloat, np.float64: kernels.FieldDouble}
 
 
 def points(count: int, dtype=np.float32, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:

@@ -11,7 +11,7 @@ from benches.operator_sphere import relative_error, way
 from benches.operators import gaussians_at, smallest
 from benches.probes import Probes, grid_size
 
-from gsgi.baker import _kernels
+from gsgi.baker.native import kernels
 from gsgi.baker.views.free_space import sphere
 from gsgi.runtime.camera import look_at
 
@@ -66,7 +66,7 @@ def test_probes_meet_a_linear_field_between_them():
     sh[..., 0, :] = 1 + middle
     probes = Probes(low, high, sh)
     position, normal = np.array([[1.2, 0.7, 1.1], [3.4, 1.4, 0.6]]), sphere(2)
-    constant = _kernels.sh_basis(np.ascontiguousarray(normal), 0)
+    constant = kernels.sh_basis(np.ascontiguousarray(normal), 0)
     assert probes.evaluate(position, normal) == pytest.approx(constant * (1 + position), abs=1e-6)  # exact in halves
 
 

@@ -12,7 +12,7 @@ from gsgi.baker.cache.store import Cache, default_folder, size_limit
 from gsgi.baker.progress import Progress
 from gsgi.baker.settings import BUDGET_MAX, Settings
 from gsgi.runtime.camera import Camera
-from gsgi.runtime.errors import FormatError, SceneError, UsageError
+from gsgi.runtime.errors import SceneError, UsageError
 from gsgi.runtime.gaussians import Bake
 from gsgi.runtime.lighting import KEYS, Lighting, beside, light, read_lights
 from gsgi.runtime.scene import Scene
@@ -139,6 +139,7 @@ def choose_camera(scene: Scene, options: argparse.Namespace) -> Camera:
 def read_light(options: argparse.Namespace, scene: Scene, progress: Progress) -> Bake | None:
     """The bake that --gi names, with a warning where it was made for other geometry."""
     from gsgi.runtime.file.fingerprint import fingerprint
+    from gsgi.runtime.file.reader import read_bake
 
     if options.gi is None:
         return None
@@ -146,14 +147,3 @@ def read_light(options: argparse.Namespace, scene: Scene, progress: Progress) ->
     if baked.scene not in (0, fingerprint(scene)):
         progress.warn(f"{options.gi}: was baked for other geometry than {options.scene}; its light may not fit")
     return baked
-
-
-def read_bake(path: str | Path) -> Bake:
-    """The bake in a .gsgi file. Raises FileError or FormatError, both naming the file."""
-    from gsgi.runtime.file import codec
-    from gsgi.runtime.gltf.glb import read_file
-
-    try:
-        return codec.decode(read_file(Path(path)))
-    except FormatError as error:
-        raise FormatError(f"{path}: {error}") from error

@@ -78,7 +78,7 @@ def _light_value(key: str):
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
     """What a bake may cost, and decisions taken out of the plan's hands."""
-    _add_dial(parser)
+    _add_accuracy(parser)
     for flag, lowest, highest, default, unit, what in (
         ("--iterations", 0, 2**30, None, "N", "steps of a fit (default: by quality)"),
         (
@@ -106,10 +106,10 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--camera-path", metavar="FILE", help=f"JSON with more cameras to fit: {path}")
 
 
-def _add_dial(parser: argparse.ArgumentParser) -> None:
-    """The dial between accuracy and cost."""
+def _add_accuracy(parser: argparse.ArgumentParser) -> None:
+    """Between accuracy and cost."""
     group = parser.add_argument_group(
-        "dial", "How accurate, and how large. Losses are 0.2 L1 + 0.8 (1 - SSIM) / 2 of B."
+        "accuracy", "How accurate, and how large. Losses are 0.2 L1 + 0.8 (1 - SSIM) / 2 of B."
     )
     group.add_argument("--operator", choices=OPERATORS, default=Settings.operator,
                        help="read Gaussians at surface points, or blend them along rays")  # fmt: skip

@@ -2,64 +2,58 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gsgi.baker.fitting.loss import image_loss
 from gsgi.baker.fitting.target import Target
-from gsgi.baker.plan import Plan
-from gsgi.baker.trace.reference import Reference, Verdict, judge_frame, judge_indirect
+from gsgi.baker.trace.reference import Reference
 from gsgi.runtime import constants
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.display import auto_exposure
 from gsgi.runtime.gaussians import Bake, OverBlend
 
+from .comparison import Comparison, compare_frame, compare_indirect
 from .metrics import mean_psnr, psnr, squared_error
+
+if TYPE_CHECKING:
+    from gsgi.baker.plan import Plan
 
 SIZE = 128  # px, edge of a view
 SAMPLES = 1024  # paths per pixel, in two halves
 
 
 @dataclass(frozen=True)
-class Score:
-    """PSNR (dB), SSIM and FLIP of an image. `ssim_ceiling` is the SSIM between the reference's own halves."""
-
-    psnr: float
-    ssim: float
-    ssim_ceiling: float
-    flip: float
-
-
-@dataclass(frozen=True)
-class HeldOut:
+class ViewEvaluation:
     """How well one view is met: by the loss of the fit, as B (`indirect`), and as the full frame that it makes."""
 
     name: str
     loss: float
-    indirect: Score
-    final: Score
+    indirect: Comparison
+    final: Comparison
 
 
 @dataclass(frozen=True)
-class Exam:
+class Evaluation:
     """The views, and their mean: of PSNR the mean of the squared errors, not of the dB. None where there is no view."""
 
-    views: list[HeldOut]
-    mean: HeldOut | None
+    views: list[ViewEvaluation]
+    mean: ViewEvaluation | None
 
 
-def references(plan: Plan, advance: Callable[..., None]) -> dict[str, Reference]:
+def references(plan: "Plan", advance: Callable[..., None]) -> dict[str, Reference]:
     """References, by name, of the views that the plan holds out, but not of those in which no B is seen.
 
     Those that the plan's cache holds are not traced again. `advance(points)` is called with `points(plan)` in all.
     """
     traced = {}
     for i, (name, camera) in enumerate(plan.placement.held_out.items()):
-        traced[name] = plan.light.reference(camera, SIZE, SAMPLES, plan.settings.seed + 1000 + i, advance)
+        traced[name] = plan.tracer.reference(camera, SIZE, SAMPLES, plan.settings.seed + 1000 + i, advance)
     return {name: reference for name, reference in traced.items() if reference.valid.any()}
 
 
-def points(plan: Plan) -> int:
+def points(plan: "Plan") -> int:
     """Points that `references` traces."""
     return 2 * len(plan.placement.held_out) * SIZE**2
 
@@ -77,7 +71,7 @@ class HeldOutLoss:
         self.exposure = exposure([reference.indirect for reference in self.references])
 
     def of(self, baked: Bake) -> tuple[float, float]:
-        """Means over the views, as in `Exam`: the loss, and the PSNR of B (dB). (0, 100) where there is no view."""
+        """Means over the views, as in `Evaluation`: the loss, and the PSNR of B (dB). (0, 100) where there is no view."""
         if not self.references:
             return 0.0, psnr(0.0)
         images = [draw(baked, *view) for view in zip(self.cameras, self.references, strict=True)]
@@ -89,7 +83,7 @@ class HeldOutLoss:
         return float(np.mean(losses)), psnr(float(np.mean(errors)))
 
 
-def judge(references: Mapping[str, Reference], cameras: Mapping[str, Camera], baked: Bake) -> Exam:
+def evaluate(references: Mapping[str, Reference], cameras: Mapping[str, Camera], baked: Bake) -> Evaluation:
     """Compare a bake with `references`, whose cameras `cameras` holds by name.
 
     The full frame is the reference's primary light and albedo with the B of the bake.
@@ -100,10 +94,10 @@ def judge(references: Mapping[str, Reference], cameras: Mapping[str, Camera], ba
     for name, truth in references.items():
         image = draw(baked, cameras[name], truth)
         loss = image_loss(image, _target(truth, baked.tone_scale)).value
-        indirect = judge_indirect(image, truth, of_indirect)
-        final = judge_frame(truth.lit(image), truth, of_final)
-        views.append(HeldOut(name, loss, _score(indirect), _score(final)))
-    return Exam(views, _mean(views) if views else None)
+        indirect = compare_indirect(image, truth, of_indirect)
+        final = compare_frame(truth.lit(image), truth, of_final)
+        views.append(ViewEvaluation(name, loss, indirect, final))
+    return Evaluation(views, _mean(views) if views else None)
 
 
 def exposure(images: Sequence[np.ndarray]) -> float:
@@ -125,12 +119,12 @@ def draw(baked: Bake, camera: Camera, reference: Reference) -> np.ndarray:
         from gsgi.baker.over.rasterise import rasterise
 
         return rasterise(baked.gaussians, camera.pinhole(width, height), baked.blend)
-    from gsgi.baker.surface.lookup import evaluate
+    from gsgi.baker.surface.lookup import look_up
 
     surface = reference.surface
     points = surface.position[reference.valid], surface.normal[reference.valid]
     image = np.zeros((height, width, 3), np.float32)
-    image[reference.valid], _ = evaluate(baked.gaussians, baked.coarse, baked.blend, *points)
+    image[reference.valid], _ = look_up(baked.gaussians, baked.coarse, baked.blend, *points)
     return image
 
 
@@ -138,17 +132,12 @@ def _target(reference: Reference, tone_scale: float) -> Target:
     return Target.of(reference.clean, reference.valid, tone_scale)
 
 
-def _score(verdict: Verdict) -> Score:
-    difference = verdict.difference
-    return Score(difference.psnr, difference.ssim, verdict.ceiling, difference.flip)
-
-
-def _mean(views: list[HeldOut]) -> HeldOut:
+def _mean(views: list[ViewEvaluation]) -> ViewEvaluation:
     loss = float(np.mean([view.loss for view in views]))
-    indirect, final = (_mean_score([getattr(view, layer) for view in views]) for layer in ("indirect", "final"))
-    return HeldOut(f"mean of {len(views)} views", loss, indirect, final)
+    indirect, final = (_mean_comparison([getattr(view, layer) for view in views]) for layer in ("indirect", "final"))
+    return ViewEvaluation(f"mean of {len(views)} views", loss, indirect, final)
 
 
-def _mean_score(scores: list[Score]) -> Score:
-    ssim, ceiling, flip = (float(np.mean([getattr(s, n) for s in scores])) for n in ("ssim", "ssim_ceiling", "flip"))
-    return Score(mean_psnr([score.psnr for score in scores]), ssim, ceiling, flip)
+def _mean_comparison(views: list[Comparison]) -> Comparison:
+    ssim, ceiling, flip = (float(np.mean([getattr(v, n) for v in views])) for n in ("ssim", "ssim_ceiling", "flip"))
+    return Comparison(mean_psnr([view.psnr for view in views]), ssim, ceiling, flip)

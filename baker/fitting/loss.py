@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gsgi.baker import _kernels
+from gsgi.baker.native import kernels
 
 from .target import Target
 
@@ -34,4 +34,4 @@ def image_loss(image: np.ndarray, target: Target) -> Loss:
     loss is NaN where a pixel that counts is negative or not finite, else finite. The same bits for any number of
     threads.
     """
-    return Loss(*_kernels.image_loss(image, target.tone, target.tone_scale))
+    return Loss(*kernels.image_loss(image, target.tone, target.tone_scale))

@@ -1,44 +1,64 @@
-"""What every operator's fit gives to the bake."""
+"""A fit as a task: what it returns, and how it resumes after an interruption."""
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 from gsgi.baker.cache.checkpoint import Checkpoint
 from gsgi.baker.cache.records import from_arrays, to_arrays
 from gsgi.baker.cache.store import Cache, task_key
 from gsgi.runtime.gaussians import Gaussians
 
-from .monitor import Look, Watch
+
+class HistoryEntry(NamedTuple):
+    """The state of a fit after so many iterations and seconds: Gaussians of both levels, and the loss and PSNR (dB) of
+    B in the held-out views."""
+
+    iteration: int
+    seconds: float
+    gaussians: int
+    loss: float
+    psnr: float
 
 
-class Fit(NamedTuple):
-    """Both levels (`coarse` None with `over`), the history of looks, empty where the cache held the fit, and the
-    seconds that it took without the tracing before. `covered`: the share of surface samples at which the fine level
-    alone gives the light; None with `over`."""
+class FitResult(NamedTuple):
+    """The Gaussians of both levels; `coarse` is None with `over`.
+
+    `history` is empty where the cache held the fit. `seconds` is the time of the fit without the tracing before it.
+    `coverage` is the share of surface samples at which the fine level alone gives the light; None with `over`.
+    """
 
     gaussians: Gaussians
     coarse: Gaussians | None
-    looks: tuple[Look, ...]
+    history: tuple[HistoryEntry, ...]
     seconds: float
-    covered: float | None = None
+    coverage: float | None = None
 
 
-# Makes the watch of a fit from its `advance` and coarse level.
-Watching = Callable[[Callable[..., None], Gaussians | None], Watch]
+class Monitor(Protocol):
+    """Is called after each iteration of a fit with its number, its loss, and a function that returns the Gaussians it
+    led to. `history` is what it recorded."""
+
+    history: list[HistoryEntry]
+
+    def __call__(self, iteration: int, loss: float, gaussians: Callable[[], Gaussians]) -> None: ...
 
 
-def kept(
-    cache: Cache, inputs: dict, watch: Callable[[], Watch], fit: Callable[[Watch, Checkpoint], Gaussians]
-) -> tuple[Gaussians, tuple[Look, ...] | None]:
-    """The result of the fit that `inputs` describe, and its looks: None where the cache held it.
+# Makes the monitor of a fit from the `advance` of its progress stage and its coarse level.
+MakeMonitor = Callable[[Callable[..., None], Gaussians | None], Monitor]
 
-    Interrupted, a fit goes on from its checkpoint; done, it is not done again.
+
+def run_or_resume(
+    cache: Cache, inputs: dict, make_monitor: Callable[[], Monitor], fit: Callable[[Monitor, Checkpoint], Gaussians]
+) -> tuple[Gaussians, tuple[HistoryEntry, ...] | None]:
+    """The result of the fit that `inputs` describe, and its history: None where the cache held the result.
+
+    An interrupted fit resumes from its checkpoint; a finished one is not repeated.
     """
     key = task_key("fit", **inputs)
     if found := cache.get(key):
         return from_arrays(Gaussians, found), None
-    seen, checkpoint = watch(), Checkpoint(cache, task_key("checkpoint", **inputs))
-    gaussians = fit(seen, checkpoint)
+    monitor, checkpoint = make_monitor(), Checkpoint(cache, task_key("checkpoint", **inputs))
+    gaussians = fit(monitor, checkpoint)
     cache.put(key, to_arrays(gaussians))
     checkpoint.remove()
-    return gaussians, tuple(seen.looks)
+    return gaussians, tuple(monitor.history)

@@ -4,11 +4,11 @@
 // function, perhaps the one that this processor cannot run.
 #include "instruction_set.h"
 
-#include "over/adam.h"
-#include "surface/field_read.h"
 #include "loss/loss_band.h"
+#include "over/adam.h"
 #include "over/rasterise_backward.h"
 #include "over/touch.h"
+#include "surface/field_read.h"
 
 namespace INSTRUCTION_SET {
 

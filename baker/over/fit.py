@@ -1,18 +1,19 @@
 """Fits Gaussians to views of B (Kerbl et al. 2023): draw, compare, step, and now and then change how many there are."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from gsgi.baker.cache.checkpoint import Checkpoint
 from gsgi.baker.cache.records import from_arrays, to_arrays
+from gsgi.baker.fitting.schedule import Schedule, count_after
 from gsgi.baker.fitting.target import Target
+from gsgi.baker.fitting.task import Monitor
 from gsgi.runtime.camera import Camera, Pinhole
 from gsgi.runtime.gaussians import Gaussians, OverBlend
 
-from .density import count_after
-from .growth import Seen, grow
+from .growth import ViewStatistics, grow
 from .optimiser import optimiser_class
 from .raw_gaussians import NAMES, RawGaussians
 from .reshape import State
@@ -27,7 +28,7 @@ GROWTH = 0.2, 0.4, 0.6
 
 
 @dataclass(frozen=True)
-class View:
+class TargetView:
     """One image to fit: B (H, W, 3) float32 linear, and which pixels (H, W) bool show a surface that has a B."""
 
     camera: Camera
@@ -35,38 +36,18 @@ class View:
     valid: np.ndarray
 
 
-@dataclass(frozen=True)
-class Course:
-    """How far a fit goes: at most `budget` Gaussians after `iterations` steps, one view each, in an order by `seed`."""
-
-    budget: int
-    iterations: int
-    seed: int = 0
-
-    def change_at(self, iteration: int, views: int, start: int) -> int | None:
-        """How many Gaussians there may be from here on, where that changes: after whole rounds of the `views`.
-
-        `start` is how many there were at first.
-        """
-        events = [views * round(share * self.iterations / views) for share in GROWTH]
-        if iteration == 0 or iteration not in events:
-            return None
-        done = 1 - events[::-1].index(iteration) / len(events)
-        return count_after(min(start, self.budget), self.budget, done)
-
-
 def fit(
     start: Gaussians,
-    views: Sequence[View],
+    views: Sequence[TargetView],
     blend: OverBlend,
     tone_scale: float,
-    course: Course,
-    watch: Callable[[int, float, Callable[[], Gaussians]], None] | None = None,
+    schedule: Schedule,
+    monitor: Monitor | None = None,
     checkpoint: Checkpoint | None = None,
 ) -> Gaussians:
     """Gaussians whose images match the views, from `start`, by Adam on 0.2 L1 + 0.8 D-SSIM, one view per iteration.
 
-    `tone_scale` is in radiance. `watch(iteration, loss, gaussians)` is called after each iteration; gaussians() returns
+    `tone_scale` is in radiance. `monitor(iteration, loss, gaussians)` is called after each iteration; gaussians() returns
     its Gaussians. Goes on from `checkpoint` where it holds a state and keeps states there. Deterministic for a seed,
     whatever the number of threads, and wherever it was interrupted, unless gsplat fits. Raises FloatingPointError at
     the first loss or gradient that is not finite, naming iteration, view and Gaussian.
@@ -74,28 +55,38 @@ def fit(
     _check(start)
     images = [_image(view, tone_scale) for view in views]
     units = {"position": float(start.scale.mean()) if len(start) else 0.0, "sh": tone_scale}
-    order = _order(len(views), course.iterations, course.seed)
-    run = _Run(State.fresh(RawGaussians.from_gaussians(start)), Seen.nothing(len(start)), 0)
+    order = _order(len(views), schedule.iterations, schedule.seed)
+    run = _Run(State.fresh(RawGaussians.from_gaussians(start)), ViewStatistics.nothing(len(start)), 0)
     if checkpoint and (arrays := checkpoint.load()):
         run = from_arrays(_Run, arrays)
     make = optimiser_class()
-    optimiser, seen = make(run.state.raw, run.state.adam, blend), run.seen
-    for iteration in range(run.iteration, course.iterations):
-        if limit := course.change_at(iteration, len(views), len(start)):
-            state = grow(State(optimiser.raw, optimiser.adam), seen, len(views), limit, tone_scale)
-            optimiser, seen = make(state.raw, state.adam, blend), Seen.nothing(len(state))
-        view, done = order[iteration], iteration / course.iterations
+    optimiser, statistics = make(run.state.raw, run.state.adam, blend), run.statistics
+    for iteration in range(run.iteration, schedule.iterations):
+        if limit := _limit_from(schedule, iteration, len(views), len(start)):
+            state = grow(State(optimiser.raw, optimiser.adam), statistics, len(views), limit, tone_scale)
+            optimiser, statistics = make(state.raw, state.adam, blend), ViewStatistics.nothing(len(state))
+        view, done = order[iteration], iteration / schedule.iterations
         rates = {name: RATE_END**done * RATES[name] * units.get(name, 1.0) for name in NAMES}
         try:
             loss, found = optimiser.iterate(*images[view], rates)
         except FloatingPointError as error:
             raise FloatingPointError(f"{error} at iteration {iteration}, view {view}") from error
-        seen = seen.with_step(found)
-        if watch:
-            watch(iteration + 1, loss, optimiser.raw.to_gaussians)
+        statistics = statistics.with_step(found)
+        if monitor:
+            monitor(iteration + 1, loss, optimiser.raw.to_gaussians)
         if checkpoint and checkpoint.due():
-            checkpoint.save(to_arrays(_Run(State(optimiser.raw, optimiser.adam), seen, iteration + 1)))
+            checkpoint.save(to_arrays(_Run(State(optimiser.raw, optimiser.adam), statistics, iteration + 1)))
     return optimiser.raw.to_gaussians()
+
+
+def _limit_from(schedule: Schedule, iteration: int, views: int, start: int) -> int | None:
+    """How many Gaussians there may be from this iteration on, None where that does not change: it changes after whole
+    rounds of the `views`. `start` is how many there were at first."""
+    events = [views * round(share * schedule.iterations / views) for share in GROWTH]
+    if iteration == 0 or iteration not in events:
+        return None
+    done = 1 - events[::-1].index(iteration) / len(events)
+    return count_after(min(start, schedule.budget), schedule.budget, done)
 
 
 def _check(start: Gaussians) -> None:
@@ -109,18 +100,18 @@ class _Run:
     """All that the rest of a fit depends on, after `iteration` steps."""
 
     state: State
-    seen: Seen
+    statistics: ViewStatistics
     iteration: int
 
 
-def _image(view: View, tone_scale: float) -> tuple[Pinhole, Target]:
+def _image(view: TargetView, tone_scale: float) -> tuple[Pinhole, Target]:
     """A view as the optimiser takes it."""
     height, width = view.valid.shape
     return view.camera.pinhole(width, height), Target.of(view.indirect, view.valid, tone_scale)
 
 
 def _order(views: int, iterations: int, seed: int) -> list[int]:
-    """View of each iteration: every view once in each round, in shuffled order."""
+    """TargetView of each iteration: every view once in each round, in shuffled order."""
     rng = np.random.default_rng(seed)
     rounds = [rng.permutation(views) for _ in range(-(-iterations // views))]
     return np.concatenate([np.empty(0, int), *rounds])[:iterations].tolist()

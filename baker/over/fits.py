@@ -2,16 +2,24 @@
 
 import dataclasses
 import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gsgi.baker.fitting.task import Fit, Watching, kept
-from gsgi.baker.plan import SH_DEGREE, Plan
+from gsgi.baker.cache.code_version import code_version
+from gsgi.baker.fitting.schedule import Schedule
+from gsgi.baker.fitting.task import FitResult, MakeMonitor, run_or_resume
 from gsgi.baker.progress import Progress
 from gsgi.baker.settings import BUDGET_MAX
 from gsgi.baker.trace import denoise
 from gsgi.baker.trace.cached_tracer import TracedView
 from gsgi.runtime.gaussians import Effects, Gaussians
+
+if TYPE_CHECKING:
+    from gsgi.baker.plan import Plan
+
+SH_DEGREE = 0  # Lambertian surfaces look the same from everywhere
 
 FIT_PACKAGES = ("numpy", "scipy", "torch", "gsplat")  # whose versions a fit depends on
 
@@ -20,57 +28,51 @@ FIT_PACKAGES = ("numpy", "scipy", "torch", "gsplat")  # whose versions a fit dep
 START_SHARE, START_MOST = 1 / 2, BUDGET_MAX // 8
 
 
+def trace_views(plan: "Plan", progress: Progress) -> list[TracedView]:
+    """The views of a plan, denoised where that is wanted and possible."""
+    settings = plan.settings
+    with progress.stage("irradiance", plan.points, "points") as advance:
+        views = plan.tracer.views(plan.cameras, settings.size, plan.sampling, settings.seed + 1, advance, progress.say)
+        if paths := sum(view.invalid for view in views):
+            progress.warn(f"{paths} paths gave no finite number and were left out")
+        return [_denoised(view) for view in views] if _denoises(plan) else views
+
+
 class OverFits:
-    """Fits to the views of a plan, with one budget or another. `tone_scale` is the mean B over all views."""
+    """Fits to the traced `views` of a plan, with one budget or another. `tone_scale` is the mean B over all views."""
 
-    def __init__(self, plan: Plan, progress: Progress):
-        """Traces the views."""
-        from .fit import View
-
-        self.plan, self.progress, self.seen = plan, progress, _traced(plan, progress)
-        self.views = [View(camera, v.indirect, v.valid) for camera, v in zip(plan.cameras, self.seen, strict=True)]
-        self.tone_scale = _tone_scale(self.views)
+    def __init__(self, plan: "Plan", progress: Progress, views: list[TracedView]):
+        self.plan, self.progress, self.views = plan, progress, views
+        self.tone_scale = _tone_scale(views)
         self.effects = Effects.DENOISED if _denoises(plan) else Effects(0)
 
-    def fit(self, budget: int, watching: Watching) -> Fit:
-        """Gaussians whose alpha an 8-bit opacity can hold. Interrupted, it goes on from its checkpoint; done, it is not
-        done again."""
+    def fit(self, budget: int, make_monitor: MakeMonitor) -> FitResult:
+        """Gaussians whose alpha an 8-bit opacity can hold. An interrupted fit resumes from its checkpoint; a finished
+        one is not repeated."""
         start = time.perf_counter()
         with self.progress.stage("fit", self.plan.settings.iterations, "iterations") as advance:
-            gaussians, looks = self._fitted(budget, advance, watching)
-        return Fit(_visible(gaussians), None, looks, time.perf_counter() - start)
+            gaussians, history = self._fitted(budget, advance, make_monitor)
+        return FitResult(_visible(gaussians), None, history, time.perf_counter() - start)
 
-    def _fitted(self, budget: int, advance, watching: Watching) -> tuple[Gaussians, tuple]:
-        from gsgi.baker.cache.code_version import code_version
-
-        from .fit import Course, fit
+    def _fitted(self, budget: int, advance, make_monitor: MakeMonitor) -> tuple[Gaussians, tuple]:
+        from .fit import TargetView, fit
         from .initialise import from_views
         from .optimiser import optimiser_class
 
         plan, settings = self.plan, self.plan.settings
         count = min(max(round(START_SHARE * budget), 1), START_MOST)
-        start = from_views(plan.cameras, self.seen, count, settings.seed, SH_DEGREE)
-        task = start, self.views, plan.blend, self.tone_scale, Course(budget, settings.iterations, settings.seed)
+        start = from_views(plan.cameras, self.views, count, settings.seed, SH_DEGREE)
+        schedule = Schedule(budget, settings.iterations, settings.seed)
+        targets = [TargetView(c, v.indirect, v.valid) for c, v in zip(plan.cameras, self.views, strict=True)]
+        task = start, targets, plan.blend, self.tone_scale, schedule
         code = code_version("gsgi.baker.over.fit", FIT_PACKAGES)
         inputs = {"code": code, "optimiser": optimiser_class().__name__, "task": task}
-        gaussians, looks = kept(
-            plan.light.cache, inputs, lambda: watching(advance, None), lambda *tools: fit(*task, *tools)
+        gaussians, history = run_or_resume(
+            plan.tracer.cache, inputs, lambda: make_monitor(advance, None), lambda *tools: fit(*task, *tools)
         )
-        if looks is None:
+        if history is None:
             advance(settings.iterations, "from the cache")
-        return gaussians, looks or ()
-
-
-def _traced(plan: Plan, progress: Progress) -> list[TracedView]:
-    """The views to fit, denoised where that is wanted and possible."""
-    settings = plan.settings
-    with progress.stage("irradiance", plan.points, "points") as advance:
-        seen = plan.light.views(plan.cameras, settings.size, plan.sampling, settings.seed + 1, advance, progress.say)
-        if paths := sum(view.invalid for view in seen):
-            progress.warn(f"{paths} paths gave no finite number and were left out")
-        if not _denoises(plan):
-            return seen
-        return [_denoised(view) for view in seen]
+        return gaussians, history or ()
 
 
 def _denoised(view: TracedView) -> TracedView:
@@ -79,11 +81,11 @@ def _denoised(view: TracedView) -> TracedView:
     return dataclasses.replace(view, indirect=denoise.denoise(view.indirect, view.normal, view.valid))
 
 
-def _denoises(plan: Plan) -> bool:
+def _denoises(plan: "Plan") -> bool:
     return plan.settings.denoise and denoise.available()
 
 
-def _tone_scale(views: list) -> float:
+def _tone_scale(views: list[TracedView]) -> float:
     """Mean B over all views: the loss's tone curve puts it at one half. 1 where all is black."""
     lit = np.concatenate([view.indirect[view.valid] for view in views])
     mean = float(lit.mean(dtype=np.float64)) if lit.size else 0.0
@@ -95,3 +97,24 @@ def _visible(gaussians: Gaussians) -> Gaussians:
     keep = np.rint(gaussians.opacity * 255) >= 1
     fields = ("position", "rotation", "scale", "opacity", "sh")
     return Gaussians(*(getattr(gaussians, name)[keep] for name in fields))
+
+
+def steps_on_grey_light(plan: "Plan", most: int) -> tuple[Callable[[], object], int]:
+    """A function that takes some steps of the plan's fit on grey images, at most `most`, and how many: for timing."""
+    from gsgi.baker.fitting.target import Target
+
+    from .fit import RATES
+    from .initialise import from_surface
+    from .optimiser import optimiser_class
+    from .raw_gaussians import RawGaussians
+    from .reshape import State
+
+    size, seed = plan.settings.size, plan.settings.seed
+    points = plan.triangles.draw(plan.settings.budget, np.random.default_rng(seed))
+    start = from_surface(points.position, points.normal, np.ones_like(points.position), SH_DEGREE)
+    state = State.fresh(RawGaussians.from_gaussians(start))
+    optimiser = optimiser_class()(state.raw, state.adam, plan.blend)
+    grey = Target.of(np.ones((size, size, 3), np.float32), np.ones((size, size), bool), 1.0)
+    pinholes = [camera.pinhole(size, size) for camera in plan.cameras[:: -(-len(plan.cameras) // most)]]
+    still = dict.fromkeys(RATES, 0.0)
+    return lambda: [optimiser.iterate(pinhole, grey, still) for pinhole in pinholes], len(pinholes)

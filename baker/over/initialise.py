@@ -4,14 +4,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gsgi.baker.fitting.blue_noise import thin
+from gsgi.baker.fitting.blue_noise import CANDIDATES, spacing, thin
+from gsgi.baker.fitting.rotations import rotation_to
 from gsgi.baker.trace.cached_tracer import TracedView
 from gsgi.runtime import constants
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.gaussians import Gaussians
 
-NEIGHBOURS = 3
-CANDIDATES = 5  # random pixels per Gaussian, of which those evenly apart stay (Yuksel 2015 finds no gain beyond five)
 FLATNESS = 0.1  # scale along the normal over that in the surface
 OPACITY = 0.9
 
@@ -54,22 +53,3 @@ def _surface(camera: Camera, view: TracedView, chosen: np.ndarray) -> tuple[np.n
     local = depth[:, None] * np.stack([x, y, -np.ones_like(x)], axis=1)
     position = local @ camera.world_from_view[:3, :3].T + camera.position
     return position, view.normal[row, column], view.indirect[row, column]
-
-
-def spacing(position: np.ndarray) -> np.ndarray:
-    """Mean distance (N,) float32, m, to the nearest NEIGHBOURS other points."""
-    from scipy.spatial import cKDTree
-
-    if len(position) <= NEIGHBOURS:
-        extent = float(np.linalg.norm(np.ptp(position, axis=0))) if len(position) else 0.0
-        return np.full(len(position), extent or 1.0, np.float32)
-    distance, _ = cKDTree(position).query(position, k=NEIGHBOURS + 1)
-    return distance[:, 1:].mean(axis=1).astype(np.float32)
-
-
-def rotation_to(normal: np.ndarray) -> np.ndarray:
-    """Unit quaternions xyzw (N, 4) float32 that turn +z onto `normal` (N, 3) by the shortest way."""
-    x, y, z = normal.astype(np.float64).T
-    rotation = np.stack([-y, x, np.zeros_like(x), 1 + z], axis=1)
-    rotation[z < -0.999999] = [1, 0, 0, 0]
-    return (rotation / np.linalg.norm(rotation, axis=1, keepdims=True)).astype(np.float32)

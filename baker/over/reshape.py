@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gsgi.baker.fitting.rotations import axes
+
 from .raw_gaussians import NAMES, RawGaussians
 from .workspace import AdamState
 
@@ -70,7 +72,7 @@ def _halves(parents: RawGaussians, sign: np.ndarray) -> RawGaussians:
     clone as opaque as the parent; a split's halves overlap little and stay as they are."""
     rows = np.arange(len(parents))
     axis = np.argmax(parents.log_scale, axis=1)
-    direction = _axes(parents.rotation)[rows, :, axis]
+    direction = axes(parents.rotation)[rows, :, axis]
     length = np.exp(parents.log_scale[rows, axis])
     position = parents.position + (SPLIT_OFFSET * sign * length)[:, None] * direction
     log_scale = parents.log_scale.copy()
@@ -80,13 +82,6 @@ def _halves(parents: RawGaussians, sign: np.ndarray) -> RawGaussians:
     logit = np.where(sign == 0, np.log(-np.expm1(clear)) - clear, parents.logit_opacity)
     arrays = position, parents.rotation, log_scale, logit, parents.sh
     return RawGaussians(*(np.ascontiguousarray(array, np.float32) for array in arrays))
-
-
-def _axes(rotation: np.ndarray) -> np.ndarray:
-    """Rotation matrices (D, 3, 3) of quaternions xyzw (D, 4) of any length; columns are the ellipsoids' axes."""
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_quat(rotation).as_matrix().reshape(-1, 3, 3)
 
 
 def _taken(raw: RawGaussians, which: np.ndarray) -> RawGaussians:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gsgi.baker import _kernels
+from gsgi.baker.native import kernels
 from gsgi.runtime.camera import Pinhole
 from gsgi.runtime.gaussians import OverBlend
 
@@ -45,7 +45,7 @@ class Workspace:
     """
 
     def __init__(self):
-        self._kernel = _kernels.Workspace()
+        self._kernel = kernels.Workspace()
 
     def forward(self, raw: RawGaussians, pinhole: Pinhole, blend: OverBlend) -> tuple[np.ndarray, np.ndarray]:
         """Image (H, W, 3) of linear radiance and transmittance (H, W), float32.

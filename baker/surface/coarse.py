@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gsgi.baker.fitting.blue_noise import thin
-from gsgi.baker.over.initialise import spacing
+from gsgi.baker.fitting.blue_noise import spacing, thin
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
 
 from .budget import COARSE_DEGREE

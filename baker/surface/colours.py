@@ -39,7 +39,7 @@ def solve(
         return field.read(listed)[:, :3] * inverse[:, None]
 
     def transposed(values: np.ndarray) -> np.ndarray:
-        return field.spread(gaussians, np.ascontiguousarray(values, np.float32), inverse).astype(np.float64)
+        return field.transposed(gaussians, np.ascontiguousarray(values, np.float32), inverse).astype(np.float64)
 
     mass = transposed(np.broadcast_to(weight, light.shape))[:, :1] / constants.SH_C0
     seen = transposed(weight * (light - given))

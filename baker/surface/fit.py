@@ -1,17 +1,16 @@
 """Fits Gaussians of the `surface` operator to samples of B: shapes by gradient, colours by least squares whenever their
 number changes."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gsgi.baker.cache.checkpoint import Checkpoint
 from gsgi.baker.cache.records import from_arrays, to_arrays
-from gsgi.baker.fitting.blue_noise import thin
-from gsgi.baker.over.density import count_after
-from gsgi.baker.over.fit import Course
-from gsgi.baker.over.initialise import CANDIDATES, rotation_to, spacing
+from gsgi.baker.fitting.blue_noise import CANDIDATES, spacing, thin
+from gsgi.baker.fitting.rotations import rotation_to
+from gsgi.baker.fitting.schedule import Schedule, count_after
+from gsgi.baker.fitting.task import Monitor
 from gsgi.runtime import constants
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
 
@@ -55,38 +54,38 @@ def fit_surface(
     coarse: Gaussians,
     blend: SurfaceBlend,
     tone_scale: float,
-    course: Course,
-    watch: Callable[[int, float, Callable[[], Gaussians]], None] | None = None,
+    schedule: Schedule,
+    monitor: Monitor | None = None,
     checkpoint: Checkpoint | None = None,
 ) -> Gaussians:
-    """The fine level: at most `course.budget` Gaussians of SH degree 0 that, with the `coarse` level, meet the samples.
+    """The fine level: at most `schedule.budget` Gaussians of SH degree 0 that, with the `coarse` level, meet the samples.
 
-    `tone_scale` is the mean B, radiance. `watch(iteration, loss, gaussians)` is called after each step; gaussians() are
+    `tone_scale` is the mean B, radiance. `monitor(iteration, loss, gaussians)` is called after each step; gaussians() are
     those that it led to. Goes on from `checkpoint` where it holds a state and keeps states there. Deterministic for a
     seed, whatever the number of threads, and wherever it was interrupted. Raises FloatingPointError at the first
     gradient or loss that is not finite, naming iteration and Gaussian.
     """
-    rng = np.random.default_rng(course.seed)
+    rng = np.random.default_rng(schedule.seed)
     optimiser = SurfaceOptimiser(joined([surface, free]), coarse, blend, tone_scale)
     if checkpoint and (arrays := checkpoint.load()):
         run = from_arrays(_Run, arrays)
     else:
-        first = start(surface, round(START_SHARE * course.budget), rng)
+        first = start(surface, round(START_SHARE * schedule.budget), rng)
         run = _Run(SurfaceState.fresh(optimiser.solve(first, SOLVE_FIRST)), np.zeros(len(first), np.float32), 0)
     state, error = run.state, run.error
-    changes = {round(share * course.iterations): (i + 1) / len(GROWTH) for i, share in enumerate(GROWTH)}
-    for iteration in range(run.iteration, course.iterations):
+    changes = {round(share * schedule.iterations): (i + 1) / len(GROWTH) for i, share in enumerate(GROWTH)}
+    for iteration in range(run.iteration, schedule.iterations):
         if iteration in changes and iteration > 0:
-            limit = count_after(round(START_SHARE * course.budget), course.budget, changes[iteration])
+            limit = count_after(round(START_SHARE * schedule.budget), schedule.budget, changes[iteration])
             state = changed(state, error, limit, optimiser)
-        falling = RATE_END ** (iteration / course.iterations)
+        falling = RATE_END ** (iteration / schedule.iterations)
         try:
-            state, seen = optimiser.step(state, {name: falling * rate for name, rate in RATES.items()}, iteration + 1)
+            state, result = optimiser.step(state, {name: falling * rate for name, rate in RATES.items()}, iteration + 1)
         except FloatingPointError as broken:
             raise FloatingPointError(f"{broken} at iteration {iteration}") from broken
-        error = seen.error
-        if watch:
-            watch(iteration + 1, seen.loss, lambda gaussians=state.gaussians: gaussians)
+        error = result.error
+        if monitor:
+            monitor(iteration + 1, result.loss, lambda gaussians=state.gaussians: gaussians)
         if checkpoint and (iteration + 1) % LIST_STEPS == 0 and checkpoint.due():
             checkpoint.save(to_arrays(_Run(state, error, iteration + 1)))
     return optimiser.solve(state.gaussians, SOLVE_LAST)

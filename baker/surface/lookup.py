@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from gsgi.baker import _kernels
+from gsgi.baker.native import kernels
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
 
 from .point_order import coherent
 
 
-def evaluate(
+def look_up(
     gaussians: Gaussians, coarse: Gaussians, blend: SurfaceBlend, position: np.ndarray, normal: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """B (S, 3) float32, linear radiance, at points (S, 3), m, with unit normals (S, 3); and the fine sum w (S,).
@@ -16,7 +16,7 @@ def evaluate(
     B is 0 where no Gaussian of either level reaches. The same bits whatever the number of threads.
     """
     order = coherent(position, normal)
-    field = _kernels.FieldFloat(*(np.ascontiguousarray(array[order], np.float32) for array in (position, normal)))
+    field = kernels.FieldFloat(*(np.ascontiguousarray(array[order], np.float32) for array in (position, normal)))
     light = coarse_light(field, coarse, blend)
     field.list(gaussians, blend.cutoff, blend.sharpness, 1.0)
     fine = field.read(gaussians)
@@ -25,7 +25,7 @@ def evaluate(
     return result, weight
 
 
-def coarse_light(field: _kernels.FieldFloat, coarse: Gaussians, blend: SurfaceBlend) -> np.ndarray:
+def coarse_light(field: kernels.FieldFloat, coarse: Gaussians, blend: SurfaceBlend) -> np.ndarray:
     """Light (S, 3) of the coarse level at the points of a field, which may be negative."""
     field.list(coarse, blend.cutoff, 0, 1.0)
     sums = field.read(coarse)

@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gsgi.baker import _kernels
+from gsgi.baker.fitting.rotations import axes
+from gsgi.baker.native import kernels
 from gsgi.runtime import constants
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
 
@@ -14,7 +15,7 @@ from . import colours
 from .lookup import coarse_light, filling, inverse_weight
 from .point_order import coherent
 from .samples import SurfaceSamples
-from .state import PARAMETERS, SurfaceState, axes
+from .state import PARAMETERS, SurfaceState
 
 # Which samples Gaussians reach is looked up every so many steps, as if they were so much larger: they grow and move.
 # How noise pulls at them is looked up at the same steps.
@@ -29,7 +30,7 @@ LOGIT_MAX = 5.0  # of the opacity
 
 
 @dataclass(frozen=True)
-class Seen:
+class StepResult:
     """What a step found: the loss, and the error (N,) float32 of the samples, free of their noise, by Gaussian."""
 
     loss: float
@@ -57,7 +58,7 @@ class SurfaceOptimiser:
     def __init__(self, samples: SurfaceSamples, coarse: Gaussians, blend: SurfaceBlend, tone_scale: float):
         samples = samples[coherent(samples.position, samples.normal)]
         self._a, self._b, self._light = samples.indirect_a, samples.indirect_b, samples.indirect
-        self._field = _kernels.FieldFloat(samples.position, samples.normal)
+        self._field = kernels.FieldFloat(samples.position, samples.normal)
         self._coarse = coarse_light(self._field, coarse, blend)
         self.blend, self.tone_scale, self._dark = blend, tone_scale, np.float32(DARK * tone_scale)
         self._listed = 0
@@ -75,9 +76,9 @@ class SurfaceOptimiser:
         """Of how many samples (N,) float32 each Gaussian makes up the light: sums of w over sum w."""
         self._list(gaussians)
         light, inverse, _ = self._read(gaussians)
-        return self._field.spread(gaussians, np.ones_like(light), inverse)[:, 0, 0] / np.float32(constants.SH_C0)
+        return self._field.transposed(gaussians, np.ones_like(light), inverse)[:, 0, 0] / np.float32(constants.SH_C0)
 
-    def step(self, state: SurfaceState, rates: Mapping[str, float], steps: int) -> tuple[SurfaceState, Seen]:
+    def step(self, state: SurfaceState, rates: Mapping[str, float], steps: int) -> tuple[SurfaceState, StepResult]:
         """One step of Adam, the `steps`-th since it began.
 
         Raises FloatingPointError where a gradient, naming the Gaussian, or the loss is not finite. Depends on earlier
@@ -101,8 +102,8 @@ class SurfaceOptimiser:
         square = BETA_2 * state.square + np.float32(1 - BETA_2) * gradient**2
         change = -rate * (mean / (1 - BETA_1**steps)) / (np.sqrt(square / (1 - BETA_2**steps)) + EPSILON)
         stepped = moved(state.gaussians, change, self.tone_scale, state.smallest, state.largest)
-        seen = Seen(loss, moments[:, 15])
-        return replace(state, gaussians=stepped, mean=mean.astype(np.float32), square=square.astype(np.float32)), seen
+        result = StepResult(loss, moments[:, 15])
+        return replace(state, gaussians=stepped, mean=mean.astype(np.float32), square=square.astype(np.float32)), result
 
     def _list(self, gaussians: Gaussians) -> None:
         self._field.list(gaussians, self.blend.cutoff, self.blend.sharpness, MARGIN)

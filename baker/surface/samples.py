@@ -5,11 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gsgi.baker.cache.code_version import code_version
-from gsgi.baker.cache.digest import scene_digest
-from gsgi.baker.cache.records import from_arrays, to_arrays
-from gsgi.baker.cache.store import task_key
-from gsgi.baker.trace.cached_tracer import PACKAGES, TracedLight
+from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.baker.trace.tracer import Sampling, Tracer
 from gsgi.runtime.camera import Camera
 
@@ -66,12 +62,12 @@ class Sampler:
     """Draws and traces samples of a scene's light. The n-th chunk is the same whatever else is asked for."""
 
     def __init__(
-        self, light: TracedLight, cameras: list[Camera], sampling: Sampling, seed: int, dark: Sequence[bool] = ()
+        self, tracer: CachedTracer, cameras: list[Camera], sampling: Sampling, seed: int, dark: Sequence[bool] = ()
     ):
         """`sampling` is of each half; `dark`: of each camera, whether it sees no light. Empty: all see some."""
-        self._light, self._cameras, self._sampling, self._seed = light, cameras, sampling, seed
+        self._tracer, self._cameras, self._sampling, self._seed = tracer, cameras, sampling, seed
         self._steps = [DARK_STEP if is_dark else 1 for is_dark in dark or [False] * len(cameras)]
-        self._seen: _Seen | None = None
+        self._seen: _SeenSurface | None = None
 
     def surface(self, count: int, advance: Callable[..., None]) -> SurfaceSamples:
         """At least `count` samples (whole chunks; fewer where a path found nothing) of the surfaces that the cameras
@@ -88,19 +84,17 @@ class Sampler:
         return joined([self._chunk(stage, i, sampling, advance, draw) for i in range(chunk_count(count))])
 
     def _chunk(self, stage: str, index: int, sampling: Sampling, advance, draw) -> SurfaceSamples:
-        code = code_version(__name__, PACKAGES)
-        scene, cache = scene_digest(self._light.scene), self._light.cache
+        def trace() -> SurfaceSamples:
+            if self._seen is None:
+                self._seen = _look(self._tracer.tracer, self._cameras, self._steps)
+            seeds = np.random.SeedSequence((self._seed, index, stage == "free"))
+            points = draw(self._seen, np.random.default_rng(seeds))
+            return _trace(self._tracer.tracer, points, sampling, seeds.generate_state(2).tolist(), advance)
+
         inputs = {"cameras": self._cameras, "steps": self._steps, "sampling": sampling, "seed": (self._seed, index)}
-        key = task_key(stage, code=code, scene=scene, **inputs)
-        if found := cache.get(key):
+        samples, found = self._tracer.once(self._tracer.key(stage, __name__, **inputs), SurfaceSamples, trace)
+        if found:
             advance(2 * CHUNK, "from the cache")
-            return from_arrays(SurfaceSamples, found)
-        if self._seen is None:
-            self._seen = _look(self._light.tracer, self._cameras, self._steps)
-        seeds = np.random.SeedSequence((self._seed, index, stage == "free"))
-        points = draw(self._seen, np.random.default_rng(seeds))
-        samples = _trace(self._light.tracer, points, sampling, seeds.generate_state(2).tolist(), advance)
-        cache.put(key, to_arrays(samples))
         return samples
 
 
@@ -112,14 +106,14 @@ def _trace(tracer: Tracer, points, sampling: Sampling, seeds: list[int], advance
 
 
 @dataclass(frozen=True)
-class _Seen:
+class _SeenSurface:
     """Surface points (P, 3) float32 behind the pixels of cameras, with normals, where they are seen from, and the area
     up to and with each point, m^2."""
 
     position: np.ndarray
     normal: np.ndarray
     geometric_normal: np.ndarray
-    eye: np.ndarray
+    viewpoint: np.ndarray
     area_below: np.ndarray
 
     def surface(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -136,13 +130,13 @@ class _Seen:
             return (np.empty((0, 3), np.float32),) * 3
         index = rng.integers(len(self.position), size=count)
         way = rng.uniform(*FREE, (count, 1))
-        position = self.eye[index] + way * (self.position[index] - self.eye[index])
+        position = self.viewpoint[index] + way * (self.position[index] - self.viewpoint[index])
         normal = rng.normal(size=(count, 3))
         normal = (normal / np.linalg.norm(normal, axis=1, keepdims=True)).astype(np.float32)
         return position.astype(np.float32), normal, normal
 
 
-def _look(tracer: Tracer, cameras: list[Camera], steps: list[int]) -> _Seen:
+def _look(tracer: Tracer, cameras: list[Camera], steps: list[int]) -> _SeenSurface:
     """`steps`: of each camera, every how many of its pixels count."""
     columns = []
     for camera, step in zip(cameras, steps, strict=True):
@@ -155,4 +149,4 @@ def _look(tracer: Tracer, cameras: list[Camera], steps: list[int]) -> _Seen:
     *arrays, area = (np.concatenate(column) for column in zip(*columns, strict=True))
     if len(area):
         area = np.minimum(area, np.quantile(area, FOOTPRINT_QUANTILE))
-    return _Seen(*arrays, np.cumsum(area, dtype=np.float64))
+    return _SeenSurface(*arrays, np.cumsum(area, dtype=np.float64))

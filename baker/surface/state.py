@@ -4,6 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gsgi.baker.fitting.duplicates import duplicates
+from gsgi.baker.fitting.rotations import axes
 from gsgi.runtime.gaussians import Gaussians
 
 # What Adam steps of each Gaussian: its place, turn and scale along its own axes, its opacity, its colour.
@@ -66,18 +68,9 @@ def to_split(error: np.ndarray, count: int) -> np.ndarray:
 
 def to_merge(gaussians: Gaussians, tone_scale: float) -> np.ndarray:
     """Which (N,) bool a neighbour makes superfluous: one of each pair that says the same at the same place."""
-    from gsgi.baker.over.density import to_merge as pairs_to_merge
-
     merged = np.zeros(len(gaussians), bool)
-    merged[pairs_to_merge(gaussians, tone_scale)[:, 1]] = True
+    merged[duplicates(gaussians, tone_scale)[:, 1]] = True
     return merged
-
-
-def axes(rotation: np.ndarray) -> np.ndarray:
-    """Rotation matrices (N, 3, 3) float64 of unit quaternions xyzw (N, 4); columns are the ellipsoids' axes."""
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_quat(rotation).as_matrix().reshape(-1, 3, 3)
 
 
 def _half(parents: SurfaceState, sign: int) -> SurfaceState:

@@ -32,7 +32,7 @@ class TracedView:
     invalid: int
 
 
-class TracedLight:
+class CachedTracer:
     """Traces the light of `scene`, each task once. Mitsuba starts with the first task that `cache` does not hold."""
 
     def __init__(self, scene: Scene, cache: Cache):
@@ -40,13 +40,12 @@ class TracedLight:
 
     def at_points(self, position, normal, sampling: Sampling, seed: int, advance=None) -> Light:
         """B at surface points: position (N, 3) float32 m, normal (N, 3) float32 unit."""
-        key = self._key("points", position=position, normal=normal, sampling=sampling, seed=seed)
-        if found := self.cache.get(key):
-            if advance:
-                advance(len(position))
-            return from_arrays(Light, found)
-        light = self.tracer.indirect(position, normal, normal, sampling, seed, advance)
-        self.cache.put(key, to_arrays(light))
+        key = self.key("points", __name__, position=position, normal=normal, sampling=sampling, seed=seed)
+        light, found = self.once(
+            key, Light, lambda: self.tracer.indirect(position, normal, normal, sampling, seed, advance)
+        )
+        if found and advance:
+            advance(len(position))
         return light
 
     def views(
@@ -60,7 +59,7 @@ class TracedLight:
     ) -> list[TracedView]:
         """A square view of `size` px for each camera; the n-th depends on `seed` + n. Says how many the cache held."""
         keys = [
-            self._key("view", camera=camera, size=size, sampling=sampling, seed=seed + i)
+            self.key("view", __name__, camera=camera, size=size, sampling=sampling, seed=seed + i)
             for i, camera in enumerate(cameras)
         ]
         found = [self.cache.get(key) for key in keys]
@@ -77,13 +76,25 @@ class TracedLight:
 
     def reference(self, camera: Camera, size: int, samples: int, seed: int, advance) -> reference.Reference:
         """A square reference of `size` px, in two halves."""
-        key = self._key("reference", camera=camera, size=size, samples=samples, seed=seed)
-        if found := self.cache.get(key):
+        key = self.key("reference", __name__, camera=camera, size=size, samples=samples, seed=seed)
+        truth, found = self.once(
+            key, reference.Reference, lambda: reference.trace(self.tracer, camera, size, size, samples, seed, advance)
+        )
+        if found:
             advance(2 * size**2, "from the cache")
-            return from_arrays(reference.Reference, found)
-        truth = reference.trace(self.tracer, camera, size, size, samples, seed, advance)
-        self.cache.put(key, to_arrays(truth))
         return truth
+
+    def key(self, stage: str, module: str, **inputs) -> str:
+        """The name of a task on this scene that the code of `module` computes from `inputs`."""
+        return task_key(stage, code=code_version(module, PACKAGES), scene=self._scene_digest, **inputs)
+
+    def once(self, key: str, kind: type, compute: Callable[[], object]) -> tuple[object, bool]:
+        """The record of type `kind` under `key`, computed and kept where the cache lacks it; and whether it held it."""
+        if found := self.cache.get(key):
+            return from_arrays(kind, found), True
+        record = compute()
+        self.cache.put(key, to_arrays(record))
+        return record, False
 
     def _view(self, camera: Camera, size: int, sampling: Sampling, seed: int, advance) -> TracedView:
         surface = self.tracer.surface(camera, size, size)
@@ -91,9 +102,6 @@ class TracedLight:
         advance(float((~surface.diffuse).sum()))
         valid = surface.image(light.samples > 0)
         return TracedView(surface.image(light.mean), surface.normal, surface.depth, valid, light.invalid)
-
-    def _key(self, stage: str, **inputs) -> str:
-        return task_key(stage, code=code_version(__name__, PACKAGES), scene=self._scene_digest, **inputs)
 
     @cached_property
     def _scene_digest(self) -> str:

@@ -5,7 +5,7 @@ import numpy as np
 from gsgi.runtime.scene import Scene
 
 from .mitsuba_scene import load_mitsuba
-from .surface_tables import Surfaces, emits
+from .surface_tables import Surfaces
 
 mi = load_mitsuba()
 
@@ -20,7 +20,7 @@ class Emitters:
     def __init__(self, scene: Scene, surfaces: Surfaces):
         material = surfaces.face[:, 3].view(np.uint32)
         has_area = surfaces.face[:, :3].any(axis=1)
-        lit = np.flatnonzero(np.array([emits(m, scene) for m in scene.materials], bool)[material] & has_area)
+        lit = np.flatnonzero(np.array([scene.emits(m) for m in scene.materials], bool)[material] & has_area)
         self.count = len(lit)
         if not self.count:
             return

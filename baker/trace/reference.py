@@ -1,13 +1,11 @@
-"""Path-traced references: a camera's full light as two independent halves, and a deferred frame's distance to it."""
+"""Path-traced references: the full light that a camera sees, in two independent halves."""
 
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from gsgi.baker.evaluation.metrics import Difference, compare_linear, ssim
 from gsgi.runtime.camera import Camera
-from gsgi.runtime.display import auto_exposure, tone_map
 
 from . import denoise
 from .tracer import Sampling, Surface, Tracer
@@ -74,34 +72,3 @@ def trace(tracer: Tracer, camera: Camera, width: int, height: int, samples: int,
     valid = surface.image((a.samples > 0) & (b.samples > 0))
     primary = surface.emission + surface.albedo * direct
     return Reference(surface, primary, surface.image(a.mean), surface.image(b.mean), valid)
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """A picture's distance to a reference, and the SSIM between the reference's own halves: nothing can pass it."""
-
-    difference: Difference
-    ceiling: float
-
-
-def judge_frame(frame: np.ndarray, reference: Reference, exposure: float | None = None) -> Verdict:
-    """How far a linear frame (H, W, 3) is from the full light of the reference.
-
-    By default the exposure is the reference's own: its log-average to mid-grey.
-    """
-    return _judge(frame, reference, reference.lit, exposure)
-
-
-def judge_indirect(indirect: np.ndarray, reference: Reference, exposure: float | None = None) -> Verdict:
-    """How far a B (H, W, 3) is from the reference's, over its valid pixels; exposure as for `judge_frame`."""
-    valid = reference.valid
-    return _judge(np.where(valid[..., None], indirect, 0), reference, lambda b: b, exposure, valid)
-
-
-def _judge(image, reference: Reference, lit, exposure: float | None, valid: np.ndarray | None = None) -> Verdict:
-    # Not from the denoised image: the denoiser leaves traces of light where there is none.
-    exposure = auto_exposure(lit(reference.indirect)) if exposure is None else exposure
-    clean = lit(reference.clean)
-    difference = compare_linear(image, lit(reference.indirect_a), lit(reference.indirect_b), clean, exposure, valid)
-    halves = (tone_map(lit(half), exposure) for half in reference.clean_halves)
-    return Verdict(difference, ssim(*halves, valid))

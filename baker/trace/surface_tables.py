@@ -78,19 +78,6 @@ def tabulate(scene: Scene) -> Surfaces:
     )
 
 
-def emits(material: Material, scene: Scene) -> bool:
-    """Whether a surface of this material lights the scene somewhere."""
-    factor = np.array(material.emission) > 0
-    if material.emission_texture is not None and factor.any():
-        factor &= scene.textures[material.emission_texture.texture].pixels[..., :3].any(axis=(0, 1))
-    return bool(factor.any()) and not material.unlit
-
-
-def used_materials(scene: Scene) -> list[Material]:
-    """The materials that some triangle has."""
-    return [scene.materials[index] for index in sorted({mesh.material for mesh in scene.meshes})]
-
-
 def _is_masked(scene: Scene, mesh) -> bool:
     return scene.materials[mesh.material].alpha_cutoff is not None
 
@@ -151,7 +138,7 @@ def _surface_row(material: Material) -> tuple[float, float, float, float]:
 
 def _textures(scene: Scene) -> tuple[dict[str, np.ndarray], np.ndarray]:
     """The tables `slots`, and the texels of all textures that they name."""
-    used = sorted({slot.texture for material in used_materials(scene) for slot in material.slots()})
+    used = sorted({slot.texture for material in scene.used_materials() for slot in material.slots()})
     pixels = [np.ascontiguousarray(scene.textures[index].pixels) for index in used]
     first = dict(zip(used, np.cumsum([0] + [p.size // 4 for p in pixels]), strict=False))
     tables = {name: np.full((len(scene.materials), 4), NO_TEXTURE, np.uint32) for name in TEXTURE_SLOTS}

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 
 from gsgi.runtime.camera import Camera, look_at
+from gsgi.runtime.files import read_file
 from gsgi.runtime.gltf.json_value import Json, parse
-from gsgi.runtime.gltf.uri import read_file
 from gsgi.runtime.vectors import unit
 
 from .placement import YFOV

@@ -7,7 +7,7 @@ import numpy as np
 from gsgi.runtime.camera import Camera
 
 from .surface_points import SurfacePoints, Triangles
-from .visibility import VIEWS, Sides, sides, sight, texels
+from .visibility import VIEWS, Sides, sides, sight_lines, texels
 
 GOAL = 0.99  # of the visible area
 LISTED = 4  # materials of hidden surface that the log names
@@ -46,7 +46,7 @@ class Coverage:
         return self.seen[VIEWS - 1] >= GOAL
 
 
-class Meter:
+class CoverageMeter:
     """Measures coverage on surface sides as cameras and places to look from are added."""
 
     def __init__(self, triangles: Triangles, sampled: Sides, given: list[Camera], size: int):
@@ -65,9 +65,9 @@ class Meter:
             sizes = texels(self._triangles, camera, self._sampled.points, self._size)
             self._finest = np.sort(np.concatenate([self._finest, sizes[None]]), axis=0)[:VIEWS]
 
-    def look_from(self, eyes: np.ndarray) -> None:
+    def look_from(self, viewpoints: np.ndarray) -> None:
         """Count further places (E, 3) in free space."""
-        lines = sight(self._triangles, eyes, self._sampled.points)
+        lines = sight_lines(self._triangles, viewpoints, self._sampled.points)
         self._places += np.bincount(lines.side, minlength=len(self._sampled))
 
     def coverage(self, limit: float) -> Coverage:

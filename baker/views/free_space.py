@@ -1,4 +1,4 @@
-"""Places to look from: eyes in free space, neither inside geometry nor behind walls that face nothing."""
+"""Places to look from: viewpoints in free space, neither inside geometry nor behind walls that face nothing."""
 
 from typing import NamedTuple
 
@@ -8,22 +8,24 @@ from gsgi.runtime.camera import Camera
 
 from .surface_points import SurfacePoints, Triangles
 
-# An eye's least distance to all surfaces: this share of the scene's diagonal, in a large scene what a person needs (m).
+# A viewpoint's least distance to all surfaces: this share of the scene's diagonal, in a large scene what a person needs (m).
 CLEARANCE = 0.01
 CLEARANCE_PERSON = 0.4
 
-LOOKS = 128  # directions in which an eye looks around
-BACKS_MAX = 0.1  # of what it meets there: more backs of single-sided surfaces, and the eye is behind them
+LOOKS = 128  # directions in which a viewpoint looks around
+BACKS_MAX = 0.1  # of what it meets there: more backs of single-sided surfaces, and the viewpoint is behind them
 DOUBLE_BACKS_MAX = 0.25  # the same for double-sided surfaces
 OPEN = 0.5  # share of directions that meet nothing: from there on a scene lies in the open
-VOID = 0.4  # share of directions to below that meet nothing: from there on an eye hangs in the void beside a building
+VOID = (
+    0.4  # share of directions to below that meet nothing: from there on a viewpoint hangs in the void beside a building
+)
 BELOW = -0.5  # height of a unit direction that counts as below
 
-LEAST = 64  # eyes to make do with where none is free
+LEAST = 64  # viewpoints to make do with where none is free
 
 
 class Surroundings(NamedTuple):
-    """What eyes (E,) see looking around. `open`: share of directions that meet nothing; `below`: the same of those to
+    """What viewpoints (E,) see looking around. `open`: share of directions that meet nothing; `below`: the same of those to
     below. Of what is met (1 where nothing is): `backs` and `double_backs`, the share of backs of single- and
     double-sided surfaces."""
 
@@ -36,11 +38,11 @@ class Surroundings(NamedTuple):
 class FreeSpace:
     """The places from which a scene may be looked at.
 
-    An eye is free when it keeps its clearance and meets next to no backs of single-sided surfaces. The winding of
-    double-sided surfaces counts too, for most scenes call all their surfaces double-sided: an eye that mostly meets
-    their backs stands inside a body or outside a room. Two exceptions: scene and eye lie in the open (a leaf is looked
+    A viewpoint is free when it keeps its clearance and meets next to no backs of single-sided surfaces. The winding of
+    double-sided surfaces counts too, for most scenes call all their surfaces double-sided: a viewpoint that mostly meets
+    their backs stands inside a body or outside a room. Two exceptions: scene and viewpoint lie in the open (a leaf is looked
     at from both sides), or a camera of the scene itself stands like that, so that the winding means nothing. Where a
-    scene does not lie in the open, free eyes have ground below: the outer walls of a building without surroundings face
+    scene does not lie in the open, free viewpoints have ground below: the outer walls of a building without surroundings face
     nothing.
     """
 
@@ -56,41 +58,41 @@ class FreeSpace:
             self._winding = bool((own.double_backs <= DOUBLE_BACKS_MAX).all())
 
     def draw(self, sides: SurfacePoints, reach: float, rng: np.random.Generator, must: bool = False) -> np.ndarray:
-        """Free eyes (E, 3) on free lines of sight, at most `reach` (m) long, in front of `sides`: one or none for each.
+        """Free viewpoints (E, 3) on free lines of sight, at most `reach` (m) long, in front of `sides`: one or none for each.
 
         With `must`, where no place is free, those that are the least wrong.
         """
         away = cosine_directions(sides.normal, rng)
         start = self._triangles.lifted(sides)
         line = np.minimum(self._triangles.hits(start, away).distance, reach)
-        eyes = start + away * (line * rng.uniform(0.1, 0.9, len(line)))[:, None]
-        clearance = self._triangles.clearance(eyes)
+        viewpoints = start + away * (line * rng.uniform(0.1, 0.9, len(line)))[:, None]
+        clearance = self._triangles.clearance(viewpoints)
         clear = np.flatnonzero(clearance >= self.clearance)
-        faces, ground = self._faces_fronts(look_around(self._triangles, eyes[clear]))
+        faces, ground = self._faces_fronts(look_around(self._triangles, viewpoints[clear]))
         free = clear[faces & ground]
         if must and not len(free):
-            around = look_around(self._triangles, eyes)
+            around = look_around(self._triangles, viewpoints)
             wrong = np.round(around.backs + around.double_backs, 1)
             free = np.lexsort((-clearance, wrong))[:LEAST]
-        return eyes[free]
+        return viewpoints[free]
 
-    def faces_fronts(self, eyes: np.ndarray) -> np.ndarray:
-        """Whether (E,) bool eyes (E, 3) keep their clearance before surfaces, be there ground below them or not."""
-        faces, _ = self._faces_fronts(look_around(self._triangles, eyes))
-        return faces & (self._triangles.clearance(eyes) >= self.clearance)
+    def faces_fronts(self, viewpoints: np.ndarray) -> np.ndarray:
+        """Whether (E,) bool viewpoints (E, 3) keep their clearance before surfaces, be there ground below them or not."""
+        faces, _ = self._faces_fronts(look_around(self._triangles, viewpoints))
+        return faces & (self._triangles.clearance(viewpoints) >= self.clearance)
 
     def _faces_fronts(self, around: Surroundings) -> tuple[np.ndarray, np.ndarray]:
-        """Whether (E,) bool eyes stand before surfaces rather than behind them, and whether they have ground below."""
+        """Whether (E,) bool viewpoints stand before surfaces rather than behind them, and whether they have ground below."""
         double = (around.double_backs <= DOUBLE_BACKS_MAX) | (not self._winding)
         if self._open:
             double |= around.open >= OPEN
         return double & (around.backs <= BACKS_MAX), (around.below < VOID) | self._open
 
 
-def look_around(triangles: Triangles, eyes: np.ndarray) -> Surroundings:
-    """Cast LOOKS rays from each of eyes (E, 3), spread evenly over the sphere."""
+def look_around(triangles: Triangles, viewpoints: np.ndarray) -> Surroundings:
+    """Cast LOOKS rays from each of viewpoints (E, 3), spread evenly over the sphere."""
     directions = sphere(LOOKS)
-    hits = triangles.hits(np.repeat(eyes, LOOKS, axis=0), np.tile(directions, (len(eyes), 1)))
+    hits = triangles.hits(np.repeat(viewpoints, LOOKS, axis=0), np.tile(directions, (len(viewpoints), 1)))
     double = triangles.double_sided[hits.triangle]
     met, backs, double_backs = (
         values.reshape(-1, LOOKS) for values in (hits.triangle >= 0, hits.back & ~double, hits.back & double)

@@ -8,26 +8,26 @@ import numpy as np
 
 from gsgi.runtime.camera import Camera
 
-from .coverage import Coverage, Meter
+from .coverage import Coverage, CoverageMeter
 from .exterior import look_in
 from .free_space import FreeSpace
-from .selection import Choice, poses
+from .selection import ViewSelection, poses
 from .surface_points import Triangles
-from .viewpoints import Eyes, visible
+from .viewpoints import Viewpoints, visible
 from .visibility import VIEWS, Lens, Sides, sides, texels
 
 YFOV = 1.2  # rad; wide enough to see a room's corner from its middle, narrow enough to keep texels even
-NEAR = 0.1  # of the eyes' clearance
+NEAR = 0.1  # of the viewpoints' clearance
 
 FEWEST, MOST = 320, 1024  # cameras, where their number is left open
 HELD_OUT, SPARE = 6, 18  # and so many more, in the place of those that turn out to see no light
 OUTSIDE_SHARE, OUTSIDE_FEWEST = 8, 4  # views from outside: one for so many others, but so many at least
 
-# Surface points that stand for the surface while cameras are chosen, in rounds until the judges, other points on which
+# Surface points that stand for the surface while cameras are chosen, in rounds until the validation, other points on which
 # the choice is measured, are met as well.
-WITNESSES = 4096, 8192, 16384
-JUDGES = 4096
-# In each round: how often the witnesses are to be seen, and what share of them, one after the other.
+SAMPLES = 4096, 8192, 16384
+VALIDATION_SAMPLES = 4096
+# In each round: how often the samples are to be seen, and what share of them, one after the other.
 AIMS = (VIEWS, 0.993), (VIEWS, 1.0), (VIEWS + 1, 0.98)
 ENOUGH_WORTH = 1 / 32  # of further views of what is seen often enough, next to those before
 
@@ -43,7 +43,7 @@ class Placement:
     held_out: dict[str, Camera]
     coverage: Coverage
 
-    def judged_in_light(self, dark: Set[str]) -> "Placement":
+    def without_dark(self, dark: Set[str]) -> "Placement":
         """With HELD_OUT cameras held out that are not `dark`, as far as there are so many: black is easily met."""
         lit = [name for name in self.held_out if name not in dark][:HELD_OUT]
         return replace(self, held_out={name: self.held_out[name] for name in lit})
@@ -65,57 +65,57 @@ def place(
     """
     rng = np.random.default_rng(seed)
     own = list(given.values())
-    judges = sides(triangles.draw(JUDGES, rng))
-    meter = Meter(triangles, judges, own, size)
-    free = FreeSpace(triangles, own, judges.points, rng)
-    eyes = Eyes(triangles, free, Lens(YFOV, size, texel_limit), rng)
+    validation = sides(triangles.draw(VALIDATION_SAMPLES, rng))
+    meter = CoverageMeter(triangles, validation, own, size)
+    free = FreeSpace(triangles, own, validation.points, rng)
+    viewpoints = Viewpoints(triangles, free, Lens(YFOV, size, texel_limit), rng)
 
     def cameras(views: list[tuple[int, int]]) -> list[Camera]:
-        return [_camera(eyes.position[eye], direction, NEAR * free.clearance) for eye, direction in views]
+        return [
+            _camera(viewpoints.position[viewpoint], direction, NEAR * free.clearance) for viewpoint, direction in views
+        ]
 
     def choose(
         most: int, times: int, enough_worth: float, wanted: np.ndarray | None = None, share: float = 1.0
     ) -> None:
-        before = len(choice.chosen)
-        choice.extend(most, times, enough_worth, wanted, share)
-        meter.add(cameras(choice.chosen[before:]))
+        before = len(selection.chosen)
+        selection.extend(most, times, enough_worth, wanted, share)
+        meter.add(cameras(selection.chosen[before:]))
 
     def covered(most: int, wanted: np.ndarray) -> bool:
         for times, share in AIMS:
             choose(most, times, 0.0, wanted, share)
-            if len(choice.chosen) >= most or meter.coverage(eyes.lens.limit).reached:
+            if len(selection.chosen) >= most or meter.coverage(viewpoints.lens.limit).reached:
                 return True
         return False
 
     fewest, most = (max(n - len(own), 0) for n in ((FEWEST, MOST) if count is None else (count, count)))
     chosen: list[tuple[int, int]] = []
-    for number in WITNESSES:
-        witnesses = sides(triangles.draw(number, rng))
-        before = len(eyes.position)
-        lines = eyes.look_at(witnesses)
-        meter.look_from(eyes.position[before:])
-        seen = _times_seen(triangles, own, witnesses, eyes.lens)
-        choice = Choice(lines, ~eyes.kept, seen, eyes.lens, chosen)
-        if covered(most, visible(lines, witnesses) | (seen > 0)):
+    for number in SAMPLES:
+        samples = sides(triangles.draw(number, rng))
+        before = len(viewpoints.position)
+        lines = viewpoints.look_at(samples)
+        meter.look_from(viewpoints.position[before:])
+        seen = _times_seen(triangles, own, samples, viewpoints.lens)
+        selection = ViewSelection(lines, ~viewpoints.kept, seen, viewpoints.lens, chosen)
+        if covered(most, visible(lines, samples) | (seen > 0)):
             break
-        chosen = choice.chosen
+        chosen = selection.chosen
     choose(fewest, VIEWS, ENOUGH_WORTH)
-    chosen = cameras(choice.chosen)
-    outside = _outside(triangles, free, witnesses, visible(lines, witnesses), len(chosen), rng) if count is None else []
+    chosen = cameras(selection.chosen)
+    outside = _outside(triangles, free, samples, visible(lines, samples), len(chosen), rng) if count is None else []
     meter.add(outside[1:])
     fitted = given | _named(chosen + outside[1:], given)
-    apart = eyes.kept & (_distance(eyes.position, fitted) >= free.clearance)
+    apart = viewpoints.kept & (_distance(viewpoints.position, fitted) >= free.clearance)
     inside = HELD_OUT - len(outside[:1])
-    held_out = cameras(choice.held_out(inside + SPARE, apart if apart.any() else eyes.kept))
+    held_out = cameras(selection.held_out(inside + SPARE, apart if apart.any() else viewpoints.kept))
     held_out = held_out[:inside] + outside[:1] + held_out[inside:]
-    return Placement(fitted, _named(held_out, fitted), meter.coverage(eyes.lens.limit))
+    return Placement(fitted, _named(held_out, fitted), meter.coverage(viewpoints.lens.limit))
 
 
-def _outside(
-    triangles: Triangles, free: FreeSpace, witnesses: Sides, seen: np.ndarray, number: int, rng
-) -> list[Camera]:
+def _outside(triangles: Triangles, free: FreeSpace, samples: Sides, seen: np.ndarray, number: int, rng) -> list[Camera]:
     """One view from outside to hold out, then some to fit: so few that they do not hold up the others."""
-    return look_in(triangles, free, witnesses, seen, 1 + max(number // OUTSIDE_SHARE, OUTSIDE_FEWEST), rng)
+    return look_in(triangles, free, samples, seen, 1 + max(number // OUTSIDE_SHARE, OUTSIDE_FEWEST), rng)
 
 
 def _times_seen(triangles: Triangles, cameras: list[Camera], sampled: Sides, lens: Lens) -> np.ndarray:
@@ -126,10 +126,10 @@ def _times_seen(triangles: Triangles, cameras: list[Camera], sampled: Sides, len
     return count
 
 
-def _camera(eye: np.ndarray, direction: int, near: float) -> Camera:
+def _camera(viewpoint: np.ndarray, direction: int, near: float) -> Camera:
     pose = np.eye(4)
     pose[:3, :3] = poses()[direction]
-    pose[:3, 3] = eye
+    pose[:3, 3] = viewpoint
     return Camera(pose, YFOV, near)
 
 
@@ -139,7 +139,7 @@ def _named(cameras: list[Camera], taken: dict[str, Camera]) -> dict[str, Camera]
     return dict(zip(names, cameras, strict=False))
 
 
-def _distance(eyes: np.ndarray, cameras: dict[str, Camera]) -> np.ndarray:
-    """From eyes (E, 3) to the nearest camera: (E,), m."""
+def _distance(viewpoints: np.ndarray, cameras: dict[str, Camera]) -> np.ndarray:
+    """From viewpoints (E, 3) to the nearest camera: (E,), m."""
     position = np.array([camera.position for camera in cameras.values()]).reshape(-1, 3)
-    return np.linalg.norm(eyes[:, None] - position, axis=2).min(axis=1, initial=np.inf)
+    return np.linalg.norm(viewpoints[:, None] - position, axis=2).min(axis=1, initial=np.inf)

@@ -1,24 +1,26 @@
-"""Which cameras, out of all directions of view at all eyes, together see most: a greedy choice."""
+"""Which cameras, out of all directions of view at all viewpoints, together see most: a greedy selection."""
 
 import numpy as np
 
 from .free_space import sphere
-from .visibility import VIEWS, Lens, Sight, texel
+from .visibility import VIEWS, Lens, SightLines, texel
 
-DIRECTIONS = 64  # of view at each eye
+DIRECTIONS = 64  # of view at each viewpoint
 PAIRS_AT_ONCE = 1 << 15  # bounds memory
 REPEAT_WORTH = 0.5  # the n-th view of a side is worth this to the power n
 
 
-class Choice:
+class ViewSelection:
     """Chooses views of surface sides one by one, each where it sees most of what the ones before saw too little.
 
-    `chosen`: the views, as indices of eye and direction. `count` (S,) int64: by how many views from different eyes a
+    `chosen`: the views, as indices of viewpoint and direction. `count` (S,) int64: by how many views from different viewpoints a
     side is seen at the texel limit or finer.
     """
 
-    def __init__(self, lines: Sight, allowed: np.ndarray, count: np.ndarray, lens: Lens, chosen: list[tuple[int, int]]):
-        """`lines` go from eyes to the sides; `allowed` (E,) bool eyes may be chosen. To begin with: `count` from other
+    def __init__(
+        self, lines: SightLines, allowed: np.ndarray, count: np.ndarray, lens: Lens, chosen: list[tuple[int, int]]
+    ):
+        """`lines` go from viewpoints to the sides; `allowed` (E,) bool viewpoints may be chosen. To begin with: `count` from other
         views, and those `chosen`."""
         self.chosen: list[tuple[int, int]] = []
         self.count = count.copy()
@@ -26,8 +28,8 @@ class Choice:
         corner = 1 / np.sqrt(1 + 2 * np.tan(lens.yfov / 2) ** 2)
         near = np.flatnonzero(texel(lines.footprint, corner, lens.pixel) <= lens.limit)
         self._side = lines.side[near]
-        self._start = np.searchsorted(lines.eye[near], np.arange(len(allowed) + 1))
-        # One bit for each direction of view at the eye: whether it sees the side.
+        self._start = np.searchsorted(lines.viewpoint[near], np.arange(len(allowed) + 1))
+        # One bit for each direction of view at the viewpoint: whether it sees the side.
         self._views = np.zeros((len(near), DIRECTIONS // 8), np.uint8)
         for i in range(0, len(near), PAIRS_AT_ONCE):
             at = near[i : i + PAIRS_AT_ONCE]
@@ -54,45 +56,45 @@ class Choice:
             self._take(*view)
 
     def held_out(self, number: int, allowed: np.ndarray) -> list[tuple[int, int]]:
-        """At most `number` views from `allowed` (E,) bool eyes that see what the chosen see, each something else."""
+        """At most `number` views from `allowed` (E,) bool viewpoints that see what the chosen see, each something else."""
         worth = np.minimum(self.count, VIEWS).astype(float)
         views = []
         for _ in range(min(number, int(allowed.sum()))):
             bound = np.where(allowed, np.inf, -1.0)
-            bound[[eye for eye, _ in views]] = -1.0
+            bound[[viewpoint for viewpoint, _ in views]] = -1.0
             view, _ = self._best(bound, worth)
             worth[self._sees(*view)] *= REPEAT_WORTH
             views.append(view)
         return views
 
     def _best(self, bound: np.ndarray, worth: np.ndarray) -> tuple[tuple[int, int], float]:
-        """The view of the greatest gain, and that gain; `bound` (E,), no less than each eye's gain, is tightened."""
+        """The view of the greatest gain, and that gain; `bound` (E,), no less than each viewpoint's gain, is tightened."""
         while True:
-            eye = int(np.argmax(bound))
-            gains = self._gains(eye, worth)
-            bound[eye] = gains.max()
-            if eye == np.argmax(bound):
-                return (eye, int(np.argmax(gains))), float(bound[eye])
+            viewpoint = int(np.argmax(bound))
+            gains = self._gains(viewpoint, worth)
+            bound[viewpoint] = gains.max()
+            if viewpoint == np.argmax(bound):
+                return (viewpoint, int(np.argmax(gains))), float(bound[viewpoint])
 
-    def _pairs(self, eye: int) -> slice:
-        return slice(self._start[eye], self._start[eye + 1])
+    def _pairs(self, viewpoint: int) -> slice:
+        return slice(self._start[viewpoint], self._start[viewpoint + 1])
 
-    def _gains(self, eye: int, worth: np.ndarray) -> np.ndarray:
-        """What each direction (DIRECTIONS,) at an eye gains, where a side's next view is `worth` (S,)."""
-        return worth[self._side[self._pairs(eye)]] @ np.unpackbits(self._views[self._pairs(eye)], axis=1)
+    def _gains(self, viewpoint: int, worth: np.ndarray) -> np.ndarray:
+        """What each direction (DIRECTIONS,) at a viewpoint gains, where a side's next view is `worth` (S,)."""
+        return worth[self._side[self._pairs(viewpoint)]] @ np.unpackbits(self._views[self._pairs(viewpoint)], axis=1)
 
-    def _sees(self, eye: int, direction: int) -> np.ndarray:
+    def _sees(self, viewpoint: int, direction: int) -> np.ndarray:
         """Indices of the sides that a view sees."""
-        return self._side[self._pairs(eye)][self._in_view(eye, direction)]
+        return self._side[self._pairs(viewpoint)][self._in_view(viewpoint, direction)]
 
-    def _in_view(self, eye: int, direction: int) -> np.ndarray:
-        return np.unpackbits(self._views[self._pairs(eye)], axis=1)[:, direction] > 0
+    def _in_view(self, viewpoint: int, direction: int) -> np.ndarray:
+        return np.unpackbits(self._views[self._pairs(viewpoint)], axis=1)[:, direction] > 0
 
-    def _take(self, eye: int, direction: int) -> None:
-        """Choose a view; what it sees does not count for the eye's other views, which show it from the same place."""
-        self.chosen.append((eye, direction))
-        self.count[self._sees(eye, direction)] += 1
-        self._views[self._pairs(eye)][self._in_view(eye, direction)] = 0
+    def _take(self, viewpoint: int, direction: int) -> None:
+        """Choose a view; what it sees does not count for the viewpoint's other views, which show it from the same place."""
+        self.chosen.append((viewpoint, direction))
+        self.count[self._sees(viewpoint, direction)] += 1
+        self._views[self._pairs(viewpoint)][self._in_view(viewpoint, direction)] = 0
 
 
 def poses() -> np.ndarray:

@@ -14,7 +14,7 @@ VIEWS = 3  # that each surface shall be seen by: depth and colour of a Gaussian 
 # A surface at a steeper angle to the line of sight than 80 degrees is not looked at.
 COS_MIN = np.cos(np.radians(80))
 
-EYES_AT_ONCE = 64  # bounds memory
+VIEWPOINTS_AT_ONCE = 64  # bounds memory
 
 
 @dataclass(frozen=True)
@@ -29,18 +29,18 @@ class Sides:
         return len(self.point)
 
 
-class Sight(NamedTuple):
-    """Lines of sight from eyes to surface sides, unobstructed, ordered by eye: eye (P,) and side (P,) int32 indices,
+class SightLines(NamedTuple):
+    """Lines of sight from viewpoints to surface sides, unobstructed, ordered by viewpoint: viewpoint (P,) and side (P,) int32 indices,
     direction (P, 3) float32 unit, footprint (P,) float32, see `texel`."""
 
-    eye: np.ndarray
+    viewpoint: np.ndarray
     side: np.ndarray
     direction: np.ndarray
     footprint: np.ndarray
 
-    def joined(self, other: "Sight") -> "Sight":
-        """With the lines of eyes of higher indices."""
-        return Sight(*(np.concatenate(fields) for fields in zip(self, other, strict=True)))
+    def joined(self, other: "SightLines") -> "SightLines":
+        """With the lines of viewpoints of higher indices."""
+        return SightLines(*(np.concatenate(fields) for fields in zip(self, other, strict=True)))
 
 
 class Lens(NamedTuple):
@@ -64,25 +64,27 @@ def sides(points: SurfacePoints) -> Sides:
     return Sides(both, index)
 
 
-def sight(triangles: Triangles, eyes: np.ndarray, points: SurfacePoints) -> Sight:
-    """All lines of sight from eyes (E, 3) to points (S,) at less than 80 degrees from the normal, in all directions."""
-    parts = [_sight(triangles, eyes, points, i) for i in range(0, max(len(eyes), 1), EYES_AT_ONCE)]
-    return Sight(*(np.concatenate(fields) for fields in zip(*parts, strict=True)))
+def sight_lines(triangles: Triangles, viewpoints: np.ndarray, points: SurfacePoints) -> SightLines:
+    """All lines of sight from viewpoints (E, 3) to points (S,) at less than 80 degrees from the normal, in all directions."""
+    parts = [
+        _sight_lines(triangles, viewpoints, points, i) for i in range(0, max(len(viewpoints), 1), VIEWPOINTS_AT_ONCE)
+    ]
+    return SightLines(*(np.concatenate(fields) for fields in zip(*parts, strict=True)))
 
 
-def _sight(triangles: Triangles, eyes: np.ndarray, points: SurfacePoints, first: int) -> Sight:
-    """The same of EYES_AT_ONCE eyes, from the `first` on."""
-    eyes = eyes[first : first + EYES_AT_ONCE]
+def _sight_lines(triangles: Triangles, viewpoints: np.ndarray, points: SurfacePoints, first: int) -> SightLines:
+    """The same of VIEWPOINTS_AT_ONCE viewpoints, from the `first` on."""
+    viewpoints = viewpoints[first : first + VIEWPOINTS_AT_ONCE]
     lifted = triangles.lifted(points)
-    along = lifted[None] - eyes[:, None].astype(np.float32)
+    along = lifted[None] - viewpoints[:, None].astype(np.float32)
     distance = np.linalg.norm(along, axis=2)
     cosine = -np.einsum("esk,sk->es", along, points.normal) / distance
-    eye, side = np.nonzero(cosine >= COS_MIN)
-    free = ~triangles.blocked(eyes[eye], lifted[side])
-    eye, side = eye[free], side[free]
-    direction = along[eye, side] / distance[eye, side, None]
-    footprint = distance[eye, side] / np.sqrt(cosine[eye, side])
-    return Sight((eye + first).astype(np.int32), side.astype(np.int32), direction, footprint)
+    viewpoint, side = np.nonzero(cosine >= COS_MIN)
+    free = ~triangles.blocked(viewpoints[viewpoint], lifted[side])
+    viewpoint, side = viewpoint[free], side[free]
+    direction = along[viewpoint, side] / distance[viewpoint, side, None]
+    footprint = distance[viewpoint, side] / np.sqrt(cosine[viewpoint, side])
+    return SightLines((viewpoint + first).astype(np.int32), side.astype(np.int32), direction, footprint)
 
 
 def pixel(yfov: float, size: int) -> float:
@@ -106,7 +108,7 @@ def texels(triangles: Triangles, camera: Camera, points: SurfacePoints, size: in
     """
     result = np.full(len(points), np.inf, np.float32)
     towards = np.flatnonzero(in_image(points.position - camera.position, camera))
-    seen = sight(triangles, camera.position[None], points[towards])
+    seen = sight_lines(triangles, camera.position[None], points[towards])
     cos_axis = np.maximum(seen.direction @ -camera.world_from_view[:3, 2], 0)
     result[towards[seen.side]] = texel(seen.footprint, cos_axis, pixel(camera.yfov, size))
     return result

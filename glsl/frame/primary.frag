@@ -9,10 +9,8 @@ uniform highp sampler2D normal;
 uniform highp sampler2D depth;
 uniform highp sampler2DShadow shadow_atlas;
 
-uniform mat4 world_from_view;
-uniform vec2 focal;
-uniform vec2 centre;
-uniform float height;
+uniform mat4 world_from_offset;
+uniform vec2 axis;
 
 uniform vec3 light_color;
 uniform vec3 light_position;
@@ -43,8 +41,7 @@ void main() {
     ivec2 texel = ivec2(gl_FragCoord.xy);
     float view_depth = texelFetch(depth, texel, 0).r;
     if (view_depth <= 0.0) discard;
-    vec2 pixel = pixel_from_fragment(gl_FragCoord.xy, height);
-    vec3 position = (world_from_view * vec4(view_from_pixel(pixel, view_depth, focal, centre), 1.0)).xyz;
+    vec3 position = world_from_fragment(gl_FragCoord.xy, view_depth, axis, world_from_offset);
     vec4 normals = texelFetch(normal, texel, 0);
 
 #if DIRECTIONAL

@@ -5,12 +5,6 @@ vec2 pixel_from_fragment(vec2 fragment, float height) {
     return vec2(fragment.x, height - fragment.y);
 }
 
-// `depth` = -z in m; `focal` and `centre` in px.
-vec3 view_from_pixel(vec2 pixel, float depth, vec2 focal, vec2 centre) {
-    vec2 slope = (pixel - centre) / focal;
-    return depth * vec3(slope.x, -slope.y, -1.0);
-}
-
 // World space, m, of what `fragment` shows at `depth`, m. `axis`: the fragment (px) on the view's axis; the matrix takes
 // depth * (offset from there, 1) and 1 to world space.
 vec3 world_from_fragment(vec2 fragment, float depth, vec2 axis, mat4 world_from_offset) {

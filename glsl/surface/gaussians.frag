@@ -19,9 +19,9 @@ void main() {
     ivec2 texel = ivec2(gl_FragCoord.xy);
     vec3 x = texelFetch(surface_position, texel, 0).xyz;
     vec3 n = texelFetch(surface_plane, texel, 0).xyz;
-    float w = v_center.w * nearness((x - v_center.xyz) * v_whiten, cutoff);
+    float w = v_center.w * falloff((x - v_center.xyz) * v_whiten, cutoff);
 #if NORMAL_POWER > 0
-    w *= likeness(dot(n, v_normal), NORMAL_POWER);
+    w *= facing(dot(n, v_normal), NORMAL_POWER);
 #endif
     w = w > 0.0 ? w : 0.0;  // a NaN fails the test
     out_sums = w * vec4(sh_sum(v_sh, n), 1.0);

@@ -15,7 +15,8 @@ layout(location = 0) out vec4 out_color;
 #define EDGE 0.3  // of the colour, where the surface is seen from the side
 
 void main() {
-    vec3 ray = view_from_pixel(pixel_from_fragment(gl_FragCoord.xy, size.y), 1.0, focal, centre);
+    vec2 slope = (pixel_from_fragment(gl_FragCoord.xy, size.y) - centre) / focal;
+    vec3 ray = vec3(slope.x, -slope.y, -1.0);
     vec3 d = ray * v_whiten;
     // Where eye + depth * d meets the unit sphere, by the ray's distance from its centre, which cannot cancel.
     vec3 apart = cross(v_eye, d);

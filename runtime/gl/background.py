@@ -7,9 +7,9 @@ from gsgi.runtime import constants
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.scene import Environment
 
+from .fullscreen import FullScreenPass
 from .gbuffer import GBuffer
 from .geometry import texture_size
-from .shader import program, set_uniforms
 from .view import View
 
 
@@ -24,20 +24,16 @@ class Background:
         radiance = np.minimum(environment.radiance, np.float32(constants.HALF_MAX)).astype(np.float16)
         self._texture = ctx.texture(texture_size(ctx, radiance), 3, radiance, dtype="f2")
         self._target = ctx.framebuffer(gbuffer.emission)
-        self._program = program(ctx, "frame/background")
-        set_uniforms(self._program, depth=0, environment=1, rotation=float(environment.rotation % (2 * np.pi)))
-        self._triangle = ctx.vertex_array(self._program, [])
+        self._pass = FullScreenPass(ctx, "frame/background", ("depth", "environment"))
+        self._pass.set(rotation=float(environment.rotation % (2 * np.pi)))
 
     def draw(self, camera: Camera) -> None:
         """Fill the pixels that the G-buffer has no surface in."""
-        self._target.use()
         self.ctx.enable_only(moderngl.NOTHING)
-        set_uniforms(self._program, **View.of_camera(camera, self.gbuffer.size).uniforms())
-        self.gbuffer.depth.use(0)
-        self._texture.use(1)
-        self._triangle.render(vertices=3)
+        view = View.of_camera(camera, self.gbuffer.size)
+        self._pass.draw(self._target, self.gbuffer.depth, self._texture, **view.uniforms())
 
     def release(self) -> None:
         """Free the GPU memory."""
-        for resource in (self._triangle, self._program, self._target, self._texture):
+        for resource in (self._pass, self._target, self._texture):
             resource.release()

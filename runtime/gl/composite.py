@@ -2,9 +2,9 @@
 
 import moderngl
 
+from .fullscreen import FullScreenPass
 from .gbuffer import GBuffer
 from .permutations import defines
-from .shader import program, set_uniforms
 
 
 class Composite:
@@ -15,21 +15,16 @@ class Composite:
         self.radiance = ctx.texture(gbuffer.size, 4, dtype="f2")
         self._inputs = gbuffer.albedo, gbuffer.emission
         self._target = ctx.framebuffer(self.radiance)
-        self._program = program(ctx, "frame/composite")
-        set_uniforms(self._program, albedo=0, primary=1, indirect=2)
-        self._triangle = ctx.vertex_array(self._program, [])
+        self._pass = FullScreenPass(ctx, "frame/composite", ("albedo", "primary", "indirect"))
 
     def draw(self, indirect: moderngl.Texture) -> None:
         """Fill `radiance` from `indirect`, B, and the targets of the passes before."""
-        self._target.use()
         self.ctx.enable_only(moderngl.NOTHING)
-        for unit, texture in enumerate((*self._inputs, indirect)):
-            texture.use(unit)
-        self._triangle.render(vertices=3)
+        self._pass.draw(self._target, *self._inputs, indirect)
 
     def release(self) -> None:
         """Free the GPU memory."""
-        for resource in (self._triangle, self._program, self._target, self.radiance):
+        for resource in (self._pass, self._target, self.radiance):
             resource.release()
 
 
@@ -40,19 +35,14 @@ class Display:
         self.ctx, self._radiance = ctx, radiance
         self.color = ctx.texture(radiance.size, 4)
         self._target = ctx.framebuffer(self.color)
-        self._program = program(ctx, "frame/display", **defines("frame/display", False))
-        set_uniforms(self._program, radiance=0)
-        self._triangle = ctx.vertex_array(self._program, [])
+        self._pass = FullScreenPass(ctx, "frame/display", ("radiance",), **defines("frame/display", False))
 
     def draw(self, exposure: float) -> None:
         """Fill `color`; `exposure` multiplies radiance."""
-        self._target.use()
         self.ctx.enable_only(moderngl.NOTHING)
-        self._radiance.use(0)
-        set_uniforms(self._program, exposure=exposure)
-        self._triangle.render(vertices=3)
+        self._pass.draw(self._target, self._radiance, exposure=exposure)
 
     def release(self) -> None:
         """Free the GPU memory."""
-        for resource in (self._triangle, self._program, self._target, self.color):
+        for resource in (self._pass, self._target, self.color):
             resource.release()

@@ -6,11 +6,11 @@ import numpy as np
 from gsgi.runtime.gaussians import Bake, OverBlend
 from gsgi.runtime.rebase import local_bake, origin_of_bake
 
+from .fullscreen import FullScreenPass
 from .gl_state import UNITS, HostState
 from .host_textures import OURS, Encoding
 from .permutations import defines
 from .profile import Profile
-from .shader import program, set_uniforms
 from .splat import Splats
 from .surface_splat import Box, SurfaceSplats
 from .view import View
@@ -50,9 +50,8 @@ class IndirectLight:
             else:
                 local_box = None if box is None else tuple(np.asarray(corner) - self._origin for corner in box)
                 self._splats = SurfaceSplats(ctx, bake, splat_scale, encoding, local_box)
-            self._program = program(ctx, "surface/add_light", **defines("surface/add_light", encoding))
-            set_uniforms(self._program, albedo=0, indirect=1)
-            self._triangle = ctx.vertex_array(self._program, [])
+            features = defines("surface/add_light", encoding)
+            self._add_light = FullScreenPass(ctx, "surface/add_light", ("albedo", "indirect"), **features)
 
     def draw(
         self, depth: moderngl.Texture, normal: moderngl.Texture,
@@ -96,19 +95,16 @@ class IndirectLight:
         """Add albedo * B of the last draw() to the first colour of `target`, linear radiance, in the draw's viewport;
         target and `albedo` are as large as the textures of the draw, alpha stays."""
         with self._state.kept():
-            target.use()
-            self.ctx.viewport = (*self._corner, *self.indirect.size)
             self.ctx.enable_only(moderngl.BLEND)
             self.ctx.blend_func = moderngl.ONE, moderngl.ONE
-            set_uniforms(self._program, corner=self._corner)
-            for unit, texture in enumerate((albedo, self.indirect)):
-                texture.use(unit)
+            for unit in range(2):
                 self._sampler.use(unit)
-            self._triangle.render(vertices=3)
+            viewport = (*self._corner, *self.indirect.size)
+            self._add_light.draw(target, albedo, self.indirect, viewport=viewport, corner=self._corner)
 
     def release(self) -> None:
         """Free the GPU memory; the host's own textures stay."""
         with self._state.kept():
-            for resource in (self._triangle, self._program, self._splats, self._sampler):
+            for resource in (self._add_light, self._splats, self._sampler):
                 resource.release()
         self._state.release()

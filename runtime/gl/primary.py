@@ -8,10 +8,10 @@ import numpy as np
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.scene import Light
 
+from .fullscreen import FullScreenPass
 from .gbuffer import GBuffer
 from .permutations import defines
 from .profile import Profile, measured
-from .shader import program, set_uniforms
 from .shadow import Shadow
 from .view import View
 
@@ -25,8 +25,11 @@ class Primary:
     def __init__(self, ctx: moderngl.Context, gbuffer: GBuffer, shadow: Shadow, lights: Sequence[Light]):
         self.ctx, self.gbuffer, self.shadow, self.lights = ctx, gbuffer, shadow, lights
         self._target = ctx.framebuffer(gbuffer.emission)
-        self._programs = {features: self._program(features) for features in {_features(light) for light in lights}}
-        self._triangles = {features: ctx.vertex_array(p, []) for features, p in self._programs.items()}
+        samplers = "albedo", "normal", "depth", "shadow_atlas"
+        self._passes = {
+            features: FullScreenPass(ctx, "frame/primary", samplers, **dict(features))
+            for features in {_features(light) for light in lights}
+        }
 
     def draw(self, camera: Camera, profile: Profile | None = None) -> None:
         """Light the surfaces of the G-buffer. One shadow atlas and one full-screen pass per light."""
@@ -39,24 +42,14 @@ class Primary:
 
     def release(self) -> None:
         """Free the GPU memory."""
-        for resource in [*self._triangles.values(), *self._programs.values(), self._target]:
+        for resource in (*self._passes.values(), self._target):
             resource.release()
 
     def _add(self, light: Light, uniforms: dict) -> None:
-        features = _features(light)
-        self._target.use()
         self.ctx.enable_only(moderngl.BLEND)
         self.ctx.blend_func = moderngl.ONE, moderngl.ONE
-        set_uniforms(self._programs[features], **uniforms, **_light(light))
         inputs = self.gbuffer.albedo, self.gbuffer.normal, self.gbuffer.depth, self.shadow.atlas
-        for unit, texture in enumerate(inputs):
-            texture.use(unit)
-        self._triangles[features].render(vertices=3)
-
-    def _program(self, features: tuple) -> moderngl.Program:
-        result = program(self.ctx, "frame/primary", **dict(features))
-        set_uniforms(result, albedo=0, normal=1, depth=2, shadow_atlas=3)
-        return result
+        self._passes[_features(light)].draw(self._target, *inputs, **uniforms, **_light(light))
 
 
 def _features(light: Light) -> tuple:

@@ -6,7 +6,7 @@ import numpy as np
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.gaussians import Bake
 from gsgi.runtime.layers import LAYERS
-from gsgi.runtime.rebase import local_bake, local_camera, local_scene, origin_of
+from gsgi.runtime.rebase import local_camera, local_scene, origin_of
 from gsgi.runtime.scene import Scene
 
 from .background import Background
@@ -35,7 +35,6 @@ class DeferredRenderer:
         self._ctx, self._origin = ctx, origin_of(scene)
         if self._origin.any():
             scene = local_scene(scene, self._origin)
-            bake = bake and local_bake(bake, self._origin)
         self._scene, self._bake = scene, bake
         self.geometry = Geometry(ctx, scene)
         self.shadow = self.splats = None
@@ -59,14 +58,14 @@ class DeferredRenderer:
 
     def render(self, camera: Camera, profile: Profile | None = None) -> None:
         """Draw one frame; with a `profile`, of `ctx`, its passes are measured."""
-        camera = local_camera(camera, self._origin)
+        near_origin = local_camera(camera, self._origin)
         with measured(profile, "frame/gbuffer"):
-            self.gbuffer.draw(camera)
+            self.gbuffer.draw(near_origin)
         if self.background:
             with measured(profile, "frame/background"):
-                self.background.draw(camera)
+                self.background.draw(near_origin)
         if self.primary:
-            self.primary.draw(camera, profile)
+            self.primary.draw(near_origin, profile)
         if self.splats:
             view = View.of_camera(camera, self.gbuffer.size)
             self.splats.draw_view(view, self.gbuffer.depth, self.gbuffer.interpolated, profile=profile)

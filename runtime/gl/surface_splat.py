@@ -7,6 +7,7 @@ from gsgi.runtime.camera import Pinhole
 from gsgi.runtime.gaussians import Bake, Gaussians, SurfaceBlend
 
 from .cull import in_view
+from .fullscreen import FullScreenPass
 from .gaussian_textures import GaussianTextures
 from .host_textures import OURS, Encoding
 from .permutations import Level, Reading, defines
@@ -36,25 +37,22 @@ class SurfaceSplats:
         self.ctx, self.splat_scale, self._coarse_too = ctx, splat_scale, len(bake.coarse) > 0
         self.targets: SurfaceTargets | None = None
         blend, reading = bake.blend, Reading(splat_scale, encoding, self._coarse_too, box is not None)
-        self._points = _FullScreen(
-            ctx, "surface/points", {"normal": 0, "depth": 1}, **defines("surface/points", reading)
-        )
+        self._points = FullScreenPass(ctx, "surface/points", ("normal", "depth"), **defines("surface/points", reading))
         if box is not None:
-            set_uniforms(self._points.program, box_low=box[0], box_high=box[1])
+            self._points.set(box_low=box[0], box_high=box[1])
         self._fine = _Level(ctx, bake.gaussians, blend, coarse=False)
         self._coarse = _Level(ctx, bake.coarse, blend, coarse=True) if self._coarse_too else None
-        self._gap = _FullScreen(ctx, "surface/gap", {"fine_sums": 0}) if self._coarse_too else None
-        levels = {"fine_sums": 0, "coarse_sums": 1}
-        upsampled = {"filled_sums": 0, "surface_plane": 1, "normal": 2, "depth": 3}
-        self._fill = (
-            _FullScreen(ctx, "surface/fill", levels, **defines("surface/fill", reading)) if splat_scale > 1 else None
-        )
-        self._resolve = _FullScreen(
-            ctx, "surface/resolve", upsampled if self._fill else levels, **defines("surface/resolve", reading)
-        )
+        self._gap = FullScreenPass(ctx, "surface/gap", ("fine_sums",)) if self._coarse_too else None
+        levels = "fine_sums", "coarse_sums"
+        upsampled = "filled_sums", "surface_plane", "normal", "depth"
+        self._fill = None
+        if splat_scale > 1:
+            self._fill = FullScreenPass(ctx, "surface/fill", levels, **defines("surface/fill", reading))
+        textures = upsampled if self._fill else levels
+        self._resolve = FullScreenPass(ctx, "surface/resolve", textures, **defines("surface/resolve", reading))
         for part in (self._gap, self._fill, self._resolve):
             if part:
-                set_uniforms(part.program, weight_floor=blend.floor)
+                part.set(weight_floor=blend.floor)
 
     @property
     def indirect(self) -> moderngl.Texture:
@@ -71,7 +69,7 @@ class SurfaceSplats:
         """
         targets, pinhole = self._targets_for(view.pinhole), view.pinhole
         host = {
-            "world_from_view": view.world_from_view, "world_from_offset": view.world_from_offset, "axis": view.axis,
+            "world_from_view": view.world_from_view, **view.uniforms(),
             "size": targets.size, "corner": corner, "z_to_clip": z_to_clip, "near": view.near,
         }  # fmt: skip
         with measured(profile, "surface/points"):
@@ -118,28 +116,6 @@ class SurfaceSplats:
                 self.targets.release()
             self.targets = SurfaceTargets(self.ctx, size, self.splat_scale, self._coarse_too)
         return self.targets
-
-
-class _FullScreen:
-    """A pass of glsl/`name`.frag over all pixels of a target; `units` of its samplers."""
-
-    def __init__(self, ctx: moderngl.Context, name: str, units: dict[str, int], **defines: int):
-        self.program = program(ctx, name, **defines)
-        set_uniforms(self.program, **units)
-        self._triangle = ctx.vertex_array(self.program, [])
-
-    def draw(self, target: moderngl.Framebuffer, *textures: moderngl.Texture, **uniforms) -> None:
-        """`textures` by unit."""
-        target.use()
-        set_uniforms(self.program, **uniforms)
-        for unit, texture in enumerate(textures):
-            texture.use(unit)
-        self._triangle.render(vertices=3)
-
-    def release(self) -> None:
-        """Free the GPU memory."""
-        self._triangle.release()
-        self.program.release()
 
 
 class _Level:

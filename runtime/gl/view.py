@@ -54,14 +54,8 @@ class View(NamedTuple):
         return self.world_from_view @ np.diag([1 / self.pinhole.fx, 1 / self.pinhole.fy, -1, 1])
 
     def uniforms(self) -> dict:
-        """What glsl/camera.glsl needs to take a pixel back to world space."""
-        pinhole = self.pinhole
-        return {
-            "world_from_view": self.world_from_view,
-            "focal": (pinhole.fx, pinhole.fy),
-            "centre": (pinhole.cx, pinhole.cy),
-            "height": float(pinhole.height),
-        }
+        """What `world_from_fragment` of glsl/lib/camera.glsl takes."""
+        return {"world_from_offset": self.world_from_offset, "axis": self.axis}
 
 
 def projected_pinhole(view_from_world: np.ndarray, clip_from_view: np.ndarray, size: tuple[int, int]) -> Pinhole:

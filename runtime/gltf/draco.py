@@ -82,7 +82,9 @@ class DracoMesh:
         try:
             import DracoPy
         except ImportError:
-            raise self._json.unsupported("needs the Python package DracoPy", Code.NOT_INSTALLED) from None
+            raise self._json.unsupported(
+                "needs DracoPy: install gsgi with its extra 'decoders'", Code.NOT_INSTALLED
+            ) from None
         try:
             return DracoPy.decode(data)
         except Exception as error:  # DracoPy's own derive from nothing narrower

@@ -9,7 +9,7 @@ from .document import Document
 from .json_value import Json, parse
 from .limits import Limits
 from .problems import Code
-from .uri import Files, read_file
+from .uri import Files, read_scene_file
 
 JSON_SPACE = b" \t\r\n\xef\xbb\xbf"  # white space of JSON, and a UTF-8 byte order mark
 GLB_HEADER = struct.Struct("<4sII")  # magic, version, length of the file
@@ -18,7 +18,7 @@ CHUNK_HEADER = struct.Struct("<I4s")  # length of the payload, type
 
 def open_document(path: Path, limits: Limits) -> Document:
     """Read the container and its JSON. Raises FileError, SceneError."""
-    data = read_file(path, limits)
+    data = read_scene_file(path, limits)
     files = Files(path.parent, limits)
     if data[:4] != b"glTF":
         if not data.lstrip(JSON_SPACE).startswith(b"{"):

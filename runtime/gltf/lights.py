@@ -2,11 +2,10 @@
 
 import numpy as np
 
-from gsgi.runtime.scene import Light
+from gsgi.runtime.scene import MAX_LIGHT, Light
 
 from .document import Document
 from .json_value import Json
-from .materials import MAX_LIGHT
 from .nodes import Node, rigid
 
 NAME = "KHR_lights_punctual"

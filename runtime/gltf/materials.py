@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from gsgi.runtime.scene import Material, TextureSlot
+from gsgi.runtime.scene import MAX_LIGHT, Material, TextureSlot
 
 from . import transparency
 from .document import Document
@@ -10,7 +10,6 @@ from .json_value import Json
 from .problems import Code
 from .textures import Textures, UvChannel
 
-MAX_LIGHT = 1e15  # cd, lx or radiance: float32 holds the product of two
 EMISSIVE_STRENGTH, UNLIT = "KHR_materials_emissive_strength", "KHR_materials_unlit"
 SPECULAR_GLOSSINESS = "KHR_materials_pbrSpecularGlossiness"
 

@@ -37,7 +37,9 @@ def decode(view: Json, compressed: Json, data: bytes, limits: Limits) -> np.ndar
     try:
         from meshoptimizer import decoder
     except ImportError:
-        raise compressed.unsupported("needs the Python package meshoptimizer", Code.NOT_INSTALLED) from None
+        raise compressed.unsupported(
+            "needs meshoptimizer: install gsgi with its extra 'decoders'", Code.NOT_INSTALLED
+        ) from None
     try:
         if mode == "ATTRIBUTES":
             values = decoder.decode_vertex_buffer(count, stride, data, np.dtype(f"V{stride}"))

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gsgi.runtime import image
 from gsgi.runtime.scene import Texture, TextureSlot
 
 from .document import Document
+from .image_files import Encoded, decode_textures
 from .json_value import Json
 from .problems import Code
 
@@ -77,8 +77,8 @@ def decode_images(document: Document, sources: list[Json]) -> list[np.ndarray]:
     files = []
     for source in sources:
         data = document.uri(source.get("uri")) if "uri" in source else bytes(document.view(source.get("bufferView")))
-        files.append(image.Encoded(data, source.where(), source.pointer))
-    return image.decode_textures(files, document.limits)
+        files.append(Encoded(data, source.where(), source.pointer))
+    return decode_textures(files, document.limits)
 
 
 def sampling(sampler: Json) -> tuple[tuple[str, str], bool]:

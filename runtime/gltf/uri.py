@@ -7,6 +7,7 @@ from pathlib import Path
 from urllib.parse import unquote, unquote_to_bytes
 
 from gsgi.runtime.errors import FileError
+from gsgi.runtime.files import inside, read_file
 
 from .json_value import Json
 from .limits import Limits
@@ -41,7 +42,7 @@ class Files:
         self._names[self._named / name] = None
         if path not in self._bytes:
             try:
-                self._bytes[path] = read_file(path, self._limits)
+                self._bytes[path] = read_scene_file(path, self._limits)
             except FileError as error:
                 raise FileError(f"{uri.where()}: {error}", Code.FILE, uri.pointer) from None
         return self._bytes[path]
@@ -62,25 +63,9 @@ class Files:
         return name, path
 
 
-def inside(folder: Path, name: str) -> Path | None:
-    """The path of a relative `name` in a resolved folder; None where it leads out of it.
-
-    Raises ValueError, OSError or RuntimeError for what is no path: a NUL, a loop of links.
-    """
-    path = (folder / name).resolve()
-    return None if Path(name).is_absolute() or not path.is_relative_to(folder) else path
-
-
-def read_file(path: Path, limits: Limits = Limits()) -> bytes:  # noqa: B008 (frozen)
-    """All bytes of a regular file. Raises FileError with the path, SceneError beyond the limit."""
-    try:
-        if path.exists() and not path.is_file():  # a folder, or a pipe that would block
-            raise FileError(f"{path}: cannot read: not a regular file", Code.FILE)
-        limits.check("file_bytes", path.stat().st_size, str(path))
-        return path.read_bytes()
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise FileError(f"{path}: cannot read: {reason}", Code.FILE) from None
+def read_scene_file(path: Path, limits: Limits) -> bytes:
+    """All bytes of a regular file. Raises FileError, and SceneError beyond the limit."""
+    return read_file(path, lambda size: limits.check("file_bytes", size, str(path)))
 
 
 def _data_uri(uri: Json, text: str) -> bytes:

@@ -5,11 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from gsgi.runtime.errors import FormatError
-from gsgi.runtime.file import codec
+from gsgi.runtime.file.reader import read_bake
 from gsgi.runtime.gaussians import Bake
 from gsgi.runtime.gl.context import create_context
-from gsgi.runtime.gltf.uri import read_file
 
 from .flags import RenderFlags
 from .frame import FrameRenderer
@@ -27,7 +25,7 @@ class OffscreenRenderer:
     ):
         self.viewport_width, self.viewport_height, self.point_size = viewport_width, viewport_height, point_size
         self._ctx = self._frame = None
-        bake = gi if gi is None or isinstance(gi, Bake) else _read_bake(Path(gi))
+        bake = gi if gi is None or isinstance(gi, Bake) else read_bake(gi)
         self._ctx = create_context("auto")
         with self._ctx:
             self._frame = FrameRenderer(self._ctx, bake)
@@ -95,10 +93,3 @@ class OffscreenRenderer:
     def __del__(self):
         with suppress(Exception):
             self.delete()
-
-
-def _read_bake(path: Path) -> Bake:
-    try:
-        return codec.decode(read_file(path))
-    except FormatError as error:
-        raise FormatError(f"{path}: {error}") from error

@@ -7,11 +7,10 @@ import numpy as np
 
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.errors import UsageError
-from gsgi.runtime.file import codec
+from gsgi.runtime.file.reader import read_bake
 from gsgi.runtime.gaussians import Bake
 from gsgi.runtime.gl.renderer import DeferredRenderer
-from gsgi.runtime.gltf.reader import read_gltf
-from gsgi.runtime.lighting import Lighting, beside, light, read_lights
+from gsgi.runtime.gltf.scene_file import read_scene
 from gsgi.runtime.scene import Scene
 
 
@@ -33,8 +32,8 @@ def draw(
     since one that follows the frame would hide that the frame became darker. Leaves `context` current. Raises
     UsageError for a camera that the scene lacks, and what the readers raise.
     """
-    scene = scene if isinstance(scene, Scene) else _read_scene(Path(scene))
-    bake = codec.decode(Path(bake).read_bytes()) if isinstance(bake, str | Path) else bake
+    scene = scene if isinstance(scene, Scene) else read_scene(scene)
+    bake = read_bake(bake) if isinstance(bake, str | Path) else bake
     camera = camera if isinstance(camera, Camera) else _camera_of(scene, camera)
     context.__enter__()  # makes it current; `with` would leave no context current at its end
     renderer = DeferredRenderer(context, scene, bake, *size)
@@ -43,11 +42,6 @@ def draw(
         return renderer.display(exposure) if layer is None else renderer.read(layer)
     finally:
         renderer.release()
-
-
-def _read_scene(path: Path) -> Scene:
-    lights = beside(path)
-    return light(read_gltf(path), Lighting(**read_lights(lights)) if lights else Lighting())
 
 
 def _camera_of(scene: Scene, name: str | None) -> Camera:

@@ -3,7 +3,7 @@
 import moderngl
 import numpy as np
 
-from gsgi.runtime.gl.shader import program, set_uniforms
+from gsgi.runtime.gl.fullscreen import FullScreenPass
 
 MARGIN = 3  # px around the text
 LARGER = 2  # how much, where the picture has room for it
@@ -16,9 +16,7 @@ class Overlay:
     def __init__(self, ctx: moderngl.Context):
         self.ctx, self.text = ctx, ""
         self._texture: moderngl.Texture | None = None
-        self._program = program(ctx, "viewer/overlay")
-        set_uniforms(self._program, text=0)
-        self._triangle = ctx.vertex_array(self._program, [])
+        self._pass = FullScreenPass(ctx, "viewer/overlay", ("text",))
 
     def write(self, text: str) -> None:
         """Take other text, of one or more lines."""
@@ -36,20 +34,17 @@ class Overlay:
             return
         scale = LARGER if self._texture.width * LARGER <= size[0] else 1
         width, height = (scale * edge for edge in self._texture.size)
-        target.use()
-        before, self.ctx.viewport = self.ctx.viewport, (0, size[1] - height, width, height)
+        corner = 0, size[1] - height
+        before = target.viewport
         self.ctx.enable_only(moderngl.BLEND)
         self.ctx.blend_func = moderngl.ONE, moderngl.ONE_MINUS_SRC_ALPHA
-        self._program["corner"].value, self._program["scale"].value = (0, size[1] - height), scale
-        self._texture.use(0)
-        self._triangle.render(vertices=3)
-        self.ctx.viewport = before
+        self._pass.draw(target, self._texture, viewport=(*corner, width, height), corner=corner, scale=scale)
+        target.viewport = before
 
     def release(self) -> None:
         """Free the GPU memory."""
         self._drop()
-        self._triangle.release()
-        self._program.release()
+        self._pass.release()
 
     def _drop(self) -> None:
         if self._texture:

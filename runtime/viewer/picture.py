@@ -5,10 +5,10 @@ import numpy as np
 
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.gaussians import Bake, SurfaceBlend
+from gsgi.runtime.gl.fullscreen import FullScreenPass
 from gsgi.runtime.gl.permutations import defines
 from gsgi.runtime.gl.profile import Profile
 from gsgi.runtime.gl.renderer import DeferredRenderer, pixels
-from gsgi.runtime.gl.shader import program, set_uniforms
 from gsgi.runtime.scene import Scene
 
 from .ellipsoids import Ellipsoids
@@ -23,12 +23,10 @@ class Picture:
         self._renderer = DeferredRenderer(ctx, scene, bake, *size)
         self._ellipsoids: Ellipsoids | None = None  # made when they are asked for
         # Blended light does not end where surfaces do; `gsgi render` shows it on surfaces alone.
-        self._programs = {
-            masked: program(ctx, "frame/display", **defines("frame/display", masked)) for masked in (False, True)
+        self._displays = {
+            masked: FullScreenPass(ctx, "frame/display", ("radiance", "depth"), **defines("frame/display", masked))
+            for masked in (False, True)
         }
-        self._triangles = {masked: ctx.vertex_array(p, []) for masked, p in self._programs.items()}
-        for display in self._programs.values():
-            set_uniforms(display, radiance=0, depth=1)
 
     @property
     def scalable(self) -> bool:
@@ -60,13 +58,9 @@ class Picture:
 
     def show(self, target: moderngl.Framebuffer, exposure: float) -> None:
         """The last frame in `target`, of the same size: sRGB, exposed and tone-mapped."""
-        target.use()
         self.ctx.enable_only(moderngl.NOTHING)
-        masked = self._view == "indirect"
-        self._texture().use(0)
-        self._renderer.gbuffer.depth.use(1)
-        set_uniforms(self._programs[masked], exposure=exposure)
-        self._triangles[masked].render(vertices=3)
+        display = self._displays[self._view == "indirect"]
+        display.draw(target, self._texture(), self._renderer.gbuffer.depth, exposure=exposure)
 
     def read(self) -> np.ndarray:
         """The last frame in linear light: (H, W, 3) float32, row 0 on top."""
@@ -76,7 +70,7 @@ class Picture:
 
     def release(self) -> None:
         """Free the GPU memory."""
-        parts = *self._triangles.values(), *self._programs.values(), self._renderer, self._ellipsoids
+        parts = *self._displays.values(), self._renderer, self._ellipsoids
         for part in parts:
             if part is not None:
                 part.release()

@@ -15,7 +15,7 @@ from gsgi.baker.plan_table import decisions, summary
 from gsgi.baker.progress import Progress
 from gsgi.baker.settings import EFFECTS, OPERATORS, QUALITIES, SAMPLES, Settings
 from gsgi.baker.surface import budget, fits, samples
-from gsgi.baker.surface.lookup import evaluate
+from gsgi.baker.surface.lookup import look_up
 from gsgi.baker.surface_detail import gaussians_for
 from gsgi.baker.trace.reference import Reference
 from gsgi.baker.trace.tracer import Surface
@@ -39,7 +39,7 @@ def room(albedo: float = 0.5, **changes) -> Scene:
 
 
 def planned(scene: Scene, settings: Settings = SMALL, **arguments) -> Plan:
-    return make_plan(scene, settings, Progress(quiet=True), Cache(), **arguments)
+    return make_plan(scene, settings, Progress(), Cache(), **arguments)
 
 
 def black(camera: Camera) -> Reference:
@@ -209,7 +209,7 @@ def test_the_texel_size_is_that_of_the_views_as_they_are_traced():
 @pytest.mark.parametrize("operator", OPERATORS)
 def test_the_file_records_what_was_decided(small, operator):
     plan = of(small, operator=operator)
-    baked = codec.decode(bake(plan, Progress(quiet=True)).data)
+    baked = codec.decode(bake(plan, Progress()).data)
     assert baked.blend == codec.decode(codec.encode(replace(baked, blend=plan.blend))).blend
     assert baked.bounces == plan.settings.bounces
     assert baked.effects & ~Effects.DENOISED == plan.effects == Effects.PUNCTUAL
@@ -250,29 +250,30 @@ def test_the_same_scene_gets_the_same_plan():
 
 
 @pytest.mark.parametrize("operator", OPERATORS)
-def test_darkness_is_said_and_baked(capsys, operator):
+def test_darkness_is_said_and_baked(operator):
     """Surfaces that reflect nothing: the target is met at once, and the file draws black."""
     plan = planned(room(albedo=0.0), replace(SMALL, operator=operator, target_loss=1e-6))
     references = {name: black(camera) for name, camera in plan.placement.held_out.items()}
-    baked = bake(plan, Progress(quiet=True), references)
-    assert "darkness" in capsys.readouterr().err
+    progress = Progress()
+    baked = bake(plan, progress, references)
+    assert "darkness" in progress.warnings[0]
     read = codec.decode(baked.data)
-    assert baked.fitted.loss < 1e-6  # the denoiser leaves a trace of light
-    assert (baked.fitted.count, len(baked.tried)) == (len(read.gaussians) + len(read.coarse or ()), 1)
+    assert baked.attempt.loss < 1e-6  # the denoiser leaves a trace of light
+    assert (baked.attempt.count, len(baked.attempts)) == (len(read.gaussians) + len(read.coarse or ()), 1)
     assert read.tone_scale == 1
     if operator == "over":
         light = rasterise(read.gaussians, plan.cameras[0].pinhole(16, 16), read.blend)
     else:
         points = plan.triangles.draw(100, np.random.default_rng(0))
-        light, _ = evaluate(read.gaussians, read.coarse, read.blend, points.position, points.normal)
+        light, _ = look_up(read.gaussians, read.coarse, read.blend, points.position, points.normal)
     assert not light.any()
 
 
 def test_where_no_held_out_view_sees_a_b_there_is_no_search():
     plan = planned(room(albedo=0.0), replace(SMALL, target_loss=1e-6))
-    baked = bake(plan, Progress(quiet=True), {})
-    assert [(fitted.loss, fitted.psnr) for fitted in baked.tried] == [(None, None)]
-    assert baked.data == bake(of(plan, target_loss=None), Progress(quiet=True)).data
+    baked = bake(plan, Progress(), {})
+    assert [(fitted.loss, fitted.psnr) for fitted in baked.attempts] == [(None, None)]
+    assert baked.data == bake(of(plan, target_loss=None), Progress()).data
 
 
 @pytest.mark.parametrize(("operator", "size"), [("over", 144 + 18 * 64), ("surface", 144 + 18 * 48 + 42 * 16)])

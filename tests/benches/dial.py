@@ -8,10 +8,11 @@ import numpy as np
 from repository import ROOT, SCENES, SHARED
 
 from gsgi.baker.bake import bake
-from gsgi.baker.budget_search import Fitted, budgets, turn
+from gsgi.baker.budget_search import Attempt, budgets, search
 from gsgi.baker.cache.store import Cache, size_limit
+from gsgi.baker.cli.console import Console
 from gsgi.baker.evaluation import held_out
-from gsgi.baker.evaluation.held_out import HeldOut
+from gsgi.baker.evaluation.held_out import ViewEvaluation
 from gsgi.baker.plan import make_plan
 from gsgi.baker.progress import Progress
 from gsgi.baker.settings import Settings
@@ -40,8 +41,8 @@ SIGNIFICANT = 2 * 2**0.5  # standard deviations of a fit: two of the difference 
 class Measured:
     """A fit and what it reached, mean over the held-out views."""
 
-    fitted: Fitted
-    reached: HeldOut
+    attempt: Attempt
+    reached: ViewEvaluation
 
 
 def dial() -> list[dict]:
@@ -50,7 +51,7 @@ def dial() -> list[dict]:
     A row with a target is what the dial answers from the fits above it. A budget between two of theirs counts as the
     smaller one: a search of its own tries one such budget at the end, and may save up to 30 % of the Gaussians more.
     """
-    rows, curves, progress = [], [], Progress()
+    rows, curves, progress = [], [], Progress(Console())
     for path in FILES:
         if path.exists():
             measured, repeated = measure(path, Settings(), progress)
@@ -69,14 +70,14 @@ def measure(path: Path, settings: Settings, progress: Progress) -> tuple[list[Me
     progress.say(f"bench: dial of {path.stem}")
     plan = make_plan(read_gltf(path), settings, progress, cache)
     s = plan.settings
-    with progress.stage("held-out", held_out.points(plan), "points") as advance:
+    with progress.stage("references", held_out.points(plan), "points") as advance:
         references = held_out.references(plan, advance)
     cache.trim()
 
     def fit(budget: int, seed: int) -> Measured:
         course = replace(plan, settings=replace(s, budget=budget, seed=seed))
-        fitted = bake(course, progress, references).fitted
-        return Measured(fitted, held_out.judge(references, plan.placement.held_out, codec.decode(fitted.data)).mean)
+        fitted = bake(course, progress, references).attempt
+        return Measured(fitted, held_out.evaluate(references, plan.placement.held_out, codec.decode(fitted.data)).mean)
 
     measured = [fit(budget, s.seed) for budget in BUDGETS]
     others = [fit(REPEATED, s.seed + i) for i in range(1, SEEDS)]
@@ -86,14 +87,14 @@ def measure(path: Path, settings: Settings, progress: Progress) -> tuple[list[Me
 def rows_of(scene: str, measured: list[Measured], repeated: list[Measured]) -> list[dict]:
     """The fits of a scene, the answers of its dial, and how far both can be trusted."""
     answers = list(answers_of(measured))
-    loss_sd = np.std([m.fitted.loss for m in repeated], ddof=1)
+    loss_sd = np.std([m.attempt.loss for m in repeated], ddof=1)
     ssim_sd = np.std([m.reached.indirect.ssim for m in repeated], ddof=1)
     return [
         *({"scene": scene, "target": ""} | _row(m) for m in measured),
         *(
             {"scene": scene, "target": round(target, 4)}
             | {name: value for name, value in _row(m).items() if name in ("gaussians", "bytes", "loss", "ssim")}
-            | {"met": "yes" if m.fitted.loss <= target else "no"}
+            | {"met": "yes" if m.attempt.loss <= target else "no"}
             for target, m in answers
         ),
         {"scene": scene, "repeated": REPEATED, "loss_sd": f"{loss_sd:.5f}", "ssim_sd": f"{ssim_sd:.5f}",
@@ -102,7 +103,7 @@ def rows_of(scene: str, measured: list[Measured], repeated: list[Measured]) -> l
 
 
 def _row(measured: Measured) -> dict:
-    fitted, indirect, final = measured.fitted, measured.reached.indirect, measured.reached.final
+    fitted, indirect, final = measured.attempt, measured.reached.indirect, measured.reached.final
     return {
         "gaussians": fitted.count, "bytes": len(fitted.data), "loss": round(fitted.loss, 4),
         "ssim": round(indirect.ssim, 4), "ssim_ceiling": round(indirect.ssim_ceiling, 4),
@@ -113,19 +114,19 @@ def _row(measured: Measured) -> dict:
 
 def answers_of(measured: list[Measured]) -> Iterator[tuple[float, Measured]]:
     """Targets from the loosest that costs anything to the tightest that was met, and what the dial answers."""
-    by_budget = {m.fitted.budget: m for m in measured}
-    losses = [by_budget[budget].fitted.loss for budget in budgets(MOST)]
+    by_budget = {m.attempt.budget: m for m in measured}
+    losses = [by_budget[budget].attempt.loss for budget in budgets(MOST)]
 
-    def attempt(budget: int) -> Fitted:
-        return by_budget[max(b for b in by_budget if b <= budget)].fitted
+    def attempt(budget: int) -> Attempt:
+        return by_budget[max(b for b in by_budget if b <= budget)].attempt
 
     for target in np.geomspace(max(losses), min(losses), TARGETS).tolist():
-        yield target, by_budget[turn(target, MOST, attempt)[0].budget]
+        yield target, by_budget[search(target, MOST, attempt)[0].budget]
 
 
 def monotone(answers: list[Measured], margin: float) -> str:
     """Whether no answer has fewer Gaussians than one to a looser target, nor an SSIM that is worse by `margin`."""
-    counts = [m.fitted.count for m in answers]
+    counts = [m.attempt.count for m in answers]
     ssims = np.array([m.reached.indirect.ssim for m in answers])
     if counts != sorted(counts):
         return "no, fewer Gaussians"
@@ -134,5 +135,5 @@ def monotone(answers: list[Measured], margin: float) -> str:
 
 def curve_of(scene: str, measured: list[Measured]) -> Curve:
     """What the picture shows of a scene."""
-    points = [(m.fitted.count, m.reached.indirect.ssim) for m in measured]
+    points = [(m.attempt.count, m.reached.indirect.ssim) for m in measured]
     return Curve(scene, points, measured[0].reached.indirect.ssim_ceiling)

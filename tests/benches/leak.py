@@ -5,10 +5,11 @@ from repository import SCENES
 
 from gsgi.baker.bake import bake
 from gsgi.baker.cache.store import Cache
+from gsgi.baker.cli.console import Console
 from gsgi.baker.plan import make_plan
 from gsgi.baker.progress import Progress
 from gsgi.baker.settings import Settings
-from gsgi.baker.surface.lookup import evaluate
+from gsgi.baker.surface.lookup import look_up
 from gsgi.baker.trace.tracer import Sampling
 from gsgi.baker.views.coverage import sample_seen
 from gsgi.runtime.file import codec
@@ -24,11 +25,11 @@ def leak() -> list[dict]:
 
     `above_0.5_%`: the share of those points with more than half a per cent of it.
     """
-    plan = make_plan(read_gltf(SCENES / "two_rooms.glb"), Settings(), Progress(), Cache())
-    baked = codec.decode(bake(plan, Progress()).data)
+    plan = make_plan(read_gltf(SCENES / "two_rooms.glb"), Settings(), Progress(Console()), Cache())
+    baked = codec.decode(bake(plan, Progress(Console())).data)
     points = sample_seen(plan.triangles, plan.cameras, POINTS, seed=5)
-    traced = plan.light.at_points(points.position, points.normal, Sampling(64), seed=9).mean.mean(axis=1)
-    light, _ = evaluate(baked.gaussians, baked.coarse, baked.blend, points.position, points.normal)
+    traced = plan.tracer.at_points(points.position, points.normal, Sampling(64), seed=9).mean.mean(axis=1)
+    light, _ = look_up(baked.gaussians, baked.coarse, baked.blend, points.position, points.normal)
     dark = traced < DARK * traced.mean()
     leaked = light.mean(axis=1)[dark] / traced[~dark].mean()
     return [

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gsgi.baker.surface.lookup import evaluate
+from gsgi.baker.surface.lookup import look_up
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.constants import MID_GREY
@@ -166,7 +166,7 @@ def _read(bake: Bake, drawn: Iterator[Frame]) -> Iterator[Frame]:
     for frame in drawn:
         light, seen = np.zeros_like(frame.indirect), frame.depth > 0
         points = positions(frame)[seen].astype(np.float32), frame.normal[seen]
-        light[seen], _ = evaluate(bake.gaussians, bake.coarse, bake.blend, *points)
+        light[seen], _ = look_up(bake.gaussians, bake.coarse, bake.blend, *points)
         yield replace(frame, indirect=light)
 
 

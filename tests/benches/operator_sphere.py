@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gsgi.baker.surface.lookup import evaluate
+from gsgi.baker.surface.lookup import look_up
 from gsgi.baker.trace.tracer import Sampling, Tracer
 from gsgi.baker.views.free_space import sphere
 from gsgi.baker.views.surface_points import Triangles
@@ -65,7 +65,7 @@ def _rows(path: Path) -> list[dict]:
     rows = []
     for surface in surface_bakes(path):
         bake, size = surface.read(), surface.report["bytes"]
-        light, _ = evaluate(bake.gaussians, bake.coarse, bake.blend, position, normal)
+        light, _ = look_up(bake.gaussians, bake.coarse, bake.blend, position, normal)
         probes = trace_probes(tracer, low, high, size // PROBE_BYTES, PROBE, seed=3)
         error, rms = relative_error(light, a, b)
         probes_error, probes_rms = relative_error(probes.evaluate(position, normal), a, b)
@@ -97,7 +97,7 @@ def _sphere_points(path: Path) -> tuple[np.ndarray, np.ndarray]:
 
 def _centres(path: Path, triangles: Triangles, radius: float) -> np.ndarray:
     """Where (C, 3) the sphere comes: evenly along legs between cameras, touching nothing, inside the scene."""
-    placed = placement(path).judged_in_light(frozenset())
+    placed = placement(path).without_dark(frozenset())
     cameras = [*placed.fitted.values(), *placed.held_out.values()]
     eyes = np.array([camera.position for camera in cameras])
     inside = ((eyes > triangles.low + radius) & (eyes < triangles.high - radius)).all(axis=1)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gsgi.baker import _kernels
+from gsgi.baker.native import kernels
 from gsgi.baker.trace.tracer import Sampling, Tracer
 from gsgi.baker.views.free_space import sphere
 
@@ -61,4 +61,4 @@ def trace_probes(tracer: Tracer, low: np.ndarray, high: np.ndarray, most: int, s
 
 def _basis(normal: np.ndarray) -> np.ndarray:
     """(N, 9) of unit vectors (N, 3)."""
-    return _kernels.sh_basis(np.ascontiguousarray(normal, np.float64), DEGREE)
+    return kernels.sh_basis(np.ascontiguousarray(normal, np.float64), DEGREE)

@@ -7,6 +7,7 @@ import pytest
 import scenes
 
 from gsgi.baker.cli import inputs, options
+from gsgi.baker.cli.console import Console
 from gsgi.baker.progress import Progress
 from gsgi.runtime.errors import FileError, SceneError, UsageError
 from gsgi.runtime.image import write_image
@@ -40,7 +41,7 @@ def parse(*flags: str) -> argparse.Namespace:
 
 
 def lighting_of(*flags: str) -> Lighting:
-    return inputs._lighting(parse(*flags), Progress(quiet=True))
+    return inputs._lighting(parse(*flags), Progress())
 
 
 @pytest.mark.parametrize(
@@ -131,7 +132,7 @@ def test_the_file_beside_the_scene_is_found_and_told(tmp_path, capsys):
     assert beside(tmp_path / "room.gltf") is None
     (tmp_path / "room.lights.toml").write_text("light_scale = 2")
     assert beside(tmp_path / "room.gltf") == beside(tmp_path / "room.glb") == tmp_path / "room.lights.toml"
-    inputs._lighting(parse(tmp_path / "room.gltf"), Progress())
+    inputs._lighting(parse(tmp_path / "room.gltf"), Progress(Console()))
     assert "room.lights.toml" in capsys.readouterr().err
     assert lighting_of(tmp_path / "hall.gltf") == Lighting()
 

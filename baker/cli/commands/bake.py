@@ -28,6 +28,8 @@ def add(commands) -> None:
     _add_build(parser)
     shared.add_settings(parser)
     parser.add_argument("--preview", metavar="DIR", type=Path, help="write pictures of the fit there while it runs")
+    parser.add_argument("--no-evaluate", dest="evaluate", action="store_false",
+                        help="do not trace the held-out views nor say how close the bake comes to them")  # fmt: skip
     shared.add_cache(parser)
     shared.add_verbosity(parser)
     shared.add_json(parser, "print what was reached as JSON on stdout")
@@ -40,53 +42,64 @@ def _add_build(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    """Plan, trace, fit, write the file, then judge it. Raises TargetError where a target loss was not met."""
-    from gsgi.baker.bake import bake
+    """Plan, bake, write the file, evaluate it. Raises TargetError where a target loss was not met."""
+    from gsgi.baker import job
+    from gsgi.baker.cli.console import Console
     from gsgi.baker.cli.inputs import open_cache, plan_of
     from gsgi.baker.cli.json_output import print_json
-    from gsgi.baker.evaluation import held_out
-    from gsgi.baker.fitting.preview import Preview, make_folder
+    from gsgi.baker.evaluation.preview import make_folder
     from gsgi.baker.plan_table import summary
     from gsgi.baker.progress import Progress
     from gsgi.baker.views.coverage import coverage_summary
-    from gsgi.runtime.atomic import check_writable, write_together
-    from gsgi.runtime.errors import UsageError
-    from gsgi.runtime.file import codec
+    from gsgi.runtime.atomic import write_together
+    from gsgi.runtime.errors import TargetError
 
-    check_writable(options.output)
+    _check_outputs(options)
     if options.preview:
         make_folder(options.preview)
-    if Path(options.output).resolve() == Path(options.scene).resolve():
-        raise UsageError(f"{options.output}: the output would overwrite the scene")
-    if options.depfile:
-        check_writable(options.depfile)
-    progress = Progress(options.quiet)
+    console = Console(options.quiet)
+    progress = Progress(console)
     cache = open_cache(options, progress)
     plan = plan_of(options, progress, cache)
     rules = _rules(options, plan, progress)
     for line in (*coverage_summary(plan.placement.coverage), summary(plan)):
         progress.say(line)
-    references = None
-    # Where nobody would see what the bake reaches, that is not found out.
-    if options.json or options.preview or options.target_loss is not None or not options.quiet:
-        with progress.stage("held-out", held_out.points(plan), "points") as advance:
-            references = held_out.references(plan, advance)
-    if options.target_loss is not None and not references:
-        progress.warn("no held-out view shows a surface with indirect light: there is no loss to aim at")
-    preview = options.preview and references and Preview(options.preview, references, plan.placement.held_out)
-    baked = bake(plan, progress, references, preview)
-    same = options.if_changed and _holds(options.output, baked.data)
-    write_together(({} if same else {options.output: baked.data}) | rules)
-    done = "left as it was" if same else "wrote"
-    progress.say(f"{done} {options.output}: {baked.fitted.count} Gaussians, {len(baked.data)} bytes")
-    with progress.stage("exam"):
-        exam = held_out.judge(references or {}, plan.placement.held_out, codec.decode(baked.data))
-    for view in (*exam.views, exam.mean) if exam.views else ():
-        progress.say(f"  {view.name}: loss {view.loss:.4f}; B at {_told(view.indirect)}; frame at {_told(view.final)}")
+    done = []
+
+    def write(data: bytes, gaussians: int) -> None:
+        same = options.if_changed and _holds(options.output, data)
+        write_together(({} if same else {options.output: data}) | rules)
+        verb = "left as it was" if same else "wrote"
+        done.append(f"{verb} {options.output}: {gaussians} Gaussians, {len(data)} bytes")
+        progress.say(done[-1])
+
+    report = job.run(plan, progress, write, options.evaluate, options.preview)
     cache.trim()
+    if report.evaluation and report.evaluation.mean:
+        for view in (*report.evaluation.views, report.evaluation.mean):
+            progress.say(f"  {view.name}: loss {view.loss:.4f}; B: {_told(view.indirect)}; frame: {_told(view.final)}")
+    if options.quiet:
+        ssim = "" if report.ssim is None else f", SSIM {report.ssim:.4f}"
+        console.close(f"{done[-1]}, {sum(report.seconds.values()):.0f} s{ssim}")
     if options.json:
-        print_json(_report(plan, baked, progress, exam))
-    _check_target(options, plan, baked)
+        print_json(report.as_dict())
+    if report.missed:
+        raise TargetError(f"{options.output}: {report.missed}")
+
+
+def _check_outputs(options: argparse.Namespace) -> None:
+    """Refuse before any work what could not be written or makes no sense."""
+    from gsgi.runtime.atomic import check_writable
+    from gsgi.runtime.errors import UsageError
+
+    check_writable(options.output)
+    if Path(options.output).resolve() == Path(options.scene).resolve():
+        raise UsageError(f"{options.output}: the output would overwrite the scene")
+    if options.depfile:
+        check_writable(options.depfile)
+    if not options.evaluate and (options.preview or options.target_loss is not None):
+        needs = "--preview" if options.preview else "--target-loss"
+        raise UsageError(f"--no-evaluate: {needs} needs the held-out views")
 
 
 def _rules(options: argparse.Namespace, plan, progress) -> dict[str, bytes]:
@@ -112,52 +125,5 @@ def _holds(path: str, data: bytes) -> bool:
         return False
 
 
-def _check_target(options: argparse.Namespace, plan, baked) -> None:
-    from gsgi.runtime.errors import TargetError
-
-    loss, target = baked.fitted.loss, options.target_loss
-    if target is None or loss is None or loss <= target:
-        return
-    most = max(fitted.budget for fitted in baked.tried)
-    reason = "more Gaussians did not help" if most < plan.settings.budget else "the budget is spent"
-    raise TargetError(
-        f"{options.output}: the loss in held-out views is {loss:.4f} at best, {loss / target - 1:.0%} above the target "
-        f"of {target:g}, with {baked.fitted.count} Gaussians: {reason}"
-    )
-
-
-def _told(score) -> str:
-    return f"PSNR {score.psnr:.2f} dB, SSIM {score.ssim:.4f} (ceiling {score.ssim_ceiling:.4f}), FLIP {score.flip:.4f}"
-
-
-def _report(plan, baked, progress, exam) -> dict:
-    """What was done and reached, for machines."""
-    import dataclasses
-    import resource
-
-    coverage = plan.placement.coverage
-    return {
-        "operator": plan.settings.operator,
-        "gaussians": baked.fitted.count,
-        "bytes": len(baked.data),
-        "budget": plan.settings.budget,
-        "target_loss": plan.settings.target_loss,
-        "dial": [
-            {"gaussians": f.count, "bytes": len(f.data), "loss": f.loss, "psnr": f.psnr, "fit_s": round(f.seconds, 3)}
-            for f in baked.tried
-        ],
-        "covered": None if baked.fitted.covered is None else round(baked.fitted.covered, 5),
-        "looks": [look._asdict() for look in baked.fitted.looks],
-        "bounces": plan.settings.bounces,
-        "views": len(plan.placement.fitted),
-        "view_size": plan.settings.size,
-        "samples": round(plan.samples, 1),
-        "paths": round(plan.points * plan.samples),
-        "coverage": [round(share, 4) for share in coverage.seen],
-        "texel_limit": coverage.texel_limit,
-        "hidden_area": sum(hidden.area for hidden in coverage.hidden),
-        "planned_memory": plan.memory,
-        "peak_memory": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
-        "stages": [{"stage": name, "seconds": round(value, 3)} for name, value in progress.seconds.items()],
-        "held_out": dataclasses.asdict(exam),
-    }
+def _told(found) -> str:
+    return f"PSNR {found.psnr:.2f} dB, SSIM {found.ssim:.4f} (ceiling {found.ssim_ceiling:.4f}), FLIP {found.flip:.4f}"

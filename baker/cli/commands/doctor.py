@@ -18,18 +18,22 @@ def add(commands) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Print the checks; exit code 5 if a bake or a frame could not be made."""
+    """Print the checks; exit code 5 if frames could not be drawn or bakes not be made."""
     import dataclasses
 
     from gsgi.baker.cli.json_output import print_json
-    from gsgi.baker.cli.machine_checks import examine
+    from gsgi.baker.cli.machine_checks import abilities, examine
 
     checks = examine()
+    able = abilities(checks)
     if options.json:
-        print_json([dataclasses.asdict(check) for check in checks])
+        print_json({"checks": [dataclasses.asdict(check) for check in checks], **able})
     else:
         for check in checks:
             print(f"{'ok ' if check.works else '-- '} {check.name:<10} {check.detail}")
             if check.advice:
                 print(f"    {'':<10} {check.advice}")
-    return 0 if all(check.works for check in checks if check.needed) else 5
+        for what, works in able.items():
+            print(f"\n{what} {'work' if works else 'do not work'} on this machine", end="")
+        print()
+    return 0 if all(able.values()) else 5

@@ -21,8 +21,8 @@ def add(commands) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Print the facts, one a line or as JSON."""
-    from gsgi.baker.cli.inputs import read_bake
     from gsgi.baker.cli.json_output import print_json
+    from gsgi.runtime.file.reader import read_bake
 
     facts = _facts(read_bake(options.file), Path(options.file).read_bytes())
     if options.json:

@@ -26,6 +26,7 @@ def add(commands) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Make the plan, time a sample of the work, print both."""
+    from gsgi.baker.cli.console import Console
     from gsgi.baker.cli.inputs import open_cache, plan_of
     from gsgi.baker.cli.json_output import print_json
     from gsgi.baker.estimate import estimate
@@ -33,7 +34,7 @@ def run(options: argparse.Namespace) -> None:
     from gsgi.baker.progress import Progress
     from gsgi.baker.views.coverage import coverage_summary
 
-    progress = Progress(options.quiet)
+    progress = Progress(Console(options.quiet))
     plan = plan_of(options, progress, open_cache(options, progress))
     with progress.stage("estimate"):
         seconds = estimate(plan)

@@ -26,6 +26,7 @@ def add(commands) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Trace and write the layer."""
+    from gsgi.baker.cli.console import Console
     from gsgi.baker.cli.inputs import choose_camera, read_scene
     from gsgi.baker.evaluation.pictures import write_layer
     from gsgi.baker.progress import Progress
@@ -36,7 +37,7 @@ def run(options: argparse.Namespace) -> None:
 
     check_image_path(options.output)
     check_writable(options.output)
-    progress = Progress(options.quiet)
+    progress = Progress(Console(options.quiet))
     with progress.stage("scene"):
         scene = read_scene(options, progress)
         camera = choose_camera(scene, options)

@@ -29,6 +29,7 @@ def add(commands) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Draw and write the layer."""
+    from gsgi.baker.cli.console import Console
     from gsgi.baker.cli.inputs import choose_camera, read_light, read_scene
     from gsgi.baker.evaluation.pictures import write_layer
     from gsgi.baker.progress import Progress
@@ -41,7 +42,7 @@ def run(options: argparse.Namespace) -> None:
     check_writable(options.output)
     if options.gi is None and options.layer == "indirect":
         raise UsageError("--layer indirect needs baked light: --gi FILE")
-    progress = Progress(options.quiet)
+    progress = Progress(Console(options.quiet))
     scene = read_scene(options, progress)
     baked = read_light(options, scene, progress)
     frame = scene, baked, choose_camera(scene, options), *options.size, options.backend, options.device

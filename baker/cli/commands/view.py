@@ -28,11 +28,12 @@ def run(options: argparse.Namespace) -> None:
     """Open the window; returns when it is closed."""
     from pathlib import Path
 
+    from gsgi.baker.cli.console import Console
     from gsgi.baker.cli.inputs import choose_camera, read_light, read_scene
     from gsgi.baker.progress import Progress
     from gsgi.runtime.viewer.window import Viewer
 
-    progress = Progress()
+    progress = Progress(Console())
     scene = read_scene(options, progress)
     baked = read_light(options, scene, progress)
     camera = choose_camera(scene, options)

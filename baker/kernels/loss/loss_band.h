@@ -100,9 +100,8 @@ ALWAYS_INLINE void write_gradient(
 
 // Windows top ... top + BATCH - 1, whose pixels are in the rings; [first, end) are the rows of the band.
 template <class Real>
-ALWAYS_INLINE void visit_windows(
-    const LossProblem<Real>& problem, RowIndex top, RowIndex first, RowIndex end, const LossRows<Real>& rows,
-    LossSums& sums)
+ALWAYS_INLINE void visit_windows(const LossProblem<Real>& problem, RowIndex top, RowIndex first, RowIndex end,
+    const LossRows<Real>& rows, LossSums& sums)
 {
     blur_maps(problem.taps, top, rows);
     const RowIndex needed = later(first - HALO, 0);

@@ -11,8 +11,8 @@
 // instruction set computes the same bits.
 #pragma once
 
-#include "simd/inline.h"
 #include "loss/loss_records.h"
+#include "simd/inline.h"
 
 namespace INSTRUCTION_SET {
 

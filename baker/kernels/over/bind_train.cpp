@@ -7,9 +7,9 @@
 #include <nanobind/stl/optional.h>
 
 #include "dispatch.h"
-#include "parallel.h"
 #include "over/pinhole.h"
 #include "over/splat.h"
+#include "parallel.h"
 
 using namespace nb::literals;
 

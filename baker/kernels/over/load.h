@@ -1,8 +1,8 @@
 // Eight Gaussians from arrays to lanes, and back.
 #pragma once
 
-#include "simd/elementary.h"
 #include "over/projection.h"
+#include "simd/elementary.h"
 
 namespace INSTRUCTION_SET {
 

@@ -4,9 +4,9 @@
 // the pixels, and needles and giants lose no digits.
 #pragma once
 
+#include "over/records.h"
 #include "simd/elementary.h"
 #include "simd/linear.h"
-#include "over/records.h"
 
 namespace INSTRUCTION_SET {
 

@@ -5,8 +5,8 @@
 // gradients.
 #pragma once
 
-#include "simd/elementary.h"
 #include "over/records.h"
+#include "simd/elementary.h"
 
 namespace INSTRUCTION_SET {
 

@@ -81,14 +81,14 @@ template <class Real> static void bind_precision(nb::module_& m, const char* nam
             "gaussians"_a, "light"_a.noconvert(), "by_light"_a.noconvert(), "inverse_weight"_a.noconvert(),
             "error"_a.noconvert(), "Sums (N, 16) over the points, see FIELD_MOMENTS.")
         .def(
-            "spread",
+            "transposed",
             [](Field<Real>& self, nb::handle gaussians, Vectors values, Values inverse_weight) {
                 const auto arrays = listed(self, gaussians);
                 for (size_t n : {values.shape(0), inverse_weight.shape(0)})
                     require(n == self.count(), "one value per point is needed");
                 auto result = allocate<Real>({arrays.count, arrays.coefficients, 3});
                 nb::gil_scoped_release unlocked;
-                self.spread(arrays, values.data(), inverse_weight.data(), result.data());
+                self.transposed(arrays, values.data(), inverse_weight.data(), result.data());
                 return result;
             },
             "gaussians"_a, "values"_a.noconvert(), "inverse_weight"_a.noconvert(),

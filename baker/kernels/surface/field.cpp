@@ -10,7 +10,7 @@ namespace {
 
 constexpr double SCALE_MIN = 1e-12; // m; its inverse times any distance is a float
 constexpr size_t FAN = 8;           // boxes of one level in a box of the next
-constexpr size_t READER_GRAIN = 1024, GAUSSIAN_GRAIN = 64, BLOCK_GRAIN = 32; // of parallel loops
+constexpr size_t PREPARE_GRAIN = 1024, GAUSSIAN_GRAIN = 64, BLOCK_GRAIN = 32; // of parallel loops
 
 template <class Real> Box box_of(const PointBlock<Real>& block)
 {
@@ -34,12 +34,12 @@ Box united(const Box* boxes, size_t count)
     return all;
 }
 
-template <class Real> Reader<Real> reader_of(const FieldArrays<Real>& a, size_t i)
+template <class Real> PreparedGaussian<Real> prepared_gaussian(const FieldArrays<Real>& a, size_t i)
 {
     const Real x = a.rotation[4 * i], y = a.rotation[4 * i + 1], z = a.rotation[4 * i + 2],
                w = a.rotation[4 * i + 3];
     // The axes are the columns of the rotation.
-    Reader<Real> r = {{},
+    PreparedGaussian<Real> r = {{},
         {{1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)},
             {2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)},
             {2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)}},
@@ -68,7 +68,7 @@ Field<Real>::Field(size_t count, const Real* position, const Real* normal)
     : points(count)
     , blocks((count + FIELD_LANES - 1) / FIELD_LANES)
     , first_entry(1)
-    , first_reach(blocks.size() + 1)
+    , first_in_block(blocks.size() + 1)
 {
     for (size_t b = 0; b < blocks.size(); ++b)
         for (size_t lane = 0; lane < FIELD_LANES; ++lane) {
@@ -92,15 +92,16 @@ Field<Real>::Field(size_t count, const Real* position, const Real* normal)
 // Calls visit(block), in rising order, for the blocks that a Gaussian `margin` times as large would reach.
 template <class Real>
 template <class Visit>
-void Field<Real>::visit_touched(const Reader<Real>& reader, double radius, double margin, Visit&& visit) const
+void Field<Real>::visit_touched(
+    const PreparedGaussian<Real>& gaussian, double radius, double margin, Visit&& visit) const
 {
     double low[3], high[3];
     for (int axis = 0; axis < 3; ++axis) {
         double square = 0;
         for (int i = 0; i < 3; ++i)
-            square += std::pow(reader.axes[i][axis] / reader.inverse_scale[i], 2);
+            square += std::pow(gaussian.axes[i][axis] / gaussian.inverse_scale[i], 2);
         const double half = radius * margin * std::sqrt(square);
-        low[axis] = reader.position[axis] - half, high[axis] = reader.position[axis] + half;
+        low[axis] = gaussian.position[axis] - half, high[axis] = gaussian.position[axis] + half;
     }
     const auto descend = [&](const auto& self, size_t level, size_t first, size_t last) -> void {
         for (size_t i = first; i < last; ++i) {
@@ -112,7 +113,7 @@ void Field<Real>::visit_touched(const Reader<Real>& reader, double radius, doubl
                 continue;
             if (level > 0)
                 self(self, level - 1, FAN * i, std::min(FAN * (i + 1), levels[level - 1].size()));
-            else if (field_kernels<Real>().touches(reader, blocks[i], blend, margin))
+            else if (field_kernels<Real>().touches(gaussian, blocks[i], blend, margin))
                 visit(i);
         }
     };
@@ -121,10 +122,10 @@ void Field<Real>::visit_touched(const Reader<Real>& reader, double radius, doubl
 
 template <class Real> void Field<Real>::prepare(const FieldArrays<Real>& gaussians)
 {
-    readers.reserve(gaussians.count);
-    parallel_for(gaussians.count, READER_GRAIN, [&](size_t begin, size_t end) {
+    prepared_gaussians.reserve(gaussians.count);
+    parallel_for(gaussians.count, PREPARE_GRAIN, [&](size_t begin, size_t end) {
         for (size_t i = begin; i < end; ++i)
-            readers.get()[i] = reader_of(gaussians, i);
+            prepared_gaussians.get()[i] = prepared_gaussian(gaussians, i);
     });
 }
 
@@ -137,7 +138,7 @@ void Field<Real>::list(const FieldArrays<Real>& gaussians, const FieldBlend& ope
     first_entry.assign(gaussians.count + 1, 0);
     parallel_for(gaussians.count, GAUSSIAN_GRAIN, [&](size_t begin, size_t end) {
         for (size_t i = begin; i < end; ++i)
-            visit_touched(readers.get()[i], radius, margin, [&](size_t) { ++first_entry[i + 1]; });
+            visit_touched(prepared_gaussians.get()[i], radius, margin, [&](size_t) { ++first_entry[i + 1]; });
     });
     for (size_t i = 0; i < gaussians.count; ++i)
         first_entry[i + 1] += first_entry[i];
@@ -145,20 +146,20 @@ void Field<Real>::list(const FieldArrays<Real>& gaussians, const FieldBlend& ope
     parallel_for(gaussians.count, GAUSSIAN_GRAIN, [&](size_t begin, size_t end) {
         for (size_t i = begin; i < end; ++i) {
             size_t next = first_entry[i];
-            visit_touched(
-                readers.get()[i], radius, margin, [&](size_t b) { block_of[next++] = uint32_t(b); });
+            visit_touched(prepared_gaussians.get()[i], radius, margin,
+                [&](size_t b) { block_of[next++] = uint32_t(b); });
         }
     });
-    first_reach.assign(blocks.size() + 1, 0);
+    first_in_block.assign(blocks.size() + 1, 0);
     for (uint32_t b : block_of)
-        ++first_reach[b + 1];
+        ++first_in_block[b + 1];
     for (size_t b = 0; b < blocks.size(); ++b)
-        first_reach[b + 1] += first_reach[b];
-    std::vector<size_t> next(first_reach.begin(), first_reach.end() - 1);
-    reached.resize(block_of.size());
+        first_in_block[b + 1] += first_in_block[b];
+    std::vector<size_t> next(first_in_block.begin(), first_in_block.end() - 1);
+    entries.resize(block_of.size());
     for (size_t i = 0; i < gaussians.count; ++i)
         for (size_t entry = first_entry[i]; entry < first_entry[i + 1]; ++entry)
-            reached[next[block_of[entry]]++] = {uint32_t(i), uint32_t(entry)};
+            entries[next[block_of[entry]]++] = {uint32_t(i), uint32_t(entry)};
 }
 
 // Calls body(block, reading, first point, points) for all blocks.
@@ -170,9 +171,9 @@ void Field<Real>::for_each_block(const FieldArrays<Real>& gaussians, Body&& body
     parallel_for(blocks.size(), BLOCK_GRAIN, [&](size_t begin, size_t end) {
         for (size_t b = begin; b < end; ++b) {
             const size_t first = b * FIELD_LANES;
-            const BlockReading<Real> reading = {&blocks[b], reached.data() + first_reach[b],
-                first_reach[b + 1] - first_reach[b], readers.get(), gaussians.sh, gaussians.coefficients,
-                blend};
+            const BlockReading<Real> reading = {&blocks[b], entries.data() + first_in_block[b],
+                first_in_block[b + 1] - first_in_block[b], prepared_gaussians.get(), gaussians.sh,
+                gaussians.coefficients, blend};
             body(reading, first, std::min(size_t(FIELD_LANES), points - first));
         }
     });
@@ -207,7 +208,7 @@ template <class Real>
 void Field<Real>::backward(const FieldArrays<Real>& gaussians, const Real* light, const Real* by_light,
     const Real* inverse_weight, const Real* error, Real* moments)
 {
-    by_entry.reserve(reached.size() * FIELD_MOMENTS);
+    by_entry.reserve(entries.size() * FIELD_MOMENTS);
     for_each_block(gaussians, [&](const BlockReading<Real>& reading, size_t first, size_t count) {
         const BlockValues<Real> l(light, 3, first, count), by(by_light, 3, first, count),
             inverse(inverse_weight, 1, first, count), e(error, 1, first, count);
@@ -218,16 +219,16 @@ void Field<Real>::backward(const FieldArrays<Real>& gaussians, const Real* light
 }
 
 template <class Real>
-void Field<Real>::spread(
-    const FieldArrays<Real>& gaussians, const Real* values, const Real* inverse_weight, Real* spread)
+void Field<Real>::transposed(
+    const FieldArrays<Real>& gaussians, const Real* values, const Real* inverse_weight, Real* transposed)
 {
     const size_t columns = 3 * gaussians.coefficients;
-    by_entry.reserve(reached.size() * columns);
+    by_entry.reserve(entries.size() * columns);
     for_each_block(gaussians, [&](const BlockReading<Real>& reading, size_t first, size_t count) {
         const BlockValues<Real> v(values, 3, first, count), inverse(inverse_weight, 1, first, count);
-        field_kernels<Real>().spread(reading, v.value, inverse.value, by_entry.get());
+        field_kernels<Real>().transposed(reading, v.value, inverse.value, by_entry.get());
     });
-    sum_entries(gaussians.count, columns, spread);
+    sum_entries(gaussians.count, columns, transposed);
 }
 
 template class Field<float>;

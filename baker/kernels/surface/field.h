@@ -24,17 +24,18 @@ public:
     void backward(const FieldArrays<Real>& gaussians, const Real* light, const Real* by_light,
         const Real* inverse_weight, const Real* error, Real* moments);
 
-    // spread (N, K, 3): sum of share Y_k(n) values (count, 3) over the points; the transpose of reading.
-    void spread(
-        const FieldArrays<Real>& gaussians, const Real* values, const Real* inverse_weight, Real* spread);
+    // result (N, K, 3): sum of share Y_k(n) values (count, 3) over the points; the transpose of reading.
+    void transposed(
+        const FieldArrays<Real>& gaussians, const Real* values, const Real* inverse_weight, Real* transposed);
 
     size_t count() const { return points; }
-    size_t entry_count() const { return reached.size(); }    // pairs of a Gaussian and a block
+    size_t entry_count() const { return entries.size(); }    // pairs of a Gaussian and a block
     size_t listed() const { return first_entry.size() - 1; } // Gaussians
 
 private:
     template <class Visit>
-    void visit_touched(const Reader<Real>& reader, double radius, double margin, Visit&& visit) const;
+    void visit_touched(
+        const PreparedGaussian<Real>& gaussian, double radius, double margin, Visit&& visit) const;
     template <class Body> void for_each_block(const FieldArrays<Real>& gaussians, Body&& body);
     void prepare(const FieldArrays<Real>& gaussians);
     void sum_entries(size_t gaussians, size_t columns, Real* to) const;
@@ -43,9 +44,9 @@ private:
     std::vector<PointBlock<Real>> blocks;
     std::vector<std::vector<Box>> levels; // boxes of blocks, of 8 blocks, of 64 blocks ...
     FieldBlend blend = {};
-    std::vector<size_t> first_entry; // by Gaussian
-    std::vector<size_t> first_reach; // by block
-    std::vector<Reach> reached;      // block by block
-    Buffer<Reader<Real>> readers;
+    std::vector<size_t> first_entry;    // by Gaussian
+    std::vector<size_t> first_in_block; // by block
+    std::vector<ListEntry> entries;     // block by block
+    Buffer<PreparedGaussian<Real>> prepared_gaussians;
     Buffer<Real> by_entry;
 };

@@ -33,44 +33,45 @@ template <class Real> struct Weighed {
     L e[3];
     L gauss;   // exp(-q / 2)
     L falloff; // max(0, gauss - cutoff)
-    L cosine;  // max(0, n . n_i), or 1 where sharpness is 0
-    L before;  // cosine^(sharpness - 1)
-    L scaled;  // opacity cosine^sharpness
-    L weight;  // scaled falloff
+    L n_dot_n; // max(0, n . n_i), or 1 where sharpness is 0
+    L lower;   // n_dot_n^(sharpness - 1)
+    L scaled;  // opacity facing, with facing = n_dot_n^sharpness
+    L weight;  // opacity facing falloff
 
-    ALWAYS_INLINE Weighed(const Reader<Real>& reader, const PointLanes<Real>& at, const FieldBlend& blend)
+    ALWAYS_INLINE Weighed(
+        const PreparedGaussian<Real>& gaussian, const PointLanes<Real>& at, const FieldBlend& blend)
     {
-        const L dx = at.x - L(reader.position[0]), dy = at.y - L(reader.position[1]),
-                dz = at.z - L(reader.position[2]);
+        const L dx = at.x - L(gaussian.position[0]), dy = at.y - L(gaussian.position[1]),
+                dz = at.z - L(gaussian.position[2]);
         for (int i = 0; i < 3; ++i)
-            e[i] = L(reader.inverse_scale[i]) *
-                fma(L(reader.axes[i][0]), dx, fma(L(reader.axes[i][1]), dy, L(reader.axes[i][2]) * dz));
+            e[i] = L(gaussian.inverse_scale[i]) *
+                fma(L(gaussian.axes[i][0]), dx, fma(L(gaussian.axes[i][1]), dy, L(gaussian.axes[i][2]) * dz));
         const L q = fma(e[0], e[0], fma(e[1], e[1], e[2] * e[2]));
         // exp2(q * -1/2 log2(e)); what is farther weighs nothing, nor does NaN.
         gauss = exp2(max(q * L(Real(-0.72134752044448170)), L(-126)));
         falloff = max(gauss - L(Real(blend.cutoff)), L(0));
-        cosine = before = 1;
+        n_dot_n = lower = 1;
         if (blend.sharpness > 0)
-            cosine = max(at.normal_along(reader.axes[2]), L(0));
+            n_dot_n = max(at.normal_along(gaussian.axes[2]), L(0));
         for (int i = 1; i < blend.sharpness; ++i)
-            before = before * cosine;
-        scaled = L(reader.opacity) * before * cosine;
+            lower = lower * n_dot_n;
+        scaled = L(gaussian.opacity) * lower * n_dot_n;
         weight = scaled * falloff;
     }
 };
 
 template <class Real>
-bool touches(
-    const Reader<Real>& reader, const PointBlock<Real>& block, const FieldBlend& blend, double margin)
+bool touches(const PreparedGaussian<Real>& gaussian, const PointBlock<Real>& block, const FieldBlend& blend,
+    double margin)
 {
     using L = Points<Real>;
     const PointLanes<Real> at(block);
-    Reader<Real> larger = reader;
+    PreparedGaussian<Real> larger = gaussian;
     for (Real& s : larger.inverse_scale)
         s = Real(s / margin);
     const Weighed<Real> w(larger, at, blend);
     const auto is_point = L(0) < at.nx * at.nx + at.ny * at.ny + at.nz * at.nz;
-    return bits_of(is_point & (L(0) < w.falloff) & (L(0) < w.cosine)) != 0;
+    return bits_of(is_point & (L(0) < w.falloff) & (L(0) < w.n_dot_n)) != 0;
 }
 
 // Spherical harmonics of the normals, as kernels/sh.h has them.
@@ -120,12 +121,12 @@ template <class Real> ALWAYS_INLINE void scatter(Points<Real> values, Real* to, 
         to[i * stride + offset] = lanes[i];
 }
 
-constexpr size_t READERS_AHEAD = 8;
+constexpr size_t GAUSSIANS_AHEAD = 8;
 
-template <class Real> ALWAYS_INLINE void prefetch_reader(const BlockReading<Real>& in, size_t i)
+template <class Real> ALWAYS_INLINE void prefetch_gaussian(const BlockReading<Real>& in, size_t i)
 {
-    if (i + READERS_AHEAD < in.reached_count)
-        prefetch(in.readers[in.reached[i + READERS_AHEAD].gaussian]);
+    if (i + GAUSSIANS_AHEAD < in.list_length)
+        prefetch(in.gaussians[in.list[i + GAUSSIANS_AHEAD].gaussian]);
 }
 
 template <class Real> void read(const BlockReading<Real>& in, Real* sums)
@@ -134,11 +135,11 @@ template <class Real> void read(const BlockReading<Real>& in, Real* sums)
     const PointLanes<Real> at(*in.points);
     const NormalBasis<Real> basis(at, in.coefficients);
     L light[3] = {0, 0, 0}, weight = 0;
-    for (size_t i = 0; i < in.reached_count; ++i) {
-        prefetch_reader(in, i);
-        const Reader<Real>& reader = in.readers[in.reached[i].gaussian];
-        const Real* const sh = in.sh + size_t(in.reached[i].gaussian) * in.coefficients * 3;
-        const Weighed<Real> weighed(reader, at, in.blend);
+    for (size_t i = 0; i < in.list_length; ++i) {
+        prefetch_gaussian(in, i);
+        const PreparedGaussian<Real>& gaussian = in.gaussians[in.list[i].gaussian];
+        const Real* const sh = in.sh + size_t(in.list[i].gaussian) * in.coefficients * 3;
+        const Weighed<Real> weighed(gaussian, at, in.blend);
         weight = weight + weighed.weight;
         for (int c = 0; c < 3; ++c)
             light[c] = fma(weighed.weight, basis.colour(sh, in.coefficients, c), light[c]);
@@ -161,29 +162,30 @@ void read_backward(const BlockReading<Real>& in, const Real* light, const Real* 
         by[c] = gather(by_light, 3, c) * inverse;
         shown = fma(by[c], gather(light, 3, c), shown);
     }
-    for (size_t i = 0; i < in.reached_count; ++i) {
-        prefetch_reader(in, i);
-        const Reader<Real>& reader = in.readers[in.reached[i].gaussian];
-        const Real* const sh = in.sh + size_t(in.reached[i].gaussian) * in.coefficients * 3;
-        const Weighed<Real> weighed(reader, at, in.blend);
+    for (size_t i = 0; i < in.list_length; ++i) {
+        prefetch_gaussian(in, i);
+        const PreparedGaussian<Real>& gaussian = in.gaussians[in.list[i].gaussian];
+        const Real* const sh = in.sh + size_t(in.list[i].gaussian) * in.coefficients * 3;
+        const Weighed<Real> weighed(gaussian, at, in.blend);
         const auto inside = L(0) < weighed.falloff;
         L p = L(0) - shown;
         for (int c = 0; c < 3; ++c)
             p = fma(by[c], basis.colour(sh, in.coefficients, c), p);
         const L* const e = weighed.e;
         const L w = weighed.weight, g = select(inside, p * weighed.scaled * weighed.gauss, L(0));
-        const L by_cosine = L(reader.opacity * Real(in.blend.sharpness)) * weighed.before * weighed.falloff;
-        const L h = select(L(0) < weighed.cosine, p * by_cosine, L(0));
-        const L n_x = at.normal_along(reader.axes[0]), n_y = at.normal_along(reader.axes[1]);
+        const L by_n_dot_n = L(gaussian.opacity * Real(in.blend.sharpness)) * weighed.lower * weighed.falloff;
+        const L h = select(L(0) < weighed.n_dot_n, p * by_n_dot_n, L(0));
+        const L n_x = at.normal_along(gaussian.axes[0]), n_y = at.normal_along(gaussian.axes[1]);
         const L gx = g * e[0], gy = g * e[1], gz = g * e[2];
         const L all[FIELD_MOMENTS] = {gx, gy, gz, gx * e[0], gx * e[1], gx * e[2], gy * e[1], gy * e[2],
             gz * e[2], p * w, h * n_x, h * n_y, w * by[0], w * by[1], w * by[2], w * inverse * err};
-        sums(all).store(moments + size_t(in.reached[i].entry) * FIELD_MOMENTS);
+        sums(all).store(moments + size_t(in.list[i].entry) * FIELD_MOMENTS);
     }
 }
 
 template <class Real>
-void spread(const BlockReading<Real>& in, const Real* values, const Real* inverse_weight, Real* spread)
+void transposed(
+    const BlockReading<Real>& in, const Real* values, const Real* inverse_weight, Real* transposed)
 {
     using L = Points<Real>;
     const PointLanes<Real> at(*in.points);
@@ -193,10 +195,10 @@ void spread(const BlockReading<Real>& in, const Real* values, const Real* invers
     for (int c = 0; c < 3; ++c)
         value[c] = gather(values, 3, c) * inverse;
     const size_t columns = 3 * in.coefficients;
-    for (size_t i = 0; i < in.reached_count; ++i) {
-        prefetch_reader(in, i);
-        const Reader<Real>& reader = in.readers[in.reached[i].gaussian];
-        const Weighed<Real> weighed(reader, at, in.blend);
+    for (size_t i = 0; i < in.list_length; ++i) {
+        prefetch_gaussian(in, i);
+        const PreparedGaussian<Real>& gaussian = in.gaussians[in.list[i].gaussian];
+        const Weighed<Real> weighed(gaussian, at, in.blend);
         L all[2 * FIELD_LANES];
         for (L& lanes : all)
             lanes = 0;
@@ -207,11 +209,11 @@ void spread(const BlockReading<Real>& in, const Real* values, const Real* invers
         sums(all).store(total);
         if (columns > FIELD_LANES)
             sums(all + FIELD_LANES).store(total + FIELD_LANES);
-        std::memcpy(spread + in.reached[i].entry * columns, total, columns * sizeof(Real));
+        std::memcpy(transposed + in.list[i].entry * columns, total, columns * sizeof(Real));
     }
 }
 
 template <class Real>
-constexpr FieldKernels<Real> FIELD = {touches<Real>, read<Real>, read_backward<Real>, spread<Real>};
+constexpr FieldKernels<Real> FIELD = {touches<Real>, read<Real>, read_backward<Real>, transposed<Real>};
 
 } // namespace INSTRUCTION_SET

@@ -7,8 +7,8 @@
 constexpr int FIELD_LANES = 16; // points that are read together
 constexpr int FIELD_SH_MAX = 9; // coefficients
 
-// Sums over the points that a Gaussian reaches, with p = dloss / dw, g = p dw / dG G, h = p dw / dcosine and
-// share = w / sum w: of g e (x, y, z); g e e^T (xx, xy, xz, yy, yz, zz); p w; h n (x, y in the Gaussian's
+// Sums over the points that a Gaussian reaches, with p = dloss / dw, g = p dw / dG G, h = p dw / d(n . n_i)
+// and share = w / sum w: of g e (x, y, z); g e e^T (xx, xy, xz, yy, yz, zz); p w; h n (x, y in the Gaussian's
 // axes); share dloss / dB (red, green, blue); share error.
 constexpr int FIELD_MOMENTS = 16;
 
@@ -30,7 +30,7 @@ struct FieldBlend {
 };
 
 // One Gaussian, ready to be read: e = inverse_scale (axes (x - position)), q = e . e.
-template <class Real> struct Reader {
+template <class Real> struct PreparedGaussian {
     Real position[3];
     Real axes[3][3]; // rows: the ellipsoid's axes, unit; the last is the Gaussian's normal
     Real inverse_scale[3];
@@ -49,7 +49,7 @@ struct Box {
 };
 
 // A Gaussian that reaches a block, and its place in the list by Gaussian.
-struct Reach {
+struct ListEntry {
     uint32_t gaussian;
     uint32_t entry;
 };
@@ -57,9 +57,9 @@ struct Reach {
 // A block and the Gaussians to be read there.
 template <class Real> struct BlockReading {
     const PointBlock<Real>* points;
-    const Reach* reached;
-    size_t reached_count;
-    const Reader<Real>* readers;
+    const ListEntry* list;
+    size_t list_length;
+    const PreparedGaussian<Real>* gaussians;
     const Real* sh; // (N, K, 3)
     size_t coefficients;
     FieldBlend blend;
@@ -67,12 +67,13 @@ template <class Real> struct BlockReading {
 
 template <class Real> struct FieldKernels {
     // Whether a Gaussian weighs anything at some point of a block, were it `margin` times as large.
-    bool (*touches)(const Reader<Real>&, const PointBlock<Real>&, const FieldBlend&, double margin);
+    bool (*touches)(const PreparedGaussian<Real>&, const PointBlock<Real>&, const FieldBlend&, double margin);
     // Writes sums (lanes, 4) of w c and w.
     void (*read)(const BlockReading<Real>&, Real* sums);
     // Writes moments[entry] (FIELD_MOMENTS) from B and dloss / dB (lanes, 3), 1 / sum w and error (lanes,).
     void (*read_backward)(const BlockReading<Real>&, const Real* light, const Real* by_light,
         const Real* inverse_weight, const Real* error, Real* moments);
-    // Writes spread[entry] (K, 3), the sums over the lanes of share Y_k(n) values (lanes, 3).
-    void (*spread)(const BlockReading<Real>&, const Real* values, const Real* inverse_weight, Real* spread);
+    // Writes transposed[entry] (K, 3), the sums over the lanes of share Y_k(n) values (lanes, 3).
+    void (*transposed)(
+        const BlockReading<Real>&, const Real* values, const Real* inverse_weight, Real* transposed);
 };

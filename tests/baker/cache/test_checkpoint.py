@@ -9,7 +9,7 @@ import scenes
 from gsgi.baker.cache import checkpoint as module
 from gsgi.baker.cache.checkpoint import Checkpoint
 from gsgi.baker.cache.store import Cache, entries, task_key
-from gsgi.baker.over.fit import Course, View, fit
+from gsgi.baker.over.fit import Schedule, TargetView, fit
 from gsgi.runtime.gaussians import Gaussians, OverBlend
 
 KEY = task_key("checkpoint", number=1)
@@ -29,9 +29,10 @@ def problem(degree: int = 0) -> tuple:
     sh = rng.random((COUNT, (degree + 1) ** 2, 3), np.float32)
     start = Gaussians(position, rotation, np.full((COUNT, 3), 0.1, np.float32), np.full(COUNT, 0.5, np.float32), sh)
     views = [
-        View(scenes.inside_camera(), rng.random((24, 24, 3), np.float32), np.ones((24, 24), bool)) for _ in range(3)
+        TargetView(scenes.inside_camera(), rng.random((24, 24, 3), np.float32), np.ones((24, 24), bool))
+        for _ in range(3)
     ]
-    return start, views, OverBlend(near=0.01), 0.5, Course(BUDGET, ITERATIONS, seed=5)
+    return start, views, OverBlend(near=0.01), 0.5, Schedule(BUDGET, ITERATIONS, seed=5)
 
 
 @pytest.fixture

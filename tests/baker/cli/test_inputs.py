@@ -7,6 +7,7 @@ import pytest
 import scenes
 from gltf_files import quad_scene, write
 
+from gsgi.baker.cli.console import Console
 from gsgi.baker.cli.inputs import WARNINGS, choose_camera, read_scene
 from gsgi.baker.progress import Progress
 from gsgi.runtime.errors import UsageError
@@ -33,7 +34,7 @@ def test_many_warnings_of_one_kind_are_counted(tmp_path, capsys):
     path = str(write(tmp_path / "a.glb", document, data))
     light = dict.fromkeys(("lights", "env", "env_rotation", "env_scale", "sun", "sun_irradiance", "sun_color"))
     options = SimpleNamespace(scene=path, limit=None, transparent="cutout", light_scale=None, **light)
-    scene = read_scene(options, Progress())
+    scene = read_scene(options, Progress(Console()))
     lines = [line for line in capsys.readouterr().err.splitlines() if "alphaMode" in line]
     assert sum("is blended" in warning for warning in scene.warnings) == 40
     assert len(lines) == WARNINGS + 1

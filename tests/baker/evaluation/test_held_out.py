@@ -1,4 +1,4 @@
-"""The exam: one exposure for all views, honest means, and the same loss as the fit asks for on its way."""
+"""The evaluation: one exposure for all views, honest means, and the same loss as the fit asks for on its way."""
 
 from copy import deepcopy
 from dataclasses import replace
@@ -9,8 +9,9 @@ import pytest
 import scenes
 
 from gsgi.baker.evaluation import held_out
-from gsgi.baker.evaluation.held_out import HeldOutLoss, exposure, judge
-from gsgi.baker.trace.reference import Reference, judge_indirect
+from gsgi.baker.evaluation.comparison import compare_indirect
+from gsgi.baker.evaluation.held_out import HeldOutLoss, evaluate, exposure
+from gsgi.baker.trace.reference import Reference
 from gsgi.baker.trace.tracer import Surface
 from gsgi.runtime.camera import look_at
 from gsgi.runtime.display import auto_exposure
@@ -95,25 +96,25 @@ def test_a_bake_is_drawn_where_the_reference_was_traced(baked, truths):
         assert not image[~valid].any()
 
 
-def test_the_loss_on_the_way_is_that_of_the_exam(baked, truths):
+def test_the_loss_on_the_way_is_that_of_the_evaluation(baked, truths):
     worse = scaled(baked, 1.2)
-    exam = judge(truths, CAMERAS, worse)
+    evaluation = evaluate(truths, CAMERAS, worse)
     loss, psnr = HeldOutLoss(truths, CAMERAS, 0.5).of(worse)
-    assert loss == pytest.approx(exam.mean.loss, rel=1e-6)
-    assert psnr == pytest.approx(exam.mean.indirect.psnr, abs=1e-4)
-    better = judge(truths, CAMERAS, baked).mean
-    assert better.loss < exam.mean.loss / 2
+    assert loss == pytest.approx(evaluation.mean.loss, rel=1e-6)
+    assert psnr == pytest.approx(evaluation.mean.indirect.psnr, abs=1e-4)
+    better = evaluate(truths, CAMERAS, baked).mean
+    assert better.loss < evaluation.mean.loss / 2
     assert better.indirect.psnr > psnr + 10
-    assert better.final.psnr > exam.mean.final.psnr + 10
+    assert better.final.psnr > evaluation.mean.final.psnr + 10
 
 
 def test_the_mean_is_of_what_the_views_add_up_to(baked, truths):
-    exam = judge(truths, CAMERAS, scaled(baked, 1.2))
-    assert [view.name for view in exam.views] == list(CAMERAS)
-    assert exam.mean.name == "mean of 2 views"
-    assert exam.mean.loss == pytest.approx(np.mean([view.loss for view in exam.views]))
+    evaluation = evaluate(truths, CAMERAS, scaled(baked, 1.2))
+    assert [view.name for view in evaluation.views] == list(CAMERAS)
+    assert evaluation.mean.name == "mean of 2 views"
+    assert evaluation.mean.loss == pytest.approx(np.mean([view.loss for view in evaluation.views]))
     for layer in ("indirect", "final"):
-        mean, scores = getattr(exam.mean, layer), [getattr(view, layer) for view in exam.views]
+        mean, scores = getattr(evaluation.mean, layer), [getattr(view, layer) for view in evaluation.views]
         assert 10 ** (-mean.psnr / 10) == pytest.approx(np.mean([10 ** (-s.psnr / 10) for s in scores]))
         for name in ("ssim", "ssim_ceiling", "flip"):
             assert getattr(mean, name) == pytest.approx(np.mean([getattr(score, name) for score in scores]))
@@ -137,15 +138,15 @@ def test_a_dark_view_is_judged_as_dark_as_it_looks(baked, truths):
     dark = reference_of(np.float32(1e-5) * rng.uniform(size=(SIZE, SIZE, 3)).astype(np.float32), noise=1e-6)
     nearly_dark = np.full((SIZE, SIZE, 3), 1e-4, np.float32)
     one = exposure([dark.indirect, *(truth.indirect for truth in truths.values())])
-    own, honest = judge_indirect(nearly_dark, dark).difference, judge_indirect(nearly_dark, dark, one).difference
+    own, honest = compare_indirect(nearly_dark, dark), compare_indirect(nearly_dark, dark, one)
     assert own.psnr < 5
     assert own.ssim < 0.8
     assert honest.psnr > 60
     assert honest.ssim > 0.99
-    exam = judge(truths | {"dark": dark}, CAMERAS | {"dark": CAMERAS["front"]}, baked)
-    alone = judge(truths, CAMERAS, baked)
+    evaluation = evaluate(truths | {"dark": dark}, CAMERAS | {"dark": CAMERAS["front"]}, baked)
+    alone = evaluate(truths, CAMERAS, baked)
     # One dark view of three makes the others look brighter by a fourth of a stop.
-    for with_dark, without in zip(exam.views, alone.views, strict=False):
+    for with_dark, without in zip(evaluation.views, alone.views, strict=False):
         assert with_dark.indirect.psnr == pytest.approx(without.indirect.psnr - 10 * np.log10(1.5), abs=0.1)
         assert with_dark.loss == without.loss
 
@@ -160,16 +161,16 @@ def test_one_exposure_for_a_scene():
     assert exposure([]) == exposure([black, black]) == 1
 
 
-def test_views_without_a_b_are_no_part_of_the_exam(truths):
+def test_views_without_a_b_are_no_part_of_the_evaluation(truths):
     blind = replace(truths["back"], valid=np.zeros((SIZE, SIZE), bool))
     found = iter([truths["front"], blind])
     light = SimpleNamespace(reference=lambda camera, size, samples, seed, advance: next(found))
-    plan = SimpleNamespace(light=light, placement=SimpleNamespace(held_out=CAMERAS), settings=SimpleNamespace(seed=0))
+    plan = SimpleNamespace(tracer=light, placement=SimpleNamespace(held_out=CAMERAS), settings=SimpleNamespace(seed=0))
     assert list(held_out.references(plan, print)) == ["front"]
     assert held_out.points(plan) == 2 * 2 * held_out.SIZE**2
 
 
 def test_no_view_is_no_failure(baked):
-    exam = judge({}, CAMERAS, baked)
-    assert (exam.views, exam.mean) == ([], None)
+    evaluation = evaluate({}, CAMERAS, baked)
+    assert (evaluation.views, evaluation.mean) == ([], None)
     assert HeldOutLoss({}, CAMERAS, 0.5).of(baked) == (0.0, 100.0)

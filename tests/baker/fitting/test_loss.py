@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import torch
 
-from gsgi.baker import _kernels
 from gsgi.baker.evaluation import metrics
 from gsgi.baker.fitting.loss import Loss, image_loss
 from gsgi.baker.fitting.target import Target
+from gsgi.baker.native import kernels
 from gsgi.baker.over import cuda_loss
 
 SCALE = 0.5
@@ -98,10 +98,10 @@ def test_same_bits_for_any_number_of_threads(dtype):
     target = target_of(light)
     results = []
     for threads in (1, 2, 7):
-        _kernels.set_thread_count(threads)
+        kernels.set_thread_count(threads)
         loss = image_loss(image, target)
         results.append((loss.value, loss.by_image.tobytes(), loss.error.tobytes()))
-    _kernels.set_thread_count(0)
+    kernels.set_thread_count(0)
     assert results[0] == results[1] == results[2]
 
 
@@ -111,8 +111,8 @@ def test_same_bits_for_every_instruction_set(shape, dtype):
     image, light = images(shape, dtype=dtype)
     target = target_of(light, np.random.default_rng(1).uniform(size=shape) > 0.1)
     results = []
-    for name in _kernels.instruction_sets():
-        _kernels.set_instruction_set(name)  # the last is the default
+    for name in kernels.instruction_sets():
+        kernels.set_instruction_set(name)  # the last is the default
         loss = image_loss(image, target)
         results.append((loss.value, loss.by_image.tobytes(), loss.error.tobytes()))
     assert all(result == results[0] for result in results)

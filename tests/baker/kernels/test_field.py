@@ -5,7 +5,7 @@ import oracle
 import pytest
 from surface_cases import FIELDS, KINDS, field_of, gaussians, of_type, points
 
-from gsgi.baker import _kernels
+from gsgi.baker.native import kernels
 from gsgi.runtime.gaussians import Gaussians
 
 
@@ -41,19 +41,19 @@ def test_any_number_of_points(count):
 def test_no_points_and_no_gaussians():
     position, normal = points(20)
     nobody = gaussians(0)
-    field = _kernels.FieldFloat(position, normal)
+    field = kernels.FieldFloat(position, normal)
     np.testing.assert_array_equal(field.read(nobody), np.zeros((20, 4)))  # nobody was listed either
     field.list(nobody, 0.05, 2, 1.0)
     np.testing.assert_array_equal(field.read(nobody), np.zeros((20, 4)))
     ones = np.ones(20, np.float32)
     assert field.backward(nobody, position, normal, ones, ones).shape == (0, 16)
-    assert field.spread(nobody, position, ones).shape == (0, 1, 3)
+    assert field.transposed(nobody, position, ones).shape == (0, 1, 3)
     assert field.entry_count == 0
     given, empty = gaussians(7, 9), np.empty((0, 3), np.float32)
     field = field_of(given, empty, empty)
     assert field.read(given).shape == (0, 4)
     np.testing.assert_array_equal(field.backward(given, empty, empty, ones[:0], ones[:0]), np.zeros((7, 16)))
-    np.testing.assert_array_equal(field.spread(given, empty, ones[:0]), np.zeros((7, 9, 3)))
+    np.testing.assert_array_equal(field.transposed(given, empty, ones[:0]), np.zeros((7, 9, 3)))
 
 
 @pytest.mark.parametrize("sharpness", [0, 2])
@@ -97,8 +97,8 @@ def test_a_gaussian_ends_at_its_radius_and_faces_one_way():
         np.testing.assert_allclose(weights, [expected[0] * 0.5**sharpness, 0, 0], atol=1e-15)
 
 
-def test_spread_is_the_transpose_of_reading():
-    """<read(sh) / w, v> = <sh, spread(v)> for all coefficients and values."""
+def test_transposed_is_the_transpose_of_reading():
+    """<read(sh) / w, v> = <sh, transposed(v)> for all coefficients and values."""
     position, normal = points(333, np.float64)
     given = of_type(gaussians(40, 9), np.float64)
     field = field_of(given, position, normal)
@@ -107,7 +107,7 @@ def test_spread_is_the_transpose_of_reading():
     inverse = np.divide(1, sums[:, 3], out=np.zeros(333), where=sums[:, 3] > 0)
     left = (sums[:, :3] * inverse[:, None] * values).sum()
     assert abs(left) > 0.1
-    assert (given.sh * field.spread(given, values, inverse)).sum() == pytest.approx(left, rel=1e-12)
+    assert (given.sh * field.transposed(given, values, inverse)).sum() == pytest.approx(left, rel=1e-12)
 
 
 def all_bits(dtype) -> list[bytes]:
@@ -116,7 +116,7 @@ def all_bits(dtype) -> list[bytes]:
     field = field_of(given, position, normal, margin=1.1)
     sums = field.read(given)
     ones = np.ones(3000, dtype)
-    results = sums, field.backward(given, position, normal, ones, ones), field.spread(given, normal, ones)
+    results = sums, field.backward(given, position, normal, ones, ones), field.transposed(given, normal, ones)
     return [array.tobytes() for array in results]
 
 
@@ -125,19 +125,19 @@ def test_same_bits_for_any_number_of_threads_and_every_instruction_set(dtype):
     expected = all_bits(dtype)
     try:
         for threads in (1, 2, 3):
-            _kernels.set_thread_count(threads)
+            kernels.set_thread_count(threads)
             assert all_bits(dtype) == expected
-        for name in _kernels.instruction_sets():  # the last is the default
-            _kernels.set_instruction_set(name)
+        for name in kernels.instruction_sets():  # the last is the default
+            kernels.set_instruction_set(name)
             assert all_bits(dtype) == expected
     finally:
-        _kernels.set_thread_count(0)
-        _kernels.set_instruction_set(_kernels.instruction_sets()[-1])
+        kernels.set_thread_count(0)
+        kernels.set_instruction_set(kernels.instruction_sets()[-1])
 
 
 @pytest.mark.parametrize("kind", KINDS.values())
 def test_wrong_points_are_refused(kind):
-    dtype, other = (np.float32, np.float64) if kind is _kernels.FieldFloat else (np.float64, np.float32)
+    dtype, other = (np.float32, np.float64) if kind is kernels.FieldFloat else (np.float64, np.float32)
     position, normal = points(8, dtype)
     turned = np.asfortranarray(position)
     for wrong in (position.astype(other), position[:, :2].copy(), position[:, 0].copy(), turned, position[::2], None):
@@ -151,7 +151,7 @@ def test_wrong_points_are_refused(kind):
 
 @pytest.mark.parametrize("name", FIELDS)
 def test_wrong_gaussians_are_refused(name):
-    field = _kernels.FieldFloat(*points(8))
+    field = kernels.FieldFloat(*points(8))
     given = gaussians(5, 9)
     array = getattr(given, name)
     wrong = [array.astype(np.float64), array[:-1].copy(), array[..., None], array[::-1]]
@@ -169,7 +169,7 @@ def test_wrong_gaussians_are_refused(name):
 )
 def test_an_impossible_operator_is_refused(arguments, name):
     with pytest.raises(ValueError, match=name):
-        _kernels.FieldFloat(*points(8)).list(gaussians(5), *arguments)
+        kernels.FieldFloat(*points(8)).list(gaussians(5), *arguments)
 
 
 def test_values_of_another_length_and_other_gaussians_are_refused():
@@ -184,8 +184,8 @@ def test_values_of_another_length_and_other_gaussians_are_refused():
             field.backward(given, *right[:i], array.astype(np.float64), *right[i + 1 :])
     for wrong in ((position[:-1], ones), (position, ones[:-1])):
         with pytest.raises(ValueError, match="per point"):
-            field.spread(given, *wrong)
-    calls = (field.read,), (field.backward, *right), (field.spread, position, ones)
+            field.transposed(given, *wrong)
+    calls = (field.read,), (field.backward, *right), (field.transposed, position, ones)
     for call, *arguments in calls:
         with pytest.raises(ValueError, match="listed"):
             call(gaussians(6), *arguments)
@@ -220,7 +220,7 @@ def test_hard_gaussians_give_finite_numbers(case, sharpness):
     inverse = np.divide(1, sums[:, 3], out=np.zeros(300, np.float32), where=sums[:, 3] > 1e-30)
     ones = np.ones((300, 3), np.float32)
     assert np.isfinite(field.backward(given, sums[:, :3] * inverse[:, None], ones, inverse, ones[:, 0].copy())).all()
-    assert np.isfinite(field.spread(given, ones, inverse)).all()
+    assert np.isfinite(field.transposed(given, ones, inverse)).all()
 
 
 def test_normals_that_are_opposite_see_nobody():

@@ -10,7 +10,7 @@ import oracle
 import pytest
 import scenes
 
-from gsgi.baker import _kernels
+from gsgi.baker.native import kernels
 from gsgi.runtime import constants
 from gsgi.runtime.gaussians import OverBlend
 
@@ -33,7 +33,7 @@ def sphere_quadrature(count: int = 16) -> tuple[np.ndarray, np.ndarray]:
     return direction, np.repeat(weight, 2 * count) * np.pi / count
 
 
-@pytest.mark.parametrize("basis", [oracle.sh_basis, _kernels.sh_basis], ids=["oracle", "kernel"])
+@pytest.mark.parametrize("basis", [oracle.sh_basis, kernels.sh_basis], ids=["oracle", "kernel"])
 def test_sh_basis_is_orthonormal(basis):
     direction, weight = sphere_quadrature()
     values = basis(direction, 3)
@@ -44,11 +44,11 @@ def test_sh_basis_is_orthonormal(basis):
 def test_sh_basis_equals_oracle(degree):
     direction, _ = sphere_quadrature()
     expected = oracle.sh_basis(direction, degree)
-    np.testing.assert_allclose(_kernels.sh_basis(direction, degree), expected, atol=1e-14)
+    np.testing.assert_allclose(kernels.sh_basis(direction, degree), expected, atol=1e-14)
 
 
 def test_constants_are_shared():
-    assert constants.TILE_SIZE == _kernels.TILE_SIZE
+    assert constants.TILE_SIZE == kernels.TILE_SIZE
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
@@ -57,53 +57,53 @@ def test_same_bits_for_any_number_of_threads(dtype):
     by_image = np.random.default_rng(0).normal(size=(90, 130, 3)).astype(dtype)
     results = []
     for threads in (1, 2, 7):
-        _kernels.set_thread_count(threads)
-        assert _kernels.thread_count() == threads
-        image, transmittance, frame = _kernels.splat(*inputs, scenes.inside_camera().pinhole(130, 90), BLEND)
-        gradients = _kernels.splat_backward(frame, *inputs, by_image, by_image[..., 0].copy())
+        kernels.set_thread_count(threads)
+        assert kernels.thread_count() == threads
+        image, transmittance, frame = kernels.splat(*inputs, scenes.inside_camera().pinhole(130, 90), BLEND)
+        gradients = kernels.splat_backward(frame, *inputs, by_image, by_image[..., 0].copy())
         results.append([a.tobytes() for a in (image, transmittance, *gradients)])
-    _kernels.set_thread_count(0)
+    kernels.set_thread_count(0)
     assert results[0] == results[1] == results[2]
 
 
-@pytest.fixture(params=_kernels.instruction_sets())
+@pytest.fixture(params=kernels.instruction_sets())
 def instruction_set(request):
-    _kernels.set_instruction_set(request.param)
+    kernels.set_instruction_set(request.param)
     yield request.param
-    _kernels.set_instruction_set(_kernels.instruction_sets()[-1])
+    kernels.set_instruction_set(kernels.instruction_sets()[-1])
 
 
 def splat_bits(count: int, dtype) -> list[bytes]:
     inputs = arrays(count, 3, dtype)
     by_image = np.random.default_rng(0).normal(size=(50, 70, 3)).astype(dtype)
-    image, transmittance, frame = _kernels.splat(*inputs, scenes.inside_camera().pinhole(70, 50), BLEND)
-    gradients = _kernels.splat_backward(frame, *inputs, by_image, by_image[..., 0].copy())
+    image, transmittance, frame = kernels.splat(*inputs, scenes.inside_camera().pinhole(70, 50), BLEND)
+    gradients = kernels.splat_backward(frame, *inputs, by_image, by_image[..., 0].copy())
     return [a.tobytes() for a in (image, transmittance, *gradients)]
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_same_bits_for_every_instruction_set(dtype):
-    assert _kernels.instruction_sets()[0] == "scalar"
+    assert kernels.instruction_sets()[0] == "scalar"
     results = []
-    for name in _kernels.instruction_sets():
-        _kernels.set_instruction_set(name)  # the last is the default
+    for name in kernels.instruction_sets():
+        kernels.set_instruction_set(name)  # the last is the default
         results.append(splat_bits(100, dtype))
     assert all(result == results[0] for result in results)
 
 
 def test_unknown_instruction_set_is_refused():
     with pytest.raises(ValueError, match="abacus"):
-        _kernels.set_instruction_set("abacus")
+        kernels.set_instruction_set("abacus")
 
 
 def test_threads_outlive_a_fork():
     """The child has none of the parent's threads, and must not wait for them."""
-    _kernels.set_thread_count(3)
+    kernels.set_thread_count(3)
     expected = splat_bits(200, np.float32)
     child = os.fork()
     if child == 0:
         os._exit(0 if splat_bits(200, np.float32) == expected else 1)
-    _kernels.set_thread_count(0)
+    kernels.set_thread_count(0)
     deadline = time.monotonic() + 60
     while not (ended := os.waitpid(child, os.WNOHANG))[0]:
         if time.monotonic() > deadline:
@@ -118,7 +118,7 @@ def test_splat_rejects_wrong_dtype(index):
     inputs = arrays()
     inputs[index] = inputs[index].astype(np.float64)
     with pytest.raises(TypeError):
-        _kernels.splat(*inputs, PINHOLE, BLEND)
+        kernels.splat(*inputs, PINHOLE, BLEND)
 
 
 @pytest.mark.parametrize("index", range(5))
@@ -127,23 +127,23 @@ def test_splat_rejects_wrong_shape(index):
         inputs = arrays()
         inputs[index] = wrong(inputs[index])
         with pytest.raises(TypeError):
-            _kernels.splat(*inputs, PINHOLE, BLEND)
+            kernels.splat(*inputs, PINHOLE, BLEND)
 
 
 def test_splat_rejects_coefficients_of_no_degree():
     inputs = arrays()
     inputs[4] = inputs[4][:, :5].copy()
     with pytest.raises(TypeError, match="K one of 1, 4, 9, 16"):
-        _kernels.splat(*inputs, PINHOLE, BLEND)
+        kernels.splat(*inputs, PINHOLE, BLEND)
 
 
 def test_splat_backward_rejects_gradient_of_another_size():
     inputs = arrays()
-    image, transmittance, frame = _kernels.splat(*inputs, PINHOLE, BLEND)
+    image, transmittance, frame = kernels.splat(*inputs, PINHOLE, BLEND)
     with pytest.raises(TypeError):
-        _kernels.splat_backward(frame, *inputs, image[1:], transmittance[1:])
+        kernels.splat_backward(frame, *inputs, image[1:], transmittance[1:])
     with pytest.raises(TypeError):
-        _kernels.splat_backward(frame, *(a[1:] for a in inputs), image, transmittance)
+        kernels.splat_backward(frame, *(a[1:] for a in inputs), image, transmittance)
 
 
 @pytest.mark.parametrize(
@@ -158,7 +158,7 @@ def test_splat_backward_rejects_gradient_of_another_size():
 )
 def test_splat_rejects_impossible_camera_and_blend(pinhole, blend):
     with pytest.raises(ValueError, match=r"pinhole|blend"):
-        _kernels.splat(*arrays(), pinhole, blend)
+        kernels.splat(*arrays(), pinhole, blend)
 
 
 def test_denormals_survive(instruction_set):
@@ -166,7 +166,7 @@ def test_denormals_survive(instruction_set):
     smallest = []
 
     def halve():
-        _kernels.splat(*arrays(), PINHOLE, BLEND)
+        kernels.splat(*arrays(), PINHOLE, BLEND)
         smallest.append(np.array([1e-40], np.float32) * np.float32(0.5))
 
     halve()

@@ -12,6 +12,7 @@ import scenes
 import torch
 import torch_gsplat
 import torch_splat
+from torch_kernel_splat import splat
 
 from gsgi.baker.fitting.loss import image_loss
 from gsgi.baker.fitting.target import Target
@@ -21,7 +22,6 @@ from gsgi.baker.over.cuda_splat import unavailable
 from gsgi.baker.over.optimiser import CpuOptimiser, optimiser_class
 from gsgi.baker.over.rasterise import rasterise
 from gsgi.baker.over.raw_gaussians import NAMES, RawGaussians
-from gsgi.baker.over.splat import splat
 from gsgi.baker.over.workspace import AdamState
 from gsgi.runtime.constants import ADAM_BETA1, ADAM_BETA2, SH_C0
 from gsgi.runtime.gaussians import Gaussians, OverBlend

@@ -9,7 +9,7 @@ from gsgi.baker.cache.store import Cache, task_key
 from gsgi.baker.fitting.loss import image_loss
 from gsgi.baker.fitting.target import Target
 from gsgi.baker.over import optimiser
-from gsgi.baker.over.fit import Course, View, fit
+from gsgi.baker.over.fit import Schedule, TargetView, fit
 from gsgi.baker.over.initialise import from_surface
 from gsgi.baker.over.rasterise import rasterise, set_thread_count
 from gsgi.baker.settings import QUALITIES
@@ -38,7 +38,7 @@ def start() -> Gaussians:
 
 
 @pytest.fixture(scope="module")
-def views(start) -> list[View]:
+def views(start) -> list[TargetView]:
     """Images of Gaussians that differ from the start in everything, from inside the room in all directions."""
     rng = np.random.default_rng(4)
     truth = Gaussians(
@@ -51,18 +51,18 @@ def views(start) -> list[View]:
     everywhere = np.ones((SIZE, SIZE), bool)
     eyes, targets = rng.uniform(-0.5, 0.5, (32, 3)), rng.normal(size=(32, 3))
     cameras = [look_at(*pair, np.array([0.0, 1.0, 0.0]), 1.2, 0.01) for pair in zip(eyes, eyes + targets, strict=True)]
-    return [View(c, rasterise(truth, c.pinhole(SIZE, SIZE), BLEND), everywhere) for c in cameras]
+    return [TargetView(c, rasterise(truth, c.pinhole(SIZE, SIZE), BLEND), everywhere) for c in cameras]
 
 
 def first_of(start: Gaussians, count: int) -> Gaussians:
     return Gaussians(*(getattr(start, name)[:count] for name in FIELDS))
 
 
-def black(views: list[View]) -> list[View]:
-    return [View(v.camera, np.zeros_like(v.indirect), v.valid) for v in views]
+def black(views: list[TargetView]) -> list[TargetView]:
+    return [TargetView(v.camera, np.zeros_like(v.indirect), v.valid) for v in views]
 
 
-def mean_loss(gaussians: Gaussians, views: list[View]) -> float:
+def mean_loss(gaussians: Gaussians, views: list[TargetView]) -> float:
     losses = []
     for view in views:
         image = rasterise(gaussians, view.camera.pinhole(SIZE, SIZE), BLEND)
@@ -76,7 +76,7 @@ def assert_same(a: Gaussians, b: Gaussians):
 
 
 def test_the_fit_finds_the_light_of_known_gaussians(start, views):
-    fitted = fit(start, views[:24], BLEND, TONE_SCALE, Course(COUNT, 900))
+    fitted = fit(start, views[:24], BLEND, TONE_SCALE, Schedule(COUNT, 900))
     before, after = (mean_loss(g, views[:24]) for g in (start, fitted))
     assert after < before / 4
     # Which Gaussian lies over which is not wholly fixed by 24 small images: views that were not fitted gain less.
@@ -88,7 +88,7 @@ def test_the_fit_finds_the_light_of_known_gaussians(start, views):
 
 def test_more_gaussians_come_closer(start, views):
     few = first_of(start, 40)
-    losses = [mean_loss(fit(few, views, BLEND, TONE_SCALE, Course(budget, 400)), views) for budget in (40, 300)]
+    losses = [mean_loss(fit(few, views, BLEND, TONE_SCALE, Schedule(budget, 400)), views) for budget in (40, 300)]
     assert losses[0] > 1.1 * losses[1]
 
 
@@ -100,7 +100,7 @@ def test_there_are_never_more_gaussians_than_the_budget(start, views, budget):
         counts.append(len(gaussians()))
 
     count = min(60, budget)
-    fitted = fit(first_of(start, count), views, BLEND, TONE_SCALE, Course(budget, 200), watch)
+    fitted = fit(first_of(start, count), views, BLEND, TONE_SCALE, Schedule(budget, 200), watch)
     assert len(counts) == 200
     assert max(counts) <= budget
     assert len(fitted) == counts[-1]
@@ -109,7 +109,7 @@ def test_there_are_never_more_gaussians_than_the_budget(start, views, budget):
 
 def test_a_start_beyond_the_budget_shrinks_to_it(start, views):
     counts = []
-    fit(start, views, BLEND, TONE_SCALE, Course(50, 200), lambda _, __, gaussians: counts.append(len(gaussians())))
+    fit(start, views, BLEND, TONE_SCALE, Schedule(50, 200), lambda _, __, gaussians: counts.append(len(gaussians())))
     changed = next(count for count in counts if count < COUNT)
     assert changed <= 50  # at once
     assert 40 < counts[-1] <= 50
@@ -117,13 +117,13 @@ def test_a_start_beyond_the_budget_shrinks_to_it(start, views):
 
 def test_a_budget_beyond_what_is_useful_is_not_used_up(start, views):
     """No image of 48 px asks for as many Gaussians as this; and black none at all."""
-    assert len(fit(start, views[:4], BLEND, TONE_SCALE, Course(10**6, 100))) < 20_000
-    assert len(fit(start, black(views[:4]), BLEND, TONE_SCALE, Course(10**6, 300))) < 20_000
+    assert len(fit(start, views[:4], BLEND, TONE_SCALE, Schedule(10**6, 100))) < 20_000
+    assert len(fit(start, black(views[:4]), BLEND, TONE_SCALE, Schedule(10**6, 300))) < 20_000
 
 
 def test_watch_sees_each_iteration_and_its_loss(start, views):
     seen = []
-    fit(start, views[:1], BLEND, TONE_SCALE, Course(COUNT, 60), lambda *args: seen.append(args[:2]))
+    fit(start, views[:1], BLEND, TONE_SCALE, Schedule(COUNT, 60), lambda *args: seen.append(args[:2]))
     assert [iteration for iteration, _ in seen] == [*range(1, 61)]
     image = rasterise(start, views[0].camera.pinhole(SIZE, SIZE), BLEND)
     expected = image_loss(image, Target.of(views[0].indirect, views[0].valid, TONE_SCALE)).value
@@ -134,7 +134,7 @@ def test_watch_sees_each_iteration_and_its_loss(start, views):
 def test_every_view_comes_once_a_round(start, views, monkeypatch):
     compared = []
     monkeypatch.setattr(optimiser, "image_loss", lambda i, target: (compared.append(target), image_loss(i, target))[1])
-    fit(start, views[:4], BLEND, TONE_SCALE, Course(COUNT, 14))
+    fit(start, views[:4], BLEND, TONE_SCALE, Schedule(COUNT, 14))
     targets = [id(target) for target in compared]
     rounds = [targets[i : i + 4] for i in (0, 4, 8)]
     assert all(len(set(r)) == 4 for r in rounds)
@@ -144,7 +144,7 @@ def test_every_view_comes_once_a_round(start, views, monkeypatch):
 
 def test_the_same_seed_gives_the_same_bits_on_one_and_two_threads(start, views):
     def run(seed: int) -> Gaussians:
-        return fit(first_of(start, 100), views, BLEND, TONE_SCALE, Course(200, 100, seed))
+        return fit(first_of(start, 100), views, BLEND, TONE_SCALE, Schedule(200, 100, seed))
 
     results = [run(1), run(1)]
     try:
@@ -161,7 +161,7 @@ def test_the_same_seed_gives_the_same_bits_on_one_and_two_threads(start, views):
 
 
 def test_no_iterations_return_the_start(start, views):
-    same = fit(start, views, BLEND, TONE_SCALE, Course(COUNT, 0))
+    same = fit(start, views, BLEND, TONE_SCALE, Schedule(COUNT, 0))
     np.testing.assert_allclose(same.opacity, start.opacity, rtol=1e-5)
     np.testing.assert_array_equal(same.position, start.position)
     np.testing.assert_array_equal(same.sh, start.sh)
@@ -169,7 +169,7 @@ def test_no_iterations_return_the_start(start, views):
 
 @pytest.mark.parametrize("iterations", [1, 2, 3, 5, 10])
 def test_a_few_iterations_remove_nobody_who_was_not_looked_at(start, views, iterations):
-    assert len(fit(start, views, BLEND, TONE_SCALE, Course(COUNT, iterations))) > 0.9 * COUNT
+    assert len(fit(start, views, BLEND, TONE_SCALE, Schedule(COUNT, iterations))) > 0.9 * COUNT
 
 
 @pytest.mark.parametrize("quality", QUALITIES["over"])
@@ -182,8 +182,8 @@ def test_whom_one_of_many_views_sees_stays(quality):
     ring = Gaussians(position, rotation, 0.03 * ones, 0.8 * ones[:, 0], ones[:, None])
     cameras = [look_at(np.zeros(3), p, np.array([0.0, 1.0, 0.0]), 0.2, 0.01) for p in position]
     images = [rasterise(ring, camera.pinhole(size, size), BLEND) for camera in cameras]
-    each = [View(c, i, np.ones((size, size), bool)) for c, i in zip(cameras, images, strict=True)]
-    course = Course(count, QUALITIES["over"][quality].visits * many)
+    each = [TargetView(c, i, np.ones((size, size), bool)) for c, i in zip(cameras, images, strict=True)]
+    course = Schedule(count, QUALITIES["over"][quality].visits * many)
     fitted = fit(ring, each + each[:1] * (many - count), BLEND, TONE_SCALE, course)
     # Each is where it was, less than the way to the next.
     nearest = np.linalg.norm(fitted.position[:, None] - position, axis=2).argmin(axis=0)
@@ -192,8 +192,8 @@ def test_whom_one_of_many_views_sees_stays(quality):
 
 def test_what_is_masked_out_leaves_the_gaussians_alone(start, views):
     """Nothing is stepped and nothing divided. Only who is in no view at all, or twice there, may go."""
-    nothing = [View(v.camera, v.indirect, np.zeros((SIZE, SIZE), bool)) for v in views]
-    same = fit(start, nothing, BLEND, TONE_SCALE, Course(2 * COUNT, 400))
+    nothing = [TargetView(v.camera, v.indirect, np.zeros((SIZE, SIZE), bool)) for v in views]
+    same = fit(start, nothing, BLEND, TONE_SCALE, Schedule(2 * COUNT, 400))
     assert 0.8 * COUNT < len(same) <= COUNT
     untouched = {p.tobytes() + c.tobytes() for p, c in zip(start.position, start.sh, strict=True)}
     rows = [p.tobytes() + c.tobytes() for p, c in zip(same.position, same.sh, strict=True)]
@@ -205,8 +205,8 @@ def test_half_of_an_image_masked_out_is_as_if_it_were_not_there(start, views):
     half[:, SIZE // 2 :] = False
     fits = []
     for light in (0.0, 1e9):
-        masked = [View(v.camera, np.where(half[..., None], v.indirect, np.float32(light)), half) for v in views]
-        fits.append(fit(start, masked, BLEND, TONE_SCALE, Course(COUNT, 40)))
+        masked = [TargetView(v.camera, np.where(half[..., None], v.indirect, np.float32(light)), half) for v in views]
+        fits.append(fit(start, masked, BLEND, TONE_SCALE, Schedule(COUNT, 40)))
     assert_same(*fits)
 
 
@@ -214,13 +214,13 @@ def test_half_of_an_image_masked_out_is_as_if_it_were_not_there(start, views):
 @pytest.mark.parametrize("budget", [1, 100])
 @pytest.mark.parametrize("count", [0, 1])
 def test_almost_no_gaussians_still_fit(start, views, count, budget, iterations):
-    fitted = fit(first_of(start, count), views, BLEND, TONE_SCALE, Course(budget, iterations))
+    fitted = fit(first_of(start, count), views, BLEND, TONE_SCALE, Schedule(budget, iterations))
     assert len(fitted) <= (budget if count else 0)
     assert all(np.isfinite(getattr(fitted, name)).all() for name in FIELDS)
 
 
 def test_black_is_data(start, views):
-    fitted = fit(start, black(views), BLEND, TONE_SCALE, Course(2 * COUNT, 900))
+    fitted = fit(start, black(views), BLEND, TONE_SCALE, Schedule(2 * COUNT, 900))
     image = rasterise(fitted, views[0].camera.pinhole(SIZE, SIZE), BLEND)
     assert image.mean() < 0.1 * rasterise(start, views[0].camera.pinhole(SIZE, SIZE), BLEND).mean()
 
@@ -242,19 +242,19 @@ class Breaking:
 def test_a_gradient_that_is_not_finite_stops_with_iteration_view_and_gaussian(start, views, monkeypatch):
     monkeypatch.setattr(optimiser, "image_loss", Breaking(7, by_image=np.nan))
     with pytest.raises(FloatingPointError, match=r"Gaussian \d+ .* iteration 7, view 0"):
-        fit(start, views[:1], BLEND, TONE_SCALE, Course(COUNT, 100))
+        fit(start, views[:1], BLEND, TONE_SCALE, Schedule(COUNT, 100))
 
 
 def test_a_loss_that_is_not_finite_stops_with_iteration_and_view(start, views, monkeypatch):
     monkeypatch.setattr(optimiser, "image_loss", Breaking(7, value=np.nan))
     with pytest.raises(FloatingPointError, match="loss is nan at iteration 7, view 0"):
-        fit(start, views[:1], BLEND, TONE_SCALE, Course(COUNT, 100))
+        fit(start, views[:1], BLEND, TONE_SCALE, Schedule(COUNT, 100))
 
 
 def test_what_stops_a_fit_leaves_its_last_state_in_the_cache(start, views, monkeypatch, tmp_path):
     monkeypatch.setattr("gsgi.baker.cache.checkpoint.INTERVAL", 0.0)
     monkeypatch.setattr("gsgi.baker.cache.checkpoint.SHARE", 1e9)
-    course, key = Course(COUNT, 20), task_key("fit", number=1)
+    course, key = Schedule(COUNT, 20), task_key("fit", number=1)
     expected = fit(start, views, BLEND, TONE_SCALE, course)
     with monkeypatch.context() as context:
         context.setattr(optimiser, "image_loss", Breaking(7, by_image=np.nan))
@@ -266,9 +266,9 @@ def test_what_stops_a_fit_leaves_its_last_state_in_the_cache(start, views, monke
 
 
 def test_a_view_that_is_not_finite_is_refused(start, views):
-    broken = [View(views[0].camera, np.full_like(views[0].indirect, np.nan), views[0].valid)]
+    broken = [TargetView(views[0].camera, np.full_like(views[0].indirect, np.nan), views[0].valid)]
     with pytest.raises(ValueError, match="not finite"):
-        fit(start, broken, BLEND, TONE_SCALE, Course(COUNT, 3))
+        fit(start, broken, BLEND, TONE_SCALE, Schedule(COUNT, 3))
 
 
 @pytest.mark.parametrize("name", FIELDS)
@@ -277,4 +277,4 @@ def test_a_start_that_is_not_finite_is_refused(start, views, name):
     broken = Gaussians(*(getattr(start, field).copy() for field in FIELDS))
     getattr(broken, name)[3] = np.nan
     with pytest.raises((ValueError, FloatingPointError), match="not finite"):
-        fit(broken, views, BLEND, TONE_SCALE, Course(COUNT, 20))
+        fit(broken, views, BLEND, TONE_SCALE, Schedule(COUNT, 20))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gsgi.baker.over import density
-from gsgi.baker.over.growth import Seen, grow
+from gsgi.baker.over.growth import ViewStatistics, grow
 from gsgi.baker.over.raw_gaussians import NAMES, RawGaussians
 from gsgi.baker.over.reshape import State
 from gsgi.baker.over.workspace import StepStatistics
@@ -27,9 +27,9 @@ def row_of(count: int) -> State:
     )
 
 
-def seen(contribution, error, radius=LARGE) -> Seen:
+def seen(contribution, error, radius=LARGE) -> ViewStatistics:
     arrays = np.broadcast_arrays(contribution, error, radius)
-    return Seen(*(np.array(a, np.float32) for a in arrays), 1)
+    return ViewStatistics(*(np.array(a, np.float32) for a in arrays), 1)
 
 
 def places(state: State) -> np.ndarray:
@@ -43,7 +43,11 @@ def statistics(contribution, error, radius) -> StepStatistics:
 
 
 def test_views_add_up():
-    found = Seen.nothing(2).with_step(statistics([1, 2], [3, 0], [4, 1])).with_step(statistics([10, 0], [1, 5], [2, 6]))
+    found = (
+        ViewStatistics.nothing(2)
+        .with_step(statistics([1, 2], [3, 0], [4, 1]))
+        .with_step(statistics([10, 0], [1, 5], [2, 6]))
+    )
     assert found.contribution.tolist() == [11, 2]
     assert found.error.tolist() == [4, 5]
     assert found.radius.tolist() == [4, 6]  # the largest
@@ -51,7 +55,7 @@ def test_views_add_up():
 
 
 def test_a_round_is_as_many_steps_as_there_are_views():
-    found = Seen(*(np.float32([6, 3]) for _ in range(3)), 6).per_round(2)
+    found = ViewStatistics(*(np.float32([6, 3]) for _ in range(3)), 6).per_round(2)
     assert found.contribution.tolist() == [2, 1]
     assert found.error.tolist() == [2, 1]
     assert found.radius.tolist() == [6, 3]
@@ -59,12 +63,12 @@ def test_a_round_is_as_many_steps_as_there_are_views():
 
 
 def test_before_the_first_view_a_round_is_nothing():
-    found = Seen.nothing(3).per_round(5)
+    found = ViewStatistics.nothing(3).per_round(5)
     assert not any(sums.any() for sums in (found.contribution, found.error, found.radius))
 
 
 def test_what_was_seen_follows_the_gaussians():
-    found = Seen(np.float32([1, 2, 3, 4]), np.float32([10, 20, 30, 40]), np.float32([5, 6, 8, 7]), 3)
+    found = ViewStatistics(np.float32([1, 2, 3, 4]), np.float32([10, 20, 30, 40]), np.float32([5, 6, 8, 7]), 3)
     assert found.keep(np.array([True, False, True, False])).error.tolist() == [10, 30]
     merged = found.merge(np.array([[1, 3]]))
     assert merged.contribution.tolist() == [1, 3, 6]
@@ -131,5 +135,7 @@ def test_of_the_dead_nobody_stays():
     state = row_of(5)
     state.raw.logit_opacity[:] = -20
     assert len(grow(state, seen([10.0] * 5, 1.0), 1, 100, TONE_SCALE)) == 0
-    assert len(grow(row_of(5), Seen.nothing(5).with_step(statistics(*[[0] * 5] * 3)), 1, 100, TONE_SCALE)) == 0
-    assert len(grow(row_of(0), Seen.nothing(0), 1, 100, TONE_SCALE)) == 0
+    assert (
+        len(grow(row_of(5), ViewStatistics.nothing(5).with_step(statistics(*[[0] * 5] * 3)), 1, 100, TONE_SCALE)) == 0
+    )
+    assert len(grow(row_of(0), ViewStatistics.nothing(0), 1, 100, TONE_SCALE)) == 0

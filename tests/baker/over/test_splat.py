@@ -8,9 +8,9 @@ import pytest
 import scenes
 import torch
 import torch_splat
+from torch_kernel_splat import splat
 
 from gsgi.baker.over.rasterise import rasterise
-from gsgi.baker.over.splat import splat
 from gsgi.runtime.constants import ALPHA_MAX, SH_C0
 from gsgi.runtime.gaussians import Gaussians, OverBlend
 

@@ -7,7 +7,7 @@ import scenes
 import torch
 import torch_splat
 
-from gsgi.baker import _kernels
+from gsgi.baker.native import kernels
 from gsgi.baker.over.rasterise import rasterise, set_thread_count
 from gsgi.baker.over.raw_gaussians import NAMES, RawGaussians
 from gsgi.baker.over.workspace import AdamState, Workspace
@@ -215,16 +215,16 @@ def test_same_bits_for_any_number_of_threads():
 
 
 def test_same_bits_for_every_instruction_set():
-    names = _kernels.instruction_sets()
+    names = kernels.instruction_sets()
     if len(names) == 1:
         pytest.skip("this processor has one instruction set")
     results = []
     try:
         for name in names:
-            _kernels.set_instruction_set(name)
+            kernels.set_instruction_set(name)
             results.append(train(300, scenes.inside_camera().pinhole(70, 50)))
     finally:
-        _kernels.set_instruction_set(names[-1])
+        kernels.set_instruction_set(names[-1])
     assert all(result == results[0] for result in results[1:])
 
 

@@ -6,7 +6,7 @@ from surface_cases import FIELDS, gaussians, samples_of
 
 from gsgi.baker.over.rasterise import set_thread_count
 from gsgi.baker.surface.coarse import coarse_level
-from gsgi.baker.surface.lookup import evaluate
+from gsgi.baker.surface.lookup import look_up
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
 
 BLEND = SurfaceBlend()
@@ -35,7 +35,7 @@ def level(count: int, noise: float = 0.0, samples: int = 20_000) -> Gaussians:
 
 def light_of(coarse: Gaussians, position, normal) -> np.ndarray:
     """B of this level alone: 0 where it does not reach."""
-    return evaluate(NOBODY, coarse, BLEND, position, normal)[0]
+    return look_up(NOBODY, coarse, BLEND, position, normal)[0]
 
 
 def test_light_that_is_linear_in_place_and_normal_comes_back():

@@ -72,7 +72,7 @@ def test_one_colour_for_all_is_exact_with_the_ridge():
     truth.sh[...] = 3 / np.float32(constants.SH_C0)
     light = light_of(field.read(truth))
     found = solve(field, black(truth), base(len(light)), light, np.ones(len(light)), 50)
-    reached = field.spread(truth, np.ones_like(light), np.ones(len(light), np.float32))[:, 0, 0] > 0
+    reached = field.transposed(truth, np.ones_like(light), np.ones(len(light), np.float32))[:, 0, 0] > 0
     np.testing.assert_allclose(found[reached], truth.sh[reached], rtol=1e-4)
 
 

@@ -9,12 +9,12 @@ from surface_cases import FIELDS, gaussians, samples_of
 from gsgi.baker.cache import checkpoint as checkpoint_module
 from gsgi.baker.cache.checkpoint import Checkpoint
 from gsgi.baker.cache.store import Cache, entries, task_key
-from gsgi.baker.over.fit import Course
+from gsgi.baker.over.fit import Schedule
 from gsgi.baker.over.initialise import spacing
 from gsgi.baker.over.rasterise import set_thread_count
 from gsgi.baker.surface import fit as fitting
 from gsgi.baker.surface.fit import fit_surface
-from gsgi.baker.surface.lookup import evaluate
+from gsgi.baker.surface.lookup import look_up
 from gsgi.baker.surface.samples import SurfaceSamples
 from gsgi.baker.surface.state import axes
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
@@ -46,7 +46,7 @@ def noisy(count: int = 20_000, noise: float = 0.3) -> SurfaceSamples:
     return samples_of(field(*points), *points, noise)
 
 
-def fit(course: Course, watch=None, checkpoint=None, samples=None) -> Gaussians:
+def fit(course: Schedule, watch=None, checkpoint=None, samples=None) -> Gaussians:
     samples = noisy() if samples is None else samples
     return fit_surface(samples, samples[:0], NOBODY, BLEND, TONE_SCALE, course, watch, checkpoint)
 
@@ -55,7 +55,7 @@ def relative_error(fitted: Gaussians) -> float:
     """Root mean square, of B free of noise, at points that were not fitted."""
     points = corner(5000, seed=1)
     expected = field(*points)
-    light, _ = evaluate(fitted, NOBODY, BLEND, *points)
+    light, _ = look_up(fitted, NOBODY, BLEND, *points)
     return float(np.sqrt(np.mean(((light - expected) / expected) ** 2)))
 
 
@@ -66,15 +66,15 @@ def assert_same(a: Gaussians, b: Gaussians):
 
 def test_it_finds_light_through_noise():
     """The samples are off by 0.3 / sqrt(2) = 21 %; there are 100 for each Gaussian."""
-    start = relative_error(fit(Course(200, 0)))
-    error = relative_error(fit(Course(200, 100)))
+    start = relative_error(fit(Schedule(200, 0)))
+    error = relative_error(fit(Schedule(200, 100)))
     assert error < 0.05
     assert error < 0.75 * start
 
 
 def test_more_gaussians_come_closer():
     samples = noisy(noise=0.0)
-    few, many = (relative_error(fit(Course(budget, 100), samples=samples)) for budget in (30, 300))
+    few, many = (relative_error(fit(Schedule(budget, 100), samples=samples)) for budget in (30, 300))
     assert many < 0.5 * few
     assert many < 0.025
 
@@ -92,9 +92,9 @@ def test_the_fine_level_says_what_the_coarse_one_lacks():
     has to make up for it, and without it light is missing."""
     coarse, blend, points = everywhere(0.25), SurfaceBlend(floor=5.0), corner(5000, seed=1)
     samples = noisy(noise=0.0)
-    fitted = fit_surface(samples, samples[:0], coarse, blend, TONE_SCALE, Course(200, 60))
-    light, weight = evaluate(fitted, coarse, blend, *points)
-    alone, _ = evaluate(fitted, NOBODY, blend, *points)
+    fitted = fit_surface(samples, samples[:0], coarse, blend, TONE_SCALE, Schedule(200, 60))
+    light, weight = look_up(fitted, coarse, blend, *points)
+    alone, _ = look_up(fitted, NOBODY, blend, *points)
     assert (weight < blend.floor).mean() > 0.9
     error, without = (np.sqrt(np.mean((b / field(*points) - 1) ** 2)) for b in (light, alone))
     assert error < 0.05
@@ -116,9 +116,9 @@ def test_samples_in_free_space_keep_the_fine_level_out_of_it():
     samples, coarse, there = noisy(noise=0.0), everywhere(2), free(5000, seed=7)
     errors, points = [], corner(5000, seed=1)
     for known in (samples[:0], free(20_000, seed=6)):
-        fitted = fit_surface(samples, known, coarse, BLEND, TONE_SCALE, Course(200, 60))
-        before, _ = evaluate(fitted, coarse, BLEND, there.position, there.normal)
-        on_walls, _ = evaluate(fitted, coarse, BLEND, *points)
+        fitted = fit_surface(samples, known, coarse, BLEND, TONE_SCALE, Schedule(200, 60))
+        before, _ = look_up(fitted, coarse, BLEND, there.position, there.normal)
+        on_walls, _ = look_up(fitted, coarse, BLEND, *points)
         errors.append((np.abs(before / 2 - 1).mean(), np.sqrt(np.mean((on_walls / field(*points) - 1) ** 2))))
     assert errors[0][0] > 0.05
     assert errors[1][0] < 0.2 * errors[0][0]
@@ -129,39 +129,39 @@ def test_samples_in_free_space_keep_the_fine_level_out_of_it():
 def test_there_are_never_more_gaussians_than_the_budget(budget):
     counts = []
     samples = noisy(4000)
-    fitted = fit(Course(budget, 20), lambda _, __, now: counts.append(len(now())), samples=samples)
+    fitted = fit(Schedule(budget, 20), lambda _, __, now: counts.append(len(now())), samples=samples)
     assert len(counts) == 20
     assert max(counts) <= budget
     assert len(fitted) == counts[-1]
     assert counts[-1] >= 0.9 * budget  # this light needs more
-    assert len(fit(Course(budget, 0), samples=samples)) <= budget
+    assert len(fit(Schedule(budget, 0), samples=samples)) <= budget
 
 
 @pytest.mark.parametrize("iterations", [1, 2, 3, 5])
 def test_short_courses(iterations):
-    fitted = fit(Course(50, iterations), samples=noisy(2000))
+    fitted = fit(Schedule(50, iterations), samples=noisy(2000))
     assert 25 < len(fitted) <= 50
 
 
 def test_black_light_stays_black():
     points = corner(3000)
-    fitted = fit(Course(60, 30), samples=samples_of(np.zeros((3000, 3)), *points))
+    fitted = fit(Schedule(60, 30), samples=samples_of(np.zeros((3000, 3)), *points))
     assert 0 < len(fitted) <= 60
     assert fitted.sh.max() == 0
 
 
 def test_few_samples_and_none():
     """Also several at one place: no distance to the next says how large a Gaussian is."""
-    assert len(fit(Course(60, 20), samples=noisy(0))) == 0
+    assert len(fit(Schedule(60, 20), samples=noisy(0))) == 0
     for samples in (noisy(1), noisy(3), noisy(50)[np.repeat(np.arange(5), 4)]):
-        fitted = fit(Course(60, 20), samples=samples)
+        fitted = fit(Schedule(60, 20), samples=samples)
         assert all(np.isfinite(getattr(fitted, name)).all() for name in FIELDS)
         assert (fitted.scale > 0).all()
 
 
 def test_watch_sees_each_step_its_loss_and_what_it_led_to():
     seen = []
-    fitted = fit(Course(60, 20), lambda *args: seen.append(args), samples=noisy(4000))
+    fitted = fit(Schedule(60, 20), lambda *args: seen.append(args), samples=noisy(4000))
     assert [iteration for iteration, _, _ in seen] == [*range(1, 21)]
     assert seen[-1][1] < seen[0][1]
     for name in ("position", "rotation", "scale", "opacity"):  # colours are solved once more
@@ -174,16 +174,16 @@ def test_the_same_seed_gives_the_same_bits_on_one_and_two_threads():
     try:
         for threads in (1, 2):
             set_thread_count(threads)
-            results.append(fit(Course(150, 30, seed=4), samples=samples))
+            results.append(fit(Schedule(150, 30, seed=4), samples=samples))
     finally:
         set_thread_count(0)
     assert_same(*results)
-    other = fit(Course(150, 30, seed=5), samples=samples)
+    other = fit(Schedule(150, 30, seed=5), samples=samples)
     assert len(other) != len(results[0]) or (other.position != results[0].position).any()
 
 
 ITERATIONS = 60
-COURSE = Course(80, ITERATIONS, seed=5)
+COURSE = Schedule(80, ITERATIONS, seed=5)
 
 
 @pytest.fixture(scope="module")
@@ -245,7 +245,7 @@ def test_what_is_not_finite_is_named_with_its_iteration():
     broken = noisy(2000)
     broken.indirect_a[7] = np.nan
     with pytest.raises(FloatingPointError, match=r"gradient of Gaussian \d+ is not finite at iteration 0"):
-        fit(Course(50, 20), samples=broken)
+        fit(Schedule(50, 20), samples=broken)
 
 
 def test_the_start_lies_flat_on_the_surfaces_with_the_light_there():
@@ -267,7 +267,7 @@ def test_the_start_leaves_free_space_to_the_coarse_level():
     apart = np.median(spacing(first.position))
     alone = np.sort(position, axis=1)[:, 1] > 2 * apart  # with no other wall near
     on_walls, before = (
-        evaluate(first, NOBODY, BLEND, (position + distance * normal)[alone], normal[alone])[1]
+        look_up(first, NOBODY, BLEND, (position + distance * normal)[alone], normal[alone])[1]
         for distance in (0, np.float32(1.6 * apart))
     )
     assert (on_walls > BLEND.floor).mean() > 0.97

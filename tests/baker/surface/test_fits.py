@@ -18,7 +18,7 @@ from gsgi.runtime.gaussians import SurfaceBlend
 from gsgi.runtime.gltf.reader import read_gltf
 
 CORNELL = SCENES / "cornell.glb"
-QUIET = Progress(quiet=True)
+QUIET = Progress()
 
 
 @pytest.fixture(scope="module")

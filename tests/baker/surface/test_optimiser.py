@@ -9,8 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 from surface_cases import FIELDS, field_of, gaussians, of_type, points
 
-from gsgi.baker import _kernels
-from gsgi.baker.surface.lookup import evaluate, filling
+from gsgi.baker.native import kernels
+from gsgi.baker.surface.lookup import filling, look_up
 from gsgi.baker.surface.optimiser import BETA_1, DARK, SIZE_COST, SurfaceOptimiser, moved, parameter_gradient
 from gsgi.baker.surface.samples import SurfaceSamples
 from gsgi.baker.surface.state import PARAMETERS, SurfaceState
@@ -227,7 +227,7 @@ def test_shares_add_up_to_the_samples():
     np.testing.assert_allclose(share, len(position) / 16, rtol=0.25)  # 250 +- 16 points in each cell
     # Below the floor the rest is the coarse level's share.
     blend = SurfaceBlend(floor=0.4)
-    _, weight = evaluate(given, tiles(), blend, position, normal)
+    _, weight = look_up(given, tiles(), blend, position, normal)
     assert 0.1 < (weight < 0.4).mean() < 0.9
     share = SurfaceOptimiser(samples, tiles(), blend, 1.0).share(given)
     assert share.sum() == pytest.approx(np.minimum(1, weight / 0.4).sum(), rel=1e-5)
@@ -271,7 +271,7 @@ def test_halves_that_differ_keep_noise_out():
     samples = samples_of(np.ones((len(position), 3)), position, normal, 0.5)
 
     def noise(given: Gaussians) -> float:
-        return np.square(evaluate(given, nobody, SurfaceBlend(), position, normal)[0] - 1).mean()
+        return np.square(look_up(given, nobody, SurfaceBlend(), position, normal)[0] - 1).mean()
 
     added = []
     for seen in (samples, replace(samples, indirect_a=samples.indirect, indirect_b=samples.indirect)):
@@ -334,12 +334,12 @@ def test_same_bits_for_one_and_two_threads():
     results = []
     try:
         for threads in (1, 2):
-            _kernels.set_thread_count(threads)
+            kernels.set_thread_count(threads)
             optimiser = SurfaceOptimiser(samples, tiles(2), SurfaceBlend(), 1.0)
             state = SurfaceState.fresh(optimiser.solve(tiles(8), 5))
             for step in range(1, 6):
                 state, _ = optimiser.step(state, RATES, step)
             results.append([getattr(state.gaussians, name).tobytes() for name in FIELDS])
     finally:
-        _kernels.set_thread_count(0)
+        kernels.set_thread_count(0)
     assert results[0] == results[1]

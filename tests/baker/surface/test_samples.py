@@ -9,7 +9,7 @@ import scenes
 from gsgi.baker.cache.store import Cache, entries
 from gsgi.baker.surface import samples
 from gsgi.baker.surface.samples import Sampler, SurfaceSamples, joined
-from gsgi.baker.trace.cached_tracer import TracedLight
+from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling
 from gsgi.runtime.camera import Camera, look_at
 from gsgi.runtime.scene import Environment, Material, Scene
@@ -30,7 +30,7 @@ def ignore(*_):
 
 
 def sampler(scene: Scene, cameras=(), cache=None, sampling=FEW, seed=0) -> Sampler:
-    return Sampler(TracedLight(scene, cache or Cache()), [*(cameras or [scenes.inside_camera()])], sampling, seed)
+    return Sampler(CachedTracer(scene, cache or Cache()), [*(cameras or [scenes.inside_camera()])], sampling, seed)
 
 
 def above(eye, yfov: float) -> Camera:
@@ -72,7 +72,7 @@ def test_what_the_cache_holds_is_not_traced_again(tmp_path):
     first = sampler(scene, cache=cache).surface(2 * CHUNK, lambda *args: done.append(args[0]))
     assert sum(done) == pytest.approx(4 * CHUNK)
     assert len(entries(tmp_path)) == 2
-    light, done = TracedLight(scene, cache), []
+    light, done = CachedTracer(scene, cache), []
     light.__dict__["tracer"] = None  # whoever asks it for anything fails
     again = Sampler(light, [scenes.inside_camera()], FEW, 0)
     assert_same(again.surface(2 * CHUNK, lambda *args: done.append(args[0])), first)

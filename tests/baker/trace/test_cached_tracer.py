@@ -8,7 +8,7 @@ import scenes
 
 from gsgi.baker.cache.store import Cache, entries
 from gsgi.baker.trace import cached_tracer, reference
-from gsgi.baker.trace.cached_tracer import TracedLight
+from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.baker.trace.tracer import Light, Sampling, Surface
 
 CAMERAS = [scenes.inside_camera(), scenes.above_camera(), scenes.above_camera(4.0)]
@@ -48,7 +48,7 @@ def calls(monkeypatch) -> list:
 def views(cache, scene=None, cameras=CAMERAS, size=SIZE, samples=32, seed=10):
     """The views, what was said, and the sum of progress."""
     said, done = [], []
-    traced = TracedLight(scene or scenes.furnace(), cache)
+    traced = CachedTracer(scene or scenes.furnace(), cache)
     advance = lambda amount, note="": done.append(amount)  # noqa: E731
     return traced.views(cameras, size, Sampling(samples), seed, advance, said.append), said, sum(done)
 
@@ -116,13 +116,13 @@ def test_whatever_a_view_depends_on_traces_it_anew(tmp_path, calls, monkeypatch,
 def test_points_are_traced_once(tmp_path, calls):
     points = np.zeros((5, 3), np.float32), np.ones((5, 3), np.float32)
     scene, done = scenes.furnace(), []
-    first = TracedLight(scene, Cache(tmp_path)).at_points(*points, Sampling(16), 4, done.append)
-    again = TracedLight(scene, Cache(tmp_path)).at_points(*points, Sampling(16), 4, done.append)
+    first = CachedTracer(scene, Cache(tmp_path)).at_points(*points, Sampling(16), 4, done.append)
+    again = CachedTracer(scene, Cache(tmp_path)).at_points(*points, Sampling(16), 4, done.append)
     assert calls == ["start", 4]
     assert done == [5, 5]
     for name in ("mean", "error", "samples"):
         np.testing.assert_array_equal(getattr(again, name), getattr(first, name))
-    TracedLight(scene, Cache(tmp_path)).at_points(points[0] + 1, points[1], Sampling(16), 4, done.append)
+    CachedTracer(scene, Cache(tmp_path)).at_points(points[0] + 1, points[1], Sampling(16), 4, done.append)
     assert len(calls) == 4
 
 
@@ -137,7 +137,7 @@ def test_references_are_traced_once(tmp_path, calls, monkeypatch):
     monkeypatch.setattr(reference, "trace", trace)
     done = []
     results = [
-        TracedLight(scenes.furnace(), Cache(tmp_path)).reference(
+        CachedTracer(scenes.furnace(), Cache(tmp_path)).reference(
             CAMERAS[0], SIZE, 64, 5, lambda amount, note="": done.append(amount)
         )
         for _ in range(2)

@@ -7,8 +7,9 @@ import pytest
 import scenes
 
 from gsgi.baker.cache.store import Cache
+from gsgi.baker.evaluation.comparison import compare_indirect
 from gsgi.baker.trace import reference
-from gsgi.baker.trace.cached_tracer import TracedLight
+from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.baker.trace.tracer import Sampling, Surface, Tracer
 from gsgi.runtime.camera import look_at
 from gsgi.runtime.scene import Environment, Material, Scene, Texture, TextureSlot
@@ -72,7 +73,7 @@ def test_b_is_seen_on_diffuse_surfaces_however_dark(surface, patch, expected):
 
 def test_a_view_holds_b_where_it_is_seen(expected):
     done = []
-    traced = TracedLight(patches(), Cache())
+    traced = CachedTracer(patches(), Cache())
     advance = lambda amount, note="": done.append(amount)  # noqa: E731
     (view,) = traced.views([CAMERA], SIZE, Sampling(32), 0, advance, print)
     np.testing.assert_array_equal(view.valid, expected)
@@ -87,8 +88,8 @@ def test_a_reference_judges_b_where_it_is_seen(tracer, patch, expected):
     np.testing.assert_array_equal(truth.valid, expected)
     assert sum(done) == 2 * SIZE**2
     b = np.where(expected[..., None], truth.indirect, np.float32(7))
-    assert reference.judge_indirect(b, truth).difference.psnr == 100
-    assert reference.judge_indirect(np.where((patch == BLACK)[..., None], 0, b), truth).difference.psnr < 50
+    assert compare_indirect(b, truth).psnr == 100
+    assert compare_indirect(np.where((patch == BLACK)[..., None], 0, b), truth).psnr < 50
     np.testing.assert_allclose(truth.final[patch == UNLIT], np.tile(COLOR[:3], ((patch == UNLIT).sum(), 1)), rtol=1e-5)
     np.testing.assert_allclose(truth.final[patch == PLAIN].mean(axis=0), COLOR[:3], rtol=1e-4)
 

@@ -19,7 +19,7 @@ def test_shares_and_hidden_area_are_what_geometry_says():
     triangles = Triangles(Scene(floors, (Material("top"), Material(""))))
     sampled = sides(triangles.draw(500, np.random.default_rng(0)))
     cameras = [scenes.above_camera(height) for height in (3.0, 4.0, 12.0)]
-    meter = coverage.Meter(triangles, sampled, [], 100)
+    meter = coverage.CoverageMeter(triangles, sampled, [], 100)
     meter.look_from(np.array([camera.position for camera in cameras]))
     meter.add(cameras)
     result = meter.coverage(limit=0.05)

@@ -10,7 +10,7 @@ import scenes
 from gsgi.baker.cache.store import Cache
 from gsgi.baker.surface import samples
 from gsgi.baker.surface.samples import Sampler
-from gsgi.baker.trace.cached_tracer import TracedLight
+from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling
 from gsgi.baker.views.dark_views import DARK, dark_views
 from gsgi.baker.views.placement import HELD_OUT, Placement
@@ -40,7 +40,7 @@ CAMERAS = {"lit": scenes.inside_camera(), "dark": camera_at(APART)}
 
 @pytest.fixture(scope="module")
 def light():
-    return TracedLight(two_boxes(), Cache())
+    return CachedTracer(two_boxes(), Cache())
 
 
 def test_the_camera_in_the_box_without_light_is_dark(light):
@@ -57,7 +57,7 @@ def test_dark_is_what_has_a_hundredth_of_the_light_of_all_views(light_there, dar
         assert sampling == Sampling(PASS_SAMPLES, 3)
         assert np.allclose(np.linalg.norm(normal, axis=1), 1, rtol=1e-5)
         other = position[:, 0] > APART / 2
-        # Towards the eye, inwards.
+        # Towards the viewpoint, inwards.
         middle = np.where(other[:, None], [APART, 0, 0], [0, 0, 0])
         assert ((position - middle) * normal < 1e-4).all()
         return SimpleNamespace(mean=np.where(other, light_there * (2 - light_there), 2.0)[:, None].repeat(3, 1))
@@ -87,7 +87,7 @@ def test_fewer_samples_are_taken_in_the_dark(light, monkeypatch):
 def test_the_first_views_with_light_are_held_out():
     held_out = {str(i): scenes.inside_camera() for i in range(2 * HELD_OUT)}
     placement = Placement({}, held_out, None)
-    assert list(placement.judged_in_light(set()).held_out) == [str(i) for i in range(HELD_OUT)]
-    without = placement.judged_in_light({"1", "3"}).held_out
+    assert list(placement.without_dark(set()).held_out) == [str(i) for i in range(HELD_OUT)]
+    without = placement.without_dark({"1", "3"}).held_out
     assert list(without) == ["0", "2", *(str(i) for i in range(4, HELD_OUT + 2))]
-    assert not placement.judged_in_light(held_out.keys()).held_out
+    assert not placement.without_dark(held_out.keys()).held_out

@@ -11,7 +11,7 @@ from gsgi.runtime.scene import Scene
 
 def outside(meshes, size: int = 48) -> np.ndarray:
     """Positions (N, 3) of the cameras that stand beside the box of edge 2 around the origin."""
-    placement = place(Triangles(Scene(tuple(meshes), (scenes.WHITE,))), {}, size, seed=0).judged_in_light(set())
+    placement = place(Triangles(Scene(tuple(meshes), (scenes.WHITE,))), {}, size, seed=0).without_dark(set())
     cameras = [*placement.fitted.values(), *placement.held_out.values()]
     position = np.array([camera.position for camera in cameras])
     beside = (np.abs(position) > 1).any(axis=1)
@@ -28,7 +28,7 @@ def test_a_closed_room_is_not_looked_at_from_outside():
 @pytest.mark.parametrize(("axis", "sign"), [(2, 1.0), (0, -1.0), (1, 1.0)])
 def test_an_open_side_is_looked_in_by_several_views(axis, sign):
     walls = [mesh for mesh in scenes.box() if not np.allclose(mesh.position[:, axis], sign)]
-    eyes = outside(walls)
-    assert len(eyes) >= 4
-    assert (sign * eyes[:, axis] > 1).all()
-    assert (eyes[:, 1] >= -1).all()
+    viewpoints = outside(walls)
+    assert len(viewpoints) >= 4
+    assert (sign * viewpoints[:, axis] > 1).all()
+    assert (viewpoints[:, 1] >= -1).all()

@@ -15,7 +15,7 @@ from gsgi.runtime.camera import Camera, look_at
 from gsgi.runtime.scene import Material, Mesh, Scene
 
 SIZE = 64
-CLOSE = 0.99 * 0.01 * np.sqrt(12)  # an eye's clearance in a scene as large as scenes.box(), m
+CLOSE = 0.99 * 0.01 * np.sqrt(12)  # a viewpoint's clearance in a scene as large as scenes.box(), m
 WALL = Material("wall")
 
 
@@ -23,13 +23,13 @@ def moved(meshes: list[Mesh], offset, material: int = 0) -> list[Mesh]:
     return [replace(m, position=m.position + np.float32(offset), material=material) for m in meshes]
 
 
-def eyes(cameras: dict[str, Camera]) -> np.ndarray:
+def viewpoints(cameras: dict[str, Camera]) -> np.ndarray:
     return np.array([camera.position for camera in cameras.values()])
 
 
 def every(placement: views.Placement) -> np.ndarray:
     """Where all cameras stand: (N, 3)."""
-    return eyes(placement.fitted | placement.held_out)
+    return viewpoints(placement.fitted | placement.held_out)
 
 
 @pytest.fixture(scope="module")
@@ -109,8 +109,8 @@ def test_both_sides_of_a_double_sided_sheet_get_cameras():
     placement = place(Triangles(Scene((sheet,), (Material(double_sided=True),))), {}, SIZE, seed=0)
     assert placement.coverage.reached
     assert placement.coverage.visible_area == pytest.approx(8, rel=0.02)
-    assert (eyes(placement.fitted)[:, 1] > 0).sum() >= 3
-    assert (eyes(placement.fitted)[:, 1] < 0).sum() >= 3
+    assert (viewpoints(placement.fitted)[:, 1] > 0).sum() >= 3
+    assert (viewpoints(placement.fitted)[:, 1] < 0).sum() >= 3
 
 
 def test_outer_walls_that_face_the_void_are_not_looked_at():
@@ -129,13 +129,13 @@ def test_placement_is_deterministic(room, placed):
         for name, camera in first.items():
             np.testing.assert_array_equal(camera.world_from_view, second[name].world_from_view)
     assert placed.coverage == again.coverage
-    assert (eyes(views.place(room, {}, SIZE, seed=1).fitted)[0] != eyes(placed.fitted)[0]).any()
+    assert (viewpoints(views.place(room, {}, SIZE, seed=1).fitted)[0] != viewpoints(placed.fitted)[0]).any()
 
 
 def test_held_out_cameras_stand_elsewhere(room, placed):
     assert len(placed.held_out) == views.HELD_OUT + views.SPARE
     assert not placed.held_out.keys() & placed.fitted.keys()
-    apart = np.linalg.norm(eyes(placed.held_out)[:, None] - eyes(placed.fitted), axis=2)
+    apart = np.linalg.norm(viewpoints(placed.held_out)[:, None] - viewpoints(placed.fitted), axis=2)
     assert apart.min() > CLOSE
     points = room.draw(500, np.random.default_rng(4))
     for camera in placed.held_out.values():

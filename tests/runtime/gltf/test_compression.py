@@ -183,6 +183,6 @@ def test_damaged_meshopt_loads_or_is_refused(read):
 def test_a_missing_package_is_named(read, monkeypatch, scene, package):
     document, data = scene()
     monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(UnsupportedError, match=f"needs the Python package {package}") as refused:
+    with pytest.raises(UnsupportedError, match=f"needs {package}: install gsgi with its extra 'decoders'") as refused:
         read(document, data)
     assert refused.value.code == "NOT_INSTALLED"

@@ -28,6 +28,7 @@ def renderer(gl):
     gl.__enter__()
     yield result
     result.delete()
+    gl.__enter__()
 
 
 @pytest.mark.parametrize("name", CASES)

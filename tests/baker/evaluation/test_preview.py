@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scenes
 
-from gsgi.baker.fitting.preview import Preview, make_folder
+from gsgi.baker.evaluation.preview import Preview, make_folder
 from gsgi.runtime.errors import FileError
 from gsgi.runtime.gaussians import Bake, Gaussians, OverBlend
 from gsgi.runtime.image import read_image

@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor
 
-from gsgi.baker import _kernels
+from gsgi.baker.native import kernels
 from gsgi.runtime.camera import Pinhole
 from gsgi.runtime.gaussians import OverBlend
 
@@ -35,7 +35,7 @@ class _Splat(torch.autograd.Function):
     @staticmethod
     def forward(ctx, position, rotation, scale, opacity, sh, pinhole, blend):
         parameters = [t.detach().contiguous() for t in (position, rotation, scale, opacity, sh)]
-        image, transmittance, frame = _kernels.splat(*(t.numpy() for t in parameters), pinhole, blend)
+        image, transmittance, frame = kernels.splat(*(t.numpy() for t in parameters), pinhole, blend)
         if any(ctx.needs_input_grad):
             ctx.frame = frame
             ctx.save_for_backward(*parameters)
@@ -45,5 +45,5 @@ class _Splat(torch.autograd.Function):
     @torch.autograd.function.once_differentiable
     def backward(ctx, by_image, by_transmittance):
         arrays = (t.contiguous().numpy() for t in (*ctx.saved_tensors, by_image, by_transmittance))
-        gradients = _kernels.splat_backward(ctx.frame, *arrays)
+        gradients = kernels.splat_backward(ctx.frame, *arrays)
         return *(torch.from_numpy(g) for g in gradients), None, None

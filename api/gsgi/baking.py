@@ -1,0 +1,183 @@
+"""Baking from Python: what `gsgi bake` and `gsgi plan` do, as two functions that print nothing."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gsgi.baker.settings import Settings
+from gsgi.runtime.atomic import check_writable, write_atomic
+from gsgi.runtime.camera import Camera
+from gsgi.runtime.errors import TargetError, UnsupportedError
+from gsgi.runtime.gltf.scene_file import read_scene
+from gsgi.runtime.lighting import Lighting
+from gsgi.runtime.scene import Scene
+
+try:
+    from gsgi.baker.plan_table import Decision
+    from gsgi.baker.report import BakeReport
+except ModuleNotFoundError as error:
+    raise UnsupportedError(
+        f"baking needs {error.name}: install gsgi with its extra 'bake' on a machine with a C++ compiler"
+    ) from error
+
+if TYPE_CHECKING:
+    from gsgi.baker.plan import Plan
+    from gsgi.baker.progress import Progress
+
+__all__ = ["BakeReport", "PlanReport", "bake", "plan"]
+
+# Is called with the name of a stage and the share of it that is done, 0 to 1, as the work goes on.
+OnProgress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class PlanReport:
+    """What a bake would do: `decisions`, each of what, what was decided, and why; the expected `seconds` of each stage
+    on this machine with an empty cache; the most Gaussians, the most bytes of the file, and the expected peak of memory
+    in bytes; and the `warnings`, one line each."""
+
+    decisions: tuple[Decision, ...]
+    seconds: dict[str, float]
+    gaussians: int
+    file_bytes: int
+    memory: int
+    warnings: tuple[str, ...]
+
+
+def bake(
+    scene: str | Path | Scene,
+    output: str | Path | None = None,
+    *,
+    quality: str | None = None,
+    settings: Settings | None = None,
+    lighting: Lighting | None = None,
+    cameras: Mapping[str, Camera] | None = None,
+    cache: bool | str | Path = True,
+    evaluate: bool = True,
+    progress: OnProgress | None = None,
+) -> BakeReport:
+    """Trace the indirect light of a scene, fit Gaussians to it, and write them to `output`.
+
+    The same scene, settings and version give the same bytes. An interrupted bake loses nothing: the same call resumes
+    it. The file is written as a whole or not at all, and before the evaluation.
+
+    scene: a glTF file, or a `Scene`. output: the .gsgi file; None: the bytes are only in `report.data`. quality:
+    "draft", "medium" or "high", in place of that of the `settings`. lighting: light that the file lacks; None: that of
+    room.lights.toml beside room.glb. cameras: further cameras to fit, by name. cache: whether finished work is kept in
+    the default folder, or a folder for it. evaluate: trace held-out views and compare the bake with them.
+
+    Raises FileError, SceneError, UnsupportedError, and TargetError where `settings.target_loss` was not met: then the
+    best file is written.
+    """
+    from gsgi.baker import job
+
+    if output is not None:
+        check_writable(output)
+    made, told = _plan(scene, quality, settings, lighting, cameras, cache, progress)
+
+    def write(data: bytes, gaussians: int) -> None:
+        if output is not None:
+            write_atomic(output, data)
+
+    report = job.run(made, told, write, evaluate)
+    made.tracer.cache.trim()
+    if report.missed:
+        raise TargetError(f"{output}: {report.missed}")
+    return report
+
+
+def plan(
+    scene: str | Path | Scene,
+    *,
+    quality: str | None = None,
+    settings: Settings | None = None,
+    lighting: Lighting | None = None,
+    cameras: Mapping[str, Camera] | None = None,
+    cache: bool | str | Path = True,
+    progress: OnProgress | None = None,
+) -> PlanReport:
+    """What `bake` would do with the same arguments, why, and what it would cost. Takes some seconds.
+
+    Raises FileError, SceneError, UnsupportedError.
+    """
+    from gsgi.baker.estimate import estimate
+    from gsgi.baker.plan_table import decisions
+
+    made, told = _plan(scene, quality, settings, lighting, cameras, cache, progress)
+    with told.stage("estimate"):
+        seconds = estimate(made)
+    rows = tuple(decisions(made))
+    return PlanReport(rows, seconds, made.settings.budget, made.file_bytes, made.memory, tuple(told.warnings))
+
+
+def _plan(
+    scene: str | Path | Scene,
+    quality: str | None,
+    settings: Settings | None,
+    lighting: Lighting | None,
+    cameras: Mapping[str, Camera] | None,
+    cache: bool | str | Path,
+    progress: OnProgress | None,
+) -> "tuple[Plan, Progress]":
+    from gsgi.baker.plan import make_plan
+    from gsgi.baker.progress import Progress
+
+    told = Progress(_Callback(progress) if progress else None)
+    with told.stage("scene"):
+        lit = _lit(scene, lighting)
+    for line in lit.warnings:
+        told.warn(line)
+    settings = settings or Settings()
+    return make_plan(lit, replace(settings, quality=quality or settings.quality), told, _cache(cache), cameras), told
+
+
+def _lit(scene: str | Path | Scene, lighting: Lighting | None) -> Scene:
+    from gsgi.runtime.lighting import light
+
+    if isinstance(scene, Scene):
+        return light(scene, lighting) if lighting else scene
+    return read_scene(scene, lighting)
+
+
+def _cache(cache: bool | str | Path):
+    from gsgi.baker.cache.store import Cache, default_folder, size_limit
+
+    if cache is False:
+        return Cache()
+    return Cache(default_folder() if cache is True else Path(cache), size_limit())
+
+
+class _Callback:
+    """A display of stages that calls a function."""
+
+    def __init__(self, call: OnProgress):
+        self._call = call
+
+    def begin(self, name: str, total: float, unit: str) -> "_Stage":
+        self._call(name, 0.0)
+        return _Stage(self._call, name, total)
+
+    def say(self, line: str) -> None:
+        """The report has all that matters of the log."""
+
+    def warn(self, line: str) -> None:
+        """The report has the warnings."""
+
+
+class _Stage:
+    """The bar of one stage."""
+
+    def __init__(self, call: OnProgress, name: str, total: float):
+        self._call, self._name, self._total, self._done = call, name, total, 0.0
+
+    def advance(self, amount: float = 1, note: str = "") -> None:
+        self._done += amount
+        if self._total:
+            self._call(self._name, min(self._done / self._total, 1.0))
+
+    def stop(self) -> None:
+        """The exception tells."""
+
+    def finish(self, seconds: float) -> None:
+        self._call(self._name, 1.0)

@@ -1,0 +1,43 @@
+"""A whole bake, as the command line and the Python API run it: references -> bake -> file -> evaluation -> report."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from gsgi.runtime.file import codec
+
+from . import bake as baking
+from .evaluation import held_out
+from .evaluation.preview import Preview
+from .plan import Plan
+from .progress import Progress
+from .report import BakeReport, peak_memory
+
+
+def run(
+    plan: Plan,
+    progress: Progress,
+    write: Callable[[bytes, int], None],
+    evaluate: bool = True,
+    preview: Path | None = None,
+) -> BakeReport:
+    """Bake a plan and report it.
+
+    `write(data, gaussians)` gets the bytes of the .gsgi file before they are evaluated, so that an interrupted
+    evaluation loses nothing. `preview` is a folder that exists, for pictures of the fit while it runs. Without
+    `evaluate` no reference is traced unless a target loss or a preview needs them.
+    """
+    references = None
+    if evaluate or preview or plan.settings.target_loss is not None:
+        with progress.stage("references", held_out.points(plan), "points") as advance:
+            references = held_out.references(plan, advance)
+    if plan.settings.target_loss is not None and not references:
+        progress.warn("no held-out view shows a surface with indirect light: there is no loss to aim at")
+    pictures = Preview(preview, references, plan.placement.held_out) if preview and references else None
+    result = baking.bake(plan, progress, references, pictures)
+    write(result.data, result.attempt.count)
+    evaluation = None
+    if evaluate:
+        with progress.stage("evaluation"):
+            evaluation = held_out.evaluate(references or {}, plan.placement.held_out, codec.decode(result.data))
+    seconds, warnings = dict(progress.seconds), tuple(progress.warnings)
+    return BakeReport(plan, result, evaluation, seconds, peak_memory(), warnings)

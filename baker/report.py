@@ -1,0 +1,95 @@
+"""What a bake did and reached, as a record and as JSON."""
+
+import dataclasses
+from dataclasses import dataclass
+
+from .bake import BakeResult
+from .evaluation.held_out import Evaluation
+from .plan import Plan
+
+
+@dataclass(frozen=True)
+class BakeReport:
+    """The `plan` that was followed and its `result`; how close it comes in held-out views, None where that was not
+    evaluated; `seconds` by stage; `peak_memory` of the process, bytes, None where the system does not tell; and the
+    `warnings`, one line each."""
+
+    plan: Plan
+    result: BakeResult
+    evaluation: Evaluation | None
+    seconds: dict[str, float]
+    peak_memory: int | None
+    warnings: tuple[str, ...]
+
+    @property
+    def data(self) -> bytes:
+        """Bytes of the .gsgi file."""
+        return self.result.data
+
+    @property
+    def gaussians(self) -> int:
+        """Gaussians in the file, of both levels."""
+        return self.result.attempt.count
+
+    @property
+    def ssim(self) -> float | None:
+        """SSIM of the full frame, mean over the held-out views; None where that is not known."""
+        return self.evaluation.mean.final.ssim if self.evaluation and self.evaluation.mean else None
+
+    @property
+    def missed(self) -> str | None:
+        """How and why the target loss was missed, in one sentence; None where it was met, or none was asked for."""
+        loss, target = self.result.attempt.loss, self.plan.settings.target_loss
+        if target is None or loss is None or loss <= target:
+            return None
+        most = max(attempt.budget for attempt in self.result.attempts)
+        reason = "more Gaussians did not help" if most < self.plan.settings.budget else "the budget is spent"
+        return (
+            f"the loss in held-out views is {loss:.4f} at best, {loss / target - 1:.0%} above the target of "
+            f"{target:g}, with {self.gaussians} Gaussians: {reason}"
+        )
+
+    def as_dict(self) -> dict:
+        """The report for machines: numbers, strings, lists and dictionaries."""
+        plan, attempt, settings = self.plan, self.result.attempt, self.plan.settings
+        coverage = plan.placement.coverage
+        return {
+            "operator": settings.operator,
+            "gaussians": attempt.count,
+            "bytes": len(self.data),
+            "budget": settings.budget,
+            "target_loss": settings.target_loss,
+            "attempts": [
+                {
+                    "gaussians": attempt.count,
+                    "bytes": len(attempt.data),
+                    "loss": attempt.loss,
+                    "psnr": attempt.psnr,
+                    "fit_s": round(attempt.seconds, 3),
+                }
+                for attempt in self.result.attempts
+            ],
+            "fine_coverage": None if attempt.coverage is None else round(attempt.coverage, 5),
+            "history": [entry._asdict() for entry in attempt.history],
+            "bounces": settings.bounces,
+            "views": len(plan.placement.fitted),
+            "view_size": settings.size,
+            "samples": round(plan.samples, 1),
+            "paths": round(plan.points * plan.samples),
+            "coverage": [round(share, 4) for share in coverage.seen],
+            "texel_limit": coverage.texel_limit,
+            "hidden_area": sum(hidden.area for hidden in coverage.hidden),
+            "planned_memory": plan.memory,
+            "peak_memory": self.peak_memory,
+            "stages": [{"stage": name, "seconds": round(value, 3)} for name, value in self.seconds.items()],
+            "held_out": dataclasses.asdict(self.evaluation) if self.evaluation else None,
+        }
+
+
+def peak_memory() -> int | None:
+    """Peak of this process's resident memory, bytes; None where the system does not tell."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return None
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024

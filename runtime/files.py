@@ -1,0 +1,28 @@
+"""Reading files whose names come from outside."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from .errors import FileError
+
+
+def read_file(path: Path, check_size: Callable[[int], None] | None = None) -> bytes:
+    """All bytes of a regular file. `check_size(bytes)` may refuse it before it is read. Raises FileError."""
+    try:
+        if path.exists() and not path.is_file():  # a folder, or a pipe that would block
+            raise FileError(f"{path}: cannot read: not a regular file")
+        if check_size:
+            check_size(path.stat().st_size)
+        return path.read_bytes()
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise FileError(f"{path}: cannot read: {reason}") from None
+
+
+def inside(folder: Path, name: str) -> Path | None:
+    """The path of a relative `name` in a resolved folder; None where it leads out of it.
+
+    Raises ValueError, OSError or RuntimeError for what is no path: a NUL, a loop of links.
+    """
+    path = (folder / name).resolve()
+    return None if Path(name).is_absolute() or not path.is_relative_to(folder) else path

@@ -1,0 +1,28 @@
+"""A glTF file together with the light that its scene is to stand in."""
+
+import dataclasses
+from pathlib import Path
+
+from gsgi.runtime.lighting import Lighting, beside, light, read_lights
+from gsgi.runtime.scene import Scene
+
+from .limits import Limits
+from .reader import read_gltf
+
+
+def read_scene(
+    path: str | Path,
+    lighting: Lighting | None = None,
+    transparency: str = "cutout",
+    limits: Limits = Limits(),  # noqa: B008 (frozen)
+) -> Scene:
+    """The scene of a .gltf or .glb file under `lighting`; None: under the light of room.lights.toml beside room.glb,
+    where there is such a file.
+
+    See `read_gltf` for the other parameters. Raises FileError, SceneError, UnsupportedError.
+    """
+    scene = read_gltf(path, limits, transparency)
+    if lighting is None and (lights := beside(path)):
+        lighting = Lighting(**read_lights(lights))
+        scene = dataclasses.replace(scene, files=(*scene.files, lights))
+    return light(scene, lighting or Lighting())
