@@ -8,11 +8,10 @@ import numpy as np
 from repository import DATA
 
 from gsgi.runtime import constants
-from gsgi.runtime.file import codec
-from gsgi.runtime.file.header import HEADERS
+from gsgi.runtime.file.header import HEADER
 from gsgi.runtime.gaussians import Bake, Effects, Gaussians, OverBlend, SurfaceBlend
 
-STORED = ("v1", "v2", "v3_over", "v3_surface")
+STORED = ("v3_over", "v3_surface")
 ARRAYS = ("position", "rotation", "scale", "opacity", "sh")
 
 
@@ -67,8 +66,7 @@ def stored(name: str) -> bytes:
 
 def changed(data: bytes, field: str, value) -> bytes:
     """The same file with another value in its header, at `field` or `level.field`, resealed."""
-    layout = HEADERS[codec.version(data)]
-    header = np.frombuffer(data, layout, 1).copy()
+    header = np.frombuffer(data, HEADER, 1).copy()
     level, _, name = field.rpartition(".")
     (header[level] if level else header)[name] = value
-    return reseal(header.tobytes() + data[layout.itemsize :])
+    return reseal(header.tobytes() + data[HEADER.itemsize :])

@@ -42,7 +42,7 @@ def encode(bake: Bake) -> bytes:
     assert 0 <= bake.scene < 1 << 64, bake.scene
     header = np.zeros((), HEADER)
     header["magic"], header["version"], header["header_bytes"] = MAGIC, VERSION, HEADER.itemsize
-    header["operator"], header["effects"] = OPERATORS[VERSION].index(type(bake.blend)), int(bake.effects)
+    header["operator"], header["effects"] = OPERATORS.index(type(bake.blend)), int(bake.effects)
     for name, value in asdict(bake.blend).items():
         header[name] = value
         assert header[name] == np.float32(value), (name, value)
@@ -56,10 +56,10 @@ def encode(bake: Bake) -> bytes:
 
 
 def decode(data: bytes) -> Bake:
-    """The bake in the bytes of a .gsgi file of any version. Raises FormatError for anything that none of them wrote."""
+    """The bake in the bytes of a .gsgi file. Raises FormatError for anything that the encoder could not have written."""
     header = read_header(data)
-    operator = OPERATORS[VERSION][int(header["operator"])]
-    fine = int(header["header_bytes"])
+    operator = OPERATORS[int(header["operator"])]
+    fine = HEADER.itemsize
     coarse = fine + arrays_bytes(header["fine"])
     return Bake(
         decode_level(header["fine"], data, fine),

@@ -1,4 +1,4 @@
-"""The header of a .gsgi file: its fields in each version, read and checked."""
+"""The header of a .gsgi file: its fields, read and checked."""
 
 import zlib
 from dataclasses import fields
@@ -36,36 +36,10 @@ HEADER = np.dtype(
         ("coarse", LEVEL),
     ]
 )
-HEADER_1 = np.dtype(
-    [
-        ("magic", "S4"),
-        ("version", "<u2"),
-        ("header_bytes", "<u2"),
-        ("crc32", "<u4"),
-        ("gaussian_count", "<u4"),
-        ("sh_degree", "u1"),
-        ("operator", "u1"),
-        ("effects", "<u2"),
-        ("near", "<f4"),
-        ("dilation", "<f4"),
-        ("alpha_min", "<f4"),
-        ("alpha_max", "<f4"),
-        ("tone_scale", "<f4"),
-        ("position_min", "<f4", 3),
-        ("position_step", "<f4", 3),
-        ("log_scale_min", "<f4"),
-        ("log_scale_step", "<f4"),
-        ("sh_rest_step", "<f4"),
-    ]
-)
-HEADER_2 = np.dtype([*HEADER_1.descr, ("bounces", "<u2"), ("reserved", "<u2"), ("scene", "<u8")])
-
-HEADERS = {1: HEADER_1, 2: HEADER_2, 3: HEADER}
 LEVELS = ("fine", "coarse")
 
-# That each version knows. The operator byte is an index into its tuple.
-EFFECT_BITS = {1: 0x0F, 2: 0xFF, 3: 0xFF}
-OPERATORS = {1: (OverBlend,), 2: (OverBlend,), 3: (OverBlend, SurfaceBlend)}
+OPERATORS = OverBlend, SurfaceBlend  # the operator byte is an index into this
+EFFECT_BITS = 0xFF
 
 OPERATOR_NAMES = {OverBlend: "over", SurfaceBlend: "surface"}
 SH_DEGREE_MAX = {OverBlend: 3, SurfaceBlend: 2}
@@ -82,25 +56,25 @@ def version(data: bytes) -> int:
 
 
 def read_header(data: bytes) -> np.ndarray:
-    """The header of a .gsgi file of any version as a record of HEADER; fields that the version lacks are 0.
+    """The header of a .gsgi file as a record of HEADER.
 
     Raises FormatError unless every field, the length and the checksum are ones that the encoder could have written.
     """
-    header = _parse(data)
-    layout = HEADERS.get(version(data), HEADER)
+    if len(data) < HEADER.itemsize:
+        raise FormatError(f"byte {len(data)}: expected a header of {HEADER.itemsize} bytes, the file ends here")
+    header = np.frombuffer(data, HEADER, count=1)[0]
 
     def expect(condition: bool, field: str, expected: str, got) -> None:
         if not condition:
-            offset, name = _place(field, layout)
-            raise FormatError(f"byte {offset} ({name}): expected {expected}, got {got}")
+            raise FormatError(f"byte {_offset(field)} ({field}): expected {expected}, got {got}")
 
     magic = header["magic"].item()
     expect(magic == MAGIC, "magic", repr(MAGIC), repr(magic))
-    expect(version(data) in HEADERS, "version", " or ".join(map(str, HEADERS)), header["version"])
-    expect(header["header_bytes"] == layout.itemsize, "header_bytes", f"{layout.itemsize}", header["header_bytes"])
+    expect(header["version"] == VERSION, "version", f"{VERSION}", header["version"])
+    expect(header["header_bytes"] == HEADER.itemsize, "header_bytes", f"{HEADER.itemsize}", header["header_bytes"])
     _check_counts(header, expect)
     count = sum(int(header[level]["gaussian_count"]) for level in LEVELS)
-    size = layout.itemsize + sum(arrays_bytes(header[level]) for level in LEVELS)
+    size = HEADER.itemsize + sum(arrays_bytes(header[level]) for level in LEVELS)
     if len(data) != size:
         raise FormatError(f"byte {min(len(data), size)}: expected {size} bytes for {count} Gaussians, got {len(data)}")
     crc = checksum(data)
@@ -116,16 +90,16 @@ def checksum(data: bytes) -> int:
 
 
 def check_fields(header: np.ndarray, expect) -> None:
-    """Refuse what no file of the header's version says, by `expect(condition, field, expected, got)`."""
-    known, operators = (table[int(header["version"])] for table in (EFFECT_BITS, OPERATORS))
-    numbers = " or ".join(f"{i} ({OPERATOR_NAMES[blend]})" for i, blend in enumerate(operators))
-    expect(header["operator"] < len(operators), "operator", numbers, header["operator"])
-    expect(header["effects"] | known == known, "effects", f"bits of {known:#x}", hex(header["effects"]))
+    """Refuse what the encoder never writes, by `expect(condition, field, expected, got)`."""
+    numbers = " or ".join(f"{i} ({OPERATOR_NAMES[blend]})" for i, blend in enumerate(OPERATORS))
+    expect(header["operator"] < len(OPERATORS), "operator", numbers, header["operator"])
+    known = header["effects"] | EFFECT_BITS == EFFECT_BITS
+    expect(known, "effects", f"bits of {EFFECT_BITS:#x}", hex(header["effects"]))
     expect(header["reserved"] == 0, "reserved", "0", header["reserved"])
     _check_finite(header, "", expect)
     expect(header["tone_scale"] > 0, "tone_scale", "more than 0", header["tone_scale"])
-    operator = operators[int(header["operator"])]
-    for other in set(operators) - {operator}:
+    operator = OPERATORS[int(header["operator"])]
+    for other in set(OPERATORS) - {operator}:
         for field in fields(other):
             expect(
                 header[field.name] == 0, field.name, f"0, since {OPERATOR_NAMES[operator]} has none", header[field.name]
@@ -137,25 +111,10 @@ def check_fields(header: np.ndarray, expect) -> None:
         check_level(header[level], level, expect)
 
 
-def _parse(data: bytes) -> np.ndarray:
-    """The header as `read_header` gives it, not checked."""
-    layout = HEADERS.get(version(data), HEADER)
-    if len(data) < layout.itemsize:
-        raise FormatError(f"byte {len(data)}: expected a header of {layout.itemsize} bytes, the file ends here")
-    stated = np.frombuffer(data, layout, count=1)[0]
-    header = np.zeros((), HEADER)
-    for name in layout.names:
-        record = header if name in HEADER.names else header["fine"]
-        record[name] = stated[name]
-    return header
-
-
-def _place(field: str, layout: np.dtype) -> tuple[int, str]:
-    """Offset and name, in a header of `layout`, of a field that HEADER has as `field` or `level.field`."""
+def _offset(field: str) -> int:
+    """Where `field` or `level.field` begins in a file."""
     level, _, name = field.rpartition(".")
-    if name in layout.names:
-        return layout.fields[name][1], name
-    return layout.fields[level][1] + LEVEL.fields[name][1], field
+    return HEADER.fields[level][1] + LEVEL.fields[name][1] if level else HEADER.fields[name][1]
 
 
 def _check_counts(header: np.ndarray, expect) -> None:

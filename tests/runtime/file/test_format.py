@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from gsgi_files import example, surface_example
 
+from gsgi.runtime.constants import SH_C0
 from gsgi.runtime.file import codec
-from gsgi.runtime.file.header import EFFECT_BITS, HEADER, HEADER_1, HEADER_2, OPERATOR_NAMES, OPERATORS, VERSION
+from gsgi.runtime.file.header import EFFECT_BITS, HEADER, OPERATOR_NAMES, OPERATORS, VERSION
 from gsgi.runtime.file.levels import LEVEL, planes
 from gsgi.runtime.gaussians import Effects
 
@@ -37,7 +38,7 @@ def test_format_md_states_the_header_that_the_codec_uses():
     assert level.startswith(f" {LEVEL.itemsize} bytes")
     assert f"| header_bytes | {HEADER.itemsize} |" in header
     assert f"| version | {VERSION} |" in header
-    for number, operator in enumerate(OPERATORS[VERSION]):
+    for number, operator in enumerate(OPERATORS):
         assert re.search(rf"\| operator \|.*\b{number} = `{OPERATOR_NAMES[operator]}`", header)
 
 
@@ -53,14 +54,23 @@ def test_every_header_field_lies_at_a_multiple_of_its_size(layout):
 def test_format_md_states_the_effects():
     rows = re.findall(r"^\| (\d+) \| (\w+) \| ", FORMAT.split("| bit |")[1].split("\n\n")[0], re.MULTILINE)
     assert rows == [(str(effect.value), effect.name.lower()) for effect in Effects]
-    assert sum(Effects) == EFFECT_BITS[VERSION]
+    assert sum(Effects) == EFFECT_BITS
 
 
-def test_format_md_states_the_headers_of_versions_1_and_2():
-    assert stated_fields(FORMAT.split("**Versions 1 and 2**")[1]) == actual_fields(HEADER_2)
-    size, last = re.search(r"\*\*Version 1\*\* has a header of (\d+) bytes: it ends with (\w+)", FORMAT).groups()
-    assert (int(size), last) == (HEADER_1.itemsize, HEADER_1.names[-1])
-    assert HEADER_1.names == HEADER_2.names[: len(HEADER_1.names)]
+def test_format_md_shows_a_whole_file():
+    """The example in hex is what the encoder writes, and its table says what the bytes mean."""
+    section = FORMAT.split("## A whole file")[1].split("## ")[0]
+    lines = re.findall(r"^    ([0-9a-f]{4})  ((?:[0-9a-f]{2} ?)+)", section, re.MULTILINE)
+    data = b"".join(bytes.fromhex(line) for _, line in lines)
+    assert [int(offset, 16) for offset, _ in lines] == list(range(0, len(data), 16))
+    bake = codec.decode(data)
+    assert codec.encode(bake) == data
+    assert (len(bake.gaussians), len(bake.coarse)) == (1, 1)
+    np.testing.assert_allclose(bake.gaussians.position, [[0.5, 0, -0.5]])
+    np.testing.assert_allclose(bake.gaussians.scale, [[0.1, 0.1, 0.1]], rtol=1e-6)
+    np.testing.assert_allclose(bake.gaussians.sh[0, 0] * SH_C0, [0.5, 0.25, 0.125])
+    np.testing.assert_allclose(bake.gaussians.rotation, [[0, 0, 0, 1]], atol=1e-6)
+    np.testing.assert_allclose(bake.gaussians.opacity, [1.0])
 
 
 def test_format_md_states_the_arrays_in_order_and_the_size():

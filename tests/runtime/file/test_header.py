@@ -82,23 +82,8 @@ def test_surface_has_no_sh_of_degree_3(level):
 
 
 @pytest.mark.parametrize(
-    ("name", "field", "value"),
-    [
-        *[("v1", "header_bytes", 88), ("v1", "effects", 0x10), ("v1", "version", 2), ("v1", "operator", 1)],
-        *[("v2", "header_bytes", 144), ("v2", "effects", 0x100), ("v2", "version", 3), ("v2", "operator", 1)],
-        *[("v2", "reserved", 1), ("v2", "sh_degree", 4), ("v1", "position_step", -1), ("v1", "alpha_min", 0)],
-    ],
-)
-def test_a_version_has_no_part_of_a_later_one(name, field, value):
-    with pytest.raises(FormatError, match="expected"):
-        codec.decode(changed(stored(name), field, value))
-
-
-@pytest.mark.parametrize(
     ("name", "field", "place"),
     [
-        ("v1", "position_step", "byte 52 (position_step)"),
-        ("v2", "near", "byte 20 (near)"),
         ("v3_over", "near", "byte 32 (near)"),
         ("v3_surface", "fine.position_step", "byte 76 (fine.position_step)"),
         ("v3_surface", "coarse.position_step", "byte 120 (coarse.position_step)"),
