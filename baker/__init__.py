@@ -1,1 +1,1 @@
-"""Offline part: a glTF scene in, a .gsgi file out."""
+"""The offline part: turns a glTF scene into a .gsgi file."""

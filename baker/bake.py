@@ -1,4 +1,4 @@
-"""The bake of a plan, stage by stage: irradiance -> fit -> encode."""
+"""Bake a plan, stage by stage: irradiance -> fit -> encode."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class BakeResult:
-    """The `attempt` whose file was chosen, and all `attempts` in order: one without a target loss."""
+    """The `attempt` whose file was chosen, and all `attempts` in order; without a target loss there is only one."""
 
     attempt: Attempt
     attempts: tuple[Attempt, ...]
@@ -38,10 +38,11 @@ def bake(
     references: "Mapping[str, Reference] | None" = None,
     preview: "Preview | None" = None,
 ) -> BakeResult:
-    """Bake the indirect light of a plan's scene to the bytes of a .gsgi file. The same plan gives the same bytes.
+    """Bake the indirect light of a plan's scene into the bytes of a .gsgi file.
 
-    What the plan's cache holds is not computed again, and what is computed goes there. `references` of the held-out
-    views, by name, are what a target loss is measured on, and what the progress shows; `preview` draws them.
+    The same plan gives the same bytes, except where `over` is fitted on a GPU. Results in the plan's cache are reused,
+    and new results are stored there. `references` are those of the held-out views, by name: the target loss and the
+    losses that the progress shows are measured on them. `preview` draws the fit beside them while it runs.
     """
     if not plan.pilot.mean:
         progress.warn("no indirect light reaches what the views see: the file will hold darkness")
@@ -49,7 +50,7 @@ def bake(
 
 
 class _Baker:
-    """Traces the light of a plan's scene once, and fits Gaussians to it with one budget or another."""
+    """Fits Gaussians to the light of a plan's scene, for one or several budgets."""
 
     def __init__(self, plan: Plan, progress: Progress, references, preview):
         from .evaluation.held_out import HeldOutLoss
@@ -69,7 +70,7 @@ class _Baker:
         return BakeResult(chosen, tuple(attempts))
 
     def attempt(self, budget: int) -> Attempt:
-        """A fit with this budget, encoded, and measured as a reader will see it."""
+        """Fit with this budget, encode the result, and measure it as a reader decodes it."""
         fit = self.fits.fit(budget, self._monitor)
         with self.progress.stage("encode"):
             data = codec.encode(self._bake(fit.gaussians, fit.coarse))
@@ -97,8 +98,10 @@ class _Baker:
 
 
 def _fits(plan: Plan, progress: Progress):
-    """The fits of the plan's operator. Those of `over` are to views, which are traced here; those of `surface` trace
-    as many samples as their budget asks for."""
+    """Return the fits of the plan's operator.
+
+    `over` fits views, which are traced here. `surface` traces as many samples as each budget needs, when it is fitted.
+    """
     if isinstance(plan.blend, OverBlend):
         from .over.fits import OverFits, trace_views
 

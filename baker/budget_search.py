@@ -1,7 +1,8 @@
-"""The search for the fewest Gaussians whose loss in held-out views meets a target.
+"""Search for the fewest Gaussians whose loss in held-out views meets a target.
 
-The answer is the fewest to within a factor of 1.4. Budgets are tried in rising order. Each is a fit of its own that
-knows nothing of the target, so a tighter target continues where a looser one stops and never needs fewer Gaussians.
+The answer is the minimum to within a factor of 1.4. Budgets are tried in ascending order. Each attempt is a separate
+fit that does not depend on the target, so a tighter target continues where a looser one stops and never gets fewer
+Gaussians.
 """
 
 from collections.abc import Callable, Iterator
@@ -9,18 +10,18 @@ from dataclasses import dataclass
 
 from .fitting.task import HistoryEntry
 
-FEWEST = 256  # Gaussians of the first attempt
-STEP = 2  # between budgets
-GAIN = 0.02  # share of the loss; two budgets in a row that gain less end the search
+FEWEST = 256  # budget of the first attempt
+STEP = 2  # ratio of successive budgets
+GAIN = 0.02  # relative decrease of the loss; two budgets in a row that gain less end the search
 
 
 @dataclass(frozen=True)
 class Attempt:
-    """One fit of the search: the `data` of its .gsgi file with `count` Gaussians, at most `budget`.
+    """One fit of the search: the `data` of its .gsgi file, which holds `count` Gaussians (at most `budget`).
 
-    `loss` and `psnr` (of B, dB) are means over the held-out views, None where no held-out view shows a B. `seconds` is
-    the time of the fit including its start and the evaluations while it ran; next to none where the cache held it.
-    `history` is empty where the cache held the fit. `coverage` is that of `FitResult`.
+    `loss` and `psnr` (of B, dB) are means over the held-out views; None if there is no reference that shows B.
+    `seconds` is the time of the fit, including its start and the evaluations while it ran; it is almost 0 if the cache
+    held the fit, and `history` is then empty. `coverage` is that of `FitResult`.
     """
 
     budget: int
@@ -34,8 +35,11 @@ class Attempt:
 
 
 def search(target: float, most: int, attempt: Callable[[int], Attempt]) -> tuple[Attempt, list[Attempt]]:
-    """The attempt with the fewest Gaussians whose loss is at most `target`, else the one with the least loss; and all
-    attempts in order. `attempt(budget)` fits; no budget is above `most`."""
+    """Return the attempt with the fewest Gaussians whose loss is at most `target`, and all attempts in order.
+
+    If no attempt meets the target, the first is the one with the least loss. `attempt(budget)` runs a fit; no budget
+    exceeds `most`.
+    """
     attempts: list[Attempt] = []
     for budget in budgets(most):
         attempts.append(attempt(budget))
@@ -52,7 +56,7 @@ def search(target: float, most: int, attempt: Callable[[int], Attempt]) -> tuple
 
 
 def budgets(most: int) -> Iterator[int]:
-    """FEWEST, then STEP times as many each, and finally `most`."""
+    """Yield FEWEST, then each time STEP times as many, and finally `most`."""
     budget = FEWEST
     while budget < most:
         yield budget
@@ -61,5 +65,5 @@ def budgets(most: int) -> Iterator[int]:
 
 
 def _stalled(losses: list[float]) -> bool:
-    """Whether the last two losses gained next to nothing on the best before them."""
+    """Whether the last two losses hardly improved on the best one before them."""
     return len(losses) > 2 and min(losses[-2:]) > (1 - GAIN) * min(losses[:-2])

@@ -1,4 +1,4 @@
-"""What a scene holds that costs something to light: found by looking, left out on request."""
+"""Effects: what a scene contains that costs time to light. They are found by inspection and left out on request."""
 
 from collections import Counter
 from collections.abc import Collection
@@ -9,7 +9,7 @@ from gsgi.runtime.scene import Material, Scene
 
 from .settings import EFFECTS
 
-# What each of EFFECTS is in a file.
+# The flag that stands for each of EFFECTS in a file.
 NAMES = {name: Effects[name.upper().replace("-", "_")] for name in EFFECTS}
 
 SHADOW_KINDS = {"directional": "one shadow map", "spot": "one shadow map", "point": "a shadow cube (six maps)"}
@@ -17,7 +17,7 @@ SHADOW_KINDS = {"directional": "one shadow map", "spot": "one shadow map", "poin
 
 @dataclass(frozen=True)
 class Finding:
-    """One effect: what of it the scene has ("none" if nothing), and what that costs the bake and the frame."""
+    """One effect: how much of it the scene has ("none" if nothing), and what that costs the bake and the frame."""
 
     name: str
     found: str
@@ -25,7 +25,7 @@ class Finding:
 
 
 def effects(scene: Scene) -> Effects:
-    """The effects that `scene` calls for."""
+    """The effects that `scene` has."""
     found = Effects(0)
     for name, flag in NAMES.items():
         if scene.lights if name == "punctual" else scene.environment if name == "environment" else _has(scene, name):
@@ -34,7 +34,7 @@ def effects(scene: Scene) -> Effects:
 
 
 def without(scene: Scene, names: Collection[str]) -> Scene:
-    """`scene` as if it had none of the effects `names` (keys of NAMES)."""
+    """Return `scene` without the effects `names` (keys of NAMES)."""
     change = {
         "emissive": {"emission": (0.0, 0.0, 0.0), "emission_texture": None},
         "alpha-mask": {"alpha_cutoff": None},
@@ -52,26 +52,26 @@ def without(scene: Scene, names: Collection[str]) -> Scene:
 
 
 def findings(scene: Scene) -> list[Finding]:
-    """Every effect, found or not."""
-    # At each surface a path casts a ray of its own, and one to each kind of light that is looked for.
+    """Return a finding for every effect, present or not."""
+    # At each surface a path casts one ray to continue, and one more for each kind of light that is sampled.
     picture = scene.environment is not None and not scene.environment.even
     rays = 1 + bool(scene.lights) + _has(scene, "emissive") + picture
     share = f"1 of the {rays} rays that a path casts at each surface"
     return [
         *(_punctual(scene, kind, share) for kind in ("point", "spot", "directional")),
-        _surfaces(scene, "emissive", "emissive surfaces", f"{share} goes to one of their points"),
+        _surfaces(scene, "emissive", "emissive surfaces", f"{share} samples a point on them"),
         _environment(scene, share),
-        _surfaces(scene, "alpha-mask", "alpha masks", "every ray looks for holes; shadow maps test alpha"),
-        _surfaces(scene, "double-sided", "double-sided", "drawn without culling"),
-        _surfaces(scene, "normal-map", "normal maps", "primary light only: B belongs to the interpolated normal"),
+        _surfaces(scene, "alpha-mask", "alpha masks", "every ray tests for holes; shadow maps test alpha"),
+        _surfaces(scene, "double-sided", "double-sided", "drawn without back-face culling"),
+        _surfaces(scene, "normal-map", "normal maps", "primary light only: B is traced for the interpolated normal"),
         _transparent(scene),
-        _surfaces(scene, "unlit", "unlit", "shown as they are: they light nothing and have no B"),
+        _surfaces(scene, "unlit", "unlit", "shown unshaded: they light nothing and have no B"),
     ]
 
 
 def _punctual(scene: Scene, kind: str, share: str) -> Finding:
     count = sum(light.kind == kind for light in scene.lights)
-    cost = f"{share} goes to a punctual light; a frame draws {SHADOW_KINDS[kind]} for each"
+    cost = f"{share} samples a punctual light; a frame draws {SHADOW_KINDS[kind]} for each"
     return Finding(f"{kind} lights", str(count) if count else "none", cost if count else "")
 
 
@@ -79,13 +79,13 @@ def _environment(scene: Scene, share: str) -> Finding:
     if scene.environment is None:
         return Finding("environment", "none", "")
     if scene.environment.even:
-        return Finding("environment", "one colour", "no ray more: those that escape find it")
+        return Finding("environment", "one colour", "no extra ray: rays that leave the scene see it")
     height, width = scene.environment.radiance.shape[:2]
-    return Finding("environment", f"image of {width} x {height}", f"{share} goes to a bright part of it")
+    return Finding("environment", f"image of {width} x {height}", f"{share} samples a bright part of it")
 
 
 def _transparent(scene: Scene) -> Finding:
-    """Blending and transmission: the reader has dealt with them, for nothing here lets part of the light through."""
+    """Blending and transmission: the reader has replaced them, because nothing here lets part of the light through."""
     if not scene.transparent:
         return Finding("transparent", "none", "")
     more = ", ..." if len(scene.transparent) > 1 else ""

@@ -1,4 +1,4 @@
-"""How long a bake will take on this machine: a little of each stage, timed."""
+"""Estimate how long a bake will take on this machine by timing a small part of each stage."""
 
 import time
 from collections.abc import Callable
@@ -13,9 +13,9 @@ STEPS = 16  # of the fit
 
 
 def estimate(plan: Plan) -> dict[str, float]:
-    """Seconds of each stage of a bake that follows `plan` with an empty cache; its views are placed already.
+    """Return the seconds of each stage of a bake of `plan` with an empty cache, without the placement of its views.
 
-    The fit is that of the whole budget, which takes longest where a target loss is searched for.
+    With a target loss, only the fit with the whole budget is counted, which takes the longest.
     """
     path = _seconds_per_path(plan)
     step = _seconds_per_step(plan)
@@ -34,14 +34,14 @@ def _seconds_per_path(plan: Plan) -> float:
     views = (tracer.surface(camera, size, size).points() for camera in plan.cameras)
     points = next((points for points in views if len(points[0])), None)
     if points is None:
-        return 0.0  # all is metal
+        return 0.0  # no view shows a surface with B
     points = tuple(np.resize(array, (POINTS, 3)) for array in points)
     sampling = Sampling(SAMPLES, plan.settings.bounces)
     return _second_run(lambda seed: tracer.indirect(*points, sampling, seed)) / (POINTS * SAMPLES)
 
 
 def _seconds_per_step(plan: Plan) -> float:
-    """Of the fit with as many Gaussians as the bake has in the end, on grey light."""
+    """Seconds of one step of the fit with the whole budget of Gaussians, on grey light."""
     if plan.settings.operator == "surface":
         from .surface.fits import steps_on_grey_light
     else:
@@ -51,7 +51,7 @@ def _seconds_per_step(plan: Plan) -> float:
 
 
 def _second_run(run: Callable[[int], object]) -> float:
-    """Seconds of a call; the one before it compiles and warms up."""
+    """Seconds of the second call; the first one compiles and warms up."""
     run(0)
     start = time.perf_counter()
     run(1)

@@ -22,9 +22,9 @@ def run(
 ) -> BakeReport:
     """Bake a plan and report it.
 
-    `write(data, gaussians)` gets the bytes of the .gsgi file before they are evaluated, so that an interrupted
-    evaluation loses nothing. `preview` is a folder that exists, for pictures of the fit while it runs. Without
-    `evaluate` no reference is traced unless a target loss or a preview needs them.
+    `write(data, gaussians)` receives the bytes of the .gsgi file before they are evaluated, so that an interrupted
+    evaluation loses nothing. `preview` is an existing folder for pictures of the fit while it runs. Without `evaluate`,
+    references are traced only if a target loss or a preview needs them.
     """
     references = None
     if evaluate or preview or plan.settings.target_loss is not None:

@@ -1,4 +1,4 @@
-"""The compiled kernels, or a clear error where they were not built."""
+"""The compiled kernels, or a clear error if they were not built."""
 
 from gsgi.runtime.errors import UnsupportedError
 
@@ -6,8 +6,8 @@ try:
     from gsgi.baker import _kernels as kernels
 except ImportError as error:
     raise UnsupportedError(
-        "gsgi was installed without its compiled kernels, which baking needs: install a C++ compiler (Debian: g++), then "
-        f"gsgi again ({error})"
+        "gsgi was installed without its compiled kernels, which baking needs: install a C++ compiler (Debian: g++), "
+        f"then gsgi again ({error})"
     ) from error
 
 __all__ = ["kernels"]

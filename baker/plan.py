@@ -1,4 +1,4 @@
-"""What a bake will do, decided beforehand: only the effects, bounces, views and samples that the scene calls for."""
+"""Decide beforehand what a bake will do: only the effects, bounces, views and samples that the scene needs."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -28,31 +28,33 @@ from .surface import budget as surface_budget
 from .surface_detail import gaussians_for
 from .trace import pilot
 
-# Of the scene's diagonal: Gaussians nearer to the eye plane than this are not drawn.
+# Share of the scene's diagonal; Gaussians closer to the camera plane than this are not drawn.
 NEAR = 2e-3
 
-# px^2; added to both variances of a projected Gaussian. Views are smaller than the frames that show the bake: what is
-# widened by a tenth of a small pixel looks the same in fine ones. 0.3, as for photographs, loses 1 dB at 512 px.
+# px^2; added to both variances of a projected Gaussian. Views have fewer pixels than the frames that show the bake: a
+# Gaussian widened by only a tenth of a coarse pixel looks the same at fine ones. 0.3, as for photographs, loses 1 dB at
+# 512 px.
 DILATION = 0.03
 
-# Edge of a view, px, where it is left open: as large as PIXELS in all views allow. Many small views beat few large
-# ones: of as many pixels, 22 of 192 px left twice the loss in held-out views of a Cornell box that 86 of 96 px did.
+# Edge of a view (px) where the settings leave it open: as large as PIXELS, the pixels of all views, allows. Many small
+# views beat few large ones: with as many pixels, 22 views of 192 px gave twice the loss of 86 views of 96 px in
+# held-out views of a Cornell box.
 SIZE_MIN, SIZE_MAX, SIZE_STEP = 64, 96, 8
 PIXELS = 5 << 20
 
-PLACED_SIZE = 192  # px, edge that views are placed for
+PLACED_SIZE = 192  # px; edge of the views that the placement assumes by default
 
-# Pixels of all views for each Gaussian, at least: with 24, what Sponza gained in fitted views it lost in others.
+# Least number of pixels of all views per Gaussian. With 24, Sponza gained in fitted views and lost as much in others.
 PIXELS_PER_GAUSSIAN = 64
 
 
 @dataclass(frozen=True)
 class Plan:
-    """The decisions of one bake. `scene` is what is baked: without the effects that the settings leave out; `tracer`
-    traces its light, for every stage.
+    """The decisions of one bake.
 
-    `settings` have no None left but where no target loss is asked for. `lost` is the share of the picture that further
-    bounces would add, None where it was not measured. `dark` names the fitted views that see no light.
+    `scene` is what is baked, without the effects that the settings leave out. `tracer` traces its light for all stages.
+    No field of `settings` is None, except `target_loss` if none is asked for. `lost` is the share of the picture that
+    further bounces would add; None if it was not measured. `dark` has the names of the fitted views that see no light.
     """
 
     scene: Scene
@@ -66,7 +68,7 @@ class Plan:
 
     @property
     def sampling(self) -> Sampling:
-        """How each pixel of a view is traced."""
+        """How the pixels of a view are traced."""
         s = self.settings
         return Sampling(s.samples, s.bounces, s.error, self.pilot.mean or 1.0)
 
@@ -84,40 +86,40 @@ class Plan:
 
     @property
     def effects(self) -> Effects:
-        """What the scene calls for."""
+        """The effects of the scene."""
         return effects(self.scene)
 
     @property
     def points(self) -> int:
-        """Where B is traced: pixels of all fitted views, or samples of the surfaces for the whole budget."""
+        """Number of points at which B is traced: pixels of all fitted views, or surface samples of the whole budget."""
         if self.settings.operator == "surface":
             return surface_budget.sample_count(self.settings.budget)
         return len(self.placement.fitted) * self.settings.size**2
 
     @property
     def samples(self) -> float:
-        """Paths that a point is expected to take, on average."""
+        """Expected number of paths per point, on average."""
         if self.settings.operator == "surface":
             return self.settings.samples
         return self.pilot.samples(self.sampling)
 
     @property
     def memory(self) -> int:
-        """Expected peak of the process, bytes."""
+        """Expected peak memory of the process, bytes."""
         return peak_memory(self.scene, self.points, self.settings.budget)
 
     @property
     def file_bytes(self) -> int:
-        """Size of the file where no Gaussian is left out."""
+        """Size of the file if no Gaussian is left out, bytes."""
         return file_bytes(self.settings.operator, self.settings.budget)
 
 
 def make_plan(
     scene: Scene, settings: Settings, progress: Progress, cache: Cache, path: Mapping[str, Camera] | None = None
 ) -> Plan:
-    """Look at the scene, place views, trace a pilot. The same arguments give the same plan.
+    """Inspect the scene, place views and trace a pilot. The same arguments give the same plan.
 
-    `path` holds further cameras to fit. Raises SceneError when nothing emits light, or nothing has an area.
+    `path` holds further cameras to fit, by name. Raises SceneError if nothing emits light or no triangle has an area.
     """
     scene = without(scene, settings.ignore)
     if not effects(scene) & (Effects.PUNCTUAL | Effects.EMISSIVE | Effects.ENVIRONMENT):
@@ -146,12 +148,12 @@ def make_plan(
 
 
 def file_bytes(operator: str, budget: int) -> int:
-    """Size of the file with so many Gaussians."""
+    """Size of a file with `budget` Gaussians, bytes."""
     return surface_budget.file_bytes(budget) if operator == "surface" else codec.file_bytes(budget, SH_DEGREE)
 
 
 def _budget(settings: Settings, triangles: Triangles) -> int:
-    """Most Gaussians; a search for the fewest may go up to those of high quality."""
+    """Most Gaussians of the bake; a search for a target loss may use as many as high quality does."""
     if settings.budget is not None:
         return settings.budget
     quality = QUALITIES[settings.operator][settings.quality if settings.target_loss is None else "high"]
@@ -162,7 +164,7 @@ def _budget(settings: Settings, triangles: Triangles) -> int:
 
 
 def _samples(settings: Settings, probe: Pilot) -> int:
-    """Most paths of a pixel, or those of a surface sample."""
+    """Most paths per pixel, or the paths per surface sample."""
     if settings.samples is not None:
         return settings.samples
     return SAMPLES if settings.operator == "over" else surface_budget.path_count(settings.budget, probe.noise)
@@ -175,13 +177,13 @@ def _iterations(settings: Settings) -> int:
 
 
 def _size(views: int) -> int:
-    """Edge of a view (px), from their number."""
+    """Edge of a view (px), from the number of views."""
     edge = int(np.sqrt(PIXELS / max(views, 1))) // SIZE_STEP * SIZE_STEP
     return min(max(edge, SIZE_MIN), SIZE_MAX)
 
 
 def _at_size(placement: Placement, factor: float) -> Placement:
-    """The same views with `factor` times as many pixels along an edge: texels grow as pixels get fewer."""
+    """The same views with `factor` times as many pixels along an edge, which divides texel sizes by `factor`."""
     coverage = placement.coverage
     names = "texel_limit", "texel_median", "texel_p95"
     texels = {name: getattr(coverage, name) / factor for name in names}

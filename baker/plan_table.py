@@ -1,4 +1,4 @@
-"""A plan as a table to read: what was decided, why, and what it costs."""
+"""A plan as a readable table: what was decided, why, and what it costs."""
 
 from typing import NamedTuple
 
@@ -13,13 +13,13 @@ from .over.fits import SH_DEGREE
 from .plan import Plan
 
 OPERATOR_REASONS = {
-    "surface": "Gaussians are read at surface points: nothing to sort, few suffice",
+    "surface": "Gaussians are read at surface points: no sorting, and few suffice",
     "over": "Gaussians are blended along the ray, as in the paper",
 }
 
 
 class Decision(NamedTuple):
-    """One line: of what, what was decided, and the reason or the cost."""
+    """One line: the subject, the decision, and its reason or cost."""
 
     what: str
     decision: str
@@ -30,12 +30,12 @@ def decisions(plan: Plan) -> list[Decision]:
     """Every decision of a plan, effects first."""
     s, fitted, coverage = plan.settings, plan.placement.fitted, plan.placement.coverage
     placed = sum(name not in plan.scene.cameras and not name.startswith("path ") for name in fitted)
-    bounces = "asked for" if plan.lost is None else f"further ones add {plan.lost:.2%} of the picture"
+    bounces = "as requested" if plan.lost is None else f"further bounces add {plan.lost:.2%} of the picture"
     if s.bounces == BOUNCES_MAX:
-        bounces = "the most that are followed: this scene keeps its light"
-    fine = f"half the area at {length(coverage.texel_median)} per texel or finer"
+        bounces = "the most that are traced: this scene absorbs little light"
+    fine = f"half of the area is seen at {length(coverage.texel_median)} per texel or finer"
     if not np.isfinite(coverage.texel_median):
-        fine = f"less than half the area is seen by {VIEWS} views"
+        fine = f"less than half of the area is seen by {VIEWS} views"
     seen = f"of the visible area is seen by {VIEWS} views at {length(coverage.texel_limit)} per texel or finer"
     dark = f"; {len(plan.dark)} see no light" if plan.dark else ""
     rows = [
@@ -52,28 +52,28 @@ def decisions(plan: Plan) -> list[Decision]:
 
 
 def _over_rows(plan: Plan, fine: str) -> list[tuple[str, str, str]]:
-    """What is decided for the `over` operator alone."""
+    """The decisions that concern only the `over` operator."""
     s = plan.settings
-    until = f"until the standard error is {s.error:.0%} of B and its mean" if s.error else "all of them"
+    until = f"until the standard error is below {s.error:.0%} of B plus its mean" if s.error else "all of them"
     least = PASS_SAMPLES if s.error else s.samples
     visits = s.iterations / max(len(plan.placement.fitted), 1)
     return [
-        ("SH degree", f"{SH_DEGREE}", "surfaces are Lambertian: B looks the same from everywhere"),
+        ("SH degree", f"{SH_DEGREE}", "surfaces are Lambertian: B is the same from all directions"),
         ("view size", f"{s.size} px", fine),
         ("samples", f"{least} to {s.samples}", f"{until}: {plan.samples:.0f} on average"),
-        ("fit", f"{s.iterations} steps", f"each view {visits:.0f} times{_search(plan)}"),
+        ("fit", f"{s.iterations} steps", f"each view is used {visits:.0f} times{_search(plan)}"),
     ]
 
 
 def _surface_rows(plan: Plan) -> list[tuple[str, str, str]]:
-    """What is decided for the `surface` operator alone."""
+    """The decisions that concern only the `surface` operator."""
     s = plan.settings
     coarse = coarse_count(s.budget)
     return [
-        ("SH degree", f"{FINE_DEGREE}", f"{COARSE_DEGREE} in the coarse level, which serves moving objects"),
-        ("levels", f"{s.budget - coarse} + {coarse}", "Gaussians on the surfaces, and throughout free space"),
+        ("SH degree", f"{FINE_DEGREE}", f"{COARSE_DEGREE} in the coarse level, which lights moving objects"),
+        ("levels", f"{s.budget - coarse} + {coarse}", "Gaussians on surfaces, and in free space"),
         ("samples", f"{plan.points}", f"points on the surfaces that the views see, {s.samples} paths each"),
-        ("fit", f"{s.iterations} steps", f"each over all samples{_search(plan)}"),
+        ("fit", f"{s.iterations} steps", f"each step uses all samples{_search(plan)}"),
     ]
 
 
@@ -83,13 +83,13 @@ def _search(plan: Plan) -> str:
 
 
 def summary(plan: Plan) -> str:
-    """The decisions that cost most, on one line for the log."""
+    """The decisions that cost the most, as one line for the log."""
     s = plan.settings
     views = len(plan.placement.fitted)
-    traced = f"{views} views of {s.size} px, about {plan.samples:.0f} paths a pixel"
+    traced = f"{views} views of {s.size} px, about {plan.samples:.0f} paths per pixel"
     if s.operator == "surface":
         traced = f"{plan.points} surface points in {views} views, {s.samples} paths each"
     return (
-        f"plan: {s.operator}, {s.bounces} bounces, {traced}, {s.budget} Gaussians at most, {s.iterations} steps of the "
-        f"fit, {plan.memory / 1e9:.1f} GB"
+        f"plan: {s.operator}, {s.bounces} bounces, {traced}, {s.budget} Gaussians at most, {s.iterations} fit "
+        f"steps, {plan.memory / 1e9:.1f} GB"
     )

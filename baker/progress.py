@@ -1,4 +1,4 @@
-"""The stages of a bake: how long each takes, and who is told of them. Nothing is printed here."""
+"""Time the stages of a bake and report them to a display. Nothing is printed here."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -7,8 +7,10 @@ from typing import Protocol
 
 
 class Bar(Protocol):
-    """What shows one stage. `advance(amount, note)` is called as the work goes on, then either `stop`, where the stage
-    failed, or `finish(seconds)`."""
+    """Shows one stage.
+
+    `advance(amount, note)` is called as the work proceeds, then `finish(seconds)`, or `stop` if the stage failed.
+    """
 
     def advance(self, amount: float = 1, note: str = "") -> None: ...
 
@@ -18,7 +20,7 @@ class Bar(Protocol):
 
 
 class Display(Protocol):
-    """Who is told: of each stage with its total of work in some unit (0: unknown), of lines for the log, of warnings."""
+    """Shows stages, each with its total amount of work in some unit (0: unknown), log lines and warnings."""
 
     def begin(self, name: str, total: float, unit: str) -> Bar: ...
 
@@ -28,26 +30,26 @@ class Display(Protocol):
 
 
 class Silent:
-    """A display that shows nothing, and its bar."""
+    """A display that shows nothing; it is also its own bar."""
 
     def begin(self, name: str, total: float, unit: str) -> "Silent":
-        """Itself."""
+        """Return itself."""
         return self
 
     def say(self, line: str) -> None:
-        """Nothing is shown."""
+        """Show nothing."""
 
     def warn(self, line: str) -> None:
-        """Nothing is shown."""
+        """Show nothing."""
 
     def advance(self, amount: float = 1, note: str = "") -> None:
-        """Nothing is shown."""
+        """Show nothing."""
 
     def stop(self) -> None:
-        """Nothing is shown."""
+        """Show nothing."""
 
     def finish(self, seconds: float) -> None:
-        """Nothing is shown."""
+        """Show nothing."""
 
 
 class Progress:
@@ -60,7 +62,7 @@ class Progress:
 
     @contextmanager
     def stage(self, name: str, total: float = 0, unit: str = "") -> Iterator[Callable[..., None]]:
-        """Run a stage. Yields `advance(amount, note="")`, to be called as the work goes on towards `total` units."""
+        """Time a stage. Yields `advance(amount, note="")`, which reports progress towards `total` units."""
         start = time.perf_counter()
         bar = self._display.begin(name, total, unit)
         try:
@@ -73,10 +75,10 @@ class Progress:
         bar.finish(seconds)
 
     def say(self, line: str) -> None:
-        """One line for the log."""
+        """Show one log line."""
         self._display.say(line)
 
     def warn(self, line: str) -> None:
-        """A warning: whatever is left out is reported."""
+        """Keep and show a warning. Everything that is left out is reported this way."""
         self.warnings.append(line)
         self._display.warn(line)

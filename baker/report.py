@@ -1,4 +1,4 @@
-"""What a bake did and reached, as a record and as JSON."""
+"""The report of a bake, as a record and as JSON."""
 
 import dataclasses
 from dataclasses import dataclass
@@ -10,9 +10,11 @@ from .plan import Plan
 
 @dataclass(frozen=True)
 class BakeReport:
-    """The `plan` that was followed and its `result`; how close it comes in held-out views, None where that was not
-    evaluated; `seconds` by stage; `peak_memory` of the process, bytes, None where the system does not tell; and the
-    `warnings`, one line each."""
+    """The `plan` that was followed, its `result`, and the `warnings`, one line each.
+
+    `evaluation` compares the result with path tracing in held-out views; None if it was not evaluated. `seconds` are by
+    stage. `peak_memory` is that of the process, bytes; None if the system does not report it.
+    """
 
     plan: Plan
     result: BakeResult
@@ -33,12 +35,12 @@ class BakeReport:
 
     @property
     def ssim(self) -> float | None:
-        """SSIM of the full frame, mean over the held-out views; None where that is not known."""
+        """SSIM of the full frame, mean over the held-out views; None if unknown."""
         return self.evaluation.mean.final.ssim if self.evaluation and self.evaluation.mean else None
 
     @property
     def missed(self) -> str | None:
-        """How and why the target loss was missed, in one sentence; None where it was met, or none was asked for."""
+        """By how much and why the target loss was missed, in one sentence; None if it was met or not asked for."""
         loss, target = self.result.attempt.loss, self.plan.settings.target_loss
         if target is None or loss is None or loss <= target:
             return None
@@ -50,7 +52,7 @@ class BakeReport:
         )
 
     def as_dict(self) -> dict:
-        """The report for machines: numbers, strings, lists and dictionaries."""
+        """The report as numbers, strings, lists and dictionaries, for JSON."""
         plan, attempt, settings = self.plan, self.result.attempt, self.plan.settings
         coverage = plan.placement.coverage
         return {
@@ -87,7 +89,7 @@ class BakeReport:
 
 
 def peak_memory() -> int | None:
-    """Peak of this process's resident memory, bytes; None where the system does not tell."""
+    """Peak of this process's resident memory, bytes; None if the system does not report it."""
     try:
         import resource
     except ImportError:  # Windows

@@ -1,9 +1,12 @@
-"""What a bake may cost: the defaults of the command line and of the Python call."""
+"""The settings of a bake, with the defaults of the command line and of the Python API."""
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import NamedTuple
 
-# What a bake can leave out, by the name that the command line has for it.
+from gsgi.runtime.errors import UsageError
+
+# The effects that a bake can leave out, by their names on the command line.
 EFFECTS = ("punctual", "emissive", "environment", "alpha-mask", "double-sided", "normal-map", "unlit")
 
 
@@ -11,15 +14,18 @@ OPERATORS = ("surface", "over")
 
 
 class Quality(NamedTuple):
-    """A preset of the dial: `gaussians` for each that the scene's detail calls for, and steps of the fit, so many of
-    each view and so many at least."""
+    """A preset between accuracy and cost.
+
+    `gaussians` is a factor on the number of Gaussians that the scene's detail calls for. The fit takes `visits` steps
+    per view, and at least `steps` in all.
+    """
 
     gaussians: float
     visits: int
     steps: int
 
 
-# Most Gaussians of a bake: 9 MB. A fit starts from an eighth of that and doubles three times at most.
+# Most Gaussians of a bake: 9 MB. With `over`, a fit starts from at most an eighth of that.
 BUDGET_MAX = 1 << 19
 
 QUALITIES = {
@@ -32,14 +38,14 @@ SAMPLES = 256  # most paths per pixel of a view
 
 @dataclass(frozen=True)
 class Settings:
-    """What a bake may cost. None leaves a number to the plan.
+    """The settings of a bake. None leaves a number to the plan.
 
-    operator: one of OPERATORS. quality: a name of QUALITIES[operator]. budget: most Gaussians, None: by quality.
-    target_loss: the fewest Gaussians that reach this loss in views that are not fitted are searched for, within the
-    budget (None: that of high quality). size: edge of a view, px. samples: paths per sample of a surface, or most paths
-    per pixel of a view: there, fewer are taken where the standard error of B is below `error` * (B + its mean) before.
-    bounces: surfaces that a path may visit after the point; None: so many that further ones add less than
-    `bounce_fraction` of the picture. ignore: effects (of EFFECTS) that the bake leaves out.
+    operator: one of OPERATORS. quality: a name of QUALITIES[operator]. budget: most Gaussians; None: by quality.
+    target_loss: search for the fewest Gaussians that reach this loss in held-out views, within the budget (None: that
+    of high quality). size: edge of a view, px. samples: paths per surface sample, or most paths per pixel of a view; a
+    pixel takes fewer if the standard error of B is below `error` * (B + its mean) earlier. bounces: surfaces that a
+    path may visit after the point; None: enough that further ones add less than `bounce_fraction` of the picture.
+    ignore: effects (of EFFECTS) that the bake leaves out. Raises UsageError for an unknown operator, quality or effect.
     """
 
     operator: str = "surface"
@@ -56,3 +62,14 @@ class Settings:
     denoise: bool = True
     ignore: tuple[str, ...] = ()
     seed: int = 0
+
+    def __post_init__(self):
+        _check("operator", self.operator, OPERATORS)
+        _check("quality", self.quality, QUALITIES[self.operator])
+        for effect in self.ignore:
+            _check("ignore", effect, EFFECTS)
+
+
+def _check(field: str, word: str, words: Collection[str]) -> None:
+    if word not in words:
+        raise UsageError(f"{field}: expected one of {', '.join(words)}, got {word!r}")

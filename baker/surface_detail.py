@@ -1,23 +1,26 @@
-"""How detailed a scene's surfaces are, and so how many Gaussians its light calls for."""
+"""Measure how detailed a scene's surfaces are, to decide how many Gaussians its light needs."""
 
 import numpy as np
 
 from gsgi.baker.views.surface_points import Triangles
 
 POINTS, PROBES, NEIGHBOURS = 1 << 15, 1 << 12, 8
-BENT_SINE, BENT_COSINE = 0.25, 0.7  # of the way to a neighbour over the tangent plane; between normals
+BENT_SINE, BENT_COSINE = 0.25, 0.7  # of the angle from the tangent plane to a neighbour; of that between normals
 
-# Gaussians where every probe is bent, and where none is. `./dev bench dial` shows what fewer and more reach.
+# Gaussians if every neighbour is bent, and if none is. `./dev bench dial` shows the accuracy of fewer and more.
 PER_SCENE, FEWEST = 1 << 17, 1 << 11
 
 
 def gaussians_for(triangles: Triangles, seed: int) -> int:
-    """How many Gaussians a bake of medium quality takes: from 2^11 for one flat wall on, 4,800 for a Cornell box."""
+    """Number of Gaussians that the detail calls for: at least 2^11 (one flat wall), 4,800 for a Cornell box."""
     return max(round(PER_SCENE * bent_share(triangles, seed)), FEWEST)
 
 
 def bent_share(triangles: Triangles, seed: int) -> float:
-    """Share of 8 neighbours of random surface points, of 32,768 in all, that do not continue the surface flatly."""
+    """Share of the 8 nearest neighbours, over random surface points, that do not continue the surface flatly.
+
+    The points are 4,096 of 32,768, and their neighbours are found among all of them.
+    """
     from scipy.spatial import cKDTree
 
     rng = np.random.default_rng(seed)

@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 
 from gsgi.baker.cli.main import parser
+from gsgi.baker.cli.options import has_default
 
 PAGE = Path(__file__).with_name("command-line.md")
 HEAD = """# Command line
@@ -46,8 +47,7 @@ def _row(action: argparse.Action) -> str:
     names = ", ".join(action.option_strings) or value
     spelled = f"{names} {value}" if action.option_strings and action.nargs != 0 and value else names
     text = re.sub(r"%%", "%", action.help or "")
-    shown = action.default is not None and action.default is not False and action.default != []
-    default = f" (default: {action.default})" if shown and action.nargs != 0 and "default:" not in text else ""
+    default = f" (default: {action.default})" if has_default(action) and "default:" not in text else ""
     return f"| `{_cell(spelled)}` | {_cell(text + default)} |\n"
 
 

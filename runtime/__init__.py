@@ -1,1 +1,1 @@
-"""Online part: a .gsgi file in, pixels out. Needs numpy and moderngl; imports neither the baker nor torch."""
+"""The runtime: turns a .gsgi file into pixels. It needs numpy and moderngl, and imports neither the baker nor torch."""

@@ -1,4 +1,4 @@
-"""Write a file as a whole or not at all."""
+"""Write files atomically: as a whole or not at all."""
 
 import errno
 import os
@@ -17,36 +17,36 @@ _unfinished: set[Path] = set()
 
 
 def write_atomic(path: str | Path, data: bytes) -> None:
-    """Write `data` to `path`; whoever reads it, or a kill at any moment, sees the old file or the new one.
+    """Write `data` to `path` atomically: readers see the old file or the new one, even after a kill at any moment.
 
-    Raises FileError with the path, and with the disk when it is full.
+    Raises FileError, which names the path and, if the disk is full, the disk.
     """
     write_together({path: data})
 
 
 def write_together(contents: Mapping[str | Path, bytes]) -> None:
-    """Write each file as `write_atomic` does; the first takes its place last, once the others have.
+    """Write each file as `write_atomic` does; the first file is replaced last, after all others.
 
-    Whoever finds the new first file finds the others new. Where one cannot be written, the first stays as it was.
-    Raises FileError.
+    If the first file is new, so are the others. If any file cannot be written, the first one stays as it was. Raises
+    FileError.
     """
     with ExitStack() as written:
         for path, data in contents.items():
             with open(written.enter_context(replacing(path)), "wb") as file:
                 file.write(data)
                 file.flush()
-                os.fsync(file.fileno())  # a disk may tell only now that it is full
+                os.fsync(file.fileno())  # a full disk may be reported only here
 
 
 @contextmanager
 def replacing(path: str | Path) -> Iterator[Path]:
-    """A fresh name in the folder of `path`: what the block writes there takes the place of `path` at its end.
+    """Yield a fresh name in the folder of `path`; the file that the block writes there replaces `path` at its end.
 
-    If the block raises, `path` stays as it was. An OSError becomes a FileError with the path.
+    If the block raises, `path` stays as it was. An OSError becomes a FileError that names the path.
     """
     try:
-        target = Path(path).resolve()  # through links, which stay
-    except RuntimeError:  # Python's word for a loop of links
+        target = Path(path).resolve()  # follows symbolic links, which are kept
+    except RuntimeError:  # raised for a loop of symbolic links
         raise FileError(f"{path}: cannot write: too many levels of symbolic links") from None
     temporary = target.with_name(f".gsgi-{uuid.uuid4().hex}.tmp")
     _unfinished.add(temporary)
@@ -64,9 +64,9 @@ def replacing(path: str | Path) -> Iterator[Path]:
 
 
 def check_writable(path: str | Path) -> None:
-    """Raise the FileError that writing `path` would end in, as far as can be told before the work is done.
+    """Raise the FileError that writing `path` would raise, as far as this can be known in advance.
 
-    Temporary files that killed runs left in its folder are removed.
+    Also removes the temporary files that killed runs left in its folder.
     """
 
     class OnlyCheckingError(Exception):
@@ -87,7 +87,7 @@ def remove_leftovers(folder: Path, age: float) -> None:
 
 
 def discard_unfinished() -> None:
-    """Remove what this process has not finished writing: it is about to end."""
+    """Remove the files that this process has not finished writing, because it is about to end."""
     for temporary in tuple(_unfinished):
         with suppress(OSError):
             temporary.unlink()

@@ -1,6 +1,6 @@
 """A perspective camera and its matrices.
 
-Space: right-handed, +Y up, the camera looks down -Z (glTF's). Image row 0 is the top; pixel centres lie at +0.5.
+Space is glTF's: right-handed, +Y up, the camera looks down -Z. Image row 0 is the top; pixel centres lie at +0.5.
 """
 
 from dataclasses import dataclass
@@ -10,8 +10,10 @@ import numpy as np
 
 
 class Pinhole(NamedTuple):
-    """A camera at one image size: what projects a view-space point (x, y, z) with depth d = -z to the pixel
-    (cx + fx x / d, cy - fy y / d)."""
+    """A camera at one image size.
+
+    It projects a view-space point (x, y, z) with depth d = -z to the pixel (cx + fx x / d, cy - fy y / d).
+    """
 
     view_from_world: np.ndarray  # (4, 4) float64
     fx: float  # px
@@ -24,7 +26,7 @@ class Pinhole(NamedTuple):
 
 @dataclass(frozen=True)
 class Camera:
-    """Pose `world_from_view` (4, 4) float64, rigid; vertical field of view `yfov` (rad); `znear`, `zfar` (m)."""
+    """Rigid pose `world_from_view` (4, 4) float64, vertical field of view `yfov` (rad), `znear` and `zfar` (m)."""
 
     world_from_view: np.ndarray
     yfov: float
@@ -33,7 +35,7 @@ class Camera:
 
     @property
     def view_from_world(self) -> np.ndarray:
-        """(4, 4) float64, the inverse of the rigid pose."""
+        """Inverse of the rigid pose, (4, 4) float64."""
         rotation = self.world_from_view[:3, :3].T
         result = np.eye(4)
         result[:3, :3] = rotation
@@ -42,11 +44,11 @@ class Camera:
 
     @property
     def position(self) -> np.ndarray:
-        """(3,) float64 in world space, m."""
+        """Position in world space, (3,) float64, m."""
         return self.world_from_view[:3, 3]
 
     def clip_from_view(self, aspect: float) -> np.ndarray:
-        """OpenGL projection (4, 4) float64 for width / height = `aspect`; zfar may be infinite."""
+        """OpenGL projection matrix (4, 4) float64 for `aspect` = width / height; zfar may be infinite."""
         f = 1 / np.tan(self.yfov / 2)
         n = self.znear
         a, b = (-1.0, -2 * n) if np.isinf(self.zfar) else (
@@ -54,7 +56,7 @@ class Camera:
         return np.array([[f / aspect, 0, 0, 0], [0, f, 0, 0], [0, 0, a, b], [0, 0, -1, 0]])
 
     def pinhole(self, width: int, height: int) -> Pinhole:
-        """The camera at an image size (px). Pixels are square: `yfov` fixes the focal length."""
+        """The camera at an image size (px). Pixels are square, so `yfov` determines both focal lengths."""
         focal = height / (2 * np.tan(self.yfov / 2))
         return Pinhole(self.view_from_world, focal, focal, width / 2, height / 2, width, height)
 
@@ -62,7 +64,7 @@ class Camera:
 def look_at(
     eye: np.ndarray, target: np.ndarray, up: np.ndarray, yfov: float, znear: float, zfar: float = np.inf
 ) -> Camera:
-    """Camera at `eye` (3,) looking at `target` (3,), both in world space; `up` (3,) must not point along the view."""
+    """Camera at `eye` (3,) looking at `target` (3,), in world space; `up` (3,) must not be parallel to the view."""
     back = np.asarray(eye, float) - target
     back /= np.linalg.norm(back)
     right = np.cross(up, back)

@@ -1,4 +1,4 @@
-"""The numbers of glsl/lib/constants.glsl as Python values."""
+"""The constants of glsl/lib/constants.glsl as Python values."""
 
 import re
 from pathlib import Path

@@ -1,16 +1,16 @@
-"""Linear light to display-referred colour: exposure, tone curve, 8 bits."""
+"""Convert linear light to display-referred colour: exposure, tone curve, 8 bits."""
 
 import numpy as np
 
 from . import constants
 
-_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear Rec.709 (ITU-R BT.709-6)
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # weights for linear Rec.709 (ITU-R BT.709-6)
 
 
 def auto_exposure(linear: np.ndarray) -> float:
-    """Factor that brings the log-average of an image to mid-grey.
+    """Factor that maps the log-average luminance of an image to mid-grey.
 
-    `linear` (H, W, 3), radiance. Pixels that are black or not finite do not count; an image without others gives 1.
+    `linear` (H, W, 3) is radiance. Black and non-finite pixels are ignored; if no others exist, the factor is 1.
     Reinhard et al. 2002, "Photographic Tone Reproduction for Digital Images".
     """
     luminance = linear.astype(np.float64) @ _LUMINANCE
@@ -19,17 +19,17 @@ def auto_exposure(linear: np.ndarray) -> float:
 
 
 def tone_map(linear: np.ndarray, exposure: float) -> np.ndarray:
-    """Radiance (H, W, 3) to display-referred sRGB (H, W, 3) float32 in [0, 1].
+    """Convert radiance (H, W, 3) to display-referred sRGB (H, W, 3) float32 in [0, 1].
 
-    Khronos 2024, "Khronos PBR Neutral Tone Mapper", then the sRGB transfer function; same as glsl/tonemap.glsl.
-    Negative counts as 0, infinite as the largest half float, NaN as 0.
+    Applies Khronos 2024, "Khronos PBR Neutral Tone Mapper", then the sRGB transfer function, like
+    glsl/lib/tonemap.glsl. Negative values and NaN become 0; infinity becomes the largest half float.
     """
     color = np.clip(np.nan_to_num(np.asarray(linear, np.float64) * exposure), 0, constants.HALF_MAX)
     return encode_srgb(_neutral(color)).astype(np.float32)
 
 
 def to_uint8(display: np.ndarray) -> np.ndarray:
-    """Display-referred values in [0, 1] to uint8, rounded to nearest."""
+    """Convert display-referred values in [0, 1] to uint8, rounded to nearest."""
     return (np.clip(display, 0, 1) * 255 + 0.5).astype(np.uint8)
 
 
@@ -48,6 +48,6 @@ def _neutral(color: np.ndarray) -> np.ndarray:
 
 
 def encode_srgb(color: np.ndarray) -> np.ndarray:
-    """Linear values in [0, 1], any shape, to sRGB (IEC 61966-2-1:1999)."""
+    """Convert linear values in [0, 1] of any shape to sRGB (IEC 61966-2-1:1999)."""
     high = 1.055 * np.maximum(color, 0.0031308) ** (1 / 2.4) - 0.055
     return np.where(color <= 0.0031308, 12.92 * color, high)

@@ -1,4 +1,4 @@
-"""Read an environment image: equirectangular, row 0 up, as a `Scene` holds it."""
+"""Read an environment image, equirectangular with row 0 up, in the layout of `Environment.radiance`."""
 
 from pathlib import Path
 
@@ -9,15 +9,16 @@ from .image import one_line, open_image
 
 SUFFIXES = (".hdr", ".exr")
 SIZE_MAX = (16384, 8192)  # texels, width and height: 1.5 GiB as float32
-TEXELS = (1024, 512)  # light is only integrated over it: more resolve nothing
-BAND_ROWS = 256  # filtered at a time
+TEXELS = (1024, 512)  # width, height; light is only integrated over the image, so more texels do not help
+BAND_ROWS = 256  # rows filtered at a time
 
 
 def read_environment(path: str | Path) -> np.ndarray:
-    """Radiance (H, W, 3) float32, linear Rec.709, of an .hdr or .exr file; one channel counts for all three.
+    """Radiance (H, W, 3) float32, linear Rec.709, of an .hdr or .exr file.
 
-    Larger images come averaged over solid angle, down to TEXELS. Raises FileError (cannot be read) and SceneError
-    (another kind of file, too large, or with values that are no radiance).
+    An image with fewer than three channels repeats its first one. Images larger than TEXELS are averaged over solid
+    angle down to that size. Raises FileError if the file cannot be read, and SceneError if it is of another type, is
+    too large, or holds values that are not finite or are negative.
     """
     if Path(path).suffix.lower() not in SUFFIXES:
         raise SceneError(f"{path}: expected an environment image in .hdr or .exr")
@@ -36,7 +37,7 @@ def read_environment(path: str | Path) -> np.ndarray:
 
 
 def _read(path: Path) -> np.ndarray:
-    """The first three channels, or fewer, of the first image in a file: (H, W, C) float32. Raises ValueError."""
+    """First image of a file, at most three channels, (H, W, C) float32. Raises ValueError; SceneError if too large."""
     source = open_image(path)
     spec = source.spec()
     if spec.width > SIZE_MAX[0] or spec.height > SIZE_MAX[1]:
@@ -49,20 +50,20 @@ def _read(path: Path) -> np.ndarray:
 
 
 def _reduce(image: np.ndarray) -> np.ndarray:
-    """(H, W, 3) float32 averaged over solid angle to at most TEXELS, each axis by itself."""
+    """Average an image (H, W, 3) float32 over solid angle down to at most TEXELS, each axis separately."""
     height, width = image.shape[:2]
     rows, columns = min(height, TEXELS[1]), min(width, TEXELS[0])
     if (rows, columns) == (height, width):
         return image
     bands = [image[first : first + BAND_ROWS] for first in range(0, height, BAND_ROWS)]
     narrow = [_average(band, 1, np.linspace(0, 1, width + 1), np.linspace(0, 1, columns + 1)) for band in bands]
-    # The solid angle between two polar angles goes with the difference of their cosines.
+    # The solid angle between two polar angles is proportional to the difference of their cosines.
     edges = (-np.cos(np.linspace(0, np.pi, count + 1)) for count in (height, rows))
     return _average(np.concatenate(narrow), 0, *edges).astype(np.float32)
 
 
 def _average(values: np.ndarray, axis: int, edges: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """Means along `axis` between the edges `wanted` of values that are constant between `edges`: float64."""
+    """Means (float64) along `axis` between the edges `wanted`, of values that are constant between `edges`."""
     values = np.moveaxis(values, axis, 0)
     shape = (-1, *[1] * (values.ndim - 1))
     steps = values * np.diff(edges).reshape(shape)

@@ -1,10 +1,10 @@
-"""Errors in the user's data or machine, each with the exit code that the command line returns for it."""
+"""Errors that the user's data or machine causes, each with the exit code that the command line returns for it."""
 
 
 class GsgiError(Exception):
-    """Base of the errors that a user can cause and mend. One line of text; `exit_code` is documented in README.
+    """Base of the errors that a user can cause and fix. The text is one line; README documents `exit_code`.
 
-    What the glTF reader raises names its kind by a `code` (see problems.py) and its place by a JSON `pointer`.
+    Errors of the glTF reader state their kind as `code` (see gltf/problems.py) and their place as a JSON `pointer`.
     """
 
     exit_code = 4
@@ -15,7 +15,7 @@ class GsgiError(Exception):
 
 
 class UsageError(GsgiError):
-    """A request that makes no sense: a camera name that the scene lacks, images of different size."""
+    """An invalid request, such as a camera name that the scene lacks or images of different sizes."""
 
     exit_code = 1
 
@@ -30,19 +30,19 @@ class FileError(GsgiError):
 
 
 class SceneError(GsgiError):
-    """A glTF scene that is broken. Names the file, the JSON pointer or byte, what was expected and what stood there."""
+    """A broken glTF scene. The text names the file, the JSON pointer or byte, the expected and the actual value."""
 
     exit_code = 3
 
 
 class FormatError(GsgiError):
-    """A .gsgi file that is broken. Names the byte offset, what was expected and what stood there."""
+    """A broken .gsgi file. The text names the byte offset, the expected and the actual value."""
 
     exit_code = 3
 
 
 class TargetError(GsgiError):
-    """A target that was not met; the best that was found is written."""
+    """A target that was not met. The best result that was found is written."""
 
     exit_code = 6
 

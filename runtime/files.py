@@ -1,4 +1,4 @@
-"""Reading files whose names come from outside."""
+"""Read files whose names come from untrusted input."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -7,7 +7,7 @@ from .errors import FileError
 
 
 def read_file(path: Path, check_size: Callable[[int], None] | None = None) -> bytes:
-    """All bytes of a regular file. `check_size(bytes)` may refuse it before it is read. Raises FileError."""
+    """All bytes of a regular file. `check_size(bytes)` may raise before the file is read. Raises FileError."""
     try:
         if path.exists() and not path.is_file():  # a folder, or a pipe that would block
             raise FileError(f"{path}: cannot read: not a regular file")
@@ -20,9 +20,9 @@ def read_file(path: Path, check_size: Callable[[int], None] | None = None) -> by
 
 
 def inside(folder: Path, name: str) -> Path | None:
-    """The path of a relative `name` in a resolved folder; None where it leads out of it.
+    """The path of a relative `name` in a resolved folder, or None if it leads outside that folder.
 
-    Raises ValueError, OSError or RuntimeError for what is no path: a NUL, a loop of links.
+    Raises ValueError, OSError or RuntimeError if `name` is not a valid path (a NUL, a loop of symbolic links).
     """
     path = (folder / name).resolve()
     return None if Path(name).is_absolute() or not path.is_relative_to(folder) else path

@@ -1,4 +1,4 @@
-"""The record of a bake: Gaussians and how they become pixels."""
+"""The record of a bake: Gaussians and the parameters that turn them into pixels."""
 
 from dataclasses import dataclass, field
 from enum import IntFlag
@@ -10,10 +10,10 @@ from . import constants
 
 @dataclass(frozen=True)
 class Gaussians:
-    """N Gaussians in world space, activated (no logarithms, no logits).
+    """N Gaussians in world space, with activated parameters (no logarithms, no logits).
 
     position  (N, 3) float32, m
-    rotation  (N, 4) float32, unit quaternion xyzw; its columns are the ellipsoid's axes
+    rotation  (N, 4) float32, unit quaternion xyzw; the columns of its matrix are the ellipsoid's axes
     scale     (N, 3) float32, standard deviation along each axis, m
     opacity   (N,)   float32, [0, 1]
     sh        (N, K, 3) float32, K = (degree + 1)^2 coefficients of linear Rec.709 demodulated indirect light
@@ -38,15 +38,15 @@ class Gaussians:
 
     @property
     def sh_degree(self) -> int:
-        """Highest SH degree: 0 to 3."""
+        """Highest SH degree, 0 to 3."""
         return int(self.sh.shape[1] ** 0.5) - 1
 
 
 @dataclass(frozen=True)
 class OverBlend:
-    """Parameters of the `over` operator. Trainer and shader read the same values: they travel in the file."""
+    """Parameters of the `over` operator. The file stores them, so that trainer and shader use the same values."""
 
-    near: float  # m; Gaussians whose centre is nearer to the eye plane are not drawn
+    near: float  # m; Gaussians whose centre is closer to the eye plane are not drawn
     dilation: float = constants.DILATION  # px^2
     alpha_min: float = constants.ALPHA_MIN
     alpha_max: float = constants.ALPHA_MAX
@@ -54,14 +54,17 @@ class OverBlend:
 
 @dataclass(frozen=True)
 class SurfaceBlend:
-    """Parameters of the `surface` operator: at a surface point x with normal n, both in world space,
+    """Parameters of the `surface` operator.
+
+    At a surface point x with normal n, both in world space,
 
     B(x, n) = (sum w_i c_i(n) + gap C(x, n)) / (sum w_i + gap), gap = max(0, floor - sum w_i),
     w_i = opacity_i max(0, G_i(x) - cutoff) max(0, n . n_i)^sharpness
 
-    with G_i(x) = exp(-1/2 (x - position)^T Sigma^-1 (x - position)), n_i the +z axis of the rotation, and c_i SH of n.
-    C is the light of the coarse level: sum w_i c_i(n) / sum w_i of its own Gaussians, which face every way: their w_i
-    is opacity_i max(0, G_i(x) - cutoff). It counts only where the fine level weighs less than `floor`.
+    with G_i(x) = exp(-1/2 (x - position)^T Sigma^-1 (x - position)), n_i the +z axis of the rotation, and c_i(n) the SH
+    evaluated at n. C is the light of the coarse level: sum w_i c_i(n) / sum w_i over its own Gaussians. They have no
+    `facing` term, so their w_i is opacity_i max(0, G_i(x) - cutoff). C contributes only where the weights of the fine
+    level sum to less than `floor`.
     """
 
     cutoff: float = 0.05
@@ -70,31 +73,31 @@ class SurfaceBlend:
 
     @property
     def radius(self) -> float:
-        """Standard deviations from the centre at which a Gaussian ends."""
+        """Distance from the centre, in standard deviations, at which a Gaussian ends."""
         return float(np.sqrt(-2 * np.log(self.cutoff)))
 
 
 class Effects(IntFlag):
-    """What the stored light holds and how it was made: only what the scene called for."""
+    """The effects in the stored light, and how it was made. Only effects that the scene needs are set."""
 
-    PUNCTUAL = 1  # bounces of point, spot and directional lights
-    EMISSIVE = 2  # emissive surfaces, their direct part included
-    ALPHA_MASK = 4  # some surfaces let light through cut-outs
+    PUNCTUAL = 1  # indirect light of point, spot and directional lights
+    EMISSIVE = 2  # light of emissive surfaces, including the direct part
+    ALPHA_MASK = 4  # some surfaces have cut-outs that let light through
     DENOISED = 8  # the fitted views were denoised
-    ENVIRONMENT = 16  # light from infinitely far away, its direct part included
+    ENVIRONMENT = 16  # light of the environment (infinitely far away), including the direct part
     DOUBLE_SIDED = 32  # some surfaces are lit from both sides
-    NORMAL_MAP = 64  # some surfaces have normal textures, which B ignores: it belongs to the interpolated normal
-    UNLIT = 128  # some surfaces show their colour unlit and have no B
+    NORMAL_MAP = 64  # some surfaces have normal textures; B ignores them and uses the interpolated normal
+    UNLIT = 128  # some surfaces are unlit: they show their colour and have no B
 
 
 @dataclass(frozen=True)
 class Bake:
-    """What a .gsgi file holds.
+    """The content of a .gsgi file.
 
-    `tone_scale` is k of the loss's tone curve x / (x + k), in units of radiance. `bounces`: how many surfaces a traced
-    path may visit after the point whose light it brings, below 2^16; 0 is unknown. `scene`: the `fingerprint` of the
-    scene, 64 bits; 0 is unknown. `coarse`: the level that gives light where none of `gaussians` is near; with
-    SurfaceBlend always, with OverBlend never.
+    `tone_scale` is the k of the loss's tone curve x / (x + k), in units of radiance. `bounces` is the number of
+    surfaces that a traced path may visit after the point that it brings light to; it is below 2^16, and 0 means
+    unknown. `scene` is the 64-bit `fingerprint` of the scene; 0 means unknown. `coarse` is the coarse level, which
+    gives light where none of `gaussians` is near; SurfaceBlend always has it and OverBlend never.
     """
 
     gaussians: Gaussians

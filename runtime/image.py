@@ -1,4 +1,4 @@
-"""Images in and out, all through OpenImageIO. Row 0 is the top."""
+"""Read and write images, all through OpenImageIO. Row 0 is the top."""
 
 import errno
 import os
@@ -9,15 +9,15 @@ import numpy as np
 from .atomic import replacing
 from .errors import FileError, UsageError
 
-MAX_IMAGE_PIXELS = 2**28  # 16384 x 16384, 4 GiB as RGBA float: larger is a mistake or an attack
+MAX_IMAGE_PIXELS = 2**28  # 16384 x 16384, 4 GiB as RGBA float; anything larger is a mistake or an attack
 SUFFIXES = (".exr", ".png")
 _PNG_END = b"IEND\xaeB`\x82"
 
 
 def read_image(path: str | Path) -> np.ndarray:
-    """Read an .exr (linear) or .png (stored values / greatest value) as (H, W, 3) float32.
+    """Read an .exr (linear) or .png (stored values / largest value) as (H, W, 3) float32.
 
-    One channel counts for all three, alpha is left out. Raises UsageError for other extensions, FileError.
+    Grey is repeated in all three channels and alpha is dropped. Raises UsageError for other extensions, FileError.
     """
     check_image_path(path)
     try:
@@ -35,9 +35,10 @@ def read_image(path: str | Path) -> np.ndarray:
 
 
 def write_image(path: str | Path, pixels: np.ndarray) -> None:
-    """Write (H, W, C): float32 as .exr (32 bits, lossless), uint8 as .png; no alpha is multiplied in or out.
+    """Write (H, W, C) atomically: float32 as .exr (32 bits, lossless), uint8 as .png.
 
-    Atomic; the bytes depend on the pixels alone. Raises UsageError for other extensions, FileError.
+    Alpha is neither multiplied in nor divided out. The bytes depend only on the pixels. Raises UsageError for other
+    extensions, FileError.
     """
     import OpenImageIO as oiio  # noqa: N813
 
@@ -47,19 +48,19 @@ def write_image(path: str | Path, pixels: np.ndarray) -> None:
     height, width, channels = pixels.shape
     spec = oiio.ImageSpec(width, height, channels, "float" if suffix == ".exr" else "uint8")
     spec.attribute("compression", "zip")
-    spec.attribute("DateTime", "")  # else the EXR writer puts the time of the day
+    spec.attribute("DateTime", "")  # otherwise the EXR writer stores the current time
     spec.attribute("oiio:UnassociatedAlpha", 1)
     with replacing(path) as temporary:
         output = oiio.ImageOutput.create(suffix[1:])
         opened = output.open(str(temporary), spec)
         if not opened or not output.write_image(np.ascontiguousarray(pixels)) or not output.close():
             raise FileError(f"{path}: cannot write: {one_line(output.geterror())}")
-        if suffix == ".png" and not temporary.read_bytes().endswith(_PNG_END):  # a full disk, of which it says nothing
+        if suffix == ".png" and not temporary.read_bytes().endswith(_PNG_END):  # OpenImageIO reports no full disk
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 def open_image(path: Path):
-    """The OpenImageIO input of a file's first image. Raises ValueError with a reason."""
+    """Open the first image of a file as an OpenImageIO input. Raises ValueError with a reason."""
     import OpenImageIO as oiio  # noqa: N813
 
     config = oiio.ImageSpec()
@@ -71,7 +72,7 @@ def open_image(path: Path):
 
 
 def read_pixels(source, dtype: str) -> np.ndarray:
-    """Pixels (H, W, C) of an open image. Raises ValueError with a reason."""
+    """Read the pixels (H, W, C) of an open image. Raises ValueError with a reason."""
     pixels = source.read_image(dtype)
     if pixels is None:
         raise ValueError(one_line(source.geterror()))
@@ -79,7 +80,7 @@ def read_pixels(source, dtype: str) -> np.ndarray:
 
 
 def rgba(pixels: np.ndarray) -> np.ndarray:
-    """Four channels (H, W, 4) from grey, grey and alpha, RGB, or RGBA."""
+    """Convert grey, grey and alpha, RGB or RGBA to four channels (H, W, 4)."""
     channels = pixels.shape[2]
     color = pixels[..., :3] if channels >= 3 else np.repeat(pixels[..., :1], 3, axis=2)
     opaque = 255 if pixels.dtype == np.uint8 else 1
@@ -95,5 +96,5 @@ def check_image_path(path: str | Path) -> str:
 
 
 def one_line(text: str) -> str:
-    """What OpenImageIO says of an error, on one line."""
+    """Put an error message of OpenImageIO on one line."""
     return "; ".join(text.split("\n")) or "an error without a message"

@@ -1,4 +1,4 @@
-"""Light from outside a glTF file: an environment, a sun, a factor on the file's own lights."""
+"""Light that a glTF file does not define: an environment, a sun, a factor on the file's own lights."""
 
 import dataclasses
 import tomllib
@@ -12,27 +12,27 @@ from .errors import FileError, SceneError
 from .files import inside
 from .scene import MAX_LIGHT, Environment, Light, Scene
 
-SUFFIX = ".lights.toml"  # of the file beside room.gltf or room.glb: room.lights.toml
+SUFFIX = ".lights.toml"  # room.lights.toml belongs to room.gltf or room.glb
 MAX_TOML_BYTES = 1 << 20
 DEGREES_MAX = 3600.0
 
 
 @dataclass(frozen=True)
 class Lighting:
-    """What to add to a scene's light, as flags and TOML files spell it; without arguments, nothing.
+    """Changes to a scene's light, with the names of the flags and TOML keys; the defaults change nothing.
 
-    env: an image file, or one radiance (3,) from everywhere; it is turned by env_rotation (degrees, counter-clockwise
-    seen from above) and multiplied by env_scale. sun: azimuth (degrees, clockwise from north seen from above; north is
-    -Z, east +X) and elevation (degrees above the horizon); a surface that faces it receives sun_irradiance * sun_color
-    (lx, in the unit of the file's directional lights). light_scale multiplies all lights that the glTF file brings,
-    punctual ones and emissive surfaces; 0 turns them off.
+    env: an image file, or one radiance (3,) for all directions. It is rotated by env_rotation (degrees,
+    counter-clockwise seen from above) and multiplied by env_scale. sun: azimuth (degrees, clockwise from north seen
+    from above; north is -Z, east is +X) and elevation (degrees above the horizon). A surface that faces the sun
+    receives sun_irradiance * sun_color (lx, the unit of the file's directional lights). light_scale multiplies the
+    lights of the glTF file, both punctual lights and emissive surfaces; 0 turns them off.
     """
 
     env: str | tuple[float, float, float] | None = None
     env_rotation: float = 0.0
     env_scale: float = 1.0
     sun: tuple[float, float] | None = None
-    sun_irradiance: float = 10.0  # about three times what a sky of radiance 1 gives
+    sun_irradiance: float = 10.0  # about three times the irradiance of a sky of radiance 1
     sun_color: tuple[float, float, float] = (1.0, 1.0, 1.0)
     light_scale: float = 1.0
 
@@ -41,7 +41,7 @@ KEYS = tuple(field.name for field in dataclasses.fields(Lighting))
 
 
 def light(scene: Scene, lighting: Lighting) -> Scene:
-    """The scene under this light. Raises FileError or SceneError for an environment image that cannot be used."""
+    """The scene with this lighting. Raises FileError or SceneError for an environment image that cannot be used."""
     if lighting.light_scale != 1:
         scene = _scaled(scene, lighting.light_scale)
     if lighting.env is not None:
@@ -53,15 +53,15 @@ def light(scene: Scene, lighting: Lighting) -> Scene:
 
 
 def beside(scene: str | Path) -> Path | None:
-    """The TOML file that belongs to a scene file, where there is one."""
+    """The TOML file that belongs to a scene file, or None."""
     path = Path(scene).with_suffix(SUFFIX)
     return path if path.is_file() else None
 
 
 def read_lights(path: str | Path) -> dict:
-    """The keys that a TOML file sets, as `Lighting` takes them. Raises FileError, and SceneError with file and key.
+    """The arguments of `Lighting` that a TOML file sets. Raises FileError, and SceneError with file and key.
 
-    An environment image is named relative to the folder of the file, and lies in it.
+    The path of an environment image is relative to the folder of the file and must lie inside it.
     """
     try:
         with open(path, "rb") as file:
@@ -86,7 +86,7 @@ def read_lights(path: str | Path) -> dict:
 
 
 def check(key: str, value):
-    """A value for `key` of `Lighting`, numbers as floats. Raises ValueError that says what was expected and given."""
+    """A value for `key` of `Lighting`, with numbers as floats. Raises ValueError with the expected and given value."""
     match key:
         case "env":
             return value if isinstance(value, str) and value else _numbers(value, 3, "a file or three numbers")
@@ -118,10 +118,10 @@ def _numbers(value, count: int, what: str, low: float = 0.0, high: float = MAX_L
 
 
 def _inside(toml: Path, name: str) -> str:
-    """The path of an image that a TOML file names; an untrusted file reaches nothing outside its folder."""
+    """The path of an image that a TOML file names. The file is untrusted, so the path must not leave its folder."""
     try:
         path = inside(toml.parent.resolve(), name)
-    except (ValueError, OSError, RuntimeError):  # a NUL, a loop of links
+    except (ValueError, OSError, RuntimeError):  # a NUL, a loop of symbolic links
         path = None
     if path is None:
         raise SceneError(f"{toml}: env: expected a path inside the folder of this file, got {name!r}")
@@ -129,7 +129,7 @@ def _inside(toml: Path, name: str) -> str:
 
 
 def _scaled(scene: Scene, factor: float) -> Scene:
-    """With all lights of the glTF file times `factor`."""
+    """The scene with all lights of the glTF file multiplied by `factor`."""
     lights = [dataclasses.replace(one, color=one.color * factor) for one in scene.lights if factor]
     materials = [
         dataclasses.replace(material, emission=tuple(factor * value for value in material.emission))

@@ -1,4 +1,4 @@
-"""Scenes far from the world's origin, moved to it: shaders compute in float32, whose digits run out there."""
+"""Move scenes that are far from the world origin to it, because float32 in shaders is too coarse far away."""
 
 from dataclasses import replace
 
@@ -8,33 +8,34 @@ from .camera import Camera
 from .gaussians import Bake, Gaussians
 from .scene import Scene
 
-# Scene diagonals from the origin. Nearer, a float32 position is off by 1e-6 diagonals: less than shadows allow for.
+# Distance from the origin in scene diagonals. At smaller distances, float32 positions are off by at most 1e-6
+# diagonals, which is less than the shadow bias tolerates.
 FAR = 16
 
 
 def origin_of(scene: Scene) -> np.ndarray:
-    """(3,) float64, m: the middle of a scene that lies far from the world's origin, else that origin itself."""
+    """Centre of a scene if it lies far from the world origin, else the world origin: (3,) float64, m."""
     if not scene.meshes:
         return np.zeros(3)
     return _middle_if_far(*scene.bounds())
 
 
 def origin_of_bake(bake: Bake) -> np.ndarray:
-    """(3,) float64, m: the same of a bake's Gaussians."""
+    """Same as `origin_of` for the Gaussians of a bake: (3,) float64, m."""
     position = np.concatenate([level.position for level in (bake.gaussians, bake.coarse) if level is not None])
     position = position[np.isfinite(position).all(axis=1)].astype(np.float64)
     return _middle_if_far(position.min(axis=0), position.max(axis=0)) if len(position) else np.zeros(3)
 
 
 def local_scene(scene: Scene, origin: np.ndarray) -> Scene:
-    """Meshes and lights of a scene relative to `origin` (3,); its cameras stay."""
+    """The scene with meshes and lights relative to `origin` (3,); its cameras are unchanged."""
     meshes = [replace(mesh, position=(mesh.position - origin).astype(np.float32)) for mesh in scene.meshes]
     lights = [replace(light, position=light.position - origin) for light in scene.lights]
     return replace(scene, meshes=tuple(meshes), lights=tuple(lights))
 
 
 def local_bake(bake: Bake, origin: np.ndarray) -> Bake:
-    """The Gaussians of a bake, of both levels, relative to `origin` (3,)."""
+    """The bake with the Gaussians of both levels relative to `origin` (3,)."""
     coarse = None if bake.coarse is None else _local_gaussians(bake.coarse, origin)
     return replace(bake, gaussians=_local_gaussians(bake.gaussians, origin), coarse=coarse)
 

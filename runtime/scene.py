@@ -7,15 +7,15 @@ import numpy as np
 
 from .camera import Camera
 
-MAX_LIGHT = 1e15  # cd, lx or radiance: float32 holds the product of two
+MAX_LIGHT = 1e15  # cd, lx or radiance; the product of two such values fits in float32
 
 
 @dataclass(frozen=True)
 class Texture:
-    """`pixels` (H, W, 4) uint8 as stored in the file, row 0 on top; the slot of a material says what they mean.
+    """`pixels` (H, W, 4) uint8 as stored in the file, with row 0 at the top; the material slot defines their meaning.
 
-    `wrap` per axis (u, v): "repeat", "mirror" or "clamp". v = 0 is the top row. Filtered bilinearly, without
-    mip levels, or not at all where `nearest`.
+    `wrap` is "repeat", "mirror" or "clamp" per axis (u, v). v = 0 is at the top. Filtering is bilinear without mip
+    levels, or nearest-texel if `nearest` is set.
     """
 
     pixels: np.ndarray
@@ -23,13 +23,13 @@ class Texture:
     nearest: bool = False
 
 
-# The fields of a material that name a texture.
+# The fields of a material that refer to a texture.
 TEXTURE_SLOTS = ("base_color_texture", "metallic_texture", "normal_texture", "emission_texture")
 
 
 @dataclass(frozen=True)
 class TextureSlot:
-    """A texture as a material uses it: index into `Scene.textures` and channel of `Mesh.uv`."""
+    """How a material uses a texture: index into `Scene.textures` and channel of `Mesh.uv`."""
 
     texture: int
     uv: int = 0
@@ -39,11 +39,12 @@ class TextureSlot:
 class Material:
     """A Lambertian surface: albedo = base colour * (1 - metallic).
 
-    base colour = factor * texture (sRGB) * vertex colour; metallic = factor * texture's blue (linear). `alpha_cutoff`
-    None means opaque; else a point whose alpha (factor * texture * vertex colour) is below it is a hole. A single-sided
-    surface (not `double_sided`) is not drawn from behind, reflects and emits nothing there, yet still stops light.
-    The normal texture (linear, tangent space, xy times `normal_scale`) shapes primary light; B belongs to the
-    interpolated normal. An `unlit` surface shows its base colour as radiance, has albedo 0 and lights nothing.
+    base colour = factor * texture (sRGB) * vertex colour; metallic = factor * blue channel of the texture (linear). If
+    `alpha_cutoff` is None, the surface is opaque; otherwise points whose alpha (factor * texture * vertex colour) is
+    below it are holes. The back of a single-sided surface (not `double_sided`) is not drawn, reflects and emits
+    nothing, but still blocks light. The normal texture (linear, tangent space, xy scaled by `normal_scale`) shapes
+    primary light; B uses the interpolated normal. An `unlit` surface shows its base colour as radiance, has albedo 0
+    and emits no light into the scene.
     """
 
     name: str = ""
@@ -60,19 +61,20 @@ class Material:
     unlit: bool = False
 
     def slots(self) -> tuple[TextureSlot, ...]:
-        """The textures that it uses."""
+        """The texture slots that the material uses."""
         slots = (getattr(self, name) for name in TEXTURE_SLOTS)
         return tuple(slot for slot in slots if slot is not None)
 
 
 @dataclass(frozen=True)
 class Mesh:
-    """Triangles of one material, in world space, counter-clockwise seen from the front.
+    """Triangles of one material in world space, counter-clockwise seen from the front.
 
-    position (V, 3) float32, m; normal (V, 3) float32, unit; triangle (F, 3) uint32. uv (V, C, 2) float32: one channel
-    for each set and transform of texture coordinates that the material uses, transforms applied; C = 0 without
-    textures. color (V, 4) float32, linear, or None for white. tangent (V, 4) float32, xyz unit and in the surface, or
-    None where the material has no normal texture: bitangent = w * cross(normal, xyz), w = 1 or -1.
+    position (V, 3) float32, m; normal (V, 3) float32, unit; triangle (F, 3) uint32. uv (V, C, 2) float32 has one
+    channel per pair of texture coordinate set and transform that the material uses, with the transform applied; C = 0
+    without textures. color (V, 4) float32 is linear; None means white. tangent (V, 4) float32 has a unit xyz
+    perpendicular to the normal; bitangent = w * cross(normal, xyz), w = 1 or -1. It is None if the material has no
+    normal texture.
     """
 
     position: np.ndarray
@@ -84,7 +86,7 @@ class Mesh:
     tangent: np.ndarray | None = None
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest corner of the triangles: two (3,) float64, m. Vertices that none uses do not count."""
+        """Minimum and maximum corner of the triangles, two (3,) float64, m. Unused vertices are ignored."""
         used = np.zeros(len(self.position), bool)
         used[self.triangle] = True
         corners = self.position[used].astype(np.float64)
@@ -93,14 +95,17 @@ class Mesh:
 
 @dataclass(frozen=True)
 class Light:
-    """A punctual light of KHR_lights_punctual. `color` (3,) is colour * intensity: W/sr-like (cd) for point and spot,
-    irradiance (lx) for directional, linear Rec.709."""
+    """A punctual light of KHR_lights_punctual.
+
+    `color` (3,) is colour * intensity in linear Rec.709: radiant intensity (cd) for point and spot lights, irradiance
+    (lx) for directional lights.
+    """
 
     kind: str  # "point", "spot" or "directional"
     color: np.ndarray
     position: np.ndarray  # (3,) world space, m; unused by "directional"
-    direction: np.ndarray  # (3,) unit, the way light travels; unused by "point"
-    range: float = np.inf  # m; no light at or beyond it
+    direction: np.ndarray  # (3,) unit, in which light travels; unused by "point"
+    range: float = np.inf  # m; no light reaches this distance or beyond
     cos_inner: float = 1.0
     cos_outer: float = 0.0
     name: str = ""
@@ -108,10 +113,11 @@ class Light:
 
 @dataclass(frozen=True)
 class Environment:
-    """Light from infinitely far away, all around: `radiance` (H, W, 3) float32, linear Rec.709, equirectangular.
+    """Light from infinitely far away: `radiance` (H, W, 3) float32, linear Rec.709, equirectangular.
 
-    Row 0 is up (+Y). The middle column lies towards -Z, columns to its right towards +X; then the whole is turned by
-    `rotation` (rad) about +Y, counter-clockwise seen from above. Constant within a texel. (1, 1, 3) is one colour.
+    Row 0 is up (+Y). The middle column points to -Z and the columns to its right towards +X. The image is then rotated
+    by `rotation` (rad) about +Y, counter-clockwise seen from above. Radiance is constant within a texel; (1, 1, 3) is
+    a uniform environment.
     """
 
     radiance: np.ndarray
@@ -119,16 +125,17 @@ class Environment:
 
     @property
     def even(self) -> bool:
-        """Whether it is the same in all directions."""
+        """Whether the radiance is the same in all directions."""
         return bool((self.radiance == self.radiance[0, 0]).all())
 
 
 @dataclass(frozen=True)
 class Scene:
-    """Everything that the baker and the renderer read of a glTF file.
+    """Everything that the baker and the renderer need from a glTF file.
 
-    `warnings` are one line each; those in `transparent`, among them, say what became of partly transparent materials.
-    `files` are what it was read from: the glTF file first, buffers and images, and files that brought light.
+    `warnings` are one line each. `transparent` repeats the text (without file and pointer) of the warnings about partly
+    transparent materials. `files` lists the files that the scene was read from: the glTF file first, then its buffers
+    and images, then files that define light.
     """
 
     meshes: tuple[Mesh, ...]
@@ -142,22 +149,22 @@ class Scene:
     files: tuple[Path, ...] = ()
 
     def used_materials(self) -> list[Material]:
-        """The materials that some triangle has."""
+        """The materials that at least one mesh uses."""
         return [self.materials[index] for index in sorted({mesh.material for mesh in self.meshes})]
 
     def emits(self, material: Material) -> bool:
-        """Whether a surface of this material lights the scene somewhere."""
+        """Whether a surface of this material can emit light into the scene."""
         factor = np.array(material.emission) > 0
         if material.emission_texture is not None and factor.any():
             factor &= self.textures[material.emission_texture.texture].pixels[..., :3].any(axis=(0, 1))
         return bool(factor.any()) and not material.unlit
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest corner of all triangles: two (3,) float64, m."""
+        """Minimum and maximum corner of all triangles, two (3,) float64, m."""
         corners = np.array([mesh.bounds() for mesh in self.meshes])
         return corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)
 
     def diagonal(self) -> float:
-        """Length of the bounding box's diagonal, m."""
+        """Length of the diagonal of the bounding box, m."""
         low, high = self.bounds()
         return float(np.linalg.norm(high - low))

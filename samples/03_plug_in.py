@@ -1,6 +1,6 @@
-"""A renderer with shaders, targets and matrices of its own adds baked light: the three calls marked below.
+"""Add baked light, by three calls of IndirectLight, to a renderer with its own shaders, targets and matrices.
 
-Usage: python samples/03_plug_in.py scene.glb scene.gsgi frame.exr
+python samples/03_plug_in.py [SCENE GI IMAGE]    # default: the Cornell box, a draft bake, build/samples/plug_in.png
 """
 
 import sys
@@ -8,12 +8,10 @@ from pathlib import Path
 
 import moderngl
 import numpy as np
+from draft import CORNELL, OUT, draft
 
-from gsgi.runtime.file import codec
-from gsgi.runtime.gl.context import create_context
-from gsgi.runtime.gl.host_textures import Encoding
-from gsgi.runtime.gl.indirect_light import IndirectLight
-from gsgi.runtime.gltf.reader import read_gltf
+import gsgi
+from gsgi.runtime.display import auto_exposure, to_uint8, tone_map
 from gsgi.runtime.image import write_image
 
 WIDTH, HEIGHT = 320, 240
@@ -29,14 +27,15 @@ void main() {
 }"""
 
 
-def main(scene_file: str, gi_file: str, image_file: str) -> None:
-    """Draw the scene as its first camera sees it, in no light but what it emits and what was baked."""
-    scene, ctx = read_gltf(scene_file), create_context()
+def main(scene_file=CORNELL, gi_file: str | None = None, image_file: str | Path = OUT / "plug_in.png") -> None:
+    """Draw the scene from its first camera, lit only by its own emission and the baked light."""
+    scene, ctx = gsgi.read_scene(scene_file), gsgi.create_context()
     camera = next(iter(scene.cameras.values()))
     view, projection = camera.view_from_world, camera.clip_from_view(WIDTH / HEIGHT)
     radiance, albedo, normals = (ctx.texture((WIDTH, HEIGHT), 4, dtype=t) for t in ("f2", "f1", "f2"))
     depth = ctx.depth_texture((WIDTH, HEIGHT))
-    light = IndirectLight(ctx, codec.decode(Path(gi_file).read_bytes()), Encoding("window", "unsigned"))  # once
+    bake = gsgi.read_bake(gi_file or draft(scene_file))
+    light = gsgi.IndirectLight(ctx, bake, gsgi.Encoding("window", "unsigned"))  # once
 
     gbuffer, program = ctx.framebuffer([radiance, albedo, normals], depth), ctx.program(VERTEX, FRAGMENT)
     gbuffer.use()
@@ -52,8 +51,9 @@ def main(scene_file: str, gi_file: str, image_file: str) -> None:
 
     light.draw(depth, normals, view, projection)  # each frame and camera
     light.add(ctx.framebuffer(radiance), albedo)
-    image = np.frombuffer(radiance.read(), np.float16).reshape(HEIGHT, WIDTH, 4)[::-1, :, :3]
-    write_image(image_file, np.ascontiguousarray(image, np.float32))
+    image = np.frombuffer(radiance.read(), np.float16).reshape(HEIGHT, WIDTH, 4)[::-1, :, :3].astype("f4")
+    seen = to_uint8(tone_map(image, auto_exposure(image)))
+    write_image(image_file, image if Path(image_file).suffix == ".exr" else seen)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,6 @@
-"""The Cornell box through pyrender's calls, without and with baked light, side by side in a PNG.
+"""Draw the Cornell box with pyrender's API, without and with baked light, side by side in a PNG.
 
-./dev demo  # bakes build/demo/cornell.gsgi
-.venv/bin/python samples/04_pyrender_drop_in.py build/demo/cornell.gsgi cornell.png
+python samples/04_pyrender_drop_in.py [GI PICTURE]    # default: a draft bake, build/samples/pyrender.png
 """
 
 import argparse
@@ -10,17 +9,16 @@ from pathlib import Path
 import numpy as np
 import pyrender
 import trimesh
+from draft import CORNELL, OUT, draft
 from PIL import Image
 
-# The one import that changes: the class is pyrender's otherwise.
+# The only import that changes: pyrender's own class has the same name.
 from gsgi.runtime.pyrender import OffscreenRenderer
-
-SCENE = Path(__file__).parent / "scenes" / "cornell.glb"
 
 
 def cornell() -> pyrender.Scene:
-    """The box with the light and the camera of its glTF file, which trimesh does not hand on."""
-    scene = pyrender.Scene.from_trimesh_scene(trimesh.load_scene(SCENE), bg_color=(0.0, 0.0, 0.0, 1.0))
+    """The box with the light and the camera of its glTF file, which trimesh does not load."""
+    scene = pyrender.Scene.from_trimesh_scene(trimesh.load_scene(CORNELL), bg_color=(0.0, 0.0, 0.0, 1.0))
     lamp = np.eye(4)
     lamp[:3, :3] = [[1, 0, 0], [0, 0, 1], [0, -1, 0]]  # looks down -Y
     lamp[:3, 3] = 0.0, 0.5438, -0.2795
@@ -35,13 +33,13 @@ def cornell() -> pyrender.Scene:
 def main() -> None:
     """Draw both pictures."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("bake", type=Path)
-    parser.add_argument("picture", type=Path)
+    parser.add_argument("bake", type=Path, nargs="?", help="default: a draft bake of the scene")
+    parser.add_argument("picture", type=Path, nargs="?", default=OUT / "pyrender.png")
     parser.add_argument("--size", type=int, default=512, help="edge of a picture, px")
     args = parser.parse_args()
 
     scene, pictures = cornell(), []
-    for gi in (None, args.bake):
+    for gi in (None, args.bake or draft(CORNELL)):
         renderer = OffscreenRenderer(args.size, args.size, gi=gi)
         color, _depth = renderer.render(scene, pyrender.RenderFlags.SHADOWS_SPOT)
         renderer.delete()

@@ -1,12 +1,12 @@
-"""Screenshot tests: does the scene still look as it did? Copy this file into your tests, and point SCENE at yours.
+"""Screenshot tests: check that a scene still looks the same. Copy this file into your tests and point SCENE at yours.
 
     pip install 'gsgi[test]'
-    pytest --gsgi-update 05_screenshot_test.py    # draw the golden images; look at them, commit them
-    pytest 05_screenshot_test.py                  # compare; a failure says by how much, and writes gsgi-report/
+    pytest --gsgi-update 05_screenshot_test.py    # draw the golden images; look at them and commit them
+    pytest 05_screenshot_test.py                  # compare; a failure says by how much and writes gsgi-report/
 
-The golden images lie beside this file, in screenshots/05_screenshot_test/. One named name@llvmpipe-22.3.png or
-name@nvidia.png counts before name.png on that driver or family: `pytest --gsgi-update-for driver` writes it. No window
-and no GPU is needed; where there is no OpenGL at all the tests are skipped (--gsgi-backend egl: they fail).
+The golden images are beside this file, in screenshots/05_screenshot_test/. On one driver or driver family,
+name@llvmpipe-22.3.png or name@nvidia.png replaces name.png; `pytest --gsgi-update-for driver` writes it. The tests need
+no window and no GPU. Without OpenGL they are skipped; with --gsgi-backend egl they fail instead.
 """
 
 from pathlib import Path
@@ -19,7 +19,7 @@ SCENE = Path(__file__).parent / "scenes" / "cornell.glb"
 @pytest.mark.parametrize("camera", ["front", "corner"])
 def test_the_room_looks_as_it_did(gsgi_render, assert_screenshot, camera):
     frame = gsgi_render(SCENE, camera, size=(160, 120), exposure=2.0)  # (120, 160, 3) uint8; bake="room.gsgi" adds GI
-    assert_screenshot(frame, f"cornell-{camera}", max_ratio=0.005)  # drivers disagree where shadows end
+    assert_screenshot(frame, f"cornell-{camera}", max_ratio=0.005)  # drivers differ at the edges of shadows
 
 
 def test_the_room_has_its_shape(gsgi_render, assert_screenshot):

@@ -1,6 +1,6 @@
-"""The whole path in one run: scene -> bake -> file -> frame, compared with path tracing. Run by `./dev demo`.
+"""The whole pipeline in one run: scene -> bake -> file -> frame, compared with path tracing. Run by `./dev demo`.
 
-Leaves cornell.gsgi, report.json and panels.png in build/demo/.
+Writes cornell.gsgi, report.json and panels.png to build/demo/.
 """
 
 import json
@@ -29,13 +29,13 @@ from gsgi.runtime.image import write_image
 ROOT = Path(__file__).resolve().parents[1]
 SCENE = ROOT / "samples" / "scenes" / "cornell.glb"
 OUT = ROOT / "build" / "demo"
-CAMERA = "front"  # kept from the bake, which would fit it
+CAMERA = "front"  # hidden from the bake, which would fit it
 SIZE = 256  # px
 SAMPLES = 1024  # per pixel of the reference, in two halves
 
 
 def main() -> None:
-    """Run every stage, print one table."""
+    """Run every stage and print one table."""
     OUT.mkdir(parents=True, exist_ok=True)
     progress = Progress(Console())
     with progress.stage("scene"):
@@ -64,7 +64,7 @@ def main() -> None:
 
 
 def report(gaussians: int, comparison: Comparison, progress: Progress) -> None:
-    """Print the table and write the same as report.json."""
+    """Print the table and write the same figures to report.json."""
     rows = [{"stage": name, "seconds": round(seconds, 2)} for name, seconds in progress.seconds.items()]
     figures = {
         "gaussians": gaussians,

@@ -32,7 +32,7 @@ class Glb:
         return self.add("bufferViews", buffer=0, byteOffset=start, byteLength=len(data), **fields)
 
     def accessor(self, values: np.ndarray, **fields) -> int:
-        """One column: indices, uint16; more: vertex attributes, float32."""
+        """Add an accessor: one column holds indices (uint16), several hold vertex attributes (float32)."""
         width = values.shape[1]
         target = INDICES if width == 1 else VERTICES
         fields["bufferView"] = self.view(values.tobytes(), target=target)
@@ -41,7 +41,7 @@ class Glb:
         return self.add("accessors", count=len(values), type=kind, **fields)
 
     def material(self, name: str, color, **fields) -> int:
-        """A Lambertian material; `color` (3,) is its albedo."""
+        """Add a Lambertian material; `color` (3,) is its albedo."""
         texture = fields.pop("texture", None)
         pbr = {"baseColorFactor": [*color, 1.0], "metallicFactor": 0, "roughnessFactor": 1}
         if texture is not None:
@@ -54,7 +54,7 @@ class Glb:
         return self.add("textures", source=image, sampler=sampler)
 
     def mesh(self, name: str, quads: list, material: int, repeat: float = 1) -> int:
-        """Rectangles (4, 3), counter-clockwise seen from the front; the texture fits `repeat` times."""
+        """Add rectangles (4, 3), counter-clockwise seen from the front; the texture repeats `repeat` times."""
         position = np.concatenate(quads).astype("<f4")
         normal = np.repeat([face_normal(quad) for quad in quads], 4, axis=0).astype("<f4")
         uv = np.tile(repeat * np.array([[0, 1], [1, 1], [1, 0], [0, 0]], "<f4"), (len(quads), 1))
@@ -76,7 +76,7 @@ class Glb:
         return index
 
     def solid(self, name: str, quads: list, material: int) -> int:
-        """A mesh and the root node that shows it."""
+        """Add a mesh and a root node that shows it."""
         return self.node(name, mesh=self.mesh(name, quads, material))
 
     def camera(self, name: str, eye, target, yfov: float):
@@ -114,7 +114,7 @@ class Glb:
 
 
 def png(pixels: np.ndarray) -> bytes:
-    """(H, W, 3 or 4) uint8 as PNG. Stored, not deflated: zlib versions deflate differently."""
+    """Encode (H, W, 3 or 4) uint8 as PNG. Rows are stored, not deflated, because zlib versions deflate differently."""
     height, width, channels = pixels.shape
     rows = b"".join(b"\0" + row.tobytes() for row in pixels)
     header = struct.pack(">IIBBBBB", width, height, 8, {3: 2, 4: 6}[channels], 0, 0, 0)
@@ -133,7 +133,7 @@ def face_normal(quad: np.ndarray) -> np.ndarray:
 
 
 def look_at(eye, target) -> list[float]:
-    """glTF matrix (column by column) of a camera at `eye` that looks at `target`, +Y up."""
+    """glTF matrix (column-major) of a camera at `eye` that looks at `target`, +Y up."""
     back = unit(np.subtract(eye, target))
     right = unit(np.cross((0, 1, 0), back))
     columns = [(*right, 0), (*np.cross(back, right), 0), (*back, 0), (*eye, 1)]

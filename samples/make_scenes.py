@@ -1,4 +1,4 @@
-"""Write the sample scenes of samples/scenes/. The same bytes on every run: a test compares them.
+"""Write the sample scenes to samples/scenes/. Every run writes the same bytes, and a test compares them.
 
 python samples/make_scenes.py
 """
@@ -10,8 +10,8 @@ from glb_writer import Glb, face_normal
 
 FOLDER = Path(__file__).parent / "scenes"
 
-# The Cornell box, https://www.graphics.cornell.edu/online/box/data.html, in mm; y is up, the camera at
-# (278, 273, -800) looks along +z, where x runs to the left.
+# The Cornell box, https://www.graphics.cornell.edu/online/box/data.html, in mm. y is up. The camera at
+# (278, 273, -800) looks along +z, so x points to its left.
 CORNELL_WALLS = {
     "floor": ("white", [(552.8, 0, 0), (0, 0, 0), (0, 0, 559.2), (549.6, 0, 559.2)]),
     "ceiling": ("white", [(556, 548.8, 0), (556, 548.8, 559.2), (0, 548.8, 559.2), (0, 548.8, 0)]),
@@ -29,7 +29,7 @@ REFLECTANCE = {"white": (0.73, 0.73, 0.73), "red": (0.65, 0.05, 0.05), "green": 
 
 
 def facing(quad: np.ndarray, point: np.ndarray, away: bool = False) -> np.ndarray:
-    """The rectangle turned so that its front faces a point, or away from it."""
+    """The rectangle, turned so that its front faces a point, or away from it."""
     quad = np.asarray(quad, float)
     front = ((np.asarray(point) - quad.mean(axis=0)) * face_normal(quad)).sum() > 0
     return quad if front != away else quad[::-1]
@@ -46,12 +46,12 @@ def box(low, high, inward: bool = False) -> list[np.ndarray]:
 
 
 def from_cornell(points) -> np.ndarray:
-    """Cornell's mm to metres, half a turn about y: x to the right, the room's opening at z = 0."""
+    """Convert Cornell's mm to metres and turn by 180 degrees about y: x points right, the room opens at z = 0."""
     return (np.asarray(points, float) * (-1, 1, -1) + (278, 0, 0)) / 1000
 
 
 def cornell_room(glb: Glb):
-    """Walls that face in, blocks that face out, two cameras."""
+    """Add walls that face in, blocks that face out, and two cameras."""
     materials = {name: glb.material(name, color) for name, color in REFLECTANCE.items()}
     centre = from_cornell((278, 274, 280))
     for name, (color, corners) in CORNELL_WALLS.items():
@@ -68,7 +68,7 @@ def cornell_room(glb: Glb):
 
 
 def cornell() -> Glb:
-    """Lit by one spot below the middle of the ceiling; the ceiling itself gets no direct light."""
+    """The box, lit by one spot light below the middle of the ceiling; the ceiling itself gets no direct light."""
     glb = Glb()
     cornell_room(glb)
     place = from_cornell(CORNELL_LIGHT).mean(axis=0) - (0, 0.005, 0)
@@ -80,17 +80,17 @@ def cornell() -> Glb:
 
 
 def cornell_emissive() -> Glb:
-    """Lit by the ceiling's light quad, no punctual light."""
+    """The box, lit by the emissive quad of the ceiling, without punctual lights."""
     glb = Glb()
     cornell_room(glb)
     lamp = glb.material("lamp", (0.78, 0.78, 0.78), **glb.emission(15))
-    quad = from_cornell(CORNELL_LIGHT) - (0, 0.001, 0)  # 1 mm below the ceiling: not in one plane with it
+    quad = from_cornell(CORNELL_LIGHT) - (0, 0.001, 0)  # 1 mm below the ceiling, so that the two are not coplanar
     glb.solid("lamp", [facing(quad, from_cornell((278, 0, 280)))], lamp)
     return glb
 
 
 def two_rooms() -> Glb:
-    """A bright and a dark room, each closed, 2 cm apart: light that shows in the dark one has leaked."""
+    """A bright and a dark room, both closed, 2 cm apart: any light in the dark one has leaked."""
     glb = Glb()
     plaster, wood = glb.material("plaster", (0.75, 0.72, 0.68)), glb.material("wood", (0.5, 0.3, 0.15))
     bright = glb.solid("bright room", box((-4, 0, -3), (-0.01, 2.5, 0), inward=True), plaster)
@@ -112,7 +112,7 @@ def two_rooms() -> Glb:
     turned = glb.node("screen place", root=False, translation=[-1.0, 0, -1.6], rotation=[0, 0.6, 0, 0.8])
     glb.json["nodes"][turned]["children"] = [screen]
 
-    # A table that is its own mirror image: two legs and half of the top, twice, the second time with x negated.
+    # A mirror-symmetric table: two legs and half of the top are used twice, the second time with x negated.
     half = box((0, 0.68, -0.3), (0.5, 0.72, 0.3)) + [
         side for z in (-0.26, 0.2) for side in box((0.4, 0, z), (0.46, 0.68, z + 0.06))
     ]
@@ -130,7 +130,7 @@ def two_rooms() -> Glb:
 
 
 def furnace() -> Glb:
-    """A closed box of albedo 0.5 whose walls emit 1: radiance 2 everywhere, 1 of it indirect light."""
+    """A closed box of albedo 0.5 whose walls emit 1: the radiance is 2 everywhere, and half of it is indirect light."""
     glb = Glb()
     wall = glb.material("wall", (0.5, 0.5, 0.5), **glb.emission(1))
     glb.solid("walls", box((-1, -1, -1), (1, 1, 1), inward=True), wall)
@@ -139,7 +139,7 @@ def furnace() -> Glb:
 
 
 def make_scenes() -> dict[str, bytes]:
-    """The file's bytes for each file name."""
+    """The bytes of each file, by file name."""
     makers = (cornell, cornell_emissive, two_rooms, furnace)
     return {f"{maker.__name__}.glb": maker().encode() for maker in makers}
 

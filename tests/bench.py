@@ -10,6 +10,7 @@ from pathlib import Path
 from benches.dial import dial
 from benches.fit import fit
 from benches.frame_costs import frame_costs, frame_passes
+from benches.front import front
 from benches.leak import leak
 from benches.operator_motion import operator_motion
 from benches.operator_pictures import operator_pictures
@@ -30,13 +31,13 @@ FRAMES = frame_costs, frame_passes
 OPERATOR = operator_bakes, operator_equal, operator_scales, operator_motion, operator_sphere, operator_pictures
 BENCHES = {
     bench.__name__: bench
-    for bench in (fit, stages, trace, scenes, splats, order, triangles, dial, quality, leak, *FRAMES, *OPERATOR)
+    for bench in (fit, stages, trace, scenes, splats, order, triangles, dial, quality, leak, front, *FRAMES, *OPERATOR)
 }
 GROUPS = {name: [bench.__name__ for bench in group] for name, group in (("frames", FRAMES), ("operator", OPERATOR))}
 
 
 def machine() -> dict[str, str]:
-    """What the figures depend on: processor, cores, commit."""
+    """What the measurements depend on: processor, cores, commit."""
     model = next(
         (line.split(":")[1].strip() for line in Path("/proc/cpuinfo").read_text().splitlines() if "model name" in line),
         platform.processor(),

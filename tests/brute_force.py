@@ -6,7 +6,7 @@ from gsgi.runtime.scene import Scene
 
 
 def blocked(scene: Scene, origin: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """Whether (N,) bool a triangle lies between points (N, 3) and (N, 3): Moeller and Trumbore 1997, all pairs."""
+    """Whether a triangle lies between `origin` and `target` (N, 3): (N,) bool. Moeller and Trumbore 1997, all pairs."""
     result = np.zeros(len(origin), bool)
     direction = target - origin
     for mesh in scene.meshes:
@@ -22,7 +22,7 @@ def blocked(scene: Scene, origin: np.ndarray, target: np.ndarray) -> np.ndarray:
 
 
 def brute_force_texels(scene: Scene, camera, position, normal, size: int) -> np.ndarray:
-    """Texel size (N,), m, from the area of a pixel's footprint, by the camera's own projection."""
+    """Texel size (N,), m, from the area of a pixel's footprint, by the camera's projection; infinite if not seen."""
     view = camera.pinhole(size, size)
     local = position @ view.view_from_world[:3, :3].T + view.view_from_world[:3, 3]
     depth = -local[:, 2]

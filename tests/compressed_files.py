@@ -1,4 +1,4 @@
-"""Compressed glTF files, small and whole."""
+"""Small, complete glTF files with compressed meshes."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ DRACO, MESHOPT = "KHR_draco_mesh_compression", "EXT_meshopt_compression"
 
 
 def append(document: dict, data: bytes, blob: bytes) -> tuple[int, bytes]:
-    """A bufferView for more bytes: its index, and all bytes."""
+    """Add a bufferView for more bytes; return its index, and all bytes."""
     data += b"\0" * (-len(data) % 4)
     document["bufferViews"].append({"buffer": 0, "byteOffset": len(data), "byteLength": len(blob)})
     document["buffers"][0]["byteLength"] = len(data) + len(blob)
@@ -16,7 +16,7 @@ def append(document: dict, data: bytes, blob: bytes) -> tuple[int, bytes]:
 
 
 def draco_quad(**options) -> tuple[dict, bytes]:
-    """The quad, its accessors without bytes of their own."""
+    """The quad, compressed by Draco; its accessors have no bytes of their own."""
     draco = pytest.importorskip("DracoPy")
     faces = INDEX.reshape(-1, 3).astype(np.uint32)
     blob = draco.encode(
@@ -35,7 +35,7 @@ def draco_quad(**options) -> tuple[dict, bytes]:
 
 
 def meshopt_quad(name: str = MESHOPT) -> tuple[dict, bytes]:
-    """The quad in compressed views, as gltfpack writes it: their own buffer has no bytes."""
+    """The quad in views that meshopt compressed, as gltfpack writes it; their own buffer has no bytes."""
     encoder = pytest.importorskip("meshoptimizer.encoder")
     document, data = quad_scene()
     index = INDEX.astype(np.uint32)

@@ -13,7 +13,7 @@ pytest_plugins = ["pytester"]
 
 @pytest.fixture(scope="session")
 def gl():
-    """A headless EGL context, current in this process. Skips where there is none."""
+    """A headless EGL context, current in this process. Skips if there is none."""
     try:
         ctx = create_context("egl")
     except UnsupportedError as error:
@@ -24,13 +24,13 @@ def gl():
 
 @pytest.fixture(scope="session")
 def gsgi_context(gl):
-    """The plugin for screenshots draws in the same context."""
+    """Make the plugin for screenshots draw in the same context."""
     return gl
 
 
 @pytest.fixture(scope="session")
 def backends() -> tuple[str, ...]:
-    """Names of the backends that work here. Asked in child processes: one process should hold one kind of context."""
+    """Names of the backends that work here, from child processes: one process should hold one kind of context."""
     probe = "import sys; from gsgi.runtime.gl.context import create_context; create_context(sys.argv[1])"
     names = ("egl", "osmesa")
     return tuple(
@@ -40,7 +40,7 @@ def backends() -> tuple[str, ...]:
 
 @pytest.fixture
 def small_disk(tmp_path):
-    """A disk of 64 KiB, mounted. Skips where that is not allowed."""
+    """A mounted disk of 64 KiB. Skips if mounting is not allowed."""
     folder = tmp_path / "disk"
     folder.mkdir()
     mount = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", folder], capture_output=True, text=True)
@@ -52,16 +52,16 @@ def small_disk(tmp_path):
 
 @pytest.fixture(scope="session")
 def pyrender():
-    """The module, for its scenes. Skips where it cannot be imported."""
+    """The module, for its scenes. Skips if it cannot be imported."""
     try:
         import pyrender
-    except Exception as error:  # it imports pyglet and OpenGL, which raise what they like
+    except Exception as error:  # it imports pyglet and OpenGL, which can raise anything
         pytest.skip(f"pyrender: {error}")
     return pyrender
 
 
 @pytest.fixture
 def current_again(gl):
-    """After a test whose renderers make contexts of their own: the shared one is current again."""
+    """Make the shared context current again after a test whose renderers make their own."""
     yield
     gl.__enter__()

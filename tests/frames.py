@@ -1,4 +1,4 @@
-"""A scene that has work for every pass, and frames of it."""
+"""A scene that gives every pass some work, and frames of it."""
 
 from dataclasses import replace
 
@@ -14,7 +14,7 @@ WIDTH, HEIGHT = 96, 64
 
 
 def full_scene() -> Scene:
-    """A box with a masked, bumpy, textured block, a lamp, a sign, one light of each kind and a sky: work for all."""
+    """A box with a masked, bumpy, textured block, a lamp, a sign, one light of each kind and a sky."""
     pixels = np.random.default_rng(0).integers(0, 256, (8, 8, 4), np.uint8)
     slot = TextureSlot(0)
     materials = (
@@ -41,7 +41,7 @@ def full_scene() -> Scene:
 
 
 def tangent_of(mesh: Mesh) -> np.ndarray:
-    """(4, 4) of a quad: along its first edge."""
+    """Tangents (4, 4) of a quad, along its first edge."""
     edge = mesh.position[1] - mesh.position[0]
     return np.tile(np.float32([*edge / np.linalg.norm(edge), 1]), (4, 1))
 

@@ -31,7 +31,7 @@ BLOBS = (POSITION, NORMAL, UV, INDEX, np.frombuffer(png(PIXELS), np.uint8))
 
 
 def pack(blobs) -> tuple[bytes, list[dict]]:
-    """The blobs behind each other, 4-byte aligned, and a bufferView for each."""
+    """The blobs one after the other, 4-byte aligned, and a bufferView for each."""
     data, views = b"", []
     for blob in blobs:
         views.append({"buffer": 0, "byteOffset": len(data), "byteLength": blob.nbytes})
@@ -44,7 +44,7 @@ def accessor(view: int, component: int, count: int, kind: str, **fields) -> dict
 
 
 def quad_scene(blobs=BLOBS) -> tuple[dict, bytes]:
-    """A textured unit square in the plane z = 0 that faces +Z: JSON and the BIN chunk."""
+    """A textured unit square in the plane z = 0 that faces +Z, as JSON and BIN chunk."""
     data, views = pack(blobs)
     attributes = {"POSITION": 0, "NORMAL": 1, "TEXCOORD_0": 2}
     matter = {"baseColorFactor": [0.5, 0.25, 1, 1], "baseColorTexture": {"index": 0}, "metallicFactor": 0.25}
@@ -74,7 +74,7 @@ KIND = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 
 
 def add(scene: tuple[dict, bytes], values: np.ndarray, **fields) -> tuple[tuple[dict, bytes], int]:
-    """The scene with one accessor more, and its index; its type follows from the array's."""
+    """The scene with one more accessor, and its index. The accessor's type follows from the array's."""
     document, data = copy.deepcopy(scene[0]), scene[1] + b"\0" * (-len(scene[1]) % 4)
     values = np.ascontiguousarray(values).reshape(len(values), -1)
     document["bufferViews"].append({"buffer": 0, "byteOffset": len(data), "byteLength": values.nbytes})
@@ -85,7 +85,7 @@ def add(scene: tuple[dict, bytes], values: np.ndarray, **fields) -> tuple[tuple[
 
 
 def with_attributes(attributes: dict[str, np.ndarray], normalized: tuple[str, ...] = ()) -> tuple[dict, bytes]:
-    """The quad with these attributes instead of its own ones of that name."""
+    """The quad with these attributes, in place of its own ones of the same names."""
     scene = quad_scene()
     for name, values in attributes.items():
         scene, index = add(scene, values, normalized=name in normalized)
@@ -107,7 +107,7 @@ def with_nodes(*entries: dict, **top) -> tuple[dict, bytes]:
 
 
 def put(document: dict, pointer: str, value) -> dict:
-    """The document with the value at a JSON pointer; made where it is absent."""
+    """A copy of the document with the value at a JSON pointer; absent members are created."""
     document = copy.deepcopy(document)
     *parents, last = pointer.strip("/").split("/")
     place = document
@@ -125,7 +125,7 @@ def lit(light: dict, **node) -> tuple[dict, bytes]:
 
 
 def write(path: Path, document: dict | bytes, data: bytes = b"") -> Path:
-    """Write JSON and BIN chunk as a GLB, or ready bytes."""
+    """Write JSON and BIN chunk as a GLB, or write bytes as they are; return the path."""
     path.write_bytes(document if isinstance(document, bytes) else encode(document, data))
     return path
 
@@ -140,7 +140,7 @@ def pointers(value, prefix: str = "") -> list[str]:
 
 
 def is_refused(read, *content) -> bool:
-    """Whether the reader refuses the file, as it must: by a line of text and a code."""
+    """Whether the reader refuses the file. Asserts that a refusal is one line of text with a known code."""
     refused = None
     try:
         read(*content)

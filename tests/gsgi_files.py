@@ -43,7 +43,7 @@ def surface_example(count: int = 200, degree: int = 0, coarse_count: int = 30, c
 
 
 def constant(light, operator: str = "surface") -> Bake:
-    """A bake whose B is `light` (3,) everywhere: one Gaussian, far larger than scenes of a few metres."""
+    """A bake whose B is `light` (3,) everywhere: one Gaussian that is far larger than scenes of a few metres."""
     scale, opacity = (50.0, 1.0) if operator == "surface" else (1000.0, 0.99)
     arrays = {"position": np.zeros((1, 3)), "rotation": [[0, 0, 0, 1]], "scale": np.full((1, 3), scale)}
     arrays |= {"opacity": [opacity], "sh": np.reshape(light, (1, 1, 3)) / constants.SH_C0}
@@ -54,7 +54,7 @@ def constant(light, operator: str = "surface") -> Bake:
 
 
 def reseal(data: bytes) -> bytes:
-    """The same bytes with a fitting checksum."""
+    """The same bytes with a correct checksum."""
     data = data[:8] + bytes(4) + data[12:]
     return data[:8] + struct.pack("<I", zlib.crc32(data)) + data[12:]
 

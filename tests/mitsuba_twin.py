@@ -1,6 +1,7 @@
-"""A `Scene` for Mitsuba's own integrators, through its own BSDFs, textures and emitters: a second opinion.
+"""A `Scene` for Mitsuba's own integrators, BSDFs, textures and emitters, as an independent check.
 
-One uv channel, one wrap mode for both axes; no alpha masks, normal maps, vertex colours or metallic textures.
+It supports one uv channel and one wrap mode for both axes, but no alpha masks, normal maps, vertex colours or metallic
+textures.
 """
 
 import numpy as np
@@ -26,9 +27,9 @@ def build(scene: Scene):
 
 
 def radiance(scene: Scene, position: np.ndarray, eye: np.ndarray, samples: int, depth: int = 40) -> np.ndarray:
-    """Light (N, 3) from points (N, 3) to `eye` (3,) by Mitsuba's `path`, the mean of `samples` paths each.
+    """Radiance (N, 3) from points (N, 3) towards `eye` (3,) by Mitsuba's `path`, the mean of `samples` paths each.
 
-    Full light, or with `depth` 2 what comes from the surface at the point and straight from one light.
+    It is the full light, or with `depth` 2 the emission at the point and the light straight from light sources.
     """
     import drjit as dr
 

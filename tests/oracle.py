@@ -1,4 +1,4 @@
-"""Slow, obvious numpy versions of what the kernels and shaders do, in double precision."""
+"""Slow, obvious numpy versions of the kernels and shaders, in double precision."""
 
 from typing import NamedTuple
 
@@ -11,7 +11,7 @@ from gsgi.runtime.gaussians import Gaussians, OverBlend, SurfaceBlend
 
 
 class Projected(NamedTuple):
-    """N Gaussians on the image; those that are not drawn have `drawn` False."""
+    """N Gaussians projected onto the image; `drawn` is False for those that are not drawn."""
 
     depth: np.ndarray  # (N,) m
     mean2d: np.ndarray  # (N, 2) px
@@ -20,9 +20,9 @@ class Projected(NamedTuple):
 
 
 def sh_basis(direction: np.ndarray, degree: int) -> np.ndarray:
-    """(M, 3) unit vectors to (M, (degree + 1)^2): associated Legendre functions times sines and cosines.
+    """SH basis (M, (degree + 1)^2) of unit vectors (M, 3): associated Legendre functions times sines and cosines.
 
-    From the definition (Condon-Shortley phase), not from the polynomials that kernels and shaders use.
+    It follows the definition (Condon-Shortley phase), not the polynomials that kernels and shaders use.
     """
     x, y, z = direction.T
     azimuth = np.arctan2(y, x)
@@ -37,7 +37,7 @@ def sh_basis(direction: np.ndarray, degree: int) -> np.ndarray:
 
 
 def rotation_matrix(rotation: np.ndarray) -> np.ndarray:
-    """(N, 4) unit quaternions xyzw to (N, 3, 3)."""
+    """Rotation matrices (N, 3, 3) of unit quaternions xyzw (N, 4)."""
     x, y, z, w = rotation.T
     return np.array(
         [
@@ -49,7 +49,7 @@ def rotation_matrix(rotation: np.ndarray) -> np.ndarray:
 
 
 def project(gaussians: Gaussians, pinhole: Pinhole, blend: OverBlend) -> Projected:
-    """Zwicker et al. 2002: the ellipsoid's covariance through the projection linearised at its centre."""
+    """Project ellipsoids with the projection linearised at their centres (Zwicker et al. 2002)."""
     p = pinhole
     count = len(gaussians)
     depth, mean2d, cov2d = np.zeros(count), np.zeros((count, 2)), np.zeros((count, 2, 2))
@@ -72,14 +72,14 @@ def project(gaussians: Gaussians, pinhole: Pinhole, blend: OverBlend) -> Project
 
 
 def colour(gaussians: Gaussians, pinhole: Pinhole) -> np.ndarray:
-    """(N, 3) linear radiance towards the eye."""
+    """Linear radiance (N, 3) towards the camera."""
     offset = gaussians.position - np.linalg.inv(pinhole.view_from_world)[:3, 3]
     direction = offset / np.linalg.norm(offset, axis=1, keepdims=True)
     return np.maximum(0, np.einsum("nk,nkc->nc", sh_basis(direction, gaussians.sh_degree), gaussians.sh))
 
 
 def splat(gaussians: Gaussians, pinhole: Pinhole, blend: OverBlend) -> tuple[np.ndarray, np.ndarray]:
-    """Image (H, W, 3) and transmittance (H, W), float64: Kerbl et al. 2023, one Gaussian after the other."""
+    """Image (H, W, 3) and transmittance (H, W), float64: one Gaussian after the other (Kerbl et al. 2023)."""
     columns, rows = np.meshgrid(np.arange(pinhole.width) + 0.5, np.arange(pinhole.height) + 0.5)
     image, transmittance = np.zeros((*rows.shape, 3)), np.ones(rows.shape)
     projected, colours = project(gaussians, pinhole, blend), colour(gaussians, pinhole)
@@ -98,8 +98,9 @@ def splat(gaussians: Gaussians, pinhole: Pinhole, blend: OverBlend) -> tuple[np.
 def read_surface(
     gaussians: Gaussians, coarse: Gaussians, blend: SurfaceBlend, position: np.ndarray, normal: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The `surface` operator at points (N, 3) with unit normals (N, 3): sums (2, N, 4) float64 of w c and w in the fine
-    and in the coarse level; B (N, 3). As `SurfaceBlend` says.
+    """The `surface` operator at points (N, 3) with unit normals (N, 3), as `SurfaceBlend` defines it.
+
+    Returns the sums (2, N, 4) float64 of w c and w in the fine and in the coarse level, and B (N, 3).
     """
     fine = level_sums(gaussians, blend.cutoff, blend.sharpness, position, normal)
     rest = level_sums(coarse, blend.cutoff, None, position, normal)
@@ -112,7 +113,7 @@ def read_surface(
 def level_sums(
     level: Gaussians, cutoff: float, sharpness: int | None, position: np.ndarray, normal: np.ndarray
 ) -> np.ndarray:
-    """(N, 4) float64: sums of w c and w, one Gaussian after the other; `sharpness` None: they face every way."""
+    """Sums (N, 4) float64 of w c and w, one Gaussian after the other. With `sharpness` None, `facing` is 1."""
     sums = np.zeros((len(position), 4))
     basis = sh_basis(normal, level.sh_degree)
     rotations = rotation_matrix(level.rotation.astype(float))
@@ -126,7 +127,7 @@ def level_sums(
 
 
 def random_gaussians(n: int, degree: int, seed: int) -> Gaussians:
-    """In and a little around the view of `scenes.inside_camera()`; scales of one Gaussian differ up to 30 times."""
+    """Gaussians in and around the view of `scenes.inside_camera()`; the scales of one differ up to 30-fold."""
     rng = np.random.default_rng(seed)
     camera = scenes.inside_camera()
     depth = rng.uniform(0.5, 3, n)

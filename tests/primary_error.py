@@ -1,4 +1,4 @@
-"""How far the renderer's primary light is from the path tracer's, away from edges."""
+"""The error of the renderer's primary light against the path tracer's, away from edges."""
 
 from dataclasses import dataclass, replace
 
@@ -10,13 +10,16 @@ from gsgi.runtime.gl.renderer import DeferredRenderer
 from gsgi.runtime.gl.shadow import faces_of
 from gsgi.runtime.scene import Light, Scene
 
-REACH = 3  # texels of a shadow map: its filter, the lift off the surface, the pull towards the light
+REACH = 3  # texels of a shadow map, for its filter, the offset along the normal and that towards the light
 
 
 @dataclass(frozen=True)
 class PrimaryError:
-    """`drawn` and `traced` primary light (H, W, 3), radiance; `counts` (H, W): pixels away from edges of surfaces,
-    and no shadow edge of the path tracer's within REACH texels; `lit` (H, W): those among them that have light."""
+    """The `drawn` and the `traced` primary light (H, W, 3), radiance.
+
+    `counts` (H, W) marks pixels away from edges of surfaces, without a shadow edge of the path tracer within REACH
+    texels. `lit` (H, W) marks those of them that have light.
+    """
 
     drawn: np.ndarray
     traced: np.ndarray
@@ -25,30 +28,30 @@ class PrimaryError:
 
     @property
     def pixels(self) -> np.ndarray:
-        """Relative errors (N,) of the lit pixels, all channels as one."""
+        """Relative errors (N,) of the lit pixels, summed over the channels."""
         drawn, traced = self.drawn[self.lit], self.traced[self.lit]
         return np.abs(drawn - traced).sum(axis=-1) / traced.sum(axis=-1)
 
     @property
     def mean(self) -> float:
-        """Of the lit pixels' relative errors."""
+        """Mean of the lit pixels' relative errors."""
         return float(self.pixels.mean())
 
     @property
     def total(self) -> float:
-        """All errors over all light: light where none should be counts as well."""
+        """Sum of all errors over the sum of all light. Light where there should be none counts as well."""
         difference = np.abs(self.drawn - self.traced)[self.counts].sum()
         return float(difference / self.traced[self.counts].sum())
 
     @property
     def wrong(self) -> float:
-        """Share of the pixels whose error is more than a tenth of the brighter of both."""
+        """Share of the pixels whose error is more than a tenth of the brighter of the two."""
         drawn, traced = self.drawn[self.counts].sum(axis=-1), self.traced[self.counts].sum(axis=-1)
         return float((np.abs(drawn - traced) > 0.1 * np.maximum(drawn, traced)).mean())
 
 
 def primary_error(gl, scene: Scene, camera: Camera, width: int, height: int) -> PrimaryError:
-    """Of one view, at its pixel centres."""
+    """The error of one view at its pixel centres."""
     renderer = DeferredRenderer(gl, scene, None, width, height)
     renderer.render(camera)
     drawn = renderer.read("primary")
@@ -65,9 +68,9 @@ def primary_error(gl, scene: Scene, camera: Camera, width: int, height: int) -> 
 
 
 def _near_shadow_edge(tracer: Tracer, light: Light, corners: np.ndarray, surface: Surface) -> np.ndarray:
-    """Whether the points (N,) around a diffuse point, within REACH texels of the shadow map, are lit and shadowed.
+    """Whether (N,) there are both lit and shadowed points within REACH texels of the shadow map of a diffuse point.
 
-    `corners` (8, 3) of the scene's bounds. Leaves another light in the tracer.
+    `corners` (8, 3) are those of the scene's bounds. Replaces the lights of the tracer.
     """
     from gsgi.baker.trace.punctual_lights import PunctualLights
 
@@ -82,7 +85,7 @@ def _near_shadow_edge(tracer: Tracer, light: Light, corners: np.ndarray, surface
     faces = faces_of(light, corners)
     depth = np.abs(position @ faces.depth_from_world[:, :3].T + faces.depth_from_world[:, 3]).max(axis=1)
     step = REACH * (faces.texel_size[0] + faces.texel_size[1] * depth)[:, None]
-    # Neither range nor cone, and surfaces that face it wherever they are moved: what is left is its shadow.
+    # The light has neither range nor cone, and surfaces face it wherever they are moved, so only its shadow is left.
     kind = "directional" if light.kind == "directional" else "point"
     tracer.lights = PunctualLights((replace(light, kind=kind, range=np.inf, color=np.ones(3)),), tracer.diagonal)
     ways = 0 * normal, across, -across, along, -along, normal, towards, normal + towards
@@ -93,7 +96,7 @@ def _near_shadow_edge(tracer: Tracer, light: Light, corners: np.ndarray, surface
 
 
 def _surface_edges(surface: Surface) -> np.ndarray:
-    """Pixels beside one that shows another surface: off the tangent plane, or another normal."""
+    """Pixels next to one that shows another surface: off the tangent plane, or with another normal."""
     n = surface.geometric_normal
     result = np.zeros_like(surface.valid)
     for axis, step in ((0, 1), (0, -1), (1, 1), (1, -1)):

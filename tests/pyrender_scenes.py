@@ -1,6 +1,6 @@
-"""Scenes of pyrender to draw twice; as a script, what pyrender makes of them.
+"""Scenes of pyrender that tests draw with both renderers; as a script, this module writes what pyrender draws.
 
-pyrender needs PYOPENGL_PLATFORM before its import, and ends EGL for the whole process: it runs in one of its own.
+pyrender needs PYOPENGL_PLATFORM before its import and terminates EGL for the whole process, so it runs in its own.
 """
 
 import os
@@ -13,7 +13,7 @@ SIZE = 96, 64
 
 
 def look_at(eye, target=(0, 0, 0)) -> np.ndarray:
-    """World from a view at `eye` towards `target`."""
+    """World-from-view matrix of a view at `eye` towards `target`."""
     back = np.subtract(eye, target) / np.linalg.norm(np.subtract(eye, target))
     right = np.cross((0, 1, 0), back) / np.linalg.norm(np.cross((0, 1, 0), back))
     pose = np.eye(4)
@@ -22,21 +22,21 @@ def look_at(eye, target=(0, 0, 0)) -> np.ndarray:
 
 
 def translation(x: float, y: float, z: float) -> np.ndarray:
-    """World from a node at (x, y, z)."""
+    """World-from-node matrix of a node at (x, y, z)."""
     pose = np.eye(4)
     pose[:3, 3] = x, y, z
     return pose
 
 
 def box(size=(1, 1, 1)):
-    """Trimesh of a box."""
+    """A box as a trimesh."""
     import trimesh
 
     return trimesh.creation.box(size)
 
 
 def material(color=(0.8, 0.5, 0.3, 1.0), **options):
-    """A rough dielectric unless told otherwise."""
+    """A rough dielectric, unless `options` change it."""
     import pyrender
 
     settings = {"metallicFactor": 0.0, "roughnessFactor": 0.9, "alphaMode": "OPAQUE"} | options
@@ -54,7 +54,7 @@ def empty(camera=None, eye=(1.5, 1.8, 3.0), **options):
 
 
 def add_lights(scene) -> None:
-    """One of each kind."""
+    """Add one light of each kind."""
     import pyrender
 
     scene.add(pyrender.DirectionalLight((1, 0.9, 0.8), 1.5), pose=look_at((1, 2, 1.5)))
@@ -114,7 +114,7 @@ def textured(**sampler):
 
 
 def vertex_colors():
-    """Colours at the corners, no normals, seen from both sides."""
+    """Vertex colours without normals, on a double-sided material seen from behind."""
     colors = np.array([[1, 0, 0, 1], [0, 1, 0, 1], [0, 0, 1, 1], [1, 1, 0, 1.0]])
     scene = empty(eye=(0.5, 0.6, -2.5))
     scene.add(quad(color_0=colors, normals=None, material=material((1, 1, 1, 1), doubleSided=True)))
@@ -123,7 +123,7 @@ def vertex_colors():
 
 
 def blended():
-    """Two panes one behind the other, before a solid box."""
+    """Two panes, one behind the other, in front of a solid box."""
     import pyrender
 
     scene = empty(eye=(0.3, 0.4, 3.0))
@@ -148,7 +148,7 @@ def instances():
 
 
 def many_lights():
-    """Seven point lights, of which the four nearest to a mesh light it."""
+    """Seven point lights; the four nearest to a mesh light it."""
     import pyrender
 
     scene = solids(lit=False)
@@ -236,7 +236,7 @@ def segments(scene) -> dict:
 
 
 def draw(renderer, name: str) -> dict[str, np.ndarray]:
-    """The images of a case: "depth", and "color" unless depth is all that was asked for."""
+    """The images of a case: "depth", and "color" unless only depth was asked for."""
     make, flags = CASES[name]
     scene = make()
     result = renderer.render(scene, flags, segments(scene))
@@ -246,7 +246,7 @@ def draw(renderer, name: str) -> dict[str, np.ndarray]:
 def main(path: Path) -> None:
     """Write what pyrender draws to an .npz file."""
     os.environ["PYOPENGL_PLATFORM"] = "egl"
-    np.infty = np.inf  # numpy 2 has none, and pyrender's shadows ask for it
+    np.infty = np.inf  # pyrender's shadows use it, and numpy 2 does not have it
     import pyrender
 
     renderer = pyrender.OffscreenRenderer(*SIZE)

@@ -1,6 +1,6 @@
-"""`gsgi bake` without tracing: the real command line, reader and files; the light is the mean of the textures.
+"""`gsgi bake` without tracing: real command line, reader and files, but the light is the mean of the textures.
 
-python quick_gsgi.py LOG bake SCENE -o FILE ...    # adds the scene's name to LOG where a bake gets that far
+python quick_gsgi.py LOG bake SCENE -o FILE ...    # adds the scene's name to LOG if a bake gets that far
 """
 
 import sys
@@ -16,7 +16,7 @@ from gsgi.runtime.file import codec
 
 
 def main(log: str, *arguments: str) -> int:
-    """Run the command with these arguments; returns its exit code."""
+    """Run the command with these arguments and return its exit code."""
 
     def make_plan(scene, *_) -> SimpleNamespace:
         settings = SimpleNamespace(target_loss=None)

@@ -1,4 +1,4 @@
-"""Where the files are that tests read."""
+"""Paths of the files that tests read."""
 
 from pathlib import Path
 
@@ -7,4 +7,4 @@ TESTS = ROOT / "tests"
 DATA = TESTS / "data"  # a .gsgi file of each kind
 SAMPLES = ROOT / "samples"
 SCENES = SAMPLES / "scenes"
-SHARED = ROOT.parent / "shared" / "scenes"  # real scenes, where somebody has put some
+SHARED = ROOT.parent / "shared" / "scenes"  # real scenes, if there are any

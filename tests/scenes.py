@@ -9,7 +9,7 @@ WHITE = Material(name="white", base_color=(0.5, 0.5, 0.5, 1.0))
 
 
 def quad(corners, material: int = 0) -> Mesh:
-    """Rectangle from four corners (4, 3), counter-clockwise seen from the front."""
+    """A rectangle from four corners (4, 3), counter-clockwise seen from the front."""
     position = np.asarray(corners, np.float32)
     normal = np.cross(position[1] - position[0], position[3] - position[0])
     normal = np.tile(normal / np.linalg.norm(normal), (4, 1)).astype(np.float32)
@@ -18,7 +18,7 @@ def quad(corners, material: int = 0) -> Mesh:
 
 
 def floor(half: float = 1.0, height: float = 0.0, material: int = 0) -> Mesh:
-    """Square of edge 2 * `half` in the plane y = `height`, facing +Y."""
+    """A square of edge 2 * `half` in the plane y = `height`, facing +Y."""
     corners = [(-half, height, half), (half, height, half), (half, height, -half), (-half, height, -half)]
     return quad(corners, material)
 
@@ -37,7 +37,7 @@ def box(half: float = 1.0, material: int = 0, inward: bool = True) -> list[Mesh]
 
 
 def furnace(albedo: float = 0.5, emission: float = 1.0) -> Scene:
-    """Closed cube whose walls all emit `emission`: everywhere B = emission / (1 - albedo)."""
+    """A closed cube whose walls all emit `emission`, so that B = emission / (1 - albedo) everywhere."""
     wall = Material("wall", (albedo, albedo, albedo, 1.0), emission=(emission,) * 3)
     return Scene(tuple(box()), (wall,), cameras={"inside": inside_camera()})
 
@@ -53,5 +53,5 @@ def lit_floor(light: Light, half: float = 20.0) -> Scene:
 
 
 def above_camera(height: float = 3.0) -> Camera:
-    """A camera at (0, height, 0) that looks straight down, image top towards -Z."""
+    """A camera at (0, height, 0) that looks straight down, with the top of the image towards -Z."""
     return look_at(np.array([0.0, height, 0.0]), np.zeros(3), np.array([0.0, 0.0, -1.0]), 0.9, 0.01)

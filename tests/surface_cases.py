@@ -13,7 +13,7 @@ KINDS = {np.float32: kernels.FieldFloat, np.float64: kernels.FieldDouble}
 
 
 def points(count: int, dtype=np.float32, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    """Positions among `gaussians`, and unit normals, of which some lie along an axis."""
+    """Positions among `gaussians`, and unit normals; some are parallel to an axis."""
     rng = np.random.default_rng(seed)
     position, normal = rng.uniform(-1, 1, (count, 3)), rng.normal(size=(count, 3))
     normal[::5] = np.eye(3)[rng.integers(3, size=len(normal[::5]))]

@@ -1,4 +1,4 @@
-"""Frames whose Gaussians are read at surfaces."""
+"""Frames with the `surface` operator."""
 
 from dataclasses import replace
 
@@ -24,13 +24,13 @@ def nothing(degree=0) -> Gaussians:
 
 
 def one(position=(0, 0, 0), scale=(0.3, 0.3, 0.03), opacity=1.0, rotation=UP, light=1.0):
-    """A white Gaussian, turned by default to face +Y, as a floor does."""
+    """A white Gaussian that faces +Y by default, as a floor does."""
     arrays = [position], [rotation], [scale], [opacity], np.full((1, 1, 3), light / 0.28209479)
     return Gaussians(*(np.array(a, np.float32) for a in arrays))
 
 
 def draw(gl, fine, coarse=None, scene=None, camera=CAMERA, blend=BLEND, size=SIZE, splat_scale=1):
-    """indirect (H, W, 3), depth (H, W), normal (H, W, 3) of a frame."""
+    """Draw a frame; return its indirect (H, W, 3), depth (H, W) and normal (H, W, 3)."""
     bake = Bake(fine, blend, coarse=nothing() if coarse is None else coarse)
     renderer = DeferredRenderer(gl, scene or Scene(tuple(scenes.box()), (scenes.WHITE,)), bake, *size, splat_scale)
     renderer.render(camera)
@@ -40,7 +40,7 @@ def draw(gl, fine, coarse=None, scene=None, camera=CAMERA, blend=BLEND, size=SIZ
 
 
 def seen_points(depth, camera=CAMERA):
-    """(H, W, 3) world space, of pixels with a surface."""
+    """World-space positions (H, W, 3) of the pixels with a surface."""
     height, width = depth.shape
     p = camera.pinhole(width, height)
     column, row = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
@@ -49,7 +49,7 @@ def seen_points(depth, camera=CAMERA):
 
 
 def surface_gaussians(scene, count, degree=0, seed=0) -> Gaussians:
-    """What a bake makes: flat, on the surfaces, each of a colour of its own."""
+    """Gaussians as a bake makes them: flat, on the surfaces, each with a colour of its own."""
     points = Triangles(scene).sample(count, seed)
     light = np.random.default_rng(seed).uniform(0, 1, (count, 3)).astype(np.float32)
     return from_surface(points.position, points.normal, light, degree)

@@ -51,6 +51,30 @@ def test_the_baker_imports_gl_modules_lazily_only(path):
     assert not [name for name in loaded if name.startswith(drawing)]
 
 
+# A room of the baker imports rooms before it, and what lies in no room: the records that all pass around.
+ROOMS = "cache", "trace", "views", "fitting", "over", "surface", "evaluation"
+RECORDS = {"native", "progress", "settings"}
+
+
+def room_of(name: str) -> str | None:
+    """The room of a module of the baker; None for one in no room."""
+    parts = name.split(".")
+    return parts[2] if len(parts) > 3 or parts[2] in (*ROOMS, "cli") else None
+
+
+@pytest.mark.parametrize("path", [path for path in BAKER if path.parent.name in ROOMS], ids=lambda path: path.name)
+def test_rooms_of_the_baker_import_only_rooms_before_them(path):
+    mine = path.parent.name
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    typing = {id(node) for block in ast.walk(tree) if isinstance(block, ast.If) for node in ast.walk(block)}
+    for node in ast.walk(tree):
+        name = node.module or "" if isinstance(node, ast.ImportFrom) and not node.level else ""
+        if name.startswith("gsgi.baker.") and id(node) not in typing:
+            room = room_of(name)
+            assert name.split(".")[2] in RECORDS if room is None else ROOMS.index(room) <= ROOMS.index(mine), name
+            assert {mine, room} != {"over", "surface"}, "the two fits know nothing of each other"
+
+
 def loaded_by(code: str) -> set[str]:
     """Top-level packages outside the standard library that a fresh interpreter holds after `code`."""
     listing = "; import sys; print(*{name.split('.')[0] for name in sys.modules} - set(sys.stdlib_module_names))"

@@ -1,6 +1,6 @@
 """gsplat.rasterization in plain torch: what gsplat 1.5.3 documents and does, for one camera and packed=False.
 
-With it the GPU's path is tested where there is no GPU: conventions, alpha's cap and the end of a pixel are gsplat's.
+With it, the code for a GPU is tested without one. Conventions, the cap on alpha and the end of a pixel are gsplat's.
 """
 
 import torch
@@ -45,7 +45,7 @@ def rasterization(
     order = order[(radii[order] > 0).all(dim=1)]
     alpha = _alpha(meta["means2d"][0, order], meta["conics"][0, order], opacities[order], width, height)
     after = torch.cumprod(1 - alpha, dim=0)
-    alpha = torch.where(after > TRANSMITTANCE_MIN, alpha, 0)  # a pixel ends before the Gaussian that would end it
+    alpha = torch.where(after > TRANSMITTANCE_MIN, alpha, 0)  # a pixel ends before it falls below this
     after = torch.cumprod(torch.cat([torch.ones_like(alpha[:1]), 1 - alpha]), dim=0)
     if not len(order):
         return means2d.sum() * 0 + colors.new_zeros(1, height, width, colors.shape[1]), after, meta
@@ -65,7 +65,7 @@ def _covariance(quats: Tensor, scales: Tensor, camera_from_world: Tensor) -> Ten
 
 
 def _project(camera: Tensor, covariance: Tensor, k: Tensor, width: int, height: int) -> tuple[Tensor, Tensor]:
-    """Means (N, 2) and covariances (N, 2, 2), linearised no further out than 0.3 of the image beyond its edges."""
+    """Means (N, 2) and covariances (N, 2, 2), linearised at most 0.15 of the image's size beyond its edges."""
     x, y, z = camera.unbind(dim=1)
     fx, fy, cx, cy = k[0, 0], k[1, 1], k[0, 2], k[1, 2]
     margin_x, margin_y = 0.15 * width / fx, 0.15 * height / fy

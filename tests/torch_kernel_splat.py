@@ -1,4 +1,4 @@
-"""Gaussians to an image with the `over` operator, differentiable: the CPU kernel as a torch function."""
+"""The `over` operator as a differentiable torch function, computed by the CPU kernel."""
 
 import torch
 from torch import Tensor
@@ -19,7 +19,7 @@ def splat(
 ) -> tuple[Tensor, Tensor]:
     """Image (H, W, 3) of linear radiance and transmittance (H, W) in [0, 1] of N Gaussians, blended front to back.
 
-    Differentiable in all five tensors, of which both outputs are a function. The same bits for any number of threads;
+    Both outputs are differentiable in all five tensors. The result has the same bits for any number of threads, and is
     finite for finite input.
 
     position (N, 3) m, world space; rotation (N, 4) unit quaternions xyzw, not normalised here; scale (N, 3) m, linear

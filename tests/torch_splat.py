@@ -1,4 +1,4 @@
-"""The kernel's twin in plain torch: a few lines, all pixels at once, gradients by autograd."""
+"""The kernel in plain torch: a few lines, all pixels at once, gradients by autograd."""
 
 import torch
 from torch import Tensor
@@ -18,7 +18,7 @@ def splat(
     pinhole: Pinhole,
     blend: OverBlend,
 ) -> tuple[Tensor, Tensor]:
-    """Image (H, W, 3) and transmittance (H, W). Memory: some ten floats per pixel and Gaussian."""
+    """Image (H, W, 3) and transmittance (H, W). Takes about ten floats of memory per pixel and Gaussian."""
     view_from_world = torch.as_tensor(pinhole.view_from_world, dtype=position.dtype)
     view = position @ view_from_world[:3, :3].T + view_from_world[:3, 3]  # (N, 3)
     depth = -view[:, 2]
@@ -63,7 +63,7 @@ def _project(
 
 
 def _blend(alpha: Tensor, colour: Tensor) -> tuple[Tensor, Tensor]:
-    """Front to back; a pixel ends after the Gaussian that took its transmittance below the minimum."""
+    """Blend front to back; a pixel ends after the Gaussian that takes its transmittance below the minimum."""
     before = torch.cumprod(torch.cat([torch.ones_like(alpha[:1]), 1 - alpha]), dim=0)  # (N + 1, H, W)
     alpha = torch.where(before[:-1] >= c.TRANSMITTANCE_MIN, alpha, 0)
     transmittance = torch.cumprod(torch.cat([torch.ones_like(alpha[:1]), 1 - alpha]), dim=0)

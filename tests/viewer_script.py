@@ -1,4 +1,4 @@
-"""Runs `gsgi view` with the arguments of the command line, and plays a user in it: keys, mouse, another size."""
+"""Run `gsgi view` with the arguments of the command line and play a user in it: keys, mouse, another window size."""
 
 import itertools
 import json
@@ -12,7 +12,7 @@ from gsgi.runtime.viewer import window
 
 
 class Played(window.Viewer):
-    """Between frames the next step of `user` is played."""
+    """A viewer that plays the next step of `user` after each frame."""
 
     def __init__(self, *arguments):
         super().__init__(*arguments)
@@ -23,13 +23,13 @@ class Played(window.Viewer):
         next(self.steps)
 
     def screen(self) -> np.ndarray:
-        """What the frame shows: (H, W, 3) uint8, row 0 on top."""
+        """What the frame shows: (H, W, 3) uint8, row 0 at the top."""
         width, height = self.window.buffer_size
         data = self.window.fbo.read((0, 0, width, height), components=3, alignment=1)
         return np.frombuffer(data, np.uint8).reshape(height, width, 3)[::-1]
 
     def event(self, name: str, *arguments) -> None:
-        """Into the window's queue, as the display server's events are."""
+        """Put an event into the window's queue, as the display server does."""
         self.window._window.dispatch_event(name, *arguments)
 
     def tap(self, *keys: str) -> None:
@@ -40,7 +40,7 @@ class Played(window.Viewer):
 
 
 def user(viewer: Played):
-    """Each `yield` is a frame."""
+    """The steps of a user; each `yield` is a frame."""
     baked = viewer.controls.baked
     layers = {"NUMBER_1": "final", "NUMBER_2": "primary"} | ({"NUMBER_3": "indirect"} if baked else {})
     shown = {}
@@ -99,7 +99,7 @@ def user(viewer: Played):
     if baked:
         viewer.tap("ESCAPE")
     else:
-        viewer.event("on_close")  # the window's own button
+        viewer.event("on_close")  # the window's close button
     yield
 
 

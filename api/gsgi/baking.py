@@ -1,6 +1,7 @@
 """Baking from Python: what `gsgi bake` and `gsgi plan` do, as two functions that print nothing."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,13 +14,19 @@ from gsgi.runtime.gltf.scene_file import read_scene
 from gsgi.runtime.lighting import Lighting
 from gsgi.runtime.scene import Scene
 
-try:
+
+@contextmanager
+def explained() -> Iterator[None]:
+    """Say what to install where a package of the extra `bake` is missing."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        raise UnsupportedError(f"baking needs {error.name}: install gsgi with its extra 'bake'") from error
+
+
+with explained():
     from gsgi.baker.plan_table import Decision
     from gsgi.baker.report import BakeReport
-except ModuleNotFoundError as error:
-    raise UnsupportedError(
-        f"baking needs {error.name}: install gsgi with its extra 'bake' on a machine with a C++ compiler"
-    ) from error
 
 if TYPE_CHECKING:
     from gsgi.baker.plan import Plan
@@ -45,6 +52,7 @@ class PlanReport:
     warnings: tuple[str, ...]
 
 
+@explained()
 def bake(
     scene: str | Path | Scene,
     output: str | Path | None = None,
@@ -87,6 +95,7 @@ def bake(
     return report
 
 
+@explained()
 def plan(
     scene: str | Path | Scene,
     *,

@@ -1,1 +1,1 @@
-"""Finished tasks on disk, so that no work is done twice and none is lost."""
+"""Finished tasks on disk, so that no work is repeated or lost."""

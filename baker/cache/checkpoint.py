@@ -6,12 +6,12 @@ import numpy as np
 
 from .store import Cache
 
-INTERVAL = 2.0  # s between two states at least
-SHARE = 0.05  # of the task's time, at most, goes into saving
+INTERVAL = 2.0  # s; least time between two saves
+SHARE = 0.05  # of the task's time; the most that saving takes
 
 
 class Checkpoint:
-    """The state under one key."""
+    """The state of one task, under one key."""
 
     def __init__(self, cache: Cache, key: str):
         self.cache, self.key = cache, key
@@ -26,12 +26,12 @@ class Checkpoint:
         return time.perf_counter() >= self._due
 
     def save(self, state: dict[str, np.ndarray]) -> None:
-        """Keep this state in place of the one before."""
+        """Keep this state in place of the previous one."""
         start = time.perf_counter()
         self.cache.put(self.key, state)
         end = time.perf_counter()
         self._due = end + max(INTERVAL, (end - start) / SHARE)
 
     def remove(self) -> None:
-        """Forget the state: the task is done."""
+        """Remove the state, once the task is done."""
         self.cache.remove(self.key)

@@ -1,4 +1,4 @@
-"""A name for the code that computes something: it changes whenever that code does."""
+"""A version of the code that computes something. It changes whenever that code does."""
 
 import ast
 import functools
@@ -14,14 +14,14 @@ from .digest import digest
 
 @functools.cache
 def code_version(module: str, packages: tuple[str, ...]) -> str:
-    """Digest of the files of `module` (absolute name) and of all gsgi modules below it, and of packages' versions."""
+    """Digest of `module` (absolute name), the gsgi modules it imports, the GLSL constants, and packages' versions."""
     hashes = {name: hashlib.blake2b(path.read_bytes()).hexdigest() for name, path in closure(module).items()}
     constants = hashlib.blake2b((GLSL_FOLDER / "lib" / "constants.glsl").read_bytes()).hexdigest()
     return digest({"modules": hashes, "constants": constants, "packages": {name: _version(name) for name in packages}})
 
 
 def closure(module: str) -> dict[str, Path]:
-    """Name and file of `module` and of every gsgi module that it imports, anywhere in its code, directly or not."""
+    """Names and files of `module` and of every gsgi module that it imports, directly or not, anywhere in its code."""
     found, waiting = {}, [module]
     while waiting:
         name = waiting.pop()
@@ -32,7 +32,7 @@ def closure(module: str) -> dict[str, Path]:
 
 
 def _imports(module: str, path: Path) -> list[str]:
-    """Absolute names within gsgi that may be modules."""
+    """Absolute names within gsgi that a module imports; some may not be modules."""
     if path.suffix != ".py":
         return []
     package = module.split(".") if path.name == "__init__.py" else module.split(".")[:-1]
@@ -49,7 +49,7 @@ def _imports(module: str, path: Path) -> list[str]:
 
 @functools.cache
 def _file(module: str) -> Path | None:
-    """Its source, or its library where it is compiled; None for a name that is no module. Imports packages only."""
+    """The source of a module, or its library if compiled; None if the name is no module. Imports packages only."""
     parent = module.rpartition(".")[0]
     inside = _file(parent) if parent else None
     if inside and inside.name != "__init__.py":  # a name inside a module

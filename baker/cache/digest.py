@@ -1,4 +1,4 @@
-"""Short names for values: the same value has the same digest in every run and on every machine."""
+"""Digests of values: the same value has the same digest in every run and on every machine."""
 
 import dataclasses
 import hashlib
@@ -12,22 +12,23 @@ BYTES = 20
 
 
 def digest(value) -> str:
-    """blake2b, in hex, over the canonical JSON of numbers, strings, arrays, records, and tuples, lists, dicts of those.
+    """The blake2b digest, in hex, of the canonical JSON of a value.
 
-    Arrays stand there as dtype, shape and digest of their bytes, records with the name of their type. Raises
-    TypeError for anything else.
+    The value may be a number, string, array or record, or a tuple, list or dict of those. In the JSON, an array is its
+    dtype, shape and the digest of its bytes, and a record includes the name of its type. Raises TypeError for anything
+    else.
     """
     text = json.dumps(_plain(value), sort_keys=True, separators=(",", ":"))
     return hashlib.blake2b(text.encode(), digest_size=BYTES).hexdigest()
 
 
 def scene_digest(scene: Scene) -> str:
-    """The digest of all that light depends on: not of cameras, names of files, nor what the reader left out."""
+    """The digest of everything that light depends on, without cameras, file names and the reader's warnings."""
     return digest(dataclasses.replace(scene, cameras={}, warnings=(), transparent=(), files=()))
 
 
 def _plain(value):
-    """`value` as json takes it."""
+    """`value` in a form that json accepts."""
     if value is None or isinstance(value, bool | int | float | str):
         return value
     if isinstance(value, np.generic):

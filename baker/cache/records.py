@@ -1,4 +1,4 @@
-"""Records of arrays and numbers as flat dicts of arrays, and back."""
+"""Convert records of arrays and numbers to flat dicts of arrays, and back."""
 
 import dataclasses
 
@@ -6,7 +6,7 @@ import numpy as np
 
 
 def to_arrays(record, prefix: str = "") -> dict[str, np.ndarray]:
-    """The fields of a dataclass by name; those of a record inside it as "outer.inner"."""
+    """The fields of a dataclass by name; fields of a nested record are named "outer.inner"."""
     arrays = {}
     for field in dataclasses.fields(record):
         name, value = prefix + field.name, getattr(record, field.name)

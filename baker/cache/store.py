@@ -1,4 +1,4 @@
-"""Finished tasks on disk: computed once, found again by whoever asks for the same thing."""
+"""Finished tasks on disk: computed once and found again when the same task is needed."""
 
 import os
 import re
@@ -21,7 +21,7 @@ _NAME = re.compile(r"([a-z]+)-[0-9a-f]{40}\.gsgi-task")
 
 
 def default_folder() -> Path:
-    """GSGI_CACHE, else gsgi in XDG_CACHE_HOME, else ~/.cache/gsgi."""
+    """The folder GSGI_CACHE, else gsgi in XDG_CACHE_HOME, else ~/.cache/gsgi."""
     if chosen := os.environ.get("GSGI_CACHE"):
         return Path(chosen)
     base = Path(os.environ.get("XDG_CACHE_HOME", ""))
@@ -29,7 +29,7 @@ def default_folder() -> Path:
 
 
 def size_limit() -> int:
-    """Bytes from GSGI_CACHE_LIMIT, such as 500MB or 10GiB, else LIMIT. Raises UsageError."""
+    """Bytes that GSGI_CACHE_LIMIT gives, such as 500MB or 10GiB, else LIMIT. Raises UsageError."""
     text = os.environ.get("GSGI_CACHE_LIMIT") or LIMIT
     match = _SIZE.fullmatch(text.lower())
     if not match:
@@ -39,13 +39,13 @@ def size_limit() -> int:
 
 
 def task_key(stage: str, **inputs) -> str:
-    """The name of a task: its stage (a lower-case word) and the digest of all that its result depends on."""
+    """The name of a task: its stage (a lower-case word) and the digest of everything that its result depends on."""
     return f"{stage}-{digest(inputs)}"
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One file of a cache. `used` is when it was last read or written (s since 1970)."""
+    """One file of a cache. `used` is the time when it was last read or written (s since 1970)."""
 
     path: Path
     stage: str
@@ -54,7 +54,7 @@ class Entry:
 
 
 def entries(folder: Path) -> list[Entry]:
-    """All entries in a cache folder, least recently used first; none where there is no folder. Raises FileError."""
+    """All entries in a cache folder, least recently used first; none if there is no folder. Raises FileError."""
     found = []
     try:
         for path in folder.iterdir() if folder.exists() else ():
@@ -68,7 +68,7 @@ def entries(folder: Path) -> list[Entry]:
 
 
 def clear(folder: Path) -> None:
-    """Remove all entries and temporary files; other files stay. Raises FileError."""
+    """Remove all entries and temporary files, but no other files. Raises FileError."""
     for entry in entries(folder):
         try:
             entry.path.unlink(missing_ok=True)
@@ -78,10 +78,10 @@ def clear(folder: Path) -> None:
 
 
 class Cache:
-    """The tasks in one folder, or none at all without a folder.
+    """The tasks in one folder. Without a folder, the cache is always empty.
 
-    Nothing here fails: what is damaged or cannot be read counts as absent; after the first entry that cannot be
-    written, `warn(line)` is called and no more are. Several processes may share a folder.
+    No method fails. An entry that is damaged or cannot be read counts as absent. After the first entry that cannot be
+    written, `warn(line)` is called and nothing more is written. Several processes may share a folder.
     """
 
     def __init__(self, folder: Path | None = None, limit: int = 0, warn: Callable[[str], None] = lambda line: None):
@@ -100,12 +100,12 @@ class Cache:
             return None
         if arrays is not None:
             self._used.add(path)
-            with suppress(OSError):  # a folder that can only be read
+            with suppress(OSError):  # the folder may be read-only
                 os.utime(path)
         return arrays
 
     def put(self, key: str, arrays: dict[str, np.ndarray]) -> None:
-        """Keep arrays under `key`, in place of what was there."""
+        """Keep arrays under `key`, in place of those that were there."""
         if not self._writes:
             return
         path = self._path(key)
@@ -121,13 +121,13 @@ class Cache:
             self._used.add(path)
 
     def remove(self, key: str) -> None:
-        """Forget `key`."""
+        """Remove the entry under `key`."""
         if self._writes:
             with suppress(OSError):
                 self._path(key).unlink()
 
     def trim(self) -> None:
-        """Remove the least recently used entries beyond the limit, but none that this run used; and old leftovers."""
+        """Remove old leftovers, and the least recently used entries beyond the limit that this run did not use."""
         if not self._writes:
             return
         with suppress(OSError, FileError):

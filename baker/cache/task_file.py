@@ -19,7 +19,7 @@ def pack(key: str, arrays: dict[str, np.ndarray]) -> bytes:
 
 
 def unpack(key: str, data: bytes) -> dict[str, np.ndarray] | None:
-    """The arrays that were packed under `key`; None where the checksum does not fit or the key is another."""
+    """The arrays that were packed under `key`; None if the data is damaged or has another key."""
     content = memoryview(data)[:-CHECKSUM_BYTES]
     if data[: len(MAGIC)] != MAGIC or data[-CHECKSUM_BYTES:] != _checksum(content):
         return None

@@ -1,36 +1,36 @@
-"""What a command shows on stderr while it works: a bar per stage on a terminal, plain lines elsewhere."""
+"""Progress of a command on stderr: a bar per stage on a terminal, plain lines elsewhere."""
 
 import sys
 import time
 
 from gsgi.baker.progress import Bar, Silent
 
-LINE_INTERVAL = 60.0  # s between plain lines of one stage: a log is read afterwards
+LINE_INTERVAL = 60.0  # s between plain lines of one stage; few lines, because a log is read afterwards
 
 
 class Console:
-    """Shows progress on stderr; with `quiet` only warnings and the closing line."""
+    """Shows progress on stderr; with `quiet`, only warnings and the closing line."""
 
     def __init__(self, quiet: bool = False):
         self.quiet = quiet
 
     def begin(self, name: str, total: float, unit: str) -> Bar:
-        """The bar of a stage."""
+        """Return the bar of a stage."""
         if self.quiet:
             return Silent()
         return _Terminal(name, total, unit) if sys.stderr.isatty() else _Lines(name, total, unit)
 
     def say(self, line: str) -> None:
-        """One line of the log, above the bar."""
+        """Print one log line above the bar."""
         if not self.quiet:
             self.close(line)
 
     def warn(self, line: str) -> None:
-        """A warning, quiet or not."""
+        """Print a warning, quiet or not."""
         print(f"warning: {line}", file=sys.stderr, flush=True)
 
     def close(self, line: str) -> None:
-        """The line that says what was done, quiet or not."""
+        """Print the line that says what was done, quiet or not."""
         if sys.stderr.isatty() and not self.quiet:
             from tqdm import tqdm
 
@@ -62,12 +62,12 @@ class _Terminal:
 
 
 class _Lines:
-    """One line when the stage ends, and one every LINE_INTERVAL before."""
+    """Prints one line when the stage ends, and one every LINE_INTERVAL until then."""
 
     def __init__(self, name: str, total: float, unit: str):
         self.name, self.total, self.unit = name, total, unit
         self.done, self.note, self.last = 0.0, "", time.perf_counter()
-        self.paced = None  # when the first part was done, and how much that was: it may come from a cache
+        self.paced = None  # time and amount of the first advance, which may come from a cache
 
     def advance(self, amount: float = 1, note: str = "") -> None:
         self.done, self.note = self.done + amount, note or self.note
@@ -78,14 +78,14 @@ class _Lines:
             print(f"{self.name:<11} {of} {self.note}".rstrip(), file=sys.stderr, flush=True)
 
     def _left(self) -> str:
-        """How long the rest takes at the pace so far."""
+        """Remaining time at the pace so far, as text; empty if unknown."""
         start, before = self.paced
         if not before < self.done <= self.total:
             return ""
         return f", {(self.total - self.done) / (self.done - before) * (self.last - start):.0f} s left,"
 
     def stop(self) -> None:
-        """A stage that failed has no line: the error has its own."""
+        """Print nothing for a stage that failed: the error has its own line."""
 
     def finish(self, seconds: float) -> None:
         what = f"{self.total:.0f} {self.unit}, " if self.total else ""

@@ -1,4 +1,4 @@
-"""What a build tool has to watch: the files that an output was made of, in the syntax of make."""
+"""Dependency files for build tools: the files that an output was made from, in the syntax of make."""
 
 import re
 from collections.abc import Iterable
@@ -6,20 +6,20 @@ from pathlib import Path
 
 from gsgi.runtime.errors import UsageError
 
-# What make or ninja takes for something else, however it is escaped.
+# Characters that make or ninja misreads, however they are escaped.
 UNSPEAKABLE = re.compile(r"[\x00-\x1f\x7f;*?|\"'`&<>()^=]")
 
 
 def nameable(path: str | Path) -> bool:
-    """Whether make, ninja and CMake all can be told of a file of this name."""
+    """Whether a file of this name can be written in a rule for make, ninja and CMake."""
     return not UNSPEAKABLE.search(str(path)) and not str(path).endswith((":", "\\"))
 
 
 def depfile(output: str, files: Iterable[Path]) -> bytes:
-    """The rule `output: files`, each file once and spelled as it is given; those that are not `nameable` are left out.
+    """Return the rule `output: files`, each file once and spelled as given, without those that are not `nameable`.
 
-    A rule without a recipe for each but the first lets make go on where one was deleted or renamed, as `gcc -MP`
-    does. Raises UsageError for an output that no build tool can be told of.
+    All files but the first also get a rule without a recipe, as with `gcc -MP`, so that make continues if one was
+    deleted or renamed. Raises UsageError if the output is not `nameable`.
     """
     if not nameable(output):
         raise UsageError(f"{output}: make and ninja cannot be told of an output of this name")
@@ -29,7 +29,7 @@ def depfile(output: str, files: Iterable[Path]) -> bytes:
 
 
 def _escaped(name: str) -> str:
-    """A name as make, ninja and CMake read it: backslashes count only in front of what they escape."""
+    """Escape a name for make, ninja and CMake. Backslashes are special only before a character that needs escaping."""
     name = name.replace("$", "$$")
     name = re.sub(r"(\\*) ", r"\1\1\\ ", name)
     return re.sub(r"([#:])", r"\\\1", name)

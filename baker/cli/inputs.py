@@ -1,4 +1,4 @@
-"""What the options of a command stand for: a scene, a camera of it, a plan, a cache, baked light."""
+"""Turn the options of a command into what they stand for: scene, camera, plan, cache, baked light."""
 
 import argparse
 import re
@@ -20,11 +20,11 @@ from gsgi.runtime.scene import Scene
 if TYPE_CHECKING:
     from gsgi.baker.plan import Plan
 
-WARNINGS = 4  # of one kind that the log shows
+WARNINGS = 4  # most of one kind that the log shows
 
 
 def read_scene(options: argparse.Namespace, progress: Progress) -> Scene:
-    """The scene that the options name, under their light; what the reader left out goes to the log."""
+    """Read the scene that the options name, under their light. What the reader left out goes to the log."""
     from gsgi.runtime.gltf.limits import parse_limits
     from gsgi.runtime.gltf.reader import read_gltf
 
@@ -37,7 +37,7 @@ def read_scene(options: argparse.Namespace, progress: Progress) -> Scene:
 
 
 def _in_short(warnings: Iterable[str], scene: str) -> Iterator[str]:
-    """The reader's warnings: the first of those that name the same member of different entries, and how many more."""
+    """Shorten the reader's warnings: of those about the same member of different entries, the first few and a count."""
     groups: dict[str, list[str]] = {}
     for warning in warnings:
         pointer = warning.removeprefix(f"{scene}: ").partition(": ")[0]
@@ -49,12 +49,12 @@ def _in_short(warnings: Iterable[str], scene: str) -> Iterator[str]:
 
 
 def _lights_file(options: argparse.Namespace) -> Path | None:
-    """The TOML file with light, where there is one."""
+    """The TOML file with light, or None."""
     return Path(options.lights) if options.lights else beside(options.scene)
 
 
 def _lighting(options: argparse.Namespace, progress: Progress) -> Lighting:
-    """Light from the TOML file, if there is one, and from flags, which win."""
+    """Light from the TOML file, if there is one, and from flags, which override it."""
     values = {}
     if path := _lights_file(options):
         values = read_lights(path)
@@ -68,7 +68,7 @@ def _lighting(options: argparse.Namespace, progress: Progress) -> Lighting:
 
 
 def plan_of(options: argparse.Namespace, progress: Progress, cache: Cache) -> "Plan":
-    """The plan for the scene, light and settings that the options name."""
+    """Make the plan for the scene, light and settings that the options name."""
     from gsgi.baker.plan import make_plan
     from gsgi.baker.views.camera_path import read_camera_path
 
@@ -85,7 +85,7 @@ def plan_of(options: argparse.Namespace, progress: Progress, cache: Cache) -> "P
 
 
 def _settings(options: argparse.Namespace) -> Settings:
-    """What the flags of `add_settings` say."""
+    """The settings that the flags of `add_settings` give."""
     return Settings(
         operator=options.operator,
         quality=options.quality,
@@ -105,7 +105,7 @@ def _settings(options: argparse.Namespace) -> Settings:
 
 
 def _budget(operator: str, size: int) -> int:
-    """How many Gaussians a file of `size` bytes holds. Raises UsageError where that is none."""
+    """How many Gaussians a file of `size` bytes can hold. Raises UsageError if it cannot hold any."""
     from gsgi.baker.plan import file_bytes
 
     least = file_bytes(operator, 1)
@@ -115,12 +115,12 @@ def _budget(operator: str, size: int) -> int:
 
 
 def open_cache(options: argparse.Namespace, progress: Progress) -> Cache:
-    """The cache that the options and the environment name. Raises UsageError for a limit that makes no sense."""
+    """Open the cache that the options and the environment name. Raises UsageError for an invalid size limit."""
     return Cache(options.cache or default_folder(), size_limit(), progress.warn)
 
 
 def choose_camera(scene: Scene, options: argparse.Namespace) -> Camera:
-    """The camera that is asked for; without a name the scene's first, or one placed where it sees much."""
+    """The camera that is asked for; without a name, the scene's first one, or one placed where it sees much."""
     if options.camera is not None:
         if options.camera not in scene.cameras:
             known = ", ".join(map(repr, scene.cameras)) or "none"
@@ -137,7 +137,7 @@ def choose_camera(scene: Scene, options: argparse.Namespace) -> Camera:
 
 
 def read_light(options: argparse.Namespace, scene: Scene, progress: Progress) -> Bake | None:
-    """The bake that --gi names, with a warning where it was made for other geometry."""
+    """Read the bake that --gi names; warn if it was made for other geometry."""
     from gsgi.runtime.file.fingerprint import fingerprint
     from gsgi.runtime.file.reader import read_bake
 

@@ -6,7 +6,7 @@ import numpy as np
 
 
 def print_json(value) -> None:
-    """Print numbers, also numpy's, and records; everything else as text."""
+    """Print a value as JSON, with numpy's numbers as numbers and unknown types as text."""
 
     def convert(item):
         return item.item() if isinstance(item, np.generic) else str(item)

@@ -1,4 +1,4 @@
-"""What works on this machine: each part is tried in a child process, since some fail by aborting."""
+"""Check what works on this machine. Each part is tried in a child process, because some fail by aborting."""
 
 import subprocess
 import sys
@@ -43,8 +43,10 @@ _PARTS = (
 
 @dataclass(frozen=True)
 class Check:
-    """One part: whether it works, what it is `needed_for` (FRAMES, BAKES, or nothing), what was found, and what to do
-    where it does not work."""
+    """The result for one part: whether it works, and what was found in `detail`.
+
+    `needed_for` is FRAMES, BAKES, or empty. `advice` says what to do if the part does not work.
+    """
 
     name: str
     works: bool
@@ -54,12 +56,12 @@ class Check:
 
 
 def examine() -> list[Check]:
-    """Try every part."""
+    """Check every part."""
     return [_check(*part) for part in _PARTS]
 
 
 def abilities(checks: Sequence[Check]) -> dict[str, bool]:
-    """Whether frames can be drawn, for which one of the OpenGL back ends is enough, and whether bakes can be made."""
+    """Whether frames can be drawn, which takes one of the OpenGL back ends, and whether bakes can be made."""
     return {
         FRAMES: any(check.works for check in checks if check.needed_for == FRAMES),
         BAKES: all(check.works for check in checks if check.needed_for == BAKES),

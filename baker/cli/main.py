@@ -1,4 +1,4 @@
-"""The command line `gsgi`: parses, runs the command, turns errors into one line and an exit code."""
+"""The command line `gsgi`: parse it, run the command, turn errors into one line and an exit code."""
 
 import argparse
 import os
@@ -15,7 +15,7 @@ from .commands import COMMANDS
 from .options import EXIT_CODES
 
 INTERRUPTED = 130
-PATIENCE = 1.0  # s from Ctrl-C to the end without the main thread
+PATIENCE = 1.0  # s after Ctrl-C until the process ends without the main thread's help
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -33,14 +33,14 @@ def main(arguments: list[str] | None = None) -> None:
     except Exception:
         if not interrupts:
             raise
-    # A library can turn the interrupt into an error of its own, as Open3D's import does, or lose it, as numpy.dtype.
+    # A library can turn the interrupt into its own error, as Open3D's import does, or lose it, as numpy.dtype does.
     if interrupts:
         _end()
     sys.exit(code)
 
 
 def _interrupts() -> int:
-    """A file descriptor from which the number of each signal can be read, as soon as it arrives."""
+    """Return a file descriptor from which the number of each signal can be read as soon as it arrives."""
     read, write = os.pipe()
     os.set_blocking(write, False)
     signal.set_wakeup_fd(write, warn_on_full_buffer=False)
@@ -48,7 +48,7 @@ def _interrupts() -> int:
 
 
 def _end_when_interrupted(signals: int) -> None:
-    """End the process some time after Ctrl-C: the main thread learns of it only between calls into libraries."""
+    """End the process PATIENCE after Ctrl-C, because the main thread notices it only between calls into libraries."""
     while signal.SIGINT not in os.read(signals, 1):
         pass
     time.sleep(PATIENCE)
@@ -56,14 +56,14 @@ def _end_when_interrupted(signals: int) -> None:
 
 
 def _end() -> NoReturn:
-    """Exit as interrupted, past the interpreter's own end, which can turn the code into a death by SIGINT."""
+    """Exit as interrupted without the interpreter's shutdown, which can turn the exit code into a death by SIGINT."""
     discard_unfinished()
     print("gsgi: interrupted", file=sys.stderr, flush=True)
     os._exit(INTERRUPTED)
 
 
 def run(arguments: list[str] | None = None) -> int:
-    """Run the command line; returns the exit code. Errors a user can mend take one line on stderr."""
+    """Run the command line and return the exit code. Errors that a user can fix take one line on stderr."""
     try:
         options = parser().parse_args(arguments)
         code = options.run(options) or 0
@@ -73,11 +73,11 @@ def run(arguments: list[str] | None = None) -> int:
         print(f"gsgi: {error}", file=sys.stderr)
         return error.exit_code
     except BrokenPipeError:
-        # The reader of stdout went away (`gsgi inspect FILE | head`): that is its right.
+        # The reader of stdout has closed it (`gsgi inspect FILE | head`), which is not an error.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except OSError as error:
-        # Files that a command names raise FileError; what is left is stdout: a full disk behind `> FILE`.
+        # Files that a command names raise FileError, so this is stdout, such as a full disk behind `> FILE`.
         print(f"gsgi: cannot write the output: {error.strerror or error}", file=sys.stderr)
         return 2
     except FloatingPointError as error:
@@ -91,7 +91,7 @@ def run(arguments: list[str] | None = None) -> int:
 
 
 class _Version(argparse.Action):
-    """Look the version up only when it is asked for: the package's metadata is slow to read."""
+    """Looks up the version only when it is asked for, because the package's metadata is slow to read."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_) -> None:
         from importlib.metadata import version
@@ -101,7 +101,7 @@ class _Version(argparse.Action):
 
 
 class _Parser(argparse.ArgumentParser):
-    """argparse with our exit code for a wrong command line."""
+    """An ArgumentParser with our exit code for a wrong command line."""
 
     def error(self, message: str) -> None:
         self.print_usage(sys.stderr)
@@ -109,7 +109,7 @@ class _Parser(argparse.ArgumentParser):
 
 
 def parser() -> argparse.ArgumentParser:
-    """The whole command line, without anything heavy imported."""
+    """The parser of the whole command line. Imports nothing heavy."""
     top = _Parser(prog="gsgi", description="Global illumination for real-time engines, stored as 3D Gaussians.",
                   epilog=EXIT_CODES, formatter_class=argparse.RawDescriptionHelpFormatter)  # fmt: skip
     top.add_argument("--version", action=_Version, nargs=0, help="print the version")

@@ -1,4 +1,4 @@
-"""Parts of the command line that several commands share: types, groups of options, the form of the help."""
+"""Parts of the command line that several commands share: types, groups of options, the format of the help."""
 
 import argparse
 from pathlib import Path
@@ -7,12 +7,12 @@ from gsgi.baker.settings import BUDGET_MAX, EFFECTS, OPERATORS, QUALITIES, Setti
 from gsgi.runtime.layers import LAYERS
 
 EXIT_CODES = """\
-exit codes: 0 ok, 1 command line, 2 file cannot be read or written, 3 invalid input, 4 failure while running,
-            5 unsupported here, 6 target loss not met (the best file is written), 130 interrupted"""
+exit codes: 0 ok, 1 wrong command line, 2 file cannot be read or written, 3 invalid input, 4 failure while running,
+            5 not supported here, 6 target loss not met (the best file is written), 130 interrupted"""
 
 
 def command(commands, name: str, run, summary: str, examples: str) -> argparse.ArgumentParser:
-    """A parser for one command, which `run(options)` carries out, added to argparse's `commands`."""
+    """Add a parser for one command, which `run(options)` carries out, to argparse's `commands`."""
     parser = commands.add_parser(
         name,
         help=summary,
@@ -25,34 +25,39 @@ def command(commands, name: str, run, summary: str, examples: str) -> argparse.A
 
 
 class _HelpFormatter(argparse.RawDescriptionHelpFormatter, argparse.ArgumentDefaultsHelpFormatter):
-    """Examples as they are written; a default only where there is one to tell."""
+    """Shows examples as they are written, and a default only if there is one to show."""
 
     def _get_help_string(self, action: argparse.Action) -> str | None:
-        return super()._get_help_string(action) if action.default not in (None, False, []) else action.help
+        return super()._get_help_string(action) if has_default(action) else action.help
+
+
+def has_default(action: argparse.Action) -> bool:
+    """Whether an option has a default that is worth showing: neither nothing nor a flag's."""
+    return action.default is not None and action.default != [] and not isinstance(action.default, bool)
 
 
 def add_scene(parser: argparse.ArgumentParser) -> None:
-    """The scene that a command reads, and how."""
+    """Add the scene that a command reads, and how."""
     parser.add_argument("scene", metavar="SCENE", help="glTF 2.0 file: .glb or .gltf")
     parser.add_argument("--transparent", choices=("cutout", "opaque", "absent"), default="cutout",
-                        help="what becomes of materials that are blended or transmit light")  # fmt: skip
+                        help="how to treat materials that are blended or transmit light")  # fmt: skip
     parser.add_argument("--limit", action="append", metavar="NAME=N",
-                        help="raise a limit on the size of scenes; errors give its NAME")  # fmt: skip
+                        help="raise a size limit for scenes; error messages give its NAME")  # fmt: skip
 
 
 def add_light(parser: argparse.ArgumentParser) -> None:
-    """Light that the scene's file does not bring."""
+    """Add options for light that is not in the scene's file."""
     group = parser.add_argument_group(
-        "light", "These may stand in a TOML file too, --sun-color as sun_color = [1, 0.9, 0.8]; flags win over it."
+        "light", "A TOML file can set these too, e.g. --sun-color as sun_color = [1, 0.9, 0.8]; flags override it."
     )
     group.add_argument("--lights", metavar="FILE.toml", help="default: room.lights.toml beside room.glb, if it exists")
     for flag, metavar, what in (
-        ("--env", "FILE|R,G,B", "environment: an equirectangular .hdr or .exr, its middle towards -Z, or one radiance"),
-        ("--env-rotation", "DEG", "turn it counter-clockwise seen from above"),
-        ("--env-scale", "X", "factor on its radiance"),
-        ("--sun", "AZIMUTH,ELEVATION", "a sun: degrees clockwise from north (-Z) seen from above, and above horizon"),
-        ("--sun-irradiance", "X", "what a surface facing it receives, lx (default: 10)"),
-        ("--sun-color", "R,G,B", "factor on that (default: 1,1,1)"),
+        ("--env", "FILE|R,G,B", "environment: an equirectangular .hdr or .exr centred on -Z, or one constant radiance"),
+        ("--env-rotation", "DEG", "turn the environment counter-clockwise, seen from above"),
+        ("--env-scale", "X", "factor on the radiance of the environment"),
+        ("--sun", "AZIMUTH,ELEVATION", "sun: degrees clockwise from north (-Z) seen from above, and above the horizon"),
+        ("--sun-irradiance", "X", "irradiance of a surface that faces the sun, lx (default: 10)"),
+        ("--sun-color", "R,G,B", "factor on the irradiance of the sun (default: 1,1,1)"),
         ("--light-scale", "X", "factor on all lights in the glTF file, punctual and emissive; 0 turns them off"),
     ):
         group.add_argument(flag, type=_light_value(flag[2:].replace("-", "_")), metavar=metavar, help=what)
@@ -77,87 +82,87 @@ def _light_value(key: str):
 
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
-    """What a bake may cost, and decisions taken out of the plan's hands."""
+    """Add options for the cost of a bake, and those that override decisions of the plan."""
     _add_accuracy(parser)
     for flag, lowest, highest, default, unit, what in (
-        ("--iterations", 0, 2**30, None, "N", "steps of a fit (default: by quality)"),
+        ("--iterations", 0, 2**30, None, "N", "steps of the fit (default: by --quality)"),
         (
             "--views",
             1,
             2**16,
             None,
             "N",
-            "views to look from (default: until 99 %% of the visible is seen three times)",
+            "number of views (default: until 99 %% of the visible area is seen by three)",
         ),
-        ("--view-size", 16, 4096, None, "PX", "edge of a view (default: by the number of views)"),
-        ("--samples", 1, 2**20, None, "N", "paths per point, in passes of 32 (default: by operator)"),
-        ("--bounces", 1, 64, None, "N", "surfaces that light may meet (default: until more change nothing)"),
-        ("--seed", 0, 2**30, Settings.seed, "N", "the same seed gives the same bytes"),
+        ("--view-size", 16, 4096, None, "PX", "edge of a view, pixels (default: by the number of views)"),
+        ("--samples", 1, 2**20, None, "N", "paths per point, in passes of 32 (default: by --operator)"),
+        ("--bounces", 1, 64, None, "N", "most bounces of light (default: see --bounce-fraction)"),
+        ("--seed", 0, 2**30, Settings.seed, "N", "random seed; the same seed gives the same bytes"),
     ):
         parser.add_argument(flag, type=whole(lowest, highest), default=default, metavar=unit, help=what)
     parser.add_argument("--error", type=share, default=Settings.error, metavar="X",
-                        help="over: a pixel is done at this error of B and its mean; 0: never")  # fmt: skip
+                        help="over: stop a pixel at a standard error of X * (B + mean B); 0: never")  # fmt: skip
     parser.add_argument("--bounce-fraction", type=share, default=Settings.bounce_fraction, metavar="X",
-                        help="share of the picture that further bounces may miss")  # fmt: skip
+                        help="most that bounces beyond the last may add, as a share of the picture")  # fmt: skip
     parser.add_argument("--denoise", choices=("auto", "off"), default="auto", help="over: denoise the fitted views")
     parser.add_argument("--ignore", choices=EFFECTS, action="append", default=[], metavar="EFFECT",
-                        help=f"leave an effect out; one of {', '.join(EFFECTS)}")  # fmt: skip
+                        help=f"leave out an effect (repeatable): {', '.join(EFFECTS)}")  # fmt: skip
     path = '{"cameras": [{"position": [x,y,z], "target": [x,y,z]}, ...]}'
-    parser.add_argument("--camera-path", metavar="FILE", help=f"JSON with more cameras to fit: {path}")
+    parser.add_argument("--camera-path", metavar="FILE", help=f"JSON file with more cameras to fit: {path}")
 
 
 def _add_accuracy(parser: argparse.ArgumentParser) -> None:
-    """Between accuracy and cost."""
+    """Add the options that trade accuracy against cost."""
     group = parser.add_argument_group(
-        "accuracy", "How accurate, and how large. Losses are 0.2 L1 + 0.8 (1 - SSIM) / 2 of B."
+        "accuracy", "Accuracy against size. The loss is 0.2 L1 + 0.8 (1 - SSIM) / 2 of B."
     )
     group.add_argument("--operator", choices=OPERATORS, default=Settings.operator,
                        help="read Gaussians at surface points, or blend them along rays")  # fmt: skip
     group.add_argument("--quality", choices=QUALITIES[Settings.operator], default=Settings.quality,
-                       help="how many Gaussians for the scene's detail, and how long they are fitted")  # fmt: skip
+                       help="number of Gaussians for the scene's detail, and length of the fit")  # fmt: skip
     group.add_argument("--target-loss", type=positive, metavar="X",
-                       help="the fewest Gaussians with at most this loss in views that are not fitted")  # fmt: skip
+                       help="search for the fewest Gaussians with at most this loss in held-out views")  # fmt: skip
     size = group.add_mutually_exclusive_group()
-    size.add_argument("--budget", type=whole(1, BUDGET_MAX), metavar="N", help="most Gaussians (default: by quality)")
-    size.add_argument("--target-bytes", type=whole(1, 2**32), metavar="N", help="largest .gsgi file, bytes")
+    size.add_argument("--budget", type=whole(1, BUDGET_MAX), metavar="N", help="most Gaussians (default: by --quality)")
+    size.add_argument("--target-bytes", type=whole(1, 2**32), metavar="N", help="largest size of the .gsgi file, bytes")
 
 
 def add_picture(parser: argparse.ArgumentParser) -> None:
-    """Options of the commands that make an image."""
+    """Add the options of commands that make an image."""
     parser.add_argument("-o", "--output", metavar="IMAGE", required=True, help=".png to look at, .exr to measure")
     add_camera(parser, "512x512")
     parser.add_argument(
-        "--layer", choices=LAYERS, default="final", help="what to write; indirect is B, not yet albedo * B"
+        "--layer", choices=LAYERS, default="final", help="layer to write; indirect is B, not albedo * B"
     )
 
 
 def add_camera(parser: argparse.ArgumentParser, default_size: str) -> None:
-    """From where a picture is taken, how large it is, how bright."""
-    parser.add_argument("--camera", metavar="NAME", help="a camera of the scene (default: its first, or a placed one)")
+    """Add options for the camera, size and exposure of a picture."""
+    parser.add_argument("--camera", metavar="NAME", help="camera of the scene (default: the first, or a placed one)")
     parser.add_argument("--size", type=size, default=default_size, metavar="WxH", help="image size in pixels")
     parser.add_argument("--exposure", type=positive, metavar="X",
-                        help="factor on light in a .png (default: takes its log-average to mid-grey)")  # fmt: skip
+                        help="exposure factor for display, not .exr (default: log-average to mid-grey)")  # fmt: skip
 
 
 def add_gi(parser: argparse.ArgumentParser) -> None:
-    """--gi"""
+    """Add --gi."""
     parser.add_argument("--gi", metavar="FILE", help="baked light (.gsgi); without it, primary light only")
 
 
 def add_verbosity(parser: argparse.ArgumentParser) -> None:
-    """--quiet"""
-    parser.add_argument("-q", "--quiet", action="store_true", help="no progress on stderr; warnings stay")
+    """Add --quiet."""
+    parser.add_argument("-q", "--quiet", action="store_true", help="show no progress on stderr, only warnings")
 
 
 def add_json(parser: argparse.ArgumentParser, what: str = "print JSON") -> None:
-    """--json"""
+    """Add --json."""
     parser.add_argument("--json", action="store_true", help=what)
 
 
 def add_cache(parser: argparse.ArgumentParser) -> None:
-    """--cache"""
+    """Add --cache."""
     parser.add_argument("--cache", metavar="DIR", type=Path,
-                        help="folder of finished tasks (default: GSGI_CACHE, else ~/.cache/gsgi)")  # fmt: skip
+                        help="cache folder (default: GSGI_CACHE, else ~/.cache/gsgi)")  # fmt: skip
 
 
 def whole(lowest: int, highest: int):

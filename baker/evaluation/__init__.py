@@ -1,1 +1,1 @@
-"""How close a bake comes to path tracing."""
+"""Measures how close a bake is to path tracing."""

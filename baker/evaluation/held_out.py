@@ -1,4 +1,4 @@
-"""How well Gaussians meet path tracing in views that were not fitted."""
+"""How well a bake matches path tracing in views that were not fitted."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ SAMPLES = 1024  # paths per pixel, in two halves
 
 @dataclass(frozen=True)
 class ViewEvaluation:
-    """How well one view is met: by the loss of the fit, as B (`indirect`), and as the full frame that it makes."""
+    """How well one view matches: by the loss of the fit, as B (`indirect`), and as the full frame (`final`)."""
 
     name: str
     loss: float
@@ -36,16 +36,16 @@ class ViewEvaluation:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """The views, and their mean: of PSNR the mean of the squared errors, not of the dB. None where there is no view."""
+    """The views and their mean, which is None without views. The mean PSNR is that of the mean squared error."""
 
     views: list[ViewEvaluation]
     mean: ViewEvaluation | None
 
 
 def references(plan: "Plan", advance: Callable[..., None]) -> dict[str, Reference]:
-    """References, by name, of the views that the plan holds out, but not of those in which no B is seen.
+    """References, by name, of the plan's held-out views, without those in which no B is seen.
 
-    Those that the plan's cache holds are not traced again. `advance(points)` is called with `points(plan)` in all.
+    References in the plan's cache are not traced again. `advance(points)` is called with a total of `points(plan)`.
     """
     traced = {}
     for i, (name, camera) in enumerate(plan.placement.held_out.items()):
@@ -54,14 +54,14 @@ def references(plan: "Plan", advance: Callable[..., None]) -> dict[str, Referenc
 
 
 def points(plan: "Plan") -> int:
-    """Points that `references` traces."""
+    """Number of points that `references` traces."""
     return 2 * len(plan.placement.held_out) * SIZE**2
 
 
 class HeldOutLoss:
-    """The loss of the fit in the views that were not fitted, made once and asked for as often as one likes.
+    """The loss of the fit in the held-out views. The targets are prepared once, for any number of bakes.
 
-    `cameras` holds those of all `references`, by name; `tone_scale` is that of the fit, in radiance.
+    `cameras` holds the cameras of all `references`, by name. `tone_scale` is that of the fit, in radiance.
     """
 
     def __init__(self, references: Mapping[str, Reference], cameras: Mapping[str, Camera], tone_scale: float):
@@ -71,7 +71,7 @@ class HeldOutLoss:
         self.exposure = exposure([reference.indirect for reference in self.references])
 
     def of(self, baked: Bake) -> tuple[float, float]:
-        """Means over the views, as in `Evaluation`: the loss, and the PSNR of B (dB). (0, 100) where there is no view."""
+        """Loss and PSNR of B (dB), as means over the views like those of `Evaluation`; (0, 100) if there is no view."""
         if not self.references:
             return 0.0, psnr(0.0)
         images = [draw(baked, *view) for view in zip(self.cameras, self.references, strict=True)]
@@ -84,7 +84,7 @@ class HeldOutLoss:
 
 
 def evaluate(references: Mapping[str, Reference], cameras: Mapping[str, Camera], baked: Bake) -> Evaluation:
-    """Compare a bake with `references`, whose cameras `cameras` holds by name.
+    """Compare a bake with `references`; `cameras` holds their cameras by name.
 
     The full frame is the reference's primary light and albedo with the B of the bake.
     """
@@ -101,11 +101,12 @@ def evaluate(references: Mapping[str, Reference], cameras: Mapping[str, Camera],
 
 
 def exposure(images: Sequence[np.ndarray]) -> float:
-    """One exposure for linear images (H, W, 3) of one scene: takes their brightness to mid-grey.
+    """One exposure for all linear images (H, W, 3) of a scene, which takes their brightness to mid-grey.
 
-    That is the root mean square of their log-averages. Each image by its own would show the noise of a room without
-    light, and an error that nobody sees there would count like one in bright light. In the log-average of all together
-    dark images would weigh as much as bright ones, and white these out. Black images, and none at all, give 1.
+    The brightness is the root mean square of the images' log-averages. An exposure per image would amplify the noise of
+    an unlit room, and an invisible error there would count like one in bright light. In a log-average over all images,
+    dark images would weigh as much as bright ones and overexpose them. The exposure is 1 if all images are black or
+    there are none.
     """
     averages = [constants.MID_GREY / auto_exposure(image) if image.any() else 0.0 for image in images]
     brightness = np.linalg.norm(averages) / max(len(averages), 1) ** 0.5
@@ -113,7 +114,7 @@ def exposure(images: Sequence[np.ndarray]) -> float:
 
 
 def draw(baked: Bake, camera: Camera, reference: Reference) -> np.ndarray:
-    """B (H, W, 3) float32 as a bake shows it where `reference` was traced."""
+    """B (H, W, 3) float32 of a bake at the pixels of `reference`."""
     height, width = reference.valid.shape
     if isinstance(baked.blend, OverBlend):
         from gsgi.baker.over.rasterise import rasterise

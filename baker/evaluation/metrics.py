@@ -1,7 +1,7 @@
-"""How far an image is from path tracing: PSNR, SSIM, FLIP, one definition each.
+"""The difference between an image and path tracing: one definition each of PSNR, SSIM and FLIP.
 
-A reference is two independent halves `a` and `b`: their noise is independent, so `mean((x - a) (x - b))` is the squared
-error of x free of it. SSIM and FLIP compare with the mean of the halves (denoised by the caller, where it is noisy).
+A reference consists of two halves `a` and `b` with independent noise, so that `mean((x - a) (x - b))` is the noise-free
+squared error of x. SSIM and FLIP compare with the mean of the halves, which the caller denoises if it is noisy.
 """
 
 from collections.abc import Sequence
@@ -13,13 +13,13 @@ from gsgi.runtime.display import auto_exposure, tone_map
 
 WINDOW = 11  # px, of SSIM
 
-# Squared error below which an image counts as exact: PSNR 100 dB.
+# An image with a smaller squared error counts as exact: PSNR 100 dB.
 SQUARED_ERROR_MIN = 1e-10
 
 
 @dataclass(frozen=True)
 class Difference:
-    """PSNR (dB, higher is better), SSIM (1 is equal), FLIP (0 is equal)."""
+    """PSNR (dB, higher is better), SSIM (1 for equal images), FLIP (0 for equal images)."""
 
     psnr: float
     ssim: float
@@ -29,10 +29,10 @@ class Difference:
 def compare_linear(image, a, b, clean, exposure: float | None = None, valid=None) -> Difference:
     """Compare linear images (H, W, 3) float32 with a reference.
 
-    `a` and `b` are its halves, `clean` their denoised mean (pass the same image three times for an exact reference).
-    PSNR is of exposed linear light with peak 1; SSIM and FLIP are display-referred. The exposure comes from the
-    reference alone: by default it takes the log-average of `clean` to mid-grey. Only pixels in `valid` (H, W) bool
-    count, all where it is None.
+    `a` and `b` are its halves and `clean` is their denoised mean (pass the same image three times for an exact
+    reference). PSNR is of exposed linear light with peak 1; SSIM and FLIP are display-referred. The default exposure
+    depends only on the reference: it takes the log-average of `clean` to mid-grey. Only pixels in `valid` (H, W) bool
+    count, or all pixels if it is None.
     """
     exposure = auto_exposure(clean) if exposure is None else exposure
     shown, expected = tone_map(image, exposure), tone_map(clean, exposure)
@@ -41,18 +41,18 @@ def compare_linear(image, a, b, clean, exposure: float | None = None, valid=None
 
 
 def compare_display(image, reference) -> Difference:
-    """Compare display-referred images (H, W, 3) float32 in [0, 1] (what a PNG holds)."""
+    """Compare display-referred images (H, W, 3) float32 in [0, 1], such as PNG images."""
     error = float(np.mean((image - reference).astype(np.float64) ** 2))
     return Difference(psnr(error), ssim(image, reference), flip(image, reference))
 
 
 def squared_error(image, a, b, exposure: float, valid=None) -> float:
-    """Mean squared error of exposed linear light, free of the noise of the independent halves `a` and `b`."""
+    """Mean squared error of exposed linear light, without the noise of the independent halves `a` and `b`."""
     return _mean((image - a).astype(np.float64) * (image - b), valid) * exposure**2
 
 
 def mean_psnr(values: Sequence[float]) -> float:
-    """PSNR (dB) of the mean of the squared errors behind several PSNRs; a mean of the dB would hide a bad one."""
+    """PSNR (dB) of the mean squared error behind several PSNRs; a mean of the dB would hide a bad one."""
     return psnr(float(np.mean([10 ** (-value / 10) for value in values])))
 
 
@@ -62,7 +62,7 @@ def psnr(squared_error: float) -> float:
 
 
 def ssim(image: np.ndarray, reference: np.ndarray, valid: np.ndarray | None = None) -> float:
-    """Structural similarity (Wang et al. 2004): 11 x 11 Gaussian window, sigma 1.5, range 1, mean of channels.
+    """Structural similarity (Wang et al. 2004): 11 x 11 Gaussian window, sigma 1.5, range 1, mean over the channels.
 
     The mean is over the windows that lie inside the image and whose centre is in `valid` (H, W).
     """
@@ -86,6 +86,6 @@ def flip(image: np.ndarray, reference: np.ndarray, valid: np.ndarray | None = No
 
 
 def _mean(values: np.ndarray, valid: np.ndarray | None) -> float:
-    """Mean of an image over the pixels in `valid` (H, W); 0 where there are none."""
+    """Mean of an image over the pixels in `valid` (H, W); 0 if there are none."""
     counted = values if valid is None else values[valid]
     return float(np.mean(counted, dtype=np.float64)) if counted.size else 0.0

@@ -1,4 +1,4 @@
-"""What a fit shows while it runs: loss, held-out PSNR, number of Gaussians, and pictures."""
+"""Progress of a running fit: loss, held-out PSNR, number of Gaussians, and pictures."""
 
 import time
 from collections.abc import Callable
@@ -9,14 +9,14 @@ from gsgi.runtime.gaussians import Bake, Gaussians
 from .held_out import HeldOutLoss
 from .preview import Preview
 
-ENTRIES = 25  # in the history, evenly over the iterations
-MEMORY = 0.98  # of the running mean of the loss, per iteration
+ENTRIES = 25  # in the history, approximately; evenly spaced over the iterations
+MEMORY = 0.98  # decay of the running mean of the loss, per iteration
 
 
 class FitMonitor:
-    """Is called after each iteration of a fit, as `fitting.task.Monitor` says, and reports it to the progress.
+    """A `fitting.task.Monitor` that reports each iteration of a fit to the progress.
 
-    The seconds of its `history` leave out the time that evaluations take.
+    The seconds in its `history` exclude the time of evaluations and previews.
     """
 
     def __init__(
@@ -27,7 +27,7 @@ class FitMonitor:
         iterations: int,
         preview: Preview | None,
     ):
-        """`bake_of` makes a bake of the Gaussians of an iteration."""
+        """`bake_of` makes a bake from the Gaussians of an iteration."""
         self.history: list[HistoryEntry] = []
         self._advance, self._held_out, self._bake_of, self._preview = advance, held_out, bake_of, preview
         self._interval = max(iterations // ENTRIES, 1)

@@ -1,4 +1,4 @@
-"""Layers as image files, and pictures of several panels."""
+"""Writes layers as image files, and combines pictures into panels."""
 
 from pathlib import Path
 
@@ -12,8 +12,11 @@ CAPTION = 22  # px above a panel
 
 
 def write_layer(path: str, layer: str, values: np.ndarray, exposure: float | None) -> None:
-    """Write a layer, (H, W, 3) or (H, W) float32: as it is to .exr, made visible to .png: light exposed
-    and tone-mapped, albedo sRGB-encoded, normals halved and shifted, depth over the farthest."""
+    """Write a layer, (H, W, 3) or (H, W) float32, to an image file.
+
+    A .png file gets visible values: light is exposed and tone-mapped, albedo is sRGB-encoded, normals are halved and
+    shifted by 1/2, and depth is divided by the largest depth. Other files, such as .exr, get the values unchanged.
+    """
     if Path(path).suffix.lower() == ".png":
         write_image(path, to_uint8(_visible(layer, values, exposure)))
     else:
@@ -21,7 +24,7 @@ def write_layer(path: str, layer: str, values: np.ndarray, exposure: float | Non
 
 
 def panels(images: dict[str, np.ndarray]) -> np.ndarray:
-    """Pictures (H, W, 3) in [0, 1] side by side under their captions: (H', W', 3) uint8."""
+    """Pictures (H, W, 3) in [0, 1] side by side under their captions, as (H', W', 3) uint8."""
     from PIL import Image, ImageDraw, ImageFont
 
     height, width = next(iter(images.values())).shape[:2]

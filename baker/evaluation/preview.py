@@ -1,4 +1,4 @@
-"""Pictures of a fit while it runs: B of the held-out views, over their references."""
+"""Pictures of a running fit: B of the held-out views, above their references."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,7 +15,7 @@ from gsgi.runtime.image import write_image
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder that pictures can go to. Raises FileError."""
+    """Make a folder for pictures. Raises FileError if that fails."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -23,10 +23,10 @@ def make_folder(folder: Path) -> None:
 
 
 class Preview:
-    """Writes `fit-<Gaussians>-<iteration>.png` into a folder: upper row the fit, lower row path tracing."""
+    """Writes `fit-<Gaussians>-<iteration>.png` to a folder: the fit in the upper row, path tracing in the lower row."""
 
     def __init__(self, folder: Path, references: Mapping[str, Reference], cameras: Mapping[str, Camera]):
-        """`folder` exists; `cameras` holds those of the references, by name."""
+        """`folder` must exist. `cameras` holds the cameras of the references, by name."""
         self._folder = folder
         self._views = [(cameras[name], reference) for name, reference in references.items()]
         self._exposure = exposure([reference.indirect for _, reference in self._views])

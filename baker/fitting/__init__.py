@@ -1,1 +1,1 @@
-"""What both fits share."""
+"""Code that the fits of both operators share."""

@@ -1,19 +1,22 @@
-"""Points kept evenly apart, a random maximal Poisson-disk subset (Cook 1986; Gamito and Maddock 2009); their spacing."""
+"""Evenly spread subsets of points, and the spacing of points.
+
+A subset is a random, almost maximal Poisson-disk set (Cook 1986; Gamito and Maddock 2009).
+"""
 
 import numpy as np
 
-CANDIDATES = 5  # random points for each that stays (Yuksel 2015 finds no gain beyond five)
-NEIGHBOURS = 3  # whose distance is a point's spacing
+CANDIDATES = 5  # random points per point that is kept (Yuksel 2015 finds no gain beyond five)
+NEIGHBOURS = 3  # a point's spacing is the mean distance to these
 
-ATTEMPTS = 4  # to find the radius
-SURPLUS = 1.04  # more than this times the count is not even any more once the rest is left out at random
+ATTEMPTS = 4  # at finding the radius
+SURPLUS = 1.04  # dropping points at random from more than this times the count would leave gaps
 
 
 def thin(position: np.ndarray, normal: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
-    """Indices (at most `count`) of points (N, 3) that lie evenly apart; of no more points than `count`, all.
+    """Indices of at most `count` evenly spread points of `position` (N, 3); all points if N is at most `count`.
 
-    Only points whose normals (N, 3) lie less than a right angle apart are neighbours: the two sides of a thin wall do
-    not thin each other out.
+    Only points whose normals (N, 3) are less than a right angle apart are neighbours, so that the two sides of a thin
+    wall do not thin each other out.
     """
     from scipy.spatial import cKDTree
 
@@ -48,9 +51,10 @@ def spacing(position: np.ndarray) -> np.ndarray:
 
 
 def _apart(position: np.ndarray, normal: np.ndarray, radius: float, rank: np.ndarray) -> np.ndarray:
-    """Indices of points no two of which are neighbours, and to which few could be added: the lowest `rank` wins.
+    """Indices of points without neighbours among them; of two neighbours the one of lower `rank` wins.
 
-    Of those in a cell so small that all in it are neighbours only the lowest takes part: a crowd costs no more pairs.
+    Few points could be added to the subset. All points in one cell are neighbours, and only the one of lowest rank
+    takes part, so that dense clusters add no pairs.
     """
     from scipy.spatial import cKDTree
 

@@ -1,4 +1,4 @@
-"""Pairs of Gaussians of which one is superfluous."""
+"""Pairs of Gaussians in which one is superfluous."""
 
 import numpy as np
 
@@ -6,16 +6,18 @@ from gsgi.runtime.gaussians import Gaussians
 
 from .rotations import axes
 
-# Two Gaussians are duplicates where they are this near, in standard deviations, and this alike in colour, in units of
-# white, in the logarithm of their scales, and in their normals (cosine).
+# Limits for duplicates: the distance in standard deviations, the difference of the tone-mapped colours (white is 1),
+# the difference of the natural logarithms of the scales, and the cosine between the normals.
 DISTANCE, COLOUR, LOG_SCALE, COSINE = 0.5, 0.01, 0.5, 0.9
 
 
 def duplicates(gaussians: Gaussians, tone_scale: float) -> np.ndarray:
-    """Pairs (P, 2) of Gaussians that say the same at the same place; no Gaussian is in two pairs.
+    """Index pairs (P, 2) of Gaussians with the same place, shape and colour; no Gaussian is in two pairs.
 
-    Each is the other's nearest, nearer than DISTANCE of the smaller one's size; they are as long, wide and thick and
-    face the same way; and their colours are less than COLOUR apart through the tone curve x / (x + tone_scale).
+    The two are each other's nearest neighbour, closer than DISTANCE times the longest standard deviation of the smaller
+    one. The logarithms of their scales differ by less than LOG_SCALE on each axis, and the cosine between their normals
+    is above COSINE. Their constant SH coefficients differ by less than COLOUR after the tone curve
+    x / (x + tone_scale).
     """
     from scipy.spatial import cKDTree
 
@@ -23,7 +25,7 @@ def duplicates(gaussians: Gaussians, tone_scale: float) -> np.ndarray:
         return np.empty((0, 2), int)
     distance, nearest = cKDTree(gaussians.position).query(gaussians.position, k=2)
     first = np.arange(len(gaussians))
-    # Where several lie at one point, a Gaussian's own index may come second.
+    # If several lie at one point, a Gaussian's own index can come second.
     other = np.where(nearest[:, 0] == first, nearest[:, 1], nearest[:, 0])
     size = gaussians.scale.max(axis=1)
     tone = gaussians.sh[:, 0] / (np.abs(gaussians.sh[:, 0]) + tone_scale)

@@ -1,11 +1,11 @@
-"""How far a fit goes, and how its number of Gaussians grows on the way."""
+"""The length of a fit, and the growth of its number of Gaussians."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class Schedule:
-    """At most `budget` Gaussians after `iterations` steps; `seed` of all random choices."""
+    """At most `budget` Gaussians after `iterations` steps; `seed` determines all random choices."""
 
     budget: int
     iterations: int
@@ -13,8 +13,8 @@ class Schedule:
 
 
 def count_after(start: int, budget: int, done: float) -> int:
-    """How many Gaussians there may be once a share `done` of the growth is over: fast first, slowly at the end.
+    """The largest number of Gaussians once a share `done` of the growth is over.
 
-    A fixed curve up to the budget (Mallick et al. 2024, "Taming 3DGS").
+    It grows fast first and slowly at the end, on a fixed curve up to the budget (Mallick et al. 2024, "Taming 3DGS").
     """
     return round(start + (budget - start) * (1 - (1 - done) ** 2))

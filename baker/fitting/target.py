@@ -1,18 +1,18 @@
-"""The target of the fit: a view of B as the loss sees it, 6 bytes per pixel."""
+"""The target of the fit: a view of B after the loss's tone curve, 6 bytes per pixel."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-INVALID = 65535  # 1, which the tone curve never reaches: the mask needs no array of its own
+INVALID = 65535  # tone 1, which the curve never reaches: the mask needs no array of its own
 
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """B of one view through the tone curve x / (x + tone_scale).
+    """B of one view after the tone curve x / (x + tone_scale).
 
-    tone (H, W, 3) uint16, 65535 standing for 1, and in all three channels for a pixel that does not count;
-    tone_scale in radiance. The step is 1.5e-5 of white; light up to 65534 tone_scale can be told apart from more.
+    tone is (H, W, 3) uint16, where 65535 means 1; a pixel that does not count has 65535 in all three channels.
+    tone_scale is in radiance. The quantisation step is 1.5e-5 of white; light above 65534 tone_scale is clipped.
     """
 
     tone: np.ndarray
@@ -20,9 +20,10 @@ class Target:
 
     @classmethod
     def of(cls, indirect: np.ndarray, valid: np.ndarray, tone_scale: float) -> "Target":
-        """From B (H, W, 3) float32, linear, and which pixels (H, W) bool count; the others may hold anything.
+        """Make a target from B (H, W, 3) float32, linear. `valid` (H, W) bool marks the pixels that count.
 
-        Raises ValueError where a pixel that counts is negative or not finite, or where tone_scale is not positive.
+        The other pixels can hold anything. Raises ValueError if a pixel that counts is negative or not finite, or if
+        tone_scale is not positive.
         """
         if not tone_scale > 0:
             raise ValueError(f"tone_scale is {tone_scale}, expected more than 0")
@@ -36,11 +37,11 @@ class Target:
 
     @property
     def valid(self) -> np.ndarray:
-        """Which pixels count: (H, W) bool."""
+        """Mask (H, W) bool of the pixels that count."""
         return self.tone[..., 0] != INVALID
 
     @property
     def indirect(self) -> np.ndarray:
-        """B (H, W, 3) float32, linear; 0 where nothing counts."""
+        """B (H, W, 3) float32, linear; 0 at pixels that do not count."""
         tone = np.where(self.valid[..., None], self.tone, 0).astype(np.float32)
         return tone / (INVALID - tone) * np.float32(self.tone_scale)

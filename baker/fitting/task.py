@@ -1,4 +1,4 @@
-"""A fit as a task: what it returns, and how it resumes after an interruption."""
+"""A fit as a task: its result, and how it resumes after an interruption."""
 
 from collections.abc import Callable
 from typing import NamedTuple, Protocol
@@ -10,8 +10,10 @@ from gsgi.runtime.gaussians import Gaussians
 
 
 class HistoryEntry(NamedTuple):
-    """The state of a fit after so many iterations and seconds: Gaussians of both levels, and the loss and PSNR (dB) of
-    B in the held-out views."""
+    """The state of a fit after a number of iterations and seconds.
+
+    `gaussians` counts those of both levels; `loss` and `psnr` (dB) are those of B in the held-out views.
+    """
 
     iteration: int
     seconds: float
@@ -24,7 +26,7 @@ class FitResult(NamedTuple):
     """The Gaussians of both levels; `coarse` is None with `over`.
 
     `history` is empty where the cache held the fit. `seconds` is the time of the fit without the tracing before it.
-    `coverage` is the share of surface samples at which the fine level alone gives the light; None with `over`.
+    `coverage` is the share of surface samples at which the fine level alone gives the light, or None with `over`.
     """
 
     gaussians: Gaussians
@@ -35,22 +37,25 @@ class FitResult(NamedTuple):
 
 
 class Monitor(Protocol):
-    """Is called after each iteration of a fit with its number, its loss, and a function that returns the Gaussians it
-    led to. `history` is what it recorded."""
+    """Observer of a fit, called after each iteration.
+
+    The arguments are the number of the iteration, its loss, and a function that returns the resulting Gaussians.
+    `history` is what the monitor recorded.
+    """
 
     history: list[HistoryEntry]
 
     def __call__(self, iteration: int, loss: float, gaussians: Callable[[], Gaussians]) -> None: ...
 
 
-# Makes the monitor of a fit from the `advance` of its progress stage and its coarse level.
+# Makes the monitor of a fit from the `advance` of its progress stage and the coarse level, which is None with `over`.
 MakeMonitor = Callable[[Callable[..., None], Gaussians | None], Monitor]
 
 
 def run_or_resume(
     cache: Cache, inputs: dict, make_monitor: Callable[[], Monitor], fit: Callable[[Monitor, Checkpoint], Gaussians]
 ) -> tuple[Gaussians, tuple[HistoryEntry, ...] | None]:
-    """The result of the fit that `inputs` describe, and its history: None where the cache held the result.
+    """The result of the fit that `inputs` describe, and its history, which is None if the cache held the result.
 
     An interrupted fit resumes from its checkpoint; a finished one is not repeated.
     """

@@ -1,4 +1,4 @@
-// Arrays of Python: shapes and dtypes are checked where they come in, memory is allocated here.
+// Arrays from and to Python. nanobind checks shape and dtype of inputs; outputs are allocated here.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -16,7 +16,7 @@ template <class Real> using Output = nb::ndarray<nb::numpy, Real, nb::c_contig>;
 inline void require(bool condition, const char* message)
 {
     if (!condition)
-        throw std::invalid_argument(message); // ValueError
+        throw std::invalid_argument(message); // ValueError in Python
 }
 
 template <class Real> Output<Real> allocate(std::initializer_list<size_t> shape)

@@ -1,4 +1,4 @@
-// The module that Python imports.
+// Defines the Python module _kernels.
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
@@ -26,11 +26,12 @@ NB_MODULE(_kernels, m)
 {
     m.attr("TILE_SIZE") = TILE_SIZE;
     m.def("set_thread_count", &set_thread_count, "count"_a,
-        "Threads of later calls; 0 means one per core (default).");
+        "Set the number of threads for later calls; 0 means one per core (default).");
     m.def("thread_count", &thread_count);
-    m.def("instruction_sets", &instruction_set_names, "Those that this processor runs, fastest last.");
+    m.def("instruction_sets", &instruction_set_names,
+        "Names of the instruction sets that this processor supports, slowest first.");
     m.def("set_instruction_set", &set_instruction_set, "name"_a,
-        "The one for later calls; default: the fastest.");
+        "Select the instruction set for later calls. The default is the fastest.");
     bind_field(m);
     bind_loss(m);
     bind_sh(m);

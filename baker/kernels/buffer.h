@@ -1,4 +1,4 @@
-// Memory that is kept from one use to the next; its content is not.
+// A buffer that keeps its memory between uses, but not its contents.
 #pragma once
 
 #include <cstddef>
@@ -6,11 +6,11 @@
 
 template <class Value> class Buffer {
 public:
-    // Room for `count` values, which are not initialised. Grows only.
+    // Returns room for `count` uninitialised values. The buffer never shrinks.
     Value* reserve(size_t count)
     {
         if (count > capacity) {
-            data.reset(), capacity = 0; // before the larger one is allocated: never both
+            data.reset(), capacity = 0; // before the allocation: never hold both
             data = std::make_unique_for_overwrite<Value[]>(count);
             capacity = count;
         }

@@ -1,4 +1,4 @@
-// Which instruction set computes: the best that the processor has, or the one that was asked for.
+// Selects the instruction set at run time: the fastest that the processor supports, or the requested one.
 #pragma once
 
 #include <string>
@@ -6,13 +6,13 @@
 
 #include "instruction_set.h"
 
-// Those that this processor can run, slowest first.
+// The instruction sets that this processor supports, slowest first.
 std::vector<const InstructionSet*> instruction_sets();
 
-// The one in use.
+// The instruction set in use.
 const InstructionSet& instruction_set();
 
-// Throws std::invalid_argument where the processor has none of this name.
+// Throws std::invalid_argument if the processor supports no instruction set of this name.
 void set_instruction_set(const std::string& name);
 
 template <class Real> const SplatKernels<Real>& splat_kernels();

@@ -1,7 +1,7 @@
-// The kernels for one instruction set, INSTRUCTION_SET. Compiled once for each.
+// The kernels for one instruction set. Compiled once for each, with INSTRUCTION_SET defined as its name.
 //
-// Nothing here may be shared with other objects by name: the linker would keep one copy of an inline
-// function, perhaps the one that this processor cannot run.
+// Nothing here may share its name with other objects: the linker would keep only one copy of an inline
+// function, and that copy might use instructions that the processor does not support.
 #include "instruction_set.h"
 
 #include "loss/loss_band.h"
@@ -23,7 +23,7 @@ static void store_footprints(const Group& group, const Projection& p, const Vec3
     p.half_width.store(half_width), p.half_height.store(half_height);
     colour.x.store(red), colour.y.store(green), colour.z.store(blue);
     for (int i = 0; i < group.count; ++i) {
-        // Rows of pixels whose centres lie within half_height of the mean.
+        // Range of pixel rows and columns whose centres lie within half_height and half_width of the mean.
         const double low = mean_y[i] - half_height[i] - 0.5, high = mean_y[i] + half_height[i] - 0.5;
         const double left = mean_x[i] - half_width[i] - 0.5, right = mean_x[i] + half_width[i] - 0.5;
         const bool seen = (p.drawn >> i & 1) && high >= 0 && low <= camera.height - 1 && right >= 0 &&

@@ -1,17 +1,17 @@
-// The kernels as one instruction set computes them.
+// The table of kernels of one instruction set.
 #pragma once
 
 #include "loss/loss_records.h"
 #include "over/records.h"
 #include "surface/field_records.h"
 
-// All that is compiled once per instruction set.
+// Everything that is compiled once per instruction set.
 struct InstructionSet {
     const char* name;
     SplatKernels<float> splat_float;
     SplatKernels<double> splat_double;
     Project<float>* project_raw;
-    // Steps the raw parameters from the sums (N, MOMENTS) and writes the statistics.
+    // Takes a step on the raw parameters from the sums (N, MOMENTS) and writes the statistics.
     void (*step)(const Step&, const Camera&, const Footprint<float>*, const uint32_t* keys, const float* sums,
         size_t begin, size_t end);
     LossBand<float>* loss_float;

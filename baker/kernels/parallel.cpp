@@ -23,14 +23,14 @@ int thread_count()
 
 namespace {
 
-// One loop. Chunks are claimed in rising order; the loop is over when all are finished.
+// One loop. Threads claim its chunks in ascending order; the loop ends when all chunks are finished.
 struct Loop {
-    const std::function<void(size_t, size_t)>& body; // not touched once all chunks are claimed
+    const std::function<void(size_t, size_t)>& body; // not used after all chunks are finished
     const size_t count, grain, chunks;
     std::atomic<int> places; // helpers that may still join
     std::atomic<size_t> next{0}, finished{0};
 
-    // A body that throws ends the process: others still use what its caller owns.
+    // An exception in the body ends the process, because other threads still use data of the caller.
     void work() noexcept
     {
         for (size_t chunk = next.fetch_add(1); chunk < chunks; chunk = next.fetch_add(1)) {
@@ -41,7 +41,7 @@ struct Loop {
     }
 };
 
-// Threads that wait for loops. Never destroyed: they are detached, and end with the process.
+// Threads that wait for loops. A pool is never destroyed: its threads are detached and end with the process.
 class Pool {
 public:
     explicit Pool(pid_t pid)
@@ -73,7 +73,7 @@ private:
             for (; threads < helpers; ++threads)
                 std::thread(&Pool::serve, this, generation.load()).detach();
         } catch (const std::system_error&) {
-            // The system grants no more threads: those that run, the caller at least, do all the work.
+            // The system grants no more threads. The existing ones, at least the caller, do all the work.
         }
     }
 
@@ -100,7 +100,7 @@ private:
 
 } // namespace
 
-// After a fork the child has none of the threads: it gets a pool of its own.
+// A forked child process has none of the threads, so it gets its own pool.
 static Pool& pool()
 {
     static std::atomic<Pool*> instance{nullptr};
@@ -126,5 +126,5 @@ void parallel_for(size_t count, size_t grain, const std::function<void(size_t, s
         if (pool_lock)
             return threads.run(loop, helpers);
     }
-    loop->work(); // alone: nothing to share, or another thread of the caller's has the pool
+    loop->work(); // alone: one thread is enough, or another loop is using the pool
 }

@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <functional>
 
-// Threads for later loops; 0 means one per core (the default).
+// Sets the number of threads for later loops; 0 means one per core (the default).
 void set_thread_count(int count);
 int thread_count();
 

@@ -1,6 +1,6 @@
 """The loss in plain torch, on any device: five blurred moments, gradients by autograd.
 
-For double precision: SSIM's variances are small differences of moments. Tests hold `loss.py` equal to it.
+Use it in double precision: SSIM's variances are small differences of moments. Tests compare `fitting/loss.py` with it.
 """
 
 import torch
@@ -15,10 +15,10 @@ C2 = 0.03**2
 
 
 def image_loss(image: Tensor, tone: Tensor, valid: Tensor, tone_scale: float) -> Tensor:
-    """0.2 L1 + 0.8 (1 - SSIM) / 2 of a linear image (H, W, 3) against a target behind the tone curve.
+    """0.2 L1 + 0.8 (1 - SSIM) / 2 of a linear image (H, W, 3) against a tone-mapped target.
 
-    `tone` (H, W, 3) is the target in [0, 1], `valid` (H, W) bool which pixels count. An image of less than 11 pixels in
-    width or height has L1 alone: no window of SSIM fits it.
+    `tone` (H, W, 3) is the target in [0, 1]. `valid` (H, W) bool marks the pixels that count. An image of less than 11
+    pixels in width or height has only the L1 term, because no SSIM window fits it.
     """
     a, b = _pair(image, tone, valid, tone_scale)
     l1 = L1_WEIGHT * (a - b).abs().sum() / (3 * valid.sum().clamp(min=1))
@@ -26,7 +26,7 @@ def image_loss(image: Tensor, tone: Tensor, valid: Tensor, tone_scale: float) ->
 
 
 def error(image: Tensor, tone: Tensor, valid: Tensor, tone_scale: float) -> Tensor:
-    """Loss per pixel (H, W): SSIM is that of the nearest window."""
+    """Loss per pixel (H, W), with the SSIM of the nearest window."""
     a, b = _pair(image, tone, valid, tone_scale)
     loss = L1_WEIGHT * (a - b).abs()
     if _has_window(image):
@@ -36,7 +36,7 @@ def error(image: Tensor, tone: Tensor, valid: Tensor, tone_scale: float) -> Tens
 
 
 def ssim_map(a: Tensor, b: Tensor) -> Tensor:
-    """Structural similarity (3, H - 10, W - 10) of images (H, W, 3) in [0, 1], per window inside them (Wang 2004)."""
+    """Structural similarity (3, H - 10, W - 10) of images (H, W, 3) in [0, 1], per inner window (Wang et al. 2004)."""
     a, b = (image.permute(2, 0, 1)[None] for image in (a, b))
     moments = torch.cat([a, b, a * a, b * b, a * b], dim=1)  # (1, 15, H, W)
     x = torch.arange(WINDOW, dtype=torch.float64) - WINDOW // 2
@@ -54,7 +54,7 @@ def _has_window(image: Tensor) -> bool:
 
 
 def _pair(image: Tensor, tone: Tensor, valid: Tensor, tone_scale: float) -> tuple[Tensor, Tensor]:
-    """Both behind the tone curve, 0 where nothing counts."""
+    """Tone-mapped image and target, both 0 at pixels that do not count."""
     counts = valid[..., None]
     image = torch.where(counts, image, 0)
     return image / (image + tone_scale), torch.where(counts, tone, 0)

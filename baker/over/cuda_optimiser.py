@@ -1,4 +1,4 @@
-"""The fit's iteration on a GPU: `CudaOptimiser` does with gsplat and torch what `CpuOptimiser` does with kernels."""
+"""One iteration of the fit on a GPU: `CudaOptimiser` does with gsplat and torch what `CpuOptimiser` does in C++."""
 
 from collections.abc import Mapping
 
@@ -18,9 +18,10 @@ from .workspace import AdamState, StepStatistics
 
 
 class CudaOptimiser:
-    """Gaussians that are fitted to targets one view at a time; they and what Adam remembers stay on the GPU.
+    """Gaussians that are fitted to targets one view at a time; they and Adam's state stay on the GPU.
 
-    Adam is ours, since torch's loads Triton, whose LLVM crashes a process in which Mesa has drawn with its own.
+    Adam is implemented here because torch's version loads Triton, whose LLVM crashes a process in which Mesa has drawn
+    with its own LLVM.
     """
 
     def __init__(self, raw: RawGaussians, adam: AdamState, blend: OverBlend, device: str = "cuda"):
@@ -30,12 +31,12 @@ class CudaOptimiser:
 
     @property
     def raw(self) -> RawGaussians:
-        """The present parameters, as copies."""
+        """Copies of the current parameters."""
         return _download(self._raw)
 
     @property
     def adam(self) -> AdamState:
-        """What Adam remembers, as copies."""
+        """Copy of Adam's state."""
         return AdamState(_download(self._mean), _download(self._square), _numpy(self._steps))
 
     def render(self, pinhole: Pinhole) -> np.ndarray:
@@ -43,20 +44,20 @@ class CudaOptimiser:
         return _numpy(draw(self._raw, pinhole, self._blend).image)
 
     def iterate(self, pinhole: Pinhole, target: Target, rates: Mapping[str, float]) -> tuple[float, StepStatistics]:
-        """One step of Adam on the image's loss against `target`; the loss before it, and what the step found out.
+        """Take one step of Adam on the loss against `target`; return the loss before the step and its statistics.
 
-        `rates` are per name of RawGaussians. Only Gaussians whose gradient is not all zero are stepped, each with the
-        bias correction of its own number of steps. At SH degree 0, `sh` is kept at 0 or more: a colour below 0 is cut
-        in the image and gets no gradient. Raises FloatingPointError where the loss, or the gradient of a Gaussian, is
-        not finite; nothing is stepped then.
+        `rates` maps each name of RawGaussians to a step size. Only Gaussians whose gradient is not all zero are
+        stepped, each with the bias correction of its own number of steps. At SH degree 0, `sh` is kept at 0 or more:
+        the image clamps negative colours, so that they would get no gradient. Raises FloatingPointError where the loss
+        or the gradient of a Gaussian is not finite; nothing is stepped then.
         """
         parameters = {name: tensor.detach().requires_grad_() for name, tensor in self._raw.items()}
         drawn = draw(parameters, pinhole, self._blend, extra_channels=2)
         loss, by_image, error = self._loss(drawn.image[..., :3].detach(), target)
-        # The two black channels collect each Gaussian's weight in the image, and its weight times the error.
+        # The gradients of the two black channels are each Gaussian's weight and its weight times the error.
         by_channels = torch.cat([by_image, torch.ones_like(error)[..., None], error[..., None]], dim=2)
         inputs = (*parameters.values(), drawn.channels, drawn.mean2d)
-        # Without any Gaussian no parameter reaches the image: its gradient is materialised.
+        # Without any Gaussian the image depends on no parameter; the zero gradients are materialised.
         *found, weights, by_mean2d = torch.autograd.grad(drawn.image, inputs, by_channels, materialize_grads=True)
         gradients = dict(zip(parameters, found, strict=True))
         _check_finite(gradients)
@@ -66,7 +67,7 @@ class CudaOptimiser:
         return loss, StepStatistics(*(_numpy(s) for s in statistics), not_finite=-1)
 
     def _loss(self, image: Tensor, target: Target) -> tuple[float, Tensor, Tensor]:
-        """Loss of an image (H, W, 3), its gradient by the image, and its share per pixel (H, W)."""
+        """Loss of an image (H, W, 3), its gradient with respect to the image, and the loss per pixel (H, W)."""
         tone = torch.tensor(target.tone.astype(np.int32), device=self._device)
         arguments = tone.double() / INVALID, tone[..., 0] != INVALID, target.tone_scale
         image = image.double().requires_grad_()
@@ -78,7 +79,7 @@ class CudaOptimiser:
 
     @torch.no_grad()
     def _step(self, gradients: Mapping[str, Tensor], rates: Mapping[str, float]) -> None:
-        """Adam (Kingma and Ba 2015), in double, on the Gaussians that have a gradient."""
+        """Apply Adam (Kingma and Ba 2015), in double precision, to the Gaussians that have a gradient."""
         moved = torch.stack([g.any(dim=1) for g in _columns(gradients)]).any(dim=0)
         self._steps[moved] += 1
         bias1, bias2 = (1 - beta ** self._steps[moved].double() for beta in (ADAM_BETA1, ADAM_BETA2))
@@ -103,11 +104,11 @@ def _download(tensors: Mapping[str, Tensor]) -> RawGaussians:
 
 
 def _numpy(tensor: Tensor) -> np.ndarray:
-    return tensor.cpu().numpy().copy()  # on the CPU .cpu() is no copy
+    return tensor.cpu().numpy().copy()  # .cpu() does not copy a tensor on the CPU
 
 
 def _columns(gradients: Mapping[str, Tensor]) -> list[Tensor]:
-    """The gradients as matrices of one row per Gaussian."""
+    """The gradients as matrices with one row per Gaussian."""
     return [g.unsqueeze(-1).flatten(start_dim=1) for g in gradients.values()]
 
 

@@ -7,7 +7,7 @@ from gsgi.runtime import constants as c
 
 
 def sh_basis(direction: Tensor, count: int) -> Tensor:
-    """The first `count` basis functions of unit vectors (N, 3), as (N, count)."""
+    """The first `count` basis functions (N, count) at unit vectors (N, 3)."""
     x, y, z = direction.unbind(dim=1)
     xx, yy, zz = x * x, y * y, z * z
     basis = [

@@ -1,7 +1,7 @@
-"""Density control, the policy: which Gaussians are removed, and which are divided.
+"""The policy of density control: which Gaussians are removed, and which are divided.
 
-Each function looks at arrays and decides; `reshape` carries it out. Error decides where Gaussians are added (Rota Bulo
-et al. 2024, "Revising Densification in Gaussian Splatting").
+The functions only decide, from arrays; `reshape` carries the decisions out. Gaussians are added where the error is
+largest (Rota Bulo et al. 2024, "Revising Densification in Gaussian Splatting").
 """
 
 import numpy as np
@@ -12,27 +12,30 @@ from gsgi.runtime.gaussians import Gaussians
 # Carlo").
 DEAD_OPACITY = 0.005
 
-# Pixels, summed over one round of all views, that a Gaussian has to make up to be kept.
+# px. A Gaussian is removed if it makes up fewer pixels than this, summed over one round of all views.
 SEEN_PIXELS = 0.05
 
-# Largest standard deviation on any image, px: what is smaller cannot show detail by being divided.
+# px. A Gaussian whose largest standard deviation in any image is smaller gains no detail from being divided.
 DIVISIBLE_RADIUS = 0.7
 
-# Largest standard deviation on any image, px, up to which one is cloned rather than split.
+# px. A Gaussian is cloned rather than split up to this largest standard deviation in any image.
 CLONED_RADIUS = 2.0
 
 
 def to_remove(gaussians: Gaussians, contribution: np.ndarray | None) -> np.ndarray:
-    """Which (N,) bool nobody would miss. `contribution` (N,): pixels that each made up in one round of the views; None
-    where not every view has been looked at."""
+    """Mask (N,) bool of the Gaussians that add nothing visible.
+
+    `contribution` (N,) is how many pixels each Gaussian made up in one round of the views, or None if some views have
+    not been seen yet.
+    """
     dead = gaussians.opacity < DEAD_OPACITY
     return dead if contribution is None else dead | (contribution < SEEN_PIXELS)
 
 
 def to_divide(error: np.ndarray, radius: np.ndarray, count: int) -> np.ndarray:
-    """Indices of at most `count` Gaussians under which most error lies, as sums (N,) over a round of the views.
+    """Indices, ascending, of the at most `count` Gaussians with the most error.
 
-    `radius` (N,) px is the largest on any image.
+    `error` (N,) is summed over a round of the views. `radius` (N,) px is the largest in any image.
     """
     worth = np.where((radius >= DIVISIBLE_RADIUS) & (error > 0), error, 0.0)
     order = np.argsort(-worth, kind="stable")[:count]
@@ -40,5 +43,5 @@ def to_divide(error: np.ndarray, radius: np.ndarray, count: int) -> np.ndarray:
 
 
 def to_clone(radius: np.ndarray) -> np.ndarray:
-    """Which (N,) bool of those to be divided are too small to split (Kerbl et al. 2023)."""
+    """Mask (N,) bool of the Gaussians that are cloned, because they are too small to split (Kerbl et al. 2023)."""
     return radius <= CLONED_RADIUS

@@ -1,4 +1,4 @@
-"""Fits Gaussians to views of B (Kerbl et al. 2023): draw, compare, step, and now and then change how many there are."""
+"""Fits Gaussians to views of B (Kerbl et al. 2023): draw, compare, step, and sometimes change their number."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,18 +18,18 @@ from .optimiser import optimiser_class
 from .raw_gaussians import NAMES, RawGaussians
 from .reshape import State
 
-# Adam's steps per parameter; lengths in units of the start's mean scale, light in units of the tone scale. They fall to
-# RATE_END of themselves, exponentially.
+# Step sizes of Adam, position in units of the mean scale at the start, SH in units of the tone scale. They decay
+# exponentially to RATE_END times these values.
 RATES = {"position": 0.03, "log_scale": 0.05, "rotation": 0.004, "logit_opacity": 0.05, "sh": 0.02}
 RATE_END = 0.1
 
-# When the number of Gaussians changes, as shares of the iterations; moved to the nearest end of a round of the views.
+# When the number of Gaussians changes, as shares of the iterations; rounded to whole rounds of the views.
 GROWTH = 0.2, 0.4, 0.6
 
 
 @dataclass(frozen=True)
 class TargetView:
-    """One image to fit: B (H, W, 3) float32 linear, and which pixels (H, W) bool show a surface that has a B."""
+    """One image to fit: B (H, W, 3) float32, linear; `valid` (H, W) bool marks pixels that show a surface with B."""
 
     camera: Camera
     indirect: np.ndarray
@@ -45,12 +45,13 @@ def fit(
     monitor: Monitor | None = None,
     checkpoint: Checkpoint | None = None,
 ) -> Gaussians:
-    """Gaussians whose images match the views, from `start`, by Adam on 0.2 L1 + 0.8 D-SSIM, one view per iteration.
+    """Fit Gaussians to the views, from `start`, by Adam on 0.2 L1 + 0.8 D-SSIM, one view per iteration.
 
-    `tone_scale` is in radiance. `monitor(iteration, loss, gaussians)` is called after each iteration; gaussians() returns
-    its Gaussians. Goes on from `checkpoint` where it holds a state and keeps states there. Deterministic for a seed,
-    whatever the number of threads, and wherever it was interrupted, unless gsplat fits. Raises FloatingPointError at
-    the first loss or gradient that is not finite, naming iteration, view and Gaussian.
+    `tone_scale` is in radiance. `monitor(iteration, loss, gaussians)` is called after each iteration, and gaussians()
+    returns its Gaussians. The fit resumes from `checkpoint` if that holds a state, and saves states there. For a given
+    seed the result does not depend on the number of threads or on interruptions, except with gsplat. Raises
+    FloatingPointError at the first loss or gradient that is not finite, and names the iteration, the view and, for a
+    gradient, the Gaussian. It is also raised for a `start` that is not finite.
     """
     _check(start)
     images = [_image(view, tone_scale) for view in views]
@@ -80,8 +81,10 @@ def fit(
 
 
 def _limit_from(schedule: Schedule, iteration: int, views: int, start: int) -> int | None:
-    """How many Gaussians there may be from this iteration on, None where that does not change: it changes after whole
-    rounds of the `views`. `start` is how many there were at first."""
+    """The largest number of Gaussians from this iteration on, or None if it does not change here.
+
+    It changes after whole rounds of the `views`. `start` is the number of Gaussians at the start.
+    """
     events = [views * round(share * schedule.iterations / views) for share in GROWTH]
     if iteration == 0 or iteration not in events:
         return None
@@ -97,7 +100,7 @@ def _check(start: Gaussians) -> None:
 
 @dataclass(frozen=True)
 class _Run:
-    """All that the rest of a fit depends on, after `iteration` steps."""
+    """Everything that the rest of a fit depends on, after `iteration` steps."""
 
     state: State
     statistics: ViewStatistics
@@ -105,13 +108,13 @@ class _Run:
 
 
 def _image(view: TargetView, tone_scale: float) -> tuple[Pinhole, Target]:
-    """A view as the optimiser takes it."""
+    """A view in the form that the optimiser takes."""
     height, width = view.valid.shape
     return view.camera.pinhole(width, height), Target.of(view.indirect, view.valid, tone_scale)
 
 
 def _order(views: int, iterations: int, seed: int) -> list[int]:
-    """TargetView of each iteration: every view once in each round, in shuffled order."""
+    """Index of the view of each iteration: every round has each view once, in random order."""
     rng = np.random.default_rng(seed)
     rounds = [rng.permutation(views) for _ in range(-(-iterations // views))]
     return np.concatenate([np.empty(0, int), *rounds])[:iterations].tolist()

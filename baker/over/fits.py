@@ -1,4 +1,4 @@
-"""Fits with the `over` operator: Gaussians as views of the light show them (Kerbl et al. 2023)."""
+"""Fits with the `over` operator: Gaussians are fitted to views of the indirect light (Kerbl et al. 2023)."""
 
 import dataclasses
 import time
@@ -19,17 +19,17 @@ from gsgi.runtime.gaussians import Effects, Gaussians
 if TYPE_CHECKING:
     from gsgi.baker.plan import Plan
 
-SH_DEGREE = 0  # Lambertian surfaces look the same from everywhere
+SH_DEGREE = 0  # Lambertian surfaces look the same from all directions
 
-FIT_PACKAGES = ("numpy", "scipy", "torch", "gsplat")  # whose versions a fit depends on
+FIT_PACKAGES = ("numpy", "scipy", "torch", "gsplat")  # a fit depends on their versions
 
-# The Gaussians that a fit starts from, of its budget: the rest goes where the error is. Beyond so many, they take long
-# to spread evenly.
+# A fit starts from this share of its budget; the rest is added where the error is. START_MOST limits the start, because
+# spreading more Gaussians evenly takes long.
 START_SHARE, START_MOST = 1 / 2, BUDGET_MAX // 8
 
 
 def trace_views(plan: "Plan", progress: Progress) -> list[TracedView]:
-    """The views of a plan, denoised where that is wanted and possible."""
+    """Trace the views of a plan, and denoise them if the settings ask for it and a denoiser is installed."""
     settings = plan.settings
     with progress.stage("irradiance", plan.points, "points") as advance:
         views = plan.tracer.views(plan.cameras, settings.size, plan.sampling, settings.seed + 1, advance, progress.say)
@@ -39,7 +39,7 @@ def trace_views(plan: "Plan", progress: Progress) -> list[TracedView]:
 
 
 class OverFits:
-    """Fits to the traced `views` of a plan, with one budget or another. `tone_scale` is the mean B over all views."""
+    """Fits to the traced `views` of a plan, with any budget. `tone_scale` is the mean B over all views."""
 
     def __init__(self, plan: "Plan", progress: Progress, views: list[TracedView]):
         self.plan, self.progress, self.views = plan, progress, views
@@ -47,8 +47,10 @@ class OverFits:
         self.effects = Effects.DENOISED if _denoises(plan) else Effects(0)
 
     def fit(self, budget: int, make_monitor: MakeMonitor) -> FitResult:
-        """Gaussians whose alpha an 8-bit opacity can hold. An interrupted fit resumes from its checkpoint; a finished
-        one is not repeated."""
+        """Fit Gaussians, and keep those whose opacity is not 0 in 8 bits.
+
+        An interrupted fit resumes from its checkpoint; a finished one is not repeated.
+        """
         start = time.perf_counter()
         with self.progress.stage("fit", self.plan.settings.iterations, "iterations") as advance:
             gaussians, history = self._fitted(budget, advance, make_monitor)
@@ -86,21 +88,21 @@ def _denoises(plan: "Plan") -> bool:
 
 
 def _tone_scale(views: list[TracedView]) -> float:
-    """Mean B over all views: the loss's tone curve puts it at one half. 1 where all is black."""
+    """Mean B over all views, which the loss's tone curve maps to one half; 1 if all views are black."""
     lit = np.concatenate([view.indirect[view.valid] for view in views])
     mean = float(lit.mean(dtype=np.float64)) if lit.size else 0.0
     return mean if mean > 0 else 1.0
 
 
 def _visible(gaussians: Gaussians) -> Gaussians:
-    """Without those that stay below the alpha threshold even at their centre once opacity has 8 bits."""
+    """Leave out Gaussians that are below the alpha threshold even at their centre once opacity has 8 bits."""
     keep = np.rint(gaussians.opacity * 255) >= 1
     fields = ("position", "rotation", "scale", "opacity", "sh")
     return Gaussians(*(getattr(gaussians, name)[keep] for name in fields))
 
 
 def steps_on_grey_light(plan: "Plan", most: int) -> tuple[Callable[[], object], int]:
-    """A function that takes some steps of the plan's fit on grey images, at most `most`, and how many: for timing."""
+    """A function that takes up to `most` steps of the plan's fit on grey images, and their number; for timing."""
     from gsgi.baker.fitting.target import Target
 
     from .fit import RATES

@@ -1,4 +1,4 @@
-"""One change of the number of Gaussians: who adds nothing goes, twins become one, and what that frees goes to error."""
+"""One step of density control: removes needless Gaussians, merges duplicates, divides those with the most error."""
 
 from dataclasses import dataclass
 
@@ -13,8 +13,8 @@ from .workspace import StepStatistics
 
 @dataclass(frozen=True)
 class ViewStatistics:
-    """What `steps` views showed of each of N Gaussians, float32: contribution and error as sums (N,), see
-    StepStatistics, and the largest radius (N,) in px."""
+    """Statistics (N,) float32 of N Gaussians over `steps` views: the sums of contribution and error (see
+    StepStatistics), and the largest radius in px."""
 
     contribution: np.ndarray
     error: np.ndarray
@@ -27,23 +27,23 @@ class ViewStatistics:
         return ViewStatistics(*(np.zeros(count, np.float32) for _ in range(3)), 0)
 
     def with_step(self, found: StepStatistics) -> "ViewStatistics":
-        """And one view more; takes over the arrays."""
+        """Add the statistics of one more view, in place."""
         np.add(self.contribution, found.contribution, out=self.contribution)
         np.add(self.error, found.error, out=self.error)
         np.maximum(self.radius, found.radius, out=self.radius)
         return ViewStatistics(self.contribution, self.error, self.radius, self.steps + 1)
 
     def per_round(self, views: int) -> "ViewStatistics":
-        """Sums as one round of so many views would give them."""
+        """The sums scaled to one round of `views` views."""
         share = np.float32(views / max(self.steps, 1))
         return ViewStatistics(self.contribution * share, self.error * share, self.radius, self.steps)
 
     def keep(self, which: np.ndarray) -> "ViewStatistics":
-        """Of those in `which`, (N,) bool or indices."""
+        """The statistics of the Gaussians in `which`, (N,) bool or indices."""
         return ViewStatistics(self.contribution[which], self.error[which], self.radius[which], self.steps)
 
     def merge(self, pairs: np.ndarray) -> "ViewStatistics":
-        """After `reshape.merge`."""
+        """The statistics after `reshape.merge`."""
         others = np.ones(len(self.error), bool)
         others[pairs.reshape(-1)] = False
         sums = (np.concatenate([a[others], a[pairs].sum(axis=1)]) for a in (self.contribution, self.error))
@@ -51,7 +51,7 @@ class ViewStatistics:
 
 
 def grow(state: State, statistics: ViewStatistics, views: int, limit: int, tone_scale: float) -> State:
-    """At most `limit` Gaussians, from what whole rounds of the `views` showed of them."""
+    """Change the number of Gaussians to at most `limit`, from the statistics of whole rounds of the `views`."""
     every_view = statistics.steps >= views
     statistics = statistics.per_round(views)
     wanted = ~to_remove(state.raw.to_gaussians(), statistics.contribution if every_view else None)

@@ -1,4 +1,4 @@
-"""The Gaussians that a fit starts from: one per evenly spread surface point that a view sees, flat along the normal."""
+"""The Gaussians that a fit starts from: evenly spread on the surfaces that the views see, flat along the normal."""
 
 from collections.abc import Sequence
 
@@ -11,14 +11,14 @@ from gsgi.runtime import constants
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.gaussians import Gaussians
 
-FLATNESS = 0.1  # scale along the normal over that in the surface
+FLATNESS = 0.1  # scale along the normal, relative to that in the surface
 OPACITY = 0.9
 
 
 def from_views(
     cameras: Sequence[Camera], views: Sequence[TracedView], count: int, seed: int, sh_degree: int
 ) -> Gaussians:
-    """At most `count` Gaussians, evenly apart on the surfaces that the views see, with the B that is seen there."""
+    """At most `count` Gaussians, evenly spread on the surfaces that the views see, with the B of the views."""
     rng = np.random.default_rng(seed)
     pixels = np.concatenate([[0], np.cumsum([view.valid.sum() for view in views])])
     chosen = np.sort(rng.permutation(pixels[-1])[: CANDIDATES * count])
@@ -31,10 +31,10 @@ def from_views(
 
 
 def from_surface(position: np.ndarray, normal: np.ndarray, indirect: np.ndarray, sh_degree: int) -> Gaussians:
-    """Gaussians at surface points: position (N, 3) m, normal (N, 3) unit; their colour is `indirect` (N, 3), B there.
+    """Gaussians at surface points: position (N, 3) m, normal (N, 3) unit, colour from `indirect` (N, 3), the B there.
 
-    Scale is the mean distance to the three nearest points (Kerbl et al. 2023), FLATNESS of it along the normal, which
-    is the +z axis of the rotation.
+    The scale is the mean distance to the three nearest points (Kerbl et al. 2023), times FLATNESS along the normal. The
+    normal is the +z axis of the rotation.
     """
     scale = spacing(position)[:, None] * np.array([1, 1, FLATNESS], np.float32)
     sh = np.zeros((len(position), (sh_degree + 1) ** 2, 3), np.float32)
@@ -44,7 +44,7 @@ def from_surface(position: np.ndarray, normal: np.ndarray, indirect: np.ndarray,
 
 
 def _surface(camera: Camera, view: TracedView, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """position, normal and B (P, 3) at those of a view's valid pixels, in the order of the image, that are `chosen`."""
+    """Position, normal and B (P, 3) at the `chosen` pixels: indices into a view's valid pixels in image order."""
     height, width = view.valid.shape
     pinhole = camera.pinhole(width, height)
     row, column = (index[chosen] for index in np.nonzero(view.valid))

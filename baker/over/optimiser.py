@@ -1,4 +1,4 @@
-"""What a fit changes, step by step: Gaussians and what Adam remembers of them, on the CPU."""
+"""Steps Gaussians with Adam on the CPU, and chooses between the CPU and the GPU."""
 
 from collections.abc import Mapping
 from importlib.util import find_spec
@@ -15,7 +15,7 @@ from .workspace import AdamState, StepStatistics, Workspace
 
 
 class CpuOptimiser:
-    """Steps N Gaussians, view by view. The same bits for any number of threads."""
+    """Steps N Gaussians, one view at a time. The results are bitwise equal for any number of threads."""
 
     def __init__(self, raw: RawGaussians, adam: AdamState, blend: OverBlend):
         self.raw, self.adam, self._blend = raw, adam, blend
@@ -26,10 +26,10 @@ class CpuOptimiser:
         return Workspace().forward(self.raw, pinhole, self._blend)[0]
 
     def iterate(self, pinhole: Pinhole, target: Target, rates: Mapping[str, float]) -> tuple[float, StepStatistics]:
-        """One step of Adam against the loss of one view: the loss before it, and what it found out of each Gaussian.
+        """Take one step of Adam on the loss of one view; return the loss before the step and its statistics.
 
-        `rates` per name of RawGaussians. Raises FloatingPointError where the loss or a gradient is not finite, naming
-        the Gaussian; nothing is stepped then.
+        `rates` maps each name of RawGaussians to a step size. Raises FloatingPointError where the loss or a gradient is
+        not finite, and names the Gaussian of the gradient; nothing is stepped then.
         """
         image, _ = self._workspace.forward(self.raw, pinhole, self._blend)
         loss = image_loss(image, target)
@@ -38,14 +38,14 @@ class CpuOptimiser:
         found = self._workspace.step(self.raw, self.adam, loss.by_image, rates, loss.error)
         if found.not_finite >= 0:
             raise FloatingPointError(f"the gradient of Gaussian {found.not_finite} is not finite")
-        if self.raw.sh.shape[1] == 1:  # colours below 0 are cut in the image: they would never get a gradient again
+        if self.raw.sh.shape[1] == 1:  # the image clamps negative colours: they would never get a gradient again
             np.maximum(self.raw.sh, 0, out=self.raw.sh)
         return loss.value, found
 
 
 def optimiser_class() -> type:
-    """The fastest that this machine runs: CudaOptimiser or CpuOptimiser."""
-    if find_spec("gsplat") is None:  # asked first: torch takes seconds to import
+    """The fastest optimiser that this machine can run: CudaOptimiser or CpuOptimiser."""
+    if find_spec("gsplat") is None:  # checked first, because torch takes seconds to import
         return CpuOptimiser
     from .cuda_optimiser import CudaOptimiser
     from .cuda_splat import unavailable

@@ -1,4 +1,4 @@
-"""Gaussians to an image with the `over` operator, by the CPU kernel."""
+"""Rasterises Gaussians with the `over` operator, by the CPU kernel."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Gaussians as the optimiser sees them: before activation."""
+"""Gaussians as the optimiser steps them: before activation."""
 
 from dataclasses import dataclass
 
@@ -7,16 +7,16 @@ import numpy as np
 from gsgi.runtime.gaussians import Gaussians
 
 NAMES = ("position", "rotation", "log_scale", "logit_opacity", "sh")
-OPACITY_RANGE = (1e-4, 1 - 1e-4)  # what a logit can hold without vanishing gradients
-SCALE_MIN = 1e-12  # m; what a logarithm can hold
+OPACITY_RANGE = (1e-4, 1 - 1e-4)  # the logit's gradient vanishes outside
+SCALE_MIN = 1e-12  # m; keeps the logarithm finite
 
 
 @dataclass(frozen=True)
 class RawGaussians:
-    """Parameters of N Gaussians, whose arrays the optimiser changes in place; all float32, C-contiguous.
+    """Parameters of N Gaussians, as float32 C-contiguous arrays that the optimiser changes in place.
 
     position       (N, 3), m, world space
-    rotation       (N, 4), quaternion xyzw of any length but 0
+    rotation       (N, 4), quaternion xyzw of any length except 0
     log_scale      (N, 3), natural logarithm of the standard deviations in m
     logit_opacity  (N,)
     sh             (N, K, 3)
@@ -33,7 +33,7 @@ class RawGaussians:
 
     @staticmethod
     def from_gaussians(gaussians: Gaussians) -> "RawGaussians":
-        """Copies; opacity is moved into OPACITY_RANGE, scale to SCALE_MIN at least."""
+        """Raw copies; opacity is clamped to OPACITY_RANGE, and scale is at least SCALE_MIN."""
         g = gaussians
         opacity = np.clip(g.opacity.astype(np.float64), *OPACITY_RANGE)
         log_scale = np.log(np.maximum(g.scale, np.float32(SCALE_MIN)))

@@ -1,1 +1,1 @@
-"""The fit of the `surface` operator: Gaussians read at surface points."""
+"""The fit of the `surface` operator: Gaussians that are read at surface points."""

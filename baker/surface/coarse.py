@@ -1,4 +1,4 @@
-"""The coarse level: Gaussians throughout free space, so that every point has light, a moving object its own."""
+"""The coarse level: Gaussians throughout free space, so that every point has light, also one on a moving object."""
 
 from dataclasses import replace
 
@@ -12,24 +12,25 @@ from .optimiser import SurfaceOptimiser
 from .samples import SurfaceSamples
 from .state import SurfaceState
 
-CANDIDATES = 16  # points in free space for each Gaussian, from which those evenly apart are taken
-WIDTH = 0.6  # standard deviation, of the distance to the three nearest
+CANDIDATES = 16  # points in free space per Gaussian, from which an evenly spread subset is chosen
+WIDTH = 0.6  # standard deviation, relative to the mean distance to the three nearest
 
-# The fit: steps of the shapes, and how often and with how many iterations the colours are solved for.
+# Step sizes of the shapes, as in fit.RATES; the colours are solved for every SOLVE_STEPS steps, and at the end.
 RATES = {"place": 0.06, "turn": 0.04, "log_scale": 0.06, "logit_opacity": 0.05, "colour": 0.0}
 RATE_END = 0.1
 STEPS, SOLVE_STEPS, SOLVE_ITERATIONS, SOLVE_LAST = 60, 6, 6, 20
 
-RIDGE = 1e-3  # see colours.RIDGE, which would take from the bands of light that comes from one side
+RIDGE = 1e-3  # smaller than colours.RIDGE, which would damp the higher bands of light from one side
 
-# One Gaussian reaches every point of the scene and far beyond, weighing next to nothing.
+# One Gaussian of almost no weight reaches every point of the scene and far beyond. Its scale is relative to the
+# diagonal of the samples' bounding box.
 EVERYWHERE_SCALE, EVERYWHERE_OPACITY = 1.0, 1 / 255
-OPACITY = 0.5  # of the others, at first
-SCALE_MIN = 1e-6  # m; points may coincide
+OPACITY = 0.5  # of the others at the start
+SCALE_MIN = 1e-6  # m; points can coincide
 
 
 def coarse_level(samples: SurfaceSamples, count: int, blend: SurfaceBlend, tone_scale: float, seed: int) -> Gaussians:
-    """At most `count` Gaussians that meet `samples`: of light in free space, for normals in all directions.
+    """Fit at most `count` Gaussians to `samples` in free space, whose normals have all directions.
 
     `tone_scale` is the mean B.
     """
@@ -47,13 +48,13 @@ def coarse_level(samples: SurfaceSamples, count: int, blend: SurfaceBlend, tone_
 
 
 def _everywhere_again(moved: Gaussians, start: Gaussians) -> Gaussians:
-    """The first with the shape that it starts with: no sample tells that it is needed beyond the samples."""
+    """Reset the shape of the first Gaussian to `start`: no sample shows that it is needed beyond the samples."""
     shape = "position", "rotation", "scale", "opacity"
     return replace(moved, **{k: np.concatenate([getattr(start, k)[:1], getattr(moved, k)[1:]]) for k in shape})
 
 
 def _evenly_apart(position: np.ndarray, count: int, rng: np.random.Generator) -> Gaussians:
-    """Black Gaussians at points (S, 3), the first of them everywhere."""
+    """At most `count` black Gaussians evenly spread over points (S, 3); the first one covers everything."""
     if not len(position):
         return Gaussians(*(np.empty((0, *shape), np.float32) for shape in ((3,), (4,), (3,), (), (9, 3))))
     candidates = position[np.sort(rng.permutation(len(position))[: CANDIDATES * count])]

@@ -1,4 +1,4 @@
-"""Colours of Gaussians whose shapes are given: linear least squares by conjugate gradients (Hestenes, Stiefel 1952)."""
+"""Colours of Gaussians of given shapes: linear least squares by conjugate gradients (Hestenes and Stiefel 1952)."""
 
 from dataclasses import replace
 
@@ -8,11 +8,11 @@ from gsgi.runtime import constants
 
 from .lookup import inverse_weight
 
-# Of a Gaussian's mass: how strongly its colour is held to the mean of the light that it sees. Keeps Gaussians that
-# overlap much from making up for each other's colours, and few samples from being believed.
+# How strongly a Gaussian's colour is held to the mean of the light that it sees, relative to the Gaussian's mass. This
+# keeps the colours of overlapping Gaussians from compensating each other, and limits the influence of few samples.
 RIDGE = 1e-2
 
-SH_BOUND = 2.0  # of band 1 the cosine lobe has 1.15 times the constant coefficient, radiance from one direction 1.73
+SH_BOUND = 2.0  # relative to band 0: in band 1 a cosine lobe has 1.15, radiance from one direction 1.73
 
 
 def solve(
@@ -24,11 +24,11 @@ def solve(
     iterations: int,
     ridge: float = RIDGE,
 ) -> np.ndarray:
-    """Coefficients (N, K, 3) float32 that meet `light` (S, 3), radiance, at the points of `field`.
+    """Coefficients (N, K, 3) float32 that fit `light` (S, 3), radiance, at the points of `field`.
 
-    Minimises sum importance |B - light|^2, `importance` (S,), from the coefficients that `gaussians`, which are those
-    that the field has listed, have now. `base` (S, 4) is what further Gaussians add to sum w c and sum w. The constant
-    coefficient comes out at 0 or more.
+    Minimises the sum of importance |B - light|^2, with `importance` (S,), starting from the coefficients of
+    `gaussians`, which `field` must have listed. `base` (S, 4) is what other Gaussians add to sum w c and sum w. The
+    constant coefficients of the result are 0 or more.
     """
     inverse = inverse_weight(field.read(gaussians) + base)
     given = base[:, :3] * inverse[:, None]
@@ -45,7 +45,7 @@ def solve(
     seen = transposed(weight * (light - given))
     prior = np.zeros(gaussians.sh.shape)
     prior[:, 0] = np.divide(seen[:, 0], constants.SH_C0**2 * mass[:, 0], out=prior[:, 0], where=mass[:, 0] > 0)
-    unit = constants.SH_C0**2 * mass  # the mean square of every basis function is that of the constant one
+    unit = constants.SH_C0**2 * mass  # every basis function has the mean square of the constant one
     held = ridge * unit
     sh = _conjugate_gradients(
         lambda x: transposed(weight * forward(x)) + held * x,
@@ -58,15 +58,17 @@ def solve(
 
 
 def _bounded(sh: np.ndarray) -> np.ndarray:
-    """Coefficients (N, K, 3) that light which is nowhere negative could have: the constant ones are 0 or more, and none
-    of the others is larger than SH_BOUND times the largest of those."""
+    """Clamp coefficients (N, K, 3) to what non-negative light can have.
+
+    The constant ones are 0 or more. The magnitude of the others is at most SH_BOUND times the largest constant one.
+    """
     constant = np.maximum(sh[:, :1], 0)
     most = SH_BOUND * constant.max(axis=2, keepdims=True)
     return np.concatenate([constant, np.clip(sh[:, 1:], -most, most)], axis=1)
 
 
 def _conjugate_gradients(apply, right: np.ndarray, x: np.ndarray, preconditioner: np.ndarray, iterations: int):
-    """x (N, K, 3) after so many steps towards apply(x) = right, one system for each channel."""
+    """x (N, K, 3) after `iterations` steps towards apply(x) = right, with one system per channel."""
     residual = right - apply(x)
     z = preconditioner * residual
     direction, norm = z, _dot(residual, z)

@@ -1,5 +1,8 @@
-"""Fits Gaussians of the `surface` operator to samples of B: shapes by gradient, colours by least squares whenever their
-number changes."""
+"""Fits Gaussians of the `surface` operator to samples of B.
+
+Shapes and colours follow the gradient. Colours are also solved for by least squares whenever the number of Gaussians
+changes.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -18,30 +21,33 @@ from .optimiser import LIST_STEPS, SurfaceOptimiser
 from .samples import SurfaceSamples, joined
 from .state import SurfaceState, to_merge, to_remove, to_split
 
-# Adam's steps: lengths in standard deviations, turns in rad, light in units of the tone scale. They fall to RATE_END of
-# themselves, exponentially.
+# Step sizes of Adam: lengths in standard deviations, turns in rad, colour in units of the tone scale. They decay
+# exponentially to RATE_END times these values.
 RATES = {"place": 0.06, "turn": 0.04, "log_scale": 0.06, "logit_opacity": 0.05, "colour": 0.03}
 RATE_END = 0.1
 
-# When the number of Gaussians changes, as shares of the steps, and the share of the budget that the fit starts with.
+# When the number of Gaussians changes, as shares of the steps, and the share of the budget at the start.
 GROWTH = 0.2, 0.35, 0.5
 START_SHARE = 0.7
 
-# Iterations of the colours' least squares: at the start, where the number changed, and at the end. Adam leaves some
-# light where there is none.
+# Iterations of the least squares for the colours: at the start, after each change of the number, and at the end.
+# Adam alone leaves some light where there is none.
 SOLVE_FIRST, SOLVE_AGAIN, SOLVE_LAST = 10, 5, 10
 
-# The start: of the distance to the three nearest, in the surface and along its normal. Neighbours overlap; thicker ones
-# speak for the free space before their surface, which the coarse level knows better.
+# Standard deviations at the start, in the surface and along its normal, relative to the mean distance to the three
+# nearest. Neighbours overlap. Thicker ones would cover the free space in front of the surface, which the coarse level
+# represents better.
 WIDTH, THICKNESS = 1.3, 0.5
 OPACITY = 0.5
-SPACING_MIN = 1e-6  # m; points may coincide
+SPACING_MIN = 1e-6  # m; points can coincide
 
 
 @dataclass(frozen=True)
 class _Run:
-    """All that the rest of a fit depends on, after `iteration` steps, a multiple of LIST_STEPS; `error` (N,) is what
-    the last of them saw."""
+    """Everything that the rest of a fit depends on, after `iteration` steps, a multiple of LIST_STEPS.
+
+    `error` (N,) is that of the last step.
+    """
 
     state: SurfaceState
     error: np.ndarray
@@ -58,12 +64,13 @@ def fit_surface(
     monitor: Monitor | None = None,
     checkpoint: Checkpoint | None = None,
 ) -> Gaussians:
-    """The fine level: at most `schedule.budget` Gaussians of SH degree 0 that, with the `coarse` level, meet the samples.
+    """Fit the fine level: at most `schedule.budget` Gaussians of SH degree 0 that match the samples on top of `coarse`.
 
-    `tone_scale` is the mean B, radiance. `monitor(iteration, loss, gaussians)` is called after each step; gaussians() are
-    those that it led to. Goes on from `checkpoint` where it holds a state and keeps states there. Deterministic for a
-    seed, whatever the number of threads, and wherever it was interrupted. Raises FloatingPointError at the first
-    gradient or loss that is not finite, naming iteration and Gaussian.
+    `tone_scale` is the mean B, in radiance. `monitor(iteration, loss, gaussians)` is called after each step, and
+    gaussians() returns the result of that step. The fit resumes from `checkpoint` if that holds a state, and saves
+    states there. For a given seed the result does not depend on the number of threads or on interruptions. Raises
+    FloatingPointError at the first gradient or loss that is not finite, and names the iteration and, for a gradient,
+    the Gaussian.
     """
     rng = np.random.default_rng(schedule.seed)
     optimiser = SurfaceOptimiser(joined([surface, free]), coarse, blend, tone_scale)
@@ -92,7 +99,7 @@ def fit_surface(
 
 
 def start(samples: SurfaceSamples, count: int, rng: np.random.Generator) -> Gaussians:
-    """At most `count` Gaussians evenly apart on the samples' surfaces, flat along the normal, their +z axis."""
+    """At most `count` Gaussians, evenly spread over the samples and flat along the normal, which is their +z axis."""
     chosen = np.sort(rng.permutation(len(samples))[: CANDIDATES * count])
     position, normal = samples.position[chosen], samples.normal[chosen]
     even = thin(position, normal, count, rng)
@@ -105,8 +112,10 @@ def start(samples: SurfaceSamples, count: int, rng: np.random.Generator) -> Gaus
 
 
 def changed(state: SurfaceState, error: np.ndarray, limit: int, optimiser: SurfaceOptimiser) -> SurfaceState:
-    """At most `limit` Gaussians: without those that no sample sees or that a neighbour makes superfluous, and with
-    those split under which most `error` (N,) lies."""
+    """Change the number of Gaussians to at most `limit`, and solve for the colours.
+
+    Removes duplicates and Gaussians that hardly any sample sees, and splits those with the most `error` (N,).
+    """
     wanted = ~(to_remove(optimiser.share(state.gaussians)) | to_merge(state.gaussians, optimiser.tone_scale))
     state, error = state.keep(wanted), error[wanted]
     state = state.split(to_split(error, limit - len(state)))

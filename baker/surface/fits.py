@@ -1,4 +1,4 @@
-"""Fits with the `surface` operator: Gaussians as surface points read them."""
+"""Fits with the `surface` operator: Gaussians are fitted to B at sample points."""
 
 import time
 from collections.abc import Callable
@@ -19,13 +19,13 @@ from .samples import CHUNK, Sampler, SurfaceSamples, chunk_count
 if TYPE_CHECKING:
     from gsgi.baker.plan import Plan
 
-FREE_SHARE = 1 / 16  # samples in free space for each on a surface: Gaussians shall not reach where other light is
+FREE_SHARE = 1 / 16  # free samples per surface sample; they keep fine Gaussians from reaching space with other light
 
-FIT_PACKAGES = ("numpy", "scipy")  # whose versions a fit depends on
+FIT_PACKAGES = ("numpy", "scipy")  # a fit depends on their versions
 
 
 class SurfaceFits:
-    """Fits to samples of a plan's light, with one budget or another. `tone_scale` is the pilot's mean B."""
+    """Fits to samples of a plan's light, with any budget. `tone_scale` is the pilot's mean B, or 1 if that is 0."""
 
     effects = Effects(0)
 
@@ -38,8 +38,10 @@ class SurfaceFits:
         self.sampler = Sampler(plan.tracer, plan.cameras, half, settings.seed + 1, dark)
 
     def fit(self, budget: int, make_monitor: MakeMonitor) -> FitResult:
-        """Both levels. An interrupted fit resumes from its samples and its checkpoint; a finished one is not
-        repeated."""
+        """Fit both levels.
+
+        An interrupted fit resumes from its samples and its checkpoint; a finished one is not repeated.
+        """
         from .coarse import coarse_level
         from .lookup import look_up
 
@@ -58,7 +60,7 @@ class SurfaceFits:
         return FitResult(gaussians, coarse, history, seconds, coverage)
 
     def _samples(self, count: int, free_count: int) -> tuple[SurfaceSamples, SurfaceSamples]:
-        """Samples of the surfaces, and of free space."""
+        """Samples on the surfaces and in free space."""
         points = 2 * (chunk_count(count) + chunk_count(free_count)) * CHUNK
         with self.progress.stage("irradiance", points, "points") as advance:
             free = self.sampler.free(free_count, advance)
@@ -85,7 +87,7 @@ class SurfaceFits:
 
 
 def steps_on_grey_light(plan: "Plan", steps: int) -> tuple[Callable[[], object], int]:
-    """A function that takes `steps` steps of the plan's fit on grey samples, and how many these are: for timing."""
+    """A function that takes `steps` steps of the plan's fit on grey samples, and their number; for timing."""
     from .coarse import coarse_level
     from .fit import RATES, start
     from .optimiser import SurfaceOptimiser

@@ -1,4 +1,4 @@
-"""B where Gaussians are read at surface points: the `surface` operator (see SurfaceBlend)."""
+"""B of Gaussians at surface points: the `surface` operator (see SurfaceBlend)."""
 
 import numpy as np
 
@@ -13,7 +13,7 @@ def look_up(
 ) -> tuple[np.ndarray, np.ndarray]:
     """B (S, 3) float32, linear radiance, at points (S, 3), m, with unit normals (S, 3); and the fine sum w (S,).
 
-    B is 0 where no Gaussian of either level reaches. The same bits whatever the number of threads.
+    B is 0 where no Gaussian of either level reaches. The result is bitwise equal for any number of threads.
     """
     order = coherent(position, normal)
     field = kernels.FieldFloat(*(np.ascontiguousarray(array[order], np.float32) for array in (position, normal)))
@@ -26,24 +26,24 @@ def look_up(
 
 
 def coarse_light(field: kernels.FieldFloat, coarse: Gaussians, blend: SurfaceBlend) -> np.ndarray:
-    """Light (S, 3) of the coarse level at the points of a field, which may be negative."""
+    """Light (S, 3) of the coarse level at the points of a field; it can be negative."""
     field.list(coarse, blend.cutoff, 0, 1.0)
     sums = field.read(coarse)
     return sums[:, :3] * inverse_weight(sums)[:, None]
 
 
 def filling(fine: np.ndarray, coarse: np.ndarray, blend: SurfaceBlend) -> np.ndarray:
-    """What light (S, 3) of the coarse level adds to sum w c and sum w (S, 4) of the fine one."""
+    """What the light `coarse` (S, 3) of the coarse level adds to sum w c and sum w (S, 4) of the fine level."""
     gap = np.maximum(np.float32(blend.floor) - fine[:, 3:], 0)
     return np.concatenate([gap * coarse, gap], axis=1)
 
 
 def light_of(sums: np.ndarray) -> np.ndarray:
-    """B (S, 3) of sum w c and sum w (S, 4): 0 where it is negative, and where nothing weighs anything."""
+    """B (S, 3) from sum w c and sum w (S, 4); 0 where it would be negative or sum w is 0."""
     return np.maximum(sums[:, :3] * inverse_weight(sums)[:, None], 0)
 
 
 def inverse_weight(sums: np.ndarray) -> np.ndarray:
-    """1 / sum w (S,) of sums (S, 4), 0 where it is so small that it has no inverse."""
+    """1 / sum w (S,) from sums (S, 4); 0 where sum w is too small to be inverted."""
     weight = sums[:, 3]
     return np.divide(1, weight, out=np.zeros_like(weight), where=weight >= np.finfo(weight.dtype).tiny)

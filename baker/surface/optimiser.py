@@ -17,29 +17,29 @@ from .point_order import coherent
 from .samples import SurfaceSamples
 from .state import PARAMETERS, SurfaceState
 
-# Which samples Gaussians reach is looked up every so many steps, as if they were so much larger: they grow and move.
-# How noise pulls at them is looked up at the same steps.
+# Every LIST_STEPS steps the samples that each Gaussian reaches are listed, and the noise of the gradients is measured.
+# The lists are for Gaussians MARGIN times as large, because Gaussians grow and move between two listings.
 LIST_STEPS, MARGIN = 10, 1.1
 
-# Adam (Kingma and Ba 2015). All samples take part in each step: the square need not remember long.
+# Adam (Kingma and Ba 2015). Each step uses all samples, so that the second moment needs only a short memory.
 BETA_1, BETA_2, EPSILON = 0.9, 0.98, 1e-20
 
-DARK = 1.5  # mean B; light counts relative to itself and so much more
-SIZE_COST = 0.05  # of the error, for all Gaussians e times as large: of shapes that fit alike the small one costs less
-LOGIT_MAX = 5.0  # of the opacity
+DARK = 1.5  # in units of the mean B; errors count relative to the light plus this
+SIZE_COST = 0.05  # of the error, for all Gaussians e times as long on one axis: prefers the smaller of equal fits
+LOGIT_MAX = 5.0  # magnitude, of the opacity
 
 
 @dataclass(frozen=True)
 class StepResult:
-    """What a step found: the loss, and the error (N,) float32 of the samples, free of their noise, by Gaussian."""
+    """The loss of a step, and the noise-free error (N,) float32 of the samples, attributed to the Gaussians."""
 
     loss: float
     error: np.ndarray
 
 
 class _Reading(NamedTuple):
-    """At each of S samples: B (S, 3), 1 / (sum w + gap) (S,), and the light (S, 3) that gives way to a Gaussian which
-    comes to weigh more: B, or below the floor that of the coarse level."""
+    """At each of S samples: B (S, 3), 1 / (sum w + gap) (S,), and the light (S, 3) that yields to a Gaussian whose
+    weight grows: B, or below the floor the light of the coarse level."""
 
     light: np.ndarray
     inverse: np.ndarray
@@ -47,12 +47,12 @@ class _Reading(NamedTuple):
 
 
 class SurfaceOptimiser:
-    """The loss is the mean over samples of importance |B - light|^2, linear light, importance = 1 / (B + DARK mean)^2.
+    """Steps Gaussians by Adam on the mean over the samples of importance |B - light|^2 in linear light.
 
-    Squared error in linear light has its minimum at the mean of noisy samples; the importance depends on B alone, which
-    hardly knows the noise. A parameter moves only where both halves of the samples' paths, each on its own, pull it the
-    same way (after the AND-mask of Parascandolo et al. 2020): what noise alone asks for is left. Deterministic,
-    whatever the number of threads.
+    The importance is 1 / (B + DARK mean)^2. A squared error in linear light has its minimum at the mean of noisy
+    samples, and the importance depends only on the fitted B, which has little of the noise. A gradient counts only
+    where both halves of the samples' paths agree on its sign (after the AND-mask of Parascandolo et al. 2020), so that
+    noise alone moves nothing. Deterministic for any number of threads.
     """
 
     def __init__(self, samples: SurfaceSamples, coarse: Gaussians, blend: SurfaceBlend, tone_scale: float):
@@ -65,7 +65,7 @@ class SurfaceOptimiser:
         self._noise: np.ndarray | None = None
 
     def solve(self, gaussians: Gaussians, iterations: int, ridge: float = colours.RIDGE) -> Gaussians:
-        """With the best colours for their shapes."""
+        """Set the colours to the least-squares solution for the shapes."""
         self._list(gaussians)
         base = filling(self._field.read(gaussians), self._coarse, self.blend)
         importance = self._importance(self._read(gaussians).light)
@@ -73,16 +73,16 @@ class SurfaceOptimiser:
         return replace(gaussians, sh=sh)
 
     def share(self, gaussians: Gaussians) -> np.ndarray:
-        """Of how many samples (N,) float32 each Gaussian makes up the light: sums of w over sum w."""
+        """Number of samples (N,) float32 that each Gaussian accounts for: the sum over the samples of w / sum w."""
         self._list(gaussians)
         light, inverse, _ = self._read(gaussians)
         return self._field.transposed(gaussians, np.ones_like(light), inverse)[:, 0, 0] / np.float32(constants.SH_C0)
 
     def step(self, state: SurfaceState, rates: Mapping[str, float], steps: int) -> tuple[SurfaceState, StepResult]:
-        """One step of Adam, the `steps`-th since it began.
+        """Take one step of Adam, the `steps`-th since the start (from 1).
 
-        Raises FloatingPointError where a gradient, naming the Gaussian, or the loss is not finite. Depends on earlier
-        steps by what they listed, unless `steps` - 1 is a multiple of LIST_STEPS.
+        Raises FloatingPointError where the loss or a gradient is not finite, and names the Gaussian of the gradient.
+        The step depends on the listing of an earlier step, unless `steps` - 1 is a multiple of LIST_STEPS.
         """
         if (steps - 1) % LIST_STEPS == 0 or self._listed != len(state):
             self._list(state.gaussians)
@@ -120,7 +120,7 @@ class SurfaceOptimiser:
         return 1 / np.square(np.maximum(light.mean(axis=1), 0) + self._dark)
 
     def _moments(self, gaussians: Gaussians, reading: _Reading) -> tuple[np.ndarray, float, float]:
-        """Moments (N, 16), see FIELD_MOMENTS, the loss, and the part of it that is not noise."""
+        """Moments (N, 16) (see FIELD_MOMENTS), the loss, and the noise-free part of the loss."""
         light, importance = reading.light, self._importance(reading.light)
         residual = light - self._light
         error = importance * ((light - self._a) * (light - self._b)).sum(axis=1)
@@ -129,12 +129,12 @@ class SurfaceOptimiser:
         return self._backward(gaussians, reading, residual, error), *means
 
     def _gradient_noise(self, gaussians: Gaussians, reading: _Reading) -> np.ndarray:
-        """Half the difference (N, 13) of the halves' gradients, without sign: they agree about what is larger."""
+        """Absolute half difference (N, 13) of the halves' gradients: their signs agree where the gradient is larger."""
         moments = self._backward(gaussians, reading, (self._a - self._b) / 2, np.zeros(len(self._a), np.float32))
         return np.abs(parameter_gradient(moments, gaussians))
 
     def _backward(self, gaussians: Gaussians, reading: _Reading, residual: np.ndarray, error: np.ndarray) -> np.ndarray:
-        """Moments (N, 16) of the loss whose residuals are (S, 3), and of `error` (S,)."""
+        """Moments (N, 16) of the loss with residuals (S, 3), and of `error` (S,)."""
         by_light = np.float32(2 / max(len(residual), 1)) * self._importance(reading.light)[:, None] * residual
         return self._field.backward(gaussians, reading.yielding, by_light, reading.inverse, error)
 
@@ -142,8 +142,8 @@ class SurfaceOptimiser:
 def parameter_gradient(moments: np.ndarray, gaussians: Gaussians) -> np.ndarray:
     """The loss's gradient (N, 13) float32 by PARAMETERS, from the sums (N, 16) of FIELD_MOMENTS.
 
-    A place u moves the centre by R S u, a turn w rotates the axes by w about themselves: both at 0. A colour is the
-    constant SH coefficient.
+    A place u moves the centre by R S u. A turn w is a rotation vector in the Gaussian's own axes. The gradient is taken
+    at u = 0 and w = 0. The colour is the constant SH coefficient.
     """
     e_x, e_y, e_z, xx, xy, xz, yy, yz, zz, p_w, h_x, h_y, red, green, blue = moments[:, :15].T
     x, y, z = gaussians.scale.T
@@ -160,8 +160,10 @@ def parameter_gradient(moments: np.ndarray, gaussians: Gaussians) -> np.ndarray:
 def moved(
     gaussians: Gaussians, change: np.ndarray, unit: float, smallest: np.ndarray, largest: np.ndarray
 ) -> Gaussians:
-    """Gaussians after a change (N, 13) of PARAMETERS, colours in units of `unit` (radiance), none below 0; standard
-    deviations stay between `smallest` and `largest` (N, 3)."""
+    """Apply a change (N, 13) of PARAMETERS, with colour in units of `unit` (radiance).
+
+    Constant SH coefficients stay at 0 or more, and standard deviations between `smallest` and `largest` (N, 3).
+    """
     from scipy.spatial.transform import Rotation
 
     g = gaussians

@@ -1,12 +1,12 @@
-"""An order of surface points in which neighbours that face the same way follow each other."""
+"""An order of surface points in which neighbours that face the same way are adjacent."""
 
 import numpy as np
 
-BITS = 10  # of each coordinate
+BITS = 10  # per coordinate
 
 
 def coherent(position: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """Indices (S,) that sort points (S, 3), m, by the axis that their normals (S, 3) are nearest to, then along a
+    """Indices (S,) that sort points (S, 3), m, by the signed axis nearest to their normals (S, 3), then along a
     Z-order curve (Morton 1966)."""
     if not len(position):
         return np.empty(0, np.int64)
@@ -20,7 +20,7 @@ def coherent(position: np.ndarray, normal: np.ndarray) -> np.ndarray:
 
 
 def _spread(values: np.ndarray) -> np.ndarray:
-    """Two zero bits between the bits of each number."""
+    """Insert two zero bits between the bits of each number."""
     for shift, mask in ((16, 0x30000FF), (8, 0x300F00F), (4, 0x30C30C3), (2, 0x9249249)):
         values = (values | values << np.uint32(shift)) & np.uint32(mask)
     return values

@@ -1,4 +1,4 @@
-"""Where the `surface` operator is fitted: points with B traced in two independent halves."""
+"""The samples of the `surface` operator: points at which B is traced in two independent halves."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -9,20 +9,23 @@ from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.baker.trace.tracer import Sampling, Tracer
 from gsgi.runtime.camera import Camera
 
-CHUNK = 1 << 16  # points that are traced at once, and kept in the cache
-LOOK_SIZE = 64  # px, edge of the images in which cameras look for points
-DARK_STEP = 4  # one pixel of so many counts where a camera sees no light: enough to know that there is none
+CHUNK = 1 << 16  # points that are traced together and form one entry of the cache
+LOOK_SIZE = 64  # px, edge of the images that find surface points
+DARK_STEP = 4  # a camera that sees no light uses only every DARK_STEP-th pixel: enough to learn this
 
-# Of the way from a camera to a surface: where points in free space lie.
+# Range of points in free space, as shares of the line of sight from the camera to the surface.
 FREE = 0.05, 0.95
 
-FOOTPRINT_QUANTILE = 0.999  # larger pixels on the surface count as this one: seen at a glancing angle they have no end
+FOOTPRINT_QUANTILE = 0.999  # larger pixel footprints are cut to this: at glancing angles they have no limit
 
 
 @dataclass(frozen=True)
 class SurfaceSamples:
-    """position (S, 3) m and normal (S, 3) unit, world space, and the halves of B (S, 3) there, linear Rec.709 radiance;
-    all float32. invalid: how many paths gave no finite number."""
+    """S points with B, all float32.
+
+    position (S, 3) m and normal (S, 3) unit are in world space. indirect_a and indirect_b (S, 3) are the two halves of
+    B, linear Rec.709 radiance. invalid is the number of paths that gave no finite number.
+    """
 
     position: np.ndarray
     normal: np.ndarray
@@ -32,14 +35,14 @@ class SurfaceSamples:
 
     @property
     def indirect(self) -> np.ndarray:
-        """B from both halves."""
+        """B, the mean of both halves."""
         return (self.indirect_a + self.indirect_b) / 2
 
     def __len__(self) -> int:
         return len(self.position)
 
     def __getitem__(self, index) -> "SurfaceSamples":
-        """The samples at `index`: a slice, a mask (S,) bool or positions (M,) int."""
+        """The samples at `index`: a slice, a mask (S,) bool or indices (M,) int."""
         arrays = (np.ascontiguousarray(getattr(self, name)[index]) for name in ARRAYS)
         return SurfaceSamples(*arrays, self.invalid)
 
@@ -48,35 +51,44 @@ ARRAYS = "position", "normal", "indirect_a", "indirect_b"
 
 
 def joined(parts: list[SurfaceSamples]) -> SurfaceSamples:
-    """All samples of at least one set."""
+    """Concatenate one or more sets of samples."""
     arrays = (np.concatenate([getattr(part, name) for part in parts]) for name in ARRAYS)
     return SurfaceSamples(*arrays, sum(part.invalid for part in parts))
 
 
 def chunk_count(samples: int) -> int:
-    """Chunks that hold so many; at least one."""
+    """Number of chunks that hold this many samples; at least one."""
     return max(-(-samples // CHUNK), 1)
 
 
 class Sampler:
-    """Draws and traces samples of a scene's light. The n-th chunk is the same whatever else is asked for."""
+    """Draws and traces samples of a scene's light.
+
+    The points of the n-th chunk do not depend on how many chunks are asked for.
+    """
 
     def __init__(
         self, tracer: CachedTracer, cameras: list[Camera], sampling: Sampling, seed: int, dark: Sequence[bool] = ()
     ):
-        """`sampling` is of each half; `dark`: of each camera, whether it sees no light. Empty: all see some."""
+        """`sampling` is per half. `dark` marks the cameras that see no light; if it is empty, all of them see light."""
         self._tracer, self._cameras, self._sampling, self._seed = tracer, cameras, sampling, seed
         self._steps = [DARK_STEP if is_dark else 1 for is_dark in dark or [False] * len(cameras)]
         self._seen: _SeenSurface | None = None
 
     def surface(self, count: int, advance: Callable[..., None]) -> SurfaceSamples:
-        """At least `count` samples (whole chunks; fewer where a path found nothing) of the surfaces that the cameras
-        see, as many as their area says in each camera's image. `advance(points)` is called with 2 for each."""
+        """At least `count` samples on the surfaces that the cameras see, evenly spread over each camera's visible area.
+
+        They come in whole chunks; points without a finite path in each half are left out. `advance(points)` is called
+        with a total of 2 per point.
+        """
         return self._chunks("surface", count, self._sampling, advance, lambda seen, rng: seen.surface(CHUNK, rng))
 
     def free(self, count: int, advance: Callable[..., None]) -> SurfaceSamples:
-        """As many samples in the free space before the cameras, normals in all directions alike. All of them together
-        take the paths of one chunk: more places tell more than fewer paths lose."""
+        """The same in the free space in front of the cameras, with normals uniform over all directions.
+
+        All chunks together take as many paths as one chunk of surface samples: more places gain more than fewer paths
+        lose.
+        """
         sampling = replace(self._sampling, samples=-(-self._sampling.samples // chunk_count(count)))
         return self._chunks("free", count, sampling, advance, lambda seen, rng: seen.free(CHUNK, rng))
 
@@ -107,8 +119,10 @@ def _trace(tracer: Tracer, points, sampling: Sampling, seeds: list[int], advance
 
 @dataclass(frozen=True)
 class _SeenSurface:
-    """Surface points (P, 3) float32 behind the pixels of cameras, with normals, where they are seen from, and the area
-    up to and with each point, m^2."""
+    """Surface points (P, 3) float32 behind the pixels of cameras, with their normals and viewpoints.
+
+    `area_below` (P,) m^2 is the cumulative area of the pixel footprints, including each point's own.
+    """
 
     position: np.ndarray
     normal: np.ndarray
@@ -117,7 +131,7 @@ class _SeenSurface:
     area_below: np.ndarray
 
     def surface(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """position, normal and geometric normal (count, 3): stratified by area."""
+        """Position, normal and geometric normal (count, 3), stratified by area."""
         if not len(self.position):
             return (np.empty((0, 3), np.float32),) * 3
         at = (np.arange(count) + rng.random(count)) / count * self.area_below[-1]
@@ -125,7 +139,7 @@ class _SeenSurface:
         return self.position[index], self.normal[index], self.geometric_normal[index]
 
     def free(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Points on the way to surface points, and random directions for normals."""
+        """Points on lines of sight to surface points, and uniform random directions as both normals."""
         if not len(self.position):
             return (np.empty((0, 3), np.float32),) * 3
         index = rng.integers(len(self.position), size=count)
@@ -137,12 +151,12 @@ class _SeenSurface:
 
 
 def _look(tracer: Tracer, cameras: list[Camera], steps: list[int]) -> _SeenSurface:
-    """`steps`: of each camera, every how many of its pixels count."""
+    """Find surface points: every `steps[i]`-th diffuse pixel of camera i counts."""
     columns = []
     for camera, step in zip(cameras, steps, strict=True):
         position, normal, geometric = (surface := tracer.surface(camera, LOOK_SIZE, LOOK_SIZE)).points()
         depth = surface.depth[surface.diffuse].astype(np.float64)
-        above = np.abs(((camera.position - position) * geometric).sum(axis=1))  # the eye, over the surface's plane
+        above = np.abs(((camera.position - position) * geometric).sum(axis=1))  # of the camera over the surface
         area = depth**3 / np.maximum(above, np.finfo(np.float32).tiny) / camera.pinhole(LOOK_SIZE, LOOK_SIZE).fx ** 2
         eye = np.broadcast_to(camera.position.astype(np.float32), position.shape)
         columns.append([column[::step] for column in (position, normal, geometric, eye, area)])

@@ -1,4 +1,4 @@
-"""Gaussians of the `surface` operator in training, and how their number changes."""
+"""Gaussians of the `surface` operator in training, and the changes of their number."""
 
 from dataclasses import dataclass, replace
 
@@ -8,21 +8,25 @@ from gsgi.baker.fitting.duplicates import duplicates
 from gsgi.baker.fitting.rotations import axes
 from gsgi.runtime.gaussians import Gaussians
 
-# What Adam steps of each Gaussian: its place, turn and scale along its own axes, its opacity, its colour.
+# Parameters per Gaussian that Adam steps; place, turn and log_scale are in the Gaussian's own axes.
 PARAMETERS = {"place": 3, "turn": 3, "log_scale": 3, "logit_opacity": 1, "colour": 3}
 
-# Standard deviations, in units of those that it starts with, that a Gaussian may come to have: larger ones meet the
-# noise of many samples with the difference of few, and cost pixels; smaller ones are seen by no sample.
+# Limits of a Gaussian's standard deviations: LARGEST times the longest at the start, and SMALLEST times each at the
+# start. Larger Gaussians fit the noise of many samples with differences of few Gaussians, and cover more pixels. No
+# sample sees smaller ones.
 LARGEST, SMALLEST = 1.5, 0.5
 
-# The halves of a split along the longest axis, in its standard deviations.
+# Offset and size of the halves of a split along the longest axis, in standard deviations of that axis.
 SPLIT_OFFSET, SPLIT_SCALE = 0.5, 0.6
 
 
 @dataclass(frozen=True)
 class SurfaceState:
-    """N Gaussians, Adam's mean and square (N, 13) float32 of the gradient by PARAMETERS, and the standard deviations
-    (N, 3) float32, m, that each may have at least and at most."""
+    """N Gaussians in training.
+
+    `mean` and `square` (N, 13) float32 are Adam's moments of the gradient by PARAMETERS. `smallest` and `largest`
+    (N, 3) float32, m, limit the standard deviations.
+    """
 
     gaussians: Gaussians
     mean: np.ndarray
@@ -32,7 +36,7 @@ class SurfaceState:
 
     @staticmethod
     def fresh(gaussians: Gaussians) -> "SurfaceState":
-        """Before the first step."""
+        """The state before the first step."""
         zeros = np.zeros((len(gaussians), sum(PARAMETERS.values())), np.float32)
         largest = np.repeat(LARGEST * gaussians.scale.max(axis=1, keepdims=True), 3, axis=1)
         smallest = np.float32(SMALLEST) * gaussians.scale
@@ -42,13 +46,13 @@ class SurfaceState:
         return len(self.gaussians)
 
     def keep(self, which: np.ndarray) -> "SurfaceState":
-        """Those in `which`, (N,) bool or indices."""
+        """The Gaussians in `which`, (N,) bool or indices."""
         kept = {name: array[which] for name, array in vars(self.gaussians).items()}
         rest = (array[which] for array in (self.mean, self.square, self.smallest, self.largest))
         return SurfaceState(Gaussians(**kept), *rest)
 
     def split(self, which: np.ndarray) -> "SurfaceState":
-        """Two halves, behind all others, in place of each Gaussian of the indices `which` (D,)."""
+        """Replace each Gaussian of the indices `which` (D,) by two halves, appended at the end."""
         others = np.ones(len(self), bool)
         others[which] = False
         parents = self.keep(which)
@@ -56,25 +60,25 @@ class SurfaceState:
 
 
 def to_remove(share: np.ndarray) -> np.ndarray:
-    """Which (N,) bool hardly any sample sees: `share` (N,) is the sum over all samples of w over sum w."""
+    """Mask (N,) bool of Gaussians that hardly any sample sees; `share` (N,) sums w / sum w over all samples."""
     return share < 1
 
 
 def to_split(error: np.ndarray, count: int) -> np.ndarray:
-    """Indices, in rising order, of at most `count` Gaussians under which most error (N,) lies."""
+    """Indices, ascending, of the at most `count` Gaussians with the most error (N,)."""
     order = np.argsort(-error, kind="stable")[: max(count, 0)]
     return np.sort(order[error[order] > 0])
 
 
 def to_merge(gaussians: Gaussians, tone_scale: float) -> np.ndarray:
-    """Which (N,) bool a neighbour makes superfluous: one of each pair that says the same at the same place."""
+    """Mask (N,) bool of superfluous Gaussians: one of each pair of duplicates."""
     merged = np.zeros(len(gaussians), bool)
     merged[duplicates(gaussians, tone_scale)[:, 1]] = True
     return merged
 
 
 def _half(parents: SurfaceState, sign: int) -> SurfaceState:
-    """The half on one side; Adam has forgotten its mean."""
+    """The half on one side; Adam's first moment is reset, the second is kept."""
     g, rows = parents.gaussians, np.arange(len(parents))
     longest = g.scale.argmax(axis=1)
     offset = axes(g.rotation)[rows, :, longest] * (sign * SPLIT_OFFSET * g.scale[rows, longest])[:, None]

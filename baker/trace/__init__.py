@@ -1,1 +1,1 @@
-"""B, the demodulated indirect light, at points: Mitsuba's rays and Dr.Jit kernels of our own."""
+"""B, the demodulated indirect light, at points: ray casting by Mitsuba and our own Dr.Jit kernels."""

@@ -1,4 +1,4 @@
-"""The light of one scene as finished tasks: what a cache holds is not traced again."""
+"""The light of one scene as cached tasks: a task whose result is in the cache is not traced again."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -21,9 +21,12 @@ PACKAGES = ("mitsuba", "drjit", "numpy")
 
 @dataclass(frozen=True)
 class TracedView:
-    """B (H, W, 3) float32 as traced, 0 where not valid; normal (H, W, 3) and depth (H, W) along the camera's -Z, m, of
-    the surface; valid (H, W): which pixels show a diffuse surface (see Surface) and have a B from at least one path;
-    invalid: how many paths gave no finite number."""
+    """A traced view.
+
+    indirect (H, W, 3) float32 is B as traced, 0 where not valid. normal (H, W, 3) and depth (H, W), along the camera's
+    -Z in m, describe the surface. valid (H, W) marks the pixels that show a diffuse surface (see Surface) and have a B
+    from at least one path. invalid is the number of paths that gave no finite number.
+    """
 
     indirect: np.ndarray
     normal: np.ndarray
@@ -33,7 +36,7 @@ class TracedView:
 
 
 class CachedTracer:
-    """Traces the light of `scene`, each task once. Mitsuba starts with the first task that `cache` does not hold."""
+    """Traces the light of `scene`, each task once. Mitsuba starts at the first task that is not in `cache`."""
 
     def __init__(self, scene: Scene, cache: Cache):
         self.scene, self.cache = scene, cache
@@ -57,7 +60,7 @@ class CachedTracer:
         advance: Callable[..., None],
         say: Callable[[str], None],
     ) -> list[TracedView]:
-        """A square view of `size` px for each camera; the n-th depends on `seed` + n. Says how many the cache held."""
+        """A square view of `size` px for each camera, the n-th from `seed` + n. Tells `say` how many were cached."""
         keys = [
             self.key("view", __name__, camera=camera, size=size, sampling=sampling, seed=seed + i)
             for i, camera in enumerate(cameras)
@@ -85,11 +88,11 @@ class CachedTracer:
         return truth
 
     def key(self, stage: str, module: str, **inputs) -> str:
-        """The name of a task on this scene that the code of `module` computes from `inputs`."""
+        """The cache key of a task on this scene that the code of `module` computes from `inputs`."""
         return task_key(stage, code=code_version(module, PACKAGES), scene=self._scene_digest, **inputs)
 
     def once(self, key: str, kind: type, compute: Callable[[], object]) -> tuple[object, bool]:
-        """The record of type `kind` under `key`, computed and kept where the cache lacks it; and whether it held it."""
+        """The record of type `kind` under `key`, computed and cached if missing; and whether it was in the cache."""
         if found := self.cache.get(key):
             return from_arrays(kind, found), True
         record = compute()
@@ -109,5 +112,5 @@ class CachedTracer:
 
     @cached_property
     def tracer(self) -> Tracer:
-        """Made when it is first needed."""
+        """The tracer, made when it is first needed."""
         return Tracer(self.scene)

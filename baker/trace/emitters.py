@@ -1,4 +1,4 @@
-"""Emissive triangles as lights: a point on one is drawn by area times radiance."""
+"""Emissive triangles as lights: points are sampled in proportion to area times radiance."""
 
 import numpy as np
 
@@ -11,11 +11,11 @@ mi = load_mitsuba()
 
 import drjit as dr  # noqa: E402  (needs the LLVM that load_mitsuba chose)
 
-PROBES = 16  # texels looked at to guess how bright a triangle of a textured emitter is
+PROBES = 16  # texels read to estimate the brightness of a triangle of a textured emitter
 
 
 class Emitters:
-    """The emissive triangles of a scene. `count` is 0 where there are none."""
+    """The emissive triangles of a scene. `count` is 0 if there are none."""
 
     def __init__(self, scene: Scene, surfaces: Surfaces):
         material = surfaces.face[:, 3].view(np.uint32)
@@ -34,13 +34,13 @@ class Emitters:
         self.corners = mi.Float(rows.ravel())
         self.prim = mi.UInt32(lit.astype(np.uint32))
         self.distribution = mi.DiscreteDistribution(mi.Float(weight.astype(np.float32)))
-        # Probability per area (1/m^2) of each triangle of the scene, 0 for those that do not emit.
+        # Probability density (1/m^2) on each triangle of the scene, 0 on those that do not emit.
         density = np.zeros(len(surfaces.triangle), np.float32)
         density[lit] = weight / area
         self.density = mi.Float(density)
 
     def sample(self, u, v):
-        """A point on some emitter from `u` Float and `v` Point2f in [0, 1): (Point3f, prim, b, 1/m^2 density)."""
+        """A point on an emitter from `u` Float and `v` Point2f in [0, 1): (Point3f, prim, b, density in 1/m^2)."""
         index = self.distribution.sample(u)
         b = mi.warp.square_to_uniform_triangle(v)
         row = [dr.gather(mi.Vector4f, self.corners, 3 * index + k) for k in range(3)]
@@ -60,7 +60,7 @@ def _brightness(scene: Scene, surfaces: Surfaces, lit: np.ndarray) -> np.ndarray
         if of.emission_texture is not None:
             texture = scene.textures[of.emission_texture.texture].pixels
             seen = _probed(texture, surfaces.uv[lit[at], of.emission_texture.uv])
-            # Half by the triangle's own texels, half by the mean: texels between the probes are not forgotten.
+            # Half from the triangle's own texels, half from the mean, which includes texels that the probes miss.
             result[at] *= (seen + texture[..., :3].mean() / 255) / 2 + 1e-3
     return result
 

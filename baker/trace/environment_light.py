@@ -1,4 +1,4 @@
-"""The environment as a light of the path tracer: radiance by direction, directions drawn by radiance."""
+"""The environment as a light of the path tracer: its radiance, and directions sampled in proportion to it."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ import drjit as dr  # noqa: E402  (needs the LLVM that load_mitsuba chose)
 
 
 class EnvironmentLight:
-    """`samples_light`: whether drawing directions by radiance pays. One colour all around is found by bounces."""
+    """The environment on the device. `samples_light`: whether to sample it; if uniform, cosine sampling suffices."""
 
     def __init__(self, environment: Environment):
         self.height, self.width = environment.radiance.shape[:2]
@@ -29,7 +29,7 @@ class EnvironmentLight:
             self.edges = mi.Float(edges.astype(np.float32))
 
     def eval(self, direction, active):
-        """Radiance (Color3f) from unit `direction`, and its density as `sample` draws it (1/sr; 0 if it does not)."""
+        """Radiance (Color3f) from unit `direction`, and the density (1/sr) of `sample` there, 0 if it is not used."""
         index = self._texel(direction)
         radiance = dr.gather(mi.Color3f, self.radiance, index, active)
         density = dr.gather(mi.Float, self.density, index, active) if self.samples_light else mi.Float(0)
@@ -38,7 +38,7 @@ class EnvironmentLight:
     def sample(self, u):
         """A direction from `u` Point2f in [0, 1)^2: (Vector3f, radiance, density in 1/sr)."""
         texel, _, u = self.distribution.sample(u)
-        # Even in solid angle within the texel: in azimuth and in the cosine of the polar angle.
+        # Uniform in solid angle within the texel: in azimuth and in the cosine of the polar angle.
         phi = (mi.Float(texel.x) + u.x - 0.5 * self.width) * (2 * np.pi / self.width)
         top, bottom = dr.gather(mi.Float, self.edges, texel.y), dr.gather(mi.Float, self.edges, texel.y + 1)
         y = top + (bottom - top) * u.y
@@ -49,7 +49,7 @@ class EnvironmentLight:
         return mi.Vector3f(self.cos * x + self.sin * z, y, self.cos * z - self.sin * x), radiance, density
 
     def _texel(self, direction):
-        """Index of the texel in `direction`; the inverse of what `sample` does."""
+        """Index of the texel in `direction`, the inverse of the mapping in `sample`."""
         x = self.cos * direction.x - self.sin * direction.z
         z = self.cos * direction.z + self.sin * direction.x
         u = dr.atan2(x, -z) * dr.inv_two_pi + 0.5

@@ -1,4 +1,4 @@
-"""Find the LLVM that Mitsuba compiles its kernels with: one that works, since others abort the process."""
+"""Find a working LLVM for Mitsuba to compile its kernels with. An unsuitable one aborts the process."""
 
 import os
 import re
@@ -9,7 +9,7 @@ from pathlib import Path
 
 from gsgi.runtime.errors import UnsupportedError
 
-# LLVM 15 and 16 abort in code generation (fmaximum) and 14 is refused; 17 and 18 are untested.
+# LLVM 14 is refused, 15 and 16 abort in code generation (fmaximum), and 17 and 18 are untested.
 VERSION_MIN = 19
 
 _FOLDERS = ("/usr/lib/x86_64-linux-gnu", "/usr/lib/aarch64-linux-gnu", "/usr/lib64", "/usr/lib", "/usr/local/lib")
@@ -40,7 +40,7 @@ def works(path: Path) -> bool:
 def select() -> Path:
     """Point DRJIT_LIBLLVM_PATH at the newest LLVM that works, unless it is set; call before Mitsuba is imported.
 
-    Raises UnsupportedError when there is none, or the one that is set does not work, or Mitsuba is not installed.
+    Raises UnsupportedError if no LLVM works, if the one that is set does not work, or if Mitsuba is not installed.
     """
     if find_spec("drjit") is None:
         raise UnsupportedError("Mitsuba is not installed: install gsgi with its extra 'bake'")

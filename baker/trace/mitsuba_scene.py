@@ -1,4 +1,4 @@
-"""Mitsuba as a ray caster: its module with our variant set, and triangles as one of its scenes."""
+"""Mitsuba as a ray caster: load the module with our variant, and build a Mitsuba scene from triangles."""
 
 import sys
 
@@ -19,7 +19,7 @@ def load_mitsuba():
 
 
 def build(position: np.ndarray, triangle: np.ndarray):
-    """The `mitsuba.Scene` of triangles (F, 3) uint32 over positions (V, 3) float32: one shape, nothing but geometry."""
+    """The `mitsuba.Scene` of triangles (F, 3) uint32 over positions (V, 3) float32: one shape, geometry only."""
     mi = load_mitsuba()
     shape = mi.Mesh("triangles", vertex_count=len(position), face_count=len(triangle))
     parameters = mi.traverse(shape)

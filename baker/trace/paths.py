@@ -1,7 +1,7 @@
-"""Dr.Jit kernels of the path tracer. Imported inside the tracing stage only: importing it starts Mitsuba.
+"""Dr.Jit kernels of the path tracer. Import this only inside the tracing stage: importing it starts Mitsuba.
 
-A surface is one-sided or two-sided; the back of a one-sided surface reflects and emits nothing, is invisible to camera
-rays, and stops all other light. Alpha-tested holes stop nothing. What a scene does not have is not compiled.
+A surface is one-sided or two-sided. The back of a one-sided surface reflects and emits nothing, is invisible to camera
+rays, and blocks all other light. Alpha-tested holes block nothing. Features that a scene lacks are not compiled in.
 """
 
 from typing import NamedTuple
@@ -21,13 +21,17 @@ import drjit as dr  # noqa: E402  (needs the LLVM that load_mitsuba chose)
 ROULETTE_BOUNCE = 3
 ROULETTE_MAX = 0.95
 
-# Dimensions of `Draws`: which number each choice takes.
+# Dimensions of `Draws`: the random number that each decision uses.
 DIRECTION, ROULETTE, LIGHT, EMITTER, EMITTER_POINT, ENVIRONMENT, TEXTURE = 0, 2, 3, 4, 5, 7, 9
 _JITTER = {"base_color_texture": 0, "metallic_texture": 2, "emission_texture": 4}
 
 
 class Sums(NamedTuple):
-    """Sums over the paths of each point: light (N, 3), its squared mean of channels (N,), paths that gave no number."""
+    """Sums over the paths of each point.
+
+    light (N, 3) sums radiance, squared (N,) the square of its channel mean; invalid (N,) counts paths that gave no
+    finite number.
+    """
 
     light: np.ndarray
     squared: np.ndarray
@@ -35,11 +39,11 @@ class Sums(NamedTuple):
 
 
 def first_hits(tracer, origin: np.ndarray, direction: np.ndarray) -> dict[str, np.ndarray]:
-    """What rays from `origin` (M, 3) along unit `direction` (M, 3) see; nothing along a direction of 0.
+    """What rays from `origin` (M, 3) along unit `direction` (M, 3) see; a direction of 0 sees nothing.
 
-    Columns normal, shading_normal, geometric_normal, albedo, emission, valid and diffuse of `irradiance.Surface`; the
-    triangle (M,), 0 where there is none, with the weights (M, 2) of its corners 1 and 2; and background (M, 3), the
-    environment's radiance as far as the G-buffer's half floats hold it.
+    The columns are normal, shading_normal, geometric_normal, albedo, emission, valid and diffuse of `tracer.Surface`;
+    triangle (M,), 0 where there is none, and the weights (M, 2) of its corners 1 and 2; and background (M, 3), the
+    environment's radiance, clamped to the range of the G-buffer's half floats.
     """
     o, d = mi.Point3f(origin.T), mi.Vector3f(direction.T)
     aimed = dr.squared_norm(d) > 0
@@ -61,7 +65,7 @@ def first_hits(tracer, origin: np.ndarray, direction: np.ndarray) -> dict[str, n
     }
     columns = {name: dr.select(valid, value, 0) for name, value in columns.items()} | {"background": background}
     triangle = dr.select(valid, hit.prim, 0)
-    # In one kernel: each look at a column by itself would trace the rays again.
+    # Evaluate in one kernel: reading each column separately would trace the rays again.
     dr.eval(valid, diffuse, triangle, columns)
     arrays = {name: np.broadcast_to(np.array(c).T, (len(o.x), len(c))) for name, c in columns.items()}
     masks = {"valid": np.array(valid).astype(bool), "diffuse": np.array(diffuse).astype(bool)}
@@ -71,7 +75,7 @@ def first_hits(tracer, origin: np.ndarray, direction: np.ndarray) -> dict[str, n
 def indirect(tracer, position, normal, geometric_normal, samples: int, bounces: int, seed: int) -> Sums:
     """Sums over `samples` paths of the light arriving at each point; arguments (N, 3) float32.
 
-    Every lane follows the paths of one point, one after the other: short and long paths even out.
+    Each lane follows the paths of one point one after another, so that short and long paths even out.
     """
     p, n, ng = mi.Point3f(position.T), mi.Normal3f(normal.T), mi.Normal3f(geometric_normal.T)
     key = hashed(dr.arange(mi.UInt32, len(position)) + hashed(dr.opaque(mi.UInt32, seed)))
@@ -87,7 +91,7 @@ def direct(tracer, position, normal, geometric_normal) -> dict[str, np.ndarray]:
     active = dr.squared_norm(n) > 0
     result = mi.Color3f(0)
     for index in range(tracer.lights.count):
-        # Opaque: one kernel serves all lights.
+        # An opaque index lets one kernel serve all lights.
         result += _punctual(tracer, p, n, ng, dr.opaque(mi.UInt32, index), active)
         dr.eval(result)
     return {"direct": np.array(result).T}
@@ -95,7 +99,7 @@ def direct(tracer, position, normal, geometric_normal) -> dict[str, np.ndarray]:
 
 @dr.syntax
 def _paths(tracer, key, start, start_n, start_ng, samples, bounces):
-    """Sums over the paths of each lane's point: cosine-weighted light without the direct light of punctual lights."""
+    """Sums over the paths of each lane's point: cosine-weighted light without direct light from punctual lights."""
     p, n, ng = mi.Point3f(start), mi.Normal3f(start_n), mi.Normal3f(start_ng)
     throughput, light = mi.Color3f(1), mi.Color3f(0)
     total, squared, invalid = mi.Color3f(0), mi.Float(0), mi.UInt32(0)
@@ -113,7 +117,7 @@ def _paths(tracer, key, start, start_n, start_ng, samples, bounces):
         throughput *= dr.select(survival > 0, dr.rcp(survival), 0)
         bounce += 1
 
-        # At its end a path is counted, and the next one starts at the point.
+        # Count a path that ends, and start the next one at the point.
         ends = active & ~alive
         mean = (light.x + light.y + light.z) * (1 / 3)
         counts = ends & dr.isfinite(mean)
@@ -129,10 +133,10 @@ def _paths(tracer, key, start, start_n, start_ng, samples, bounces):
 
 
 def _arriving_at_vertex(tracer, draws, p, n, ng, bounce, active):
-    """Light that reaches a vertex straight from lights, as sampling the lights finds it, over pi."""
+    """Direct light at a vertex, over pi, estimated by sampling the lights."""
     light = mi.Color3f(0)
     if tracer.lights.count > 0:
-        # The direct light of punctual lights is the engine's: not at the point itself.
+        # The engine computes the direct light of punctual lights, so the point itself (bounce 0) gets none here.
         index, weight = tracer.lights.sample(draws.one(LIGHT))
         light += weight * _punctual(tracer, p, n, ng, index, active & (bounce > 0))
     if tracer.emitters.count > 0:
@@ -143,10 +147,10 @@ def _arriving_at_vertex(tracer, draws, p, n, ng, bounce, active):
 
 
 def _next_vertex(tracer, draws, p, n, ng, reflects, active):
-    """Follow a direction of the cosine lobe to the next surface.
+    """Sample a direction of the cosine lobe and follow it to the next surface.
 
-    Returns the light that it emits, or that comes from the environment; whether the path goes on (as far as `reflects`
-    lets it); and position, normals and albedo there.
+    Returns the light that the surface emits or that comes from the environment; whether the path continues (only where
+    `reflects`); and the position, normals and albedo at the surface.
     """
     finds_light = tracer.emitters.count > 0 or tracer.environment is not None
     active = active & (mi.Bool(finds_light) | reflects)
@@ -180,18 +184,18 @@ def _next_vertex(tracer, draws, p, n, ng, reflects, active):
 
 
 def _jitter(draws):
-    """The point within a texel that each kind of texture is read at, by its name."""
+    """A function from the name of a kind of texture to the random offset (Point2f) that picks its texel."""
     return lambda name: draws.two(TEXTURE + _JITTER[name])
 
 
 def _balance(pdf, other):
-    """Weight of the balance heuristic (Veach 1997); right for an infinite `other`."""
+    """Weight of the balance heuristic (Veach 1997); also correct for an infinite `other`."""
     return dr.rcp(1 + other / pdf)
 
 
 def _punctual(tracer, p, n, ng, index, active):
-    """Light of punctual light `index` that a white Lambertian surface at p would send on."""
-    # `active = active & ...`: the augmented form would write into the caller's array.
+    """Light of punctual light `index` that a white Lambertian surface at p would reflect."""
+    # Not `active &= ...`, which would modify the caller's array.
     origin = lifted(tracer, p, ng)
     wi, distance, color = tracer.lights.arriving(index, p)
     cosine = dr.dot(wi, n)
@@ -201,7 +205,7 @@ def _punctual(tracer, p, n, ng, index, active):
 
 
 def _sample_emitter(tracer, draws, p, n, ng, active):
-    """Light of one point of an emissive surface; multiple importance sampling against the cosine lobe (Veach 1997)."""
+    """Light of one point on an emissive surface; multiple importance sampling with the cosine lobe (Veach 1997)."""
     origin = lifted(tracer, p, ng)
     point, prim, b, density = tracer.emitters.sample(draws.one(EMITTER), draws.two(EMITTER_POINT))
     offset = point - origin
@@ -223,7 +227,7 @@ def _sample_emitter(tracer, draws, p, n, ng, active):
 
 
 def _sample_environment(tracer, draws, p, n, ng, active):
-    """Light from one direction of the environment, drawn by its radiance."""
+    """Light from one direction of the environment, sampled in proportion to its radiance."""
     wi, radiance, density = tracer.environment.sample(draws.two(ENVIRONMENT))
     cosine = dr.dot(wi, n)
     active = active & (cosine > 0) & (dr.dot(wi, ng) > 0) & (density > 0)

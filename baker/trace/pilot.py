@@ -1,4 +1,4 @@
-"""A quick trace that decides how far paths are followed and how many a pixel takes."""
+"""A quick trace that decides the number of bounces and the number of paths per pixel."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,14 +9,17 @@ from .tracer import BOUNCES_MAX, PASS_SAMPLES, Sampling
 
 POINTS = 4096
 SAMPLES = 64  # paths per point
-SMALL = 1e-4  # of the picture: further bounces are not tried once this little is left
+SMALL = 1e-4  # share of the picture; once a number of bounces loses no more, larger ones are not tried
 STEPS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 24, 32, BOUNCES_MAX)
 
 
 @dataclass(frozen=True)
 class Pilot:
-    """`mean` is the mean B (radiance). `lost` maps a number of bounces to the share of the picture that further ones
-    add; `deviation` (N,) is the standard deviation of a path's light at each point, `light` (N,) its mean."""
+    """What the pilot found at N points.
+
+    `mean` is the mean B (radiance). `lost` maps a number of bounces to the share of the picture that further bounces
+    add. `deviation` (N,) is the standard deviation of a path's light at each point, and `light` (N,) is its mean.
+    """
 
     mean: float
     lost: dict[int, float]
@@ -24,18 +27,18 @@ class Pilot:
     light: np.ndarray
 
     def bounces(self, fraction: float) -> int:
-        """The fewest bounces beyond which less than `fraction` of the picture is lost."""
+        """The fewest bounces that lose at most `fraction` of the picture."""
         return next(k for k, lost in self.lost.items() if lost <= fraction)
 
     @property
     def noise(self) -> float:
-        """Standard deviation of a path's light next to the light and its mean, root mean square over the points."""
+        """Root mean square over the points of deviation / (light + mean)."""
         if not self.mean:
             return 0.0
         return float(np.sqrt(np.mean(np.square(self.deviation / (self.light + self.mean)))))
 
     def samples(self, sampling: Sampling) -> float:
-        """How many paths a point takes on average until `sampling` is content with it."""
+        """Mean number of paths per point until `sampling` is satisfied."""
         if not sampling.error:
             return float(sampling.samples)
         target = sampling.error * (self.light + sampling.scale)
@@ -44,10 +47,10 @@ class Pilot:
 
 
 def run(at_points: Callable, position: np.ndarray, normal: np.ndarray, seed: int) -> Pilot:
-    """Trace B at surface points (N, 3), each number of bounces along the same paths, so that they differ by no noise.
+    """Trace B at surface points (N, 3), along the same paths for each number of bounces, so that noise cancels.
 
-    `at_points(position, normal, sampling, seed)` traces. Light is weighed as an eye sees it, through the tone curve
-    B / (B + mean B): what bounces add counts most where it is dark.
+    `at_points(position, normal, sampling, seed)` traces. Light is compared as it is perceived, through the tone curve
+    B / (B + mean B), so the light that bounces add counts most where the scene is dark.
     """
 
     def trace(bounces: int):

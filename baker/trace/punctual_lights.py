@@ -1,4 +1,4 @@
-"""Punctual lights on the path tracer's side: the same formula as glsl/light.glsl."""
+"""Punctual lights in the path tracer: the same formula as glsl/frame/light.glsl."""
 
 from collections.abc import Sequence
 
@@ -13,9 +13,9 @@ _KINDS = {"point": 0, "spot": 1, "directional": 2}
 
 
 class PunctualLights:
-    """The lights of a scene of this diagonal (m), as tables that a kernel gathers from.
+    """The lights of a scene with this diagonal (m), as tables that a kernel gathers from.
 
-    Only the kinds that occur are compiled into it.
+    Only the kinds of light that occur are compiled into the kernel.
     """
 
     def __init__(self, lights: Sequence[Light], diagonal: float):
@@ -36,7 +36,7 @@ class PunctualLights:
         self.distribution = mi.DiscreteDistribution(mi.Float(_probabilities(lights, diagonal).astype(np.float32)))
 
     def sample(self, u):
-        """Choose lights, bright ones more often. `u` Float in [0, 1) -> (light index UInt32, 1 / probability Float)."""
+        """Sample a light; bright ones are likelier. `u` Float in [0, 1) -> (index UInt32, 1 / probability Float)."""
         import drjit as dr
 
         index, pdf = self.distribution.sample_pmf(u)
@@ -46,8 +46,8 @@ class PunctualLights:
         """Unshadowed light of light `index` at `point` (Point3f, m).
 
         Returns the unit direction towards the light, the distance to it (m, infinite for directional) and the light
-        that falls on a surface facing it (Color3f, W/m^2-like). KHR_lights_punctual (Khronos 2018): window of the
-        range over the inverse square, squared saturate for the spot's cone.
+        that falls on a surface facing it (Color3f, W/m^2-like). After KHR_lights_punctual (Khronos 2018): the inverse
+        square times a window that ends at the range, and a squared saturate for the spot's cone.
         """
         import drjit as dr
 
@@ -73,14 +73,14 @@ class PunctualLights:
 
 
 def _probabilities(lights: Sequence[Light], diagonal: float) -> np.ndarray:
-    """How often each light (N,) is chosen: half by its power, half evenly, for weak lights are bright nearby."""
+    """Probability (N,) of each light: half by power, half uniform, because a weak light is bright at close range."""
     power = np.array([light.color.mean() * _extent(light, diagonal) for light in lights], np.float64)
     total = power.sum()
     return (power / total + 1 / len(lights)) / 2 if total > 0 else np.full(len(lights), 1 / len(lights))
 
 
 def _extent(light: Light, diagonal: float) -> float:
-    """What its colour is multiplied by to give its power: solid angle (sr), or area of the scene's bounds (m^2)."""
+    """Factor from a light's colour to its power: solid angle (sr), or the area of the scene's bounds (m^2)."""
     match light.kind:
         case "point":
             return 4 * np.pi

@@ -1,17 +1,18 @@
-"""Random numbers of the path tracer, by counting instead of by state: any number of any path can be had by itself.
+"""Counter-based random numbers of the path tracer: any number of any path can be computed on its own.
 
-So the same path takes the same turns however far it is followed, and results do not depend on how points are grouped.
+A path therefore makes the same decisions for any limit on its length, and results do not depend on how points are
+grouped.
 """
 
 from .mitsuba_scene import load_mitsuba
 
 mi = load_mitsuba()
 
-# Additive recurrences in 32-bit fixed point: 1 / golden ratio, and Roberts' R2 (2018), the same in two dimensions.
+# Additive recurrences in 32-bit fixed point: 1 / golden ratio, and its two-dimensional counterpart R2 (Roberts 2018).
 GOLDEN = 2654435769
 R2 = (3242174889, 2447445414)
 
-DIMENSIONS = 16  # numbers that one bounce may draw
+DIMENSIONS = 16  # most numbers that one bounce may use
 
 
 def hashed(x):
@@ -24,8 +25,8 @@ def hashed(x):
 class Draws:
     """The numbers of one bounce of one path per lane. `point` is the key of a point, `sample` counts its paths.
 
-    On bounce 0 the paths of a point share out the unit interval evenly (a lattice with a random shift per point);
-    later numbers are independent.
+    On bounce 0 the paths of a point cover the unit interval evenly (a lattice with a random shift per point). On later
+    bounces the numbers are independent.
     """
 
     def __init__(self, point, sample, bounce):
@@ -37,7 +38,7 @@ class Draws:
         return _unit(self._word(dimension, GOLDEN))
 
     def two(self, dimension: int):
-        """Point2f in [0, 1)^2; takes `dimension` and the next."""
+        """Point2f in [0, 1)^2; uses `dimension` and the next one."""
         return mi.Point2f(*(_unit(self._word(dimension + i, step)) for i, step in enumerate(R2)))
 
     def _word(self, dimension: int, step: int):

@@ -1,4 +1,4 @@
-"""Rays of the path tracer's kernels: what they meet, past alpha-tested holes. Importing it starts Mitsuba."""
+"""Ray casting for the path tracer's kernels, through alpha-tested holes. Importing this starts Mitsuba."""
 
 from typing import NamedTuple
 
@@ -8,16 +8,16 @@ mi = load_mitsuba()
 
 import drjit as dr  # noqa: E402  (needs the LLVM that load_mitsuba chose)
 
-# Of the largest coordinate plus the distance travelled: 16 times what float32 rounds off. Rays start this far off their
-# surface, so that they do not meet it again.
+# Rays start this far off their surface, so that they do not hit it again: a share of the largest coordinate plus the
+# scene's diagonal, plus the distance travelled if they continue beyond a hit. It is 16 times float32's rounding error.
 OFFSET = 2.0**-20
 
-# Of the distance to a light: a shadow ray stops short of the emitter by this, and by what rays start off a surface.
+# Share of the distance to a light by which a shadow ray stops short of the emitter, in addition to the OFFSET above.
 SHORT = 1e-4
 
 
 class Hit(NamedTuple):
-    """Where a ray ends: distance t (infinite: nowhere), triangle, barycentric coordinates of its corners 1 and 2."""
+    """Where a ray ends: distance t (infinite: no hit), triangle, barycentric coordinates of its corners 1 and 2."""
 
     t: "mi.Float"
     prim: "mi.UInt32"
@@ -25,19 +25,19 @@ class Hit(NamedTuple):
 
 
 def side(tracer, hit, d, active):
-    """Geometric normal on the side that a ray along `d` came from, material, and whether that side is the front."""
+    """Geometric normal on the side that a ray along `d` hits, the material, and whether that side is the front."""
     ng, material = tracer.shading.frame(hit.prim, active)
     front = dr.dot(ng, d) < 0
     return dr.select(front, ng, -ng), material, front
 
 
 def lifted(tracer, p, ng):
-    """The point where rays on the side of `ng` start."""
+    """The start point of rays that leave p on the side of `ng`."""
     return p + ng * (OFFSET * _magnitude(tracer, p))
 
 
 def _magnitude(tracer, p):
-    """Largest number that positions near p are computed with, m."""
+    """Bound on the coordinates in computations near p, m: it scales their rounding error."""
     return dr.maximum(dr.maximum(dr.abs(p.x), dr.abs(p.y)), dr.abs(p.z)) + tracer.diagonal
 
 
@@ -46,7 +46,7 @@ def _ray(o, d, maxt):
 
 
 def closest(tracer, o, d, active):
-    """Closest surface along a ray, alpha-tested holes apart."""
+    """Closest surface along a ray, seen through alpha-tested holes."""
     hit = Hit(mi.Float(dr.inf), mi.UInt32(0), mi.Point2f(0))
     if tracer.opaque is not None:
         found = tracer.opaque.ray_intersect_preliminary(_ray(o, d, mi.Float(dr.inf)), active=active)
@@ -56,7 +56,7 @@ def closest(tracer, o, d, active):
 
 @dr.syntax
 def _closest_masked(tracer, o, d, hit, active):
-    """The nearer of `hit` and the first alpha-tested surface that has no hole where the ray meets it."""
+    """The nearer of `hit` and the first alpha-tested surface that the ray meets outside a hole."""
     t, prim, b = mi.Float(hit.t), mi.UInt32(hit.prim), mi.Point2f(hit.b)
     start, searching = mi.Float(0), mi.Bool(active)
     while searching:
@@ -73,7 +73,7 @@ def _closest_masked(tracer, o, d, hit, active):
 
 @dr.syntax
 def closest_front(tracer, o, d, active):
-    """What a camera sees: the closest surface, the backs of one-sided ones apart."""
+    """What a camera sees: the closest surface, ignoring the backs of one-sided surfaces."""
     hit = closest(tracer, o, d, active)
     t, prim, b = hit.t, hit.prim, hit.b
     passing = active & _is_back(tracer, hit, d)
@@ -93,7 +93,7 @@ def _is_back(tracer, hit, d):
 
 
 def unoccluded(tracer, origin, direction, distance, active):
-    """Whether nothing stops light on its way to `origin` from `distance` (m) away along `direction`."""
+    """Whether light reaches `origin` unblocked from `distance` (m) away along `direction`."""
     limit = dr.maximum(distance * (1 - SHORT) - OFFSET * _magnitude(tracer, origin), 0)
     free = mi.Bool(active)
     if tracer.opaque is not None:

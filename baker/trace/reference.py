@@ -1,4 +1,4 @@
-"""Path-traced references: the full light that a camera sees, in two independent halves."""
+"""Path-traced references: the full light that a camera sees, with B in two independent halves."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,11 +13,11 @@ from .tracer import Sampling, Surface, Tracer
 
 @dataclass(frozen=True)
 class Reference:
-    """What path tracing sees through the pixel centres of a camera; images (H, W, 3) float32, linear Rec.709.
+    """A path-traced image through a camera's pixel centres; arrays (H, W, 3) float32, linear Rec.709.
 
     `indirect_a` and `indirect_b` are B from independent halves of the samples, undenoised, 0 where B is not seen (see
-    Surface); `valid` (H, W) bool: where it is, and both have it from at least one path. `primary` is emission and
-    punctual light, and the environment where no surface is: it has no noise to speak of.
+    Surface). `valid` (H, W) bool marks the pixels where B is seen and both halves have it from at least one path.
+    `primary` is emission and punctual light, and the environment where there is no surface. Its noise is negligible.
     """
 
     surface: Surface
@@ -37,17 +37,17 @@ class Reference:
         return self.lit(self.indirect)
 
     def lit(self, indirect: np.ndarray) -> np.ndarray:
-        """The full light that a B (H, W, 3) makes."""
+        """The full light for a given B (H, W, 3)."""
         return self.primary + self.surface.albedo * indirect
 
     @cached_property
     def clean(self) -> np.ndarray:
-        """B from all samples, denoised; as it is where no denoiser is installed."""
+        """B from all samples, denoised if the denoiser is installed."""
         return self._denoised(self.indirect)
 
     @cached_property
     def clean_halves(self) -> tuple[np.ndarray, np.ndarray]:
-        """B from each half of the samples, likewise."""
+        """B from each half of the samples, denoised if the denoiser is installed."""
         return self._denoised(self.indirect_a), self._denoised(self.indirect_b)
 
     def _denoised(self, indirect: np.ndarray) -> np.ndarray:
@@ -64,7 +64,7 @@ def trace(tracer: Tracer, camera: Camera, width: int, height: int, samples: int,
     surface = tracer.surface(camera, width, height)
     direct = surface.image(tracer.direct(*surface.shading_points()))
     half = Sampling(-(-samples // 2))
-    # Hashed: a reference shares its random numbers with no view of a bake, whose seeds are small numbers too.
+    # Hash the seed, so that a reference shares no random numbers with a view of a bake, whose seed is small as well.
     seeds = np.random.SeedSequence(seed).generate_state(2).tolist()
     a, b = (tracer.indirect(*surface.points(), half, s, advance) for s in seeds)
     if advance:

@@ -1,8 +1,8 @@
-"""What the path tracer's kernels know of a surface point: the tables of `surfaces`, looked up at hits.
+"""Surface properties at hits, for the path tracer's kernels: look-ups in the tables of `surface_tables`.
 
-Imported inside the tracing stage only: importing it starts Mitsuba. A texture is read either exactly (bilinear, as the
-G-buffer reads it) or at one texel drawn with the bilinear weights, whose expectation is the same (Pharr et al. 2024,
-"Filtering after shading with stochastic texture filtering"): enough wherever the value enters linearly.
+Import this only inside the tracing stage: importing it starts Mitsuba. A texture is read either exactly (bilinear, like
+the G-buffer) or at one texel sampled with the bilinear weights as probabilities, which has the same expectation (Pharr
+et al. 2024, "Filtering after shading with stochastic texture filtering") and suffices where the value enters linearly.
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ mi = load_mitsuba()
 
 import drjit as dr  # noqa: E402  (needs the LLVM that load_mitsuba chose)
 
-# Metallic from here on is 1 to eight bits, all that its texture has: what diffuse light is left nobody sees.
+# From this value on, metallic is 1 to the eight bits of its texture, and the remaining diffuse light is invisible.
 METAL = 1 - 0.5 / 255
 
 
@@ -25,7 +25,7 @@ def _srgb_table() -> np.ndarray:
 
 
 class Shading:
-    """The tables of one scene on the device. `smooth`, `colored`, `slots` say what a kernel has to look up."""
+    """The tables of one scene on the device. `smooth`, `colored`, `slots` say which look-ups a kernel needs."""
 
     def __init__(self, surfaces: Surfaces):
         def floats(array):
@@ -50,7 +50,7 @@ class Shading:
         self.double_sided = bool((surfaces.surface[:, 2] > 0).any())
 
     def frame(self, prim, active):
-        """Geometric normal of triangle `prim` on its front side, and its material's index."""
+        """Geometric normal of triangle `prim` on its front side, and the index of its material."""
         row = dr.gather(mi.Vector4f, self.face, prim, active)
         return mi.Normal3f(row.x, row.y, row.z), dr.reinterpret_array(mi.UInt32, row.w)
 
@@ -62,7 +62,7 @@ class Shading:
         return mi.Normal3f(dr.select(dr.dot(n, ng) < 0, -n, n))
 
     def mapped_normal(self, material, prim, b, ng, active):
-        """The same as the normal texture bends it (glsl/normal_map.glsl). It may lie on the other side of `ng`."""
+        """The shading normal perturbed by the normal texture (glsl/lib/normal_map.glsl). It may face away from `ng`."""
         n = self._interpolated(prim, b, ng, active)
         side = dr.select(dr.dot(n, ng) < 0, -1, 1)
         if "normal_texture" not in self.slots:
@@ -84,7 +84,7 @@ class Shading:
         return side * mi.Normal3f(dr.select(usable, dr.normalize(bent), n))
 
     def _interpolated(self, prim, b, ng, active):
-        """Unit normal on the side that the file says; where it says nothing, `ng`."""
+        """Interpolated unit normal on the side that the file gives; `ng` where the interpolation gives 0."""
         if not self.smooth:
             return self.frame(prim, active)[0]
         codes = dr.gather(mi.Vector4u, self.normal, prim, active)
@@ -93,7 +93,7 @@ class Shading:
         return mi.Normal3f(dr.select(length > 0, n / length, ng))
 
     def hole(self, prim, b, active):
-        """Whether the surface has an alpha-tested hole there: factor * texture * vertex colour below the cut-off."""
+        """Whether there is an alpha-tested hole at `b`: factor * texture * vertex colour is below the cut-off."""
         _, material = self.frame(prim, active)
         row = dr.gather(mi.Vector4f, self.surface, material, active)
         alpha = row.x * self._base(material, prim, b, active, None).w
@@ -105,7 +105,7 @@ class Shading:
         return dr.gather(mi.Vector4f, self.surface, material, active).z > 0
 
     def albedo(self, material, prim, b, active, jitter=None):
-        """Linear base colour * (1 - metallic). Exact, or with `jitter` (a function: name -> Point2f) of one texel."""
+        """Linear base colour * (1 - metallic): exact, or from one texel with `jitter` (a function: name -> Point2f)."""
         row = dr.gather(mi.Vector4f, self.albedo_table, material, active)
         base = self._base(material, prim, b, active, jitter)
         albedo = mi.Color3f(row.x, row.y, row.z) * mi.Color3f(base.x, base.y, base.z)
@@ -114,21 +114,21 @@ class Shading:
         return albedo
 
     def diffuse(self, material, prim, b, active):
-        """Whether B is seen there: on a surface that is neither unlit nor metal, however dark its base colour."""
+        """Whether B is seen at `b`: the surface is neither unlit nor metal. A black base colour counts as well."""
         lit = active & (dr.gather(mi.Vector4f, self.emission_table, material, active).w == 0)
         if not self.metallic:
             return lit
         return lit & (self._metallic(material, prim, b, lit, None) < METAL)
 
     def emission(self, material, prim, b, active, jitter=None):
-        """Radiance that lights the scene."""
+        """Emitted radiance that lights the scene; 0 for unlit materials."""
         row = dr.gather(mi.Vector4f, self.emission_table, material, active)
         texel = self._texture("emission_texture", material, prim, b, active, jitter)
         radiance = mi.Color3f(row.x, row.y, row.z) * mi.Color3f(texel.x, texel.y, texel.z)
         return dr.select(active & (row.w == 0), radiance, 0)
 
     def shown(self, material, prim, b, active):
-        """Albedo and the radiance that a camera sees: an unlit surface shows its base colour and reflects nothing."""
+        """Albedo and emission as a camera sees them: an unlit surface emits its base colour and reflects nothing."""
         row = dr.gather(mi.Vector4f, self.emission_table, material, active)
         base = self._base(material, prim, b, active, None)
         unlit = row.w > 0
@@ -137,7 +137,7 @@ class Shading:
         return dr.select(unlit, 0, albedo), dr.select(unlit, color, self.emission(material, prim, b, active))
 
     def _metallic(self, material, prim, b, active, jitter):
-        """Factor * texture."""
+        """Metallic: factor * texture."""
         factor = dr.gather(mi.Vector4f, self.albedo_table, material, active).w
         return factor * self._texture("metallic_texture", material, prim, b, active, jitter, linear=False).z
 
@@ -150,7 +150,7 @@ class Shading:
         return value
 
     def _texture(self, name, material, prim, b, active, jitter, linear=True):
-        """Value of a kind of texture, 1 where the material has none."""
+        """Value of the texture of kind `name`, 1 where the material has none."""
         if name not in self.slots:
             return mi.Vector4f(1)
         slot = self._slot(name, material, active)
@@ -171,14 +171,14 @@ class Shading:
         return _weighted(b, mi.Point2f(first.x, first.y), mi.Point2f(first.z, first.w), mi.Point2f(third.x, third.y))
 
     def _one_texel(self, slot, uv, jitter, active, linear):
-        """One texel, with the probability that is its bilinear weight."""
+        """One texel, sampled with its bilinear weight as the probability."""
         nearest = (slot.w & NEAREST) != 0
         x, y = (_unwrapped(c, size, mode) + dr.select(nearest, 0.5, u) - 0.5
                 for c, size, mode, u in _axes(slot, uv, jitter))  # fmt: skip
         return self._texel(slot, mi.Int32(dr.floor(x)), mi.Int32(dr.floor(y)), active, linear)
 
     def _exact(self, slot, uv, active, linear):
-        """Bilinear: four texels by their weights, or the nearest one."""
+        """The bilinear value of four texels, or the nearest texel, depending on the sampler."""
         nearest = (slot.w & NEAREST) != 0
         x, y = (_unwrapped(c, size, mode) - dr.select(nearest, 0, 0.5) for c, size, mode, _ in _axes(slot, uv, uv))
         x0, y0 = dr.floor(x), dr.floor(y)
@@ -209,7 +209,7 @@ def _axes(slot, uv, jitter):
 
 
 def _unwrapped(coordinate, size, mode):
-    """Texture coordinate in texels; folded into the texture first, so that large coordinates keep their digits."""
+    """Texture coordinate in texels, wrapped into the texture first so that large coordinates keep their precision."""
     repeated = coordinate - dr.floor(coordinate)
     folded = 1 - dr.abs(1 - 2 * (coordinate / 2 - dr.floor(coordinate / 2)))
     clamped = dr.clip(coordinate, 0, 1)
@@ -217,7 +217,7 @@ def _unwrapped(coordinate, size, mode):
 
 
 def _wrapped(index, size, mode):
-    """Texel index within the texture: one step past an edge comes in on the other side, or stays."""
+    """Texel index within the texture: one step past an edge wraps around when repeating, else is clamped."""
     around = dr.select(index < 0, index + size, dr.select(index >= size, index - size, index))
     return dr.select(mode == WRAP["repeat"], around, dr.clip(index, 0, size - 1))
 
@@ -227,7 +227,7 @@ def _weighted(b, first, second, third):
 
 
 def _from_octahedral(code):
-    """Direction of two signed 16-bit parts; not unit."""
+    """Unit direction from two signed 16-bit parts."""
     x = mi.Float(mi.Int32(code << 16) >> 16) * (1 / 32767)
     y = mi.Float(mi.Int32(code) >> 16) * (1 / 32767)
     z = 1 - dr.abs(x) - dr.abs(y)

@@ -1,7 +1,7 @@
 """Triangles, materials and texels of a scene as flat tables that the path tracer's kernels gather from.
 
-One table for the whole scene, whatever the number of its materials: no virtual call, one kernel. Only what the scene
-has is stored, and a kernel compiles nothing else.
+All materials of the scene share one set of tables, so there are no virtual calls and there is one kernel. Only features
+that the scene has are stored, and only those are compiled into a kernel.
 """
 
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ WRAP = {"repeat": 0, "mirror": 1, "clamp": 2}
 NEAREST = 1 << 4  # beside two bits of wrap mode per axis
 UV_SHIFT = 8  # the uv channel lies above
 
-# Components of a corner's normal that differ by less from the triangle's are flat: 0.06 degrees.
+# Triangles are flat if no component of a corner's normal differs from the triangle's by this much: 0.06 degrees.
 FLAT = 1e-3
 
 
@@ -25,12 +25,12 @@ class Surfaces:
 
     position (V, 3) float32 m; triangle (F, 3) uint32; opaque: the number of triangles without holes.
     face (F, 4) float32: unit normal, and the material's index as the bits of a float.
-    normal (F, 4) uint32: of each corner, octahedral in two signed 16-bit parts; None where all triangles are flat.
-    tangent (F, 3, 4) float32 of each corner; None without normal textures.
-    uv (F, C, 8) float32: u, v of each corner and two zeros. color (F, 3, 4) float32 of each corner, or None.
+    normal (F, 4) uint32: one per corner, octahedral in two signed 16-bit parts, then 0; None if all triangles are flat.
+    tangent (F, 3, 4) float32: one per corner; None without normal textures.
+    uv (F, C, 8) float32: u, v of each corner and two zeros. color (F, 3, 4) float32: one per corner, or None.
     albedo (M, 4): linear base colour, metallic. surface (M, 4): alpha, cut-off (-1: opaque), 1 if double-sided,
-    normal scale. emission (M, 4): radiance, 1 if unlit.
-    slots name -> (M, 4) uint32: first texel, width, height, modes, for each kind of texture that some material has.
+    normal scale. emission (M, 4): radiance (base colour if unlit), 1 if unlit.
+    slots: name -> (M, 4) uint32: first texel, width, height, modes, for each kind of texture that some material has.
     texels (T,) uint32: RGBA8, red in the lowest byte.
     """
 
@@ -83,7 +83,7 @@ def _is_masked(scene: Scene, mesh) -> bool:
 
 
 def _face_normals(position: np.ndarray, triangle: np.ndarray) -> np.ndarray:
-    """Unit normals (F, 3), 0 for triangles without area."""
+    """Unit normals (F, 3), 0 for triangles of area 0."""
     a, b, c = (position[triangle[:, i]].astype(np.float64) for i in range(3))
     cross = np.cross(b - a, c - a)
     length = np.linalg.norm(cross, axis=1, keepdims=True)
@@ -100,7 +100,7 @@ def _corner_normals(meshes: list, face: np.ndarray) -> np.ndarray | None:
 
 
 def _octahedral(normal: np.ndarray) -> np.ndarray:
-    """Unit normals (..., 3) as two signed 16-bit numbers in a uint32, x in the lower half (Cigolle et al. 2014)."""
+    """Unit normals (..., 3) as two signed 16-bit numbers in a uint32, x in the low half (Cigolle et al. 2014)."""
     n = normal / np.abs(normal).sum(axis=-1, keepdims=True)
     folded = (1 - np.abs(n[..., 1::-1])) * np.where(n[..., :2] >= 0, 1, -1)
     p = np.where(n[..., 2:] < 0, folded, n[..., :2])
@@ -109,7 +109,7 @@ def _octahedral(normal: np.ndarray) -> np.ndarray:
 
 
 def _corners(meshes: list, name: str, width: int, fill: float = 0.0) -> np.ndarray:
-    """A vertex attribute at each corner (F, 3, width) float32; `fill` for meshes without it."""
+    """A vertex attribute at each corner (F, 3, width) float32; `fill` for meshes that lack it."""
     absent = np.float32(fill)
     columns = []
     for mesh in meshes:
@@ -137,7 +137,7 @@ def _surface_row(material: Material) -> tuple[float, float, float, float]:
 
 
 def _textures(scene: Scene) -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """The tables `slots`, and the texels of all textures that they name."""
+    """The tables `slots`, and the texels of all textures that they refer to."""
     used = sorted({slot.texture for material in scene.used_materials() for slot in material.slots()})
     pixels = [np.ascontiguousarray(scene.textures[index].pixels) for index in used]
     first = dict(zip(used, np.cumsum([0] + [p.size // 4 for p in pixels]), strict=False))

@@ -1,7 +1,7 @@
 """B, the demodulated indirect light, in camera views and at surface points.
 
 `B(x) = (1/pi) * integral of L_in(x, w) cos(theta) dw` (Kajiya 1986, "The rendering equation") without the light that
-reached x straight from a punctual light. Emissive surfaces light the scene through B completely.
+reaches x directly from a punctual light. B contains all light from emissive surfaces, including their direct light.
 """
 
 from collections.abc import Callable
@@ -16,24 +16,24 @@ from . import mitsuba_scene
 from .punctual_lights import PunctualLights
 from .surface_tables import tabulate
 
-# Paths per point and points of one launch. Points are constant, because Dr.Jit compiles anew for every other number.
+# Paths per point and points of one launch. The number of points is fixed, as Dr.Jit recompiles for any other number.
 PASS_SAMPLES = 32
 LAUNCH_POINTS = 1 << 14
 
 PRIOR_SAMPLES = 64
 
-# Bounces where none are asked for: at albedo 0.75 the light cut off is below 1e-7.
+# Default number of bounces: at albedo 0.75 the light that this cuts off is below 1e-7.
 BOUNCES_MAX = 64
 
 
 @dataclass(frozen=True)
 class Surface:
-    """What a camera sees through its pixel centres, arrays (H, W, ...) float32; zeros where it sees no surface.
+    """What a camera sees through its pixel centres, arrays (H, W, ...) float32; 0 where it sees no surface.
 
-    position (m), normal (interpolated, unit, towards the camera), shading_normal (as a normal texture bends it: primary
-    light goes by it) and geometric_normal in world space; albedo and emission linear Rec.709; depth along the camera's
-    -Z (m); valid bool: a surface is seen; diffuse bool: it shows light that falls on it, as it is neither unlit nor
-    metal. Where there is no surface, emission is the environment's radiance.
+    position (m), normal (interpolated, unit, towards the camera), shading_normal (perturbed by a normal texture, used
+    for primary light) and geometric_normal are in world space. albedo and emission are linear Rec.709. depth is along
+    the camera's -Z (m). valid (bool): a surface is seen. diffuse (bool): the surface shows light that falls on it, as
+    it is neither unlit nor metal. Where there is no surface, emission is the environment's radiance.
     """
 
     position: np.ndarray
@@ -47,11 +47,11 @@ class Surface:
     diffuse: np.ndarray
 
     def points(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """position, normal and geometric_normal (N, 3) of the pixels that are diffuse: where B is seen."""
+        """position, normal and geometric_normal (N, 3) of the diffuse pixels, where B is seen."""
         return tuple(array[self.diffuse] for array in (self.position, self.normal, self.geometric_normal))
 
     def shading_points(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The same with the shading normal: where primary light falls."""
+        """The same with shading_normal in place of normal, as primary light needs it."""
         return tuple(array[self.diffuse] for array in (self.position, self.shading_normal, self.geometric_normal))
 
     def image(self, values: np.ndarray) -> np.ndarray:
@@ -65,8 +65,8 @@ class Surface:
 class Sampling:
     """How long points are traced: at most `samples` paths (in passes of PASS_SAMPLES) of at most `bounces` surfaces.
 
-    A point is done earlier once its standard error is below `error` * (B + `scale`), scale in radiance: relative where
-    it is bright, absolute where it is dark. `error` 0: never earlier.
+    A point is done earlier once its standard error is at most `error` * (B + `scale`), with `scale` in radiance: a
+    relative error where B is bright, an absolute one where it is dark. With `error` 0 no point is done earlier.
     """
 
     samples: int
@@ -77,8 +77,11 @@ class Sampling:
 
 @dataclass(frozen=True)
 class Light:
-    """B at N points: mean (N, 3) float32, linear Rec.709 radiance; error (N,) float32, its standard error (mean of the
-    channels); samples (N,) int64: paths that gave a finite number; invalid: how many others were left out."""
+    """B at N points.
+
+    mean (N, 3) float32 is linear Rec.709 radiance; error (N,) float32 is the standard error of its channel mean;
+    samples (N,) int64 counts the paths that gave a finite number; invalid is the number of all others, left out.
+    """
 
     mean: np.ndarray
     error: np.ndarray
@@ -87,7 +90,7 @@ class Light:
 
 
 class Tracer:
-    """Traces the light of one scene. What it returns depends on the arguments alone, not on threads or history."""
+    """Traces the light of one scene. Results depend only on the arguments, not on threads or earlier calls."""
 
     def __init__(self, scene: Scene):
         from .emitters import Emitters
@@ -107,7 +110,7 @@ class Tracer:
         self.environment = None if scene.environment is None else EnvironmentLight(scene.environment)
 
     def surface(self, camera: Camera, width: int, height: int) -> Surface:
-        """The surfaces behind the pixel centres of an image of this size (px)."""
+        """The surfaces seen through the pixel centres of an image of this size (px)."""
         from . import paths
 
         pinhole = camera.pinhole(width, height)
@@ -130,7 +133,7 @@ class Tracer:
     def indirect(self, position, normal, geometric_normal, sampling: Sampling, seed: int, advance=None) -> Light:
         """B at surface points: position (N, 3) m, normal and geometric_normal (N, 3) unit, all float32, world space.
 
-        The same arguments give the same bits. `advance(points)` is called as points are done, with N in all.
+        The same arguments give bit-identical results. `advance(points)` is called as points finish, N in total.
         """
         points = position, normal, geometric_normal
         passes = -(-sampling.samples // PASS_SAMPLES)
@@ -147,10 +150,10 @@ class Tracer:
         return sums.light()
 
     def direct(self, position, normal, geometric_normal) -> np.ndarray:
-        """Light straight from the punctual lights: (N, 3) float32, such that primary = albedo * direct + emission.
+        """Direct light of the punctual lights: (N, 3) float32, such that primary = albedo * direct + emission.
 
-        Arguments as for `indirect`, with the shading normal. Exact: a shadow ray to every light, and the lights have no
-        extent.
+        The arguments are those of `indirect`, with the shading normal. The result is exact: every light gets a shadow
+        ray, and the lights have no extent.
         """
         from . import paths
 
@@ -159,7 +162,7 @@ class Tracer:
         return self._launched(paths.direct, position, normal, geometric_normal)["direct"]
 
     def _launched(self, kernel: Callable, *inputs: np.ndarray) -> dict[str, np.ndarray]:
-        """Columns (N, ...) of a kernel that takes arrays (N, 3), in launches of one size."""
+        """Columns (N, ...) of a kernel that takes arrays (N, 3), computed in launches of one size."""
         count = len(inputs[0])
         starts = range(0, max(count, 1), LAUNCH_POINTS)
         launches = [kernel(self, *(_padded(array[k : k + LAUNCH_POINTS]) for array in inputs)) for k in starts]
@@ -168,14 +171,14 @@ class Tracer:
     def _positions(self, triangle: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """Points (N, 3) float32 on triangles (N,), from the weights (N, 2) of their corners 1 and 2.
 
-        Not from distances along rays: seen from far away, those miss the surface by more than rays start off it.
+        Distances along rays would not do: from far away they miss the surface by more than the offset of ray origins.
         """
         position, corners = self.corners
         a, b, c = (position[corner].astype(np.float64) for corner in corners[triangle].T)
         return (a + weights[:, :1] * (b - a) + weights[:, 1:] * (c - a)).astype(np.float32)
 
     def _pass(self, points, active: np.ndarray, sums: "_Sums", bounces: int, seed: tuple, advance) -> None:
-        """PASS_SAMPLES more paths for the points `active`."""
+        """Trace PASS_SAMPLES more paths for the points `active`."""
         from . import paths
 
         for first in range(0, len(active), LAUNCH_POINTS):
@@ -201,7 +204,7 @@ class _Sums:
         return _Sums(np.zeros((count, 3)), np.zeros(count), np.zeros(count, np.int64), np.zeros(count, np.int64))
 
     def add(self, at: np.ndarray, launch) -> None:
-        """The first len(at) points of a launch belong to the points `at`."""
+        """Add a launch, whose first len(at) points are the points `at`."""
         invalid = launch.invalid[: len(at)]
         self.total[at] += launch.light[: len(at)]
         self.squared[at] += launch.squared[: len(at)]
@@ -209,14 +212,14 @@ class _Sums:
         self.invalid[at] += invalid
 
     def brightness(self) -> np.ndarray:
-        """Mean of the channels (N,)."""
+        """Channel mean (N,) of B."""
         return self.total.mean(axis=1) / np.maximum(self.samples, 1)
 
     def error(self) -> np.ndarray:
         """Standard error of the brightness (N,).
 
-        The variance leans on that of all points as PRIOR_SAMPLES paths would: few paths that all missed a small light
-        know nothing of it.
+        The mean variance over all points acts as a prior that weighs as much as PRIOR_SAMPLES paths, because a few
+        paths that all missed a small light do not show its variance.
         """
         n = np.maximum(self.samples, 1)
         variance = np.maximum(self.squared / n - self.brightness() ** 2, 0)
@@ -230,7 +233,7 @@ class _Sums:
 
 
 def _padded(array: np.ndarray) -> np.ndarray:
-    """(n, 3) -> (LAUNCH_POINTS, 3) float32; what is added has normal or direction 0, where nothing is traced."""
+    """Pad (n, 3) with zeros to (LAUNCH_POINTS, 3) float32; nothing is traced for a normal or direction of 0."""
     result = np.zeros((LAUNCH_POINTS, 3), np.float32)
     result[: len(array)] = array
     return result

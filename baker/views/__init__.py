@@ -1,1 +1,1 @@
-"""Where to look from."""
+"""Placement of the cameras, and what they see."""

@@ -1,4 +1,4 @@
-"""An optional camera path: a JSON file of cameras to fit besides the scene's own."""
+"""An optional camera path: a JSON file with cameras to fit in addition to the scene's own."""
 
 from pathlib import Path
 
@@ -13,14 +13,15 @@ from .placement import YFOV
 
 YFOV_MIN, YFOV_MAX = 0.01, 3.0  # rad
 NEAR = 1e-3  # of the scene's diagonal
-ACROSS_MIN = 1e-3  # sine of the angle between a camera's up and where it looks
+ACROSS_MIN = 1e-3  # sine of the angle between a camera's up vector and its viewing direction
 
 
 def read_camera_path(path: str, diagonal: float) -> dict[str, Camera]:
-    """The cameras of a path, named "path 1" and so on; `diagonal` (m) is that of the scene.
+    """The cameras of a path, named "path 1" and so on; `diagonal` (m) is the scene's.
 
-    {"cameras": [{"position": [x, y, z], "target": [x, y, z], "up": [x, y, z], "yfov": 1.0}, ...]}, in glTF's space;
-    `up` (+Y) and `yfov` (rad) may be left out. Raises FileError, and SceneError with file and JSON pointer.
+    The file contains {"cameras": [{"position": [x, y, z], "target": [x, y, z], "up": [x, y, z], "yfov": 1.0}, ...]} in
+    glTF's space; `up` (default +Y) and `yfov` (rad, default YFOV) are optional. Raises FileError, or SceneError with
+    the file and the JSON pointer.
     """
     cameras = parse(read_file(Path(path)), path).get("cameras")
     if not cameras.array():

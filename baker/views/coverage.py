@@ -1,4 +1,4 @@
-"""How much of the surface cameras see, where that is, and which surface nothing can see."""
+"""How much of the surface the cameras see, at what texel size, and which surface is hidden from all viewpoints."""
 
 from dataclasses import dataclass, replace
 
@@ -10,12 +10,12 @@ from .surface_points import SurfacePoints, Triangles
 from .visibility import VIEWS, Sides, sides, sight_lines, texels
 
 GOAL = 0.99  # of the visible area
-LISTED = 4  # materials of hidden surface that the log names
+LISTED = 4  # most materials with hidden surface that the log names
 
 
 @dataclass(frozen=True)
 class Hidden:
-    """Surface of one material that nothing in free space sees, from either side: area (m^2), share of all surface."""
+    """Surface of one material, hidden on both sides from all of free space: area (m^2), share of all surface."""
 
     material: str
     area: float
@@ -24,12 +24,12 @@ class Hidden:
 
 @dataclass(frozen=True)
 class Coverage:
-    """What a set of cameras sees of the area that free space sees, both sides of a double-sided surface apart.
+    """What a set of cameras sees of the visible area, which counts the two sides of a double-sided surface separately.
 
-    Seen from free space: from VIEWS of the places in it that were looked from, or by a camera of the scene or its path.
-    seen: share of it that at least 1, 2, 3 cameras see at `texel_limit` (m) or finer, and at less than 80 degrees from
-    the normal. texel_median and texel_p95 (m): the texel size at which three cameras see half, and 95 %, of it;
-    infinite where they do not. `points` is how many sample points the shares are measured on.
+    Visible area is seen from at least VIEWS viewpoints in free space, or by a camera of the scene or of its path.
+    seen: shares of it that at least 1, 2, 3 cameras see at `texel_limit` (m) or finer, and at less than 80 degrees from
+    the normal. texel_median and texel_p95 (m): the texel sizes at which three cameras see 50 % and 95 % of it; infinite
+    if they do not. `points` is the number of sample points on which the shares are measured.
     """
 
     seen: tuple[float, float, float]
@@ -42,36 +42,36 @@ class Coverage:
 
     @property
     def reached(self) -> bool:
-        """Whether GOAL of the visible area is seen by VIEWS cameras."""
+        """Whether VIEWS cameras see at least the share GOAL of the visible area."""
         return self.seen[VIEWS - 1] >= GOAL
 
 
 class CoverageMeter:
-    """Measures coverage on surface sides as cameras and places to look from are added."""
+    """Measures coverage on surface sides as cameras and viewpoints are added."""
 
     def __init__(self, triangles: Triangles, sampled: Sides, given: list[Camera], size: int):
-        """`given` cameras say by themselves what can be seen; views are square, of `size` px."""
+        """What one of the `given` cameras sees counts as visible. Views are square, with an edge of `size` px."""
         self._triangles = triangles
         self._sampled = sampled
         self._size = size
-        self._finest = np.full((VIEWS, len(sampled)), np.inf, np.float32)  # texel sizes of all cameras so far, in order
+        self._finest = np.full((VIEWS, len(sampled)), np.inf, np.float32)  # smallest texel sizes so far, ascending
         self._places = np.zeros(len(sampled), np.int64)
         self.add(given)
         self._given = np.isfinite(self._finest[0])
 
     def add(self, cameras: list[Camera]) -> None:
-        """Count further cameras."""
+        """Add cameras."""
         for camera in cameras:
             sizes = texels(self._triangles, camera, self._sampled.points, self._size)
             self._finest = np.sort(np.concatenate([self._finest, sizes[None]]), axis=0)[:VIEWS]
 
     def look_from(self, viewpoints: np.ndarray) -> None:
-        """Count further places (E, 3) in free space."""
+        """Add viewpoints (E, 3) in free space."""
         lines = sight_lines(self._triangles, viewpoints, self._sampled.points)
         self._places += np.bincount(lines.side, minlength=len(self._sampled))
 
     def coverage(self, limit: float) -> Coverage:
-        """The coverage by the cameras so far at a texel limit (m)."""
+        """The coverage by the cameras added so far, at a texel limit (m)."""
         visible = self._given | (self._places >= VIEWS)
         sizes = self._finest[:, visible]
         some = visible.any()
@@ -89,15 +89,15 @@ class CoverageMeter:
 
 
 def sample_seen(triangles: Triangles, cameras: list[Camera], count: int, seed: int) -> SurfacePoints:
-    """`count` blue-noise points on the surfaces that the cameras see; normals point to the side that more of them see.
+    """`count` blue-noise points on the surfaces that the cameras see; normals point to the side that more cameras see.
 
-    Fewer, or none, where they see next to nothing.
+    There are fewer points, or none, if the cameras see hardly any surface.
     """
     return triangles.sample(count, seed, lambda points: _turned_to(triangles, cameras, points))
 
 
 def seen_by(triangles: Triangles, cameras: list[Camera], points: SurfacePoints) -> np.ndarray:
-    """How many cameras (N,) int64 see the normals' side of points, in square images and at less than 80 degrees."""
+    """Number (N,) int64 of cameras that see points on the normals' side, in square images, at less than 80 degrees."""
     count = np.zeros(len(points), np.int64)
     for camera in cameras:
         count += np.isfinite(texels(triangles, camera, points, size=1))
@@ -105,7 +105,7 @@ def seen_by(triangles: Triangles, cameras: list[Camera], points: SurfacePoints) 
 
 
 def coverage_summary(coverage: Coverage) -> list[str]:
-    """The coverage in words, a line for the log each: what is seen, then the materials with most hidden surface."""
+    """The coverage as lines for the log: the share that is seen, then the materials with the most hidden surface."""
     three = f"{100 * coverage.seen[VIEWS - 1]:.1f} % of the visible area ({_area(coverage.visible_area)})"
     lines = [
         f"{three} is seen by {VIEWS} views at {length(coverage.texel_limit)} per texel or finer "
@@ -122,7 +122,7 @@ def coverage_summary(coverage: Coverage) -> list[str]:
 
 
 def _hidden(triangles: Triangles, sampled: Sides, visible: np.ndarray) -> tuple[Hidden, ...]:
-    """Per material, largest first: the points of which no side is visible."""
+    """Hidden surface per material, largest first: points without a visible side."""
     count = int(sampled.point.max()) + 1
     unseen = np.bincount(sampled.point[visible], minlength=count) == 0
     material = sampled.points.material[:count][unseen]
@@ -135,7 +135,7 @@ def _hidden(triangles: Triangles, sampled: Sides, visible: np.ndarray) -> tuple[
 
 
 def length(metres: float) -> str:
-    """A length in words, in the unit that suits it."""
+    """A length as text, in m or mm."""
     if not np.isfinite(metres):
         return "no texel size"
     return f"{metres:.3g} m" if metres >= 1 else f"{1000 * metres:.3g} mm"
@@ -150,7 +150,7 @@ def _area(square_metres: float) -> str:
 
 
 def _turned_to(triangles: Triangles, cameras: list[Camera], points: SurfacePoints) -> SurfacePoints:
-    """The points that cameras see, each with the normal of the side that more of them see."""
+    """The points that cameras see, each with the normal of the side that more cameras see."""
     both = sides(points)
     count = seen_by(triangles, cameras, both.points)
     front, back = count[: len(points)], np.zeros(len(points), np.int64)

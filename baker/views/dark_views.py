@@ -1,4 +1,4 @@
-"""Which views look into the dark: into closed spaces that no light reaches, of which little is worth knowing."""
+"""Find dark views: those into closed spaces that no light reaches, from which little can be learnt."""
 
 from collections.abc import Callable
 
@@ -9,17 +9,17 @@ from gsgi.runtime.camera import Camera
 
 from .surface_points import Triangles
 
-RAYS = 4  # of a camera, along each edge of its image
-DARK = 0.01  # of what views see on average: at the exposure that shows the others, black
+RAYS = 4  # per camera, along each edge of its image
+DARK = 0.01  # share of the average view; a view below it is black at an exposure that suits the others
 
 
 def dark_views(
     triangles: Triangles, cameras: dict[str, Camera], at_points: Callable, bounces: int, seed: int
 ) -> frozenset[str]:
-    """Names of the cameras whose picture has a mean B below DARK times the mean of all pictures.
+    """Names of the cameras whose picture has a mean B below DARK times the mean over all pictures.
 
     `at_points(position, normal, sampling, seed)` traces B at points (N, 3) with unit normals (N, 3). A camera that sees
-    no surface is not dark: it has no picture of B.
+    no surface has no picture of B and is not dark.
     """
     names = np.array(list(cameras))
     origin, direction = (np.concatenate(part) for part in zip(*map(_rays, cameras.values()), strict=True))
@@ -36,7 +36,7 @@ def dark_views(
 
 
 def _rays(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
-    """Origin and direction (RAYS^2, 3) float64, world space, through the middles of a square image's RAYS^2 parts."""
+    """Origins and directions (RAYS^2, 3) float64, world space, through the centres of a square image's RAYS^2 cells."""
     slope = np.tan(camera.yfov / 2) * (2 * (np.arange(RAYS) + 0.5) / RAYS - 1)
     x, y = np.meshgrid(slope, slope)
     direction = np.stack([x, y, -np.ones_like(x)], axis=-1).reshape(-1, 3) @ camera.world_from_view[:3, :3].T

@@ -1,4 +1,4 @@
-"""Views from outside that look in, through an open side or roof, at what free space inside sees."""
+"""Views from outside, through an open side or roof, at the surfaces that are visible from free space inside."""
 
 import numpy as np
 
@@ -10,19 +10,20 @@ from .surface_points import Triangles
 from .visibility import Sides, sight_lines
 
 CANDIDATES = 1024
-DISTANCE = 0.5, 1.5  # from what is looked at, in diagonals of the scene
-INSIDE_MIN = 0.9  # of what a viewpoint sees: less of the inside, and it looks at the outer walls
-SEEN_MIN = 0.1  # of what can be seen: a viewpoint that sees less of it is not worth a view
-MARGIN = 1.1  # field of view around what is seen
+DISTANCE = 0.5, 1.5  # range of distances from the surface looked at, in diagonals of the scene
+INSIDE_MIN = 0.9  # share of what a viewpoint sees that must be inside; with less, it looks at the outer walls
+SEEN_MIN = 0.1  # share of what is visible inside; a viewpoint that sees less is not worth a view
+MARGIN = 1.1  # field of view, relative to the extent of what is seen
 YFOV_MAX = 1.2  # rad
 
 
 def look_in(
     triangles: Triangles, free: FreeSpace, sampled: Sides, visible: np.ndarray, count: int, rng: np.random.Generator
 ) -> list[Camera]:
-    """At most `count` cameras beside the scene, best first; none where nothing opens to the outside.
+    """At most `count` cameras outside the scene's bounds, best first; none if nothing opens to the outside.
 
-    `visible` (S,) bool: which of the `sampled` sides free space sees. A viewpoint counts when that is nearly all it sees.
+    `visible` (S,) bool marks the `sampled` sides that free space sees. A viewpoint qualifies if nearly all that it sees
+    is among them.
     """
     inside = np.flatnonzero(visible)
     if not len(inside) or count < 1:
@@ -34,7 +35,7 @@ def look_in(
     reach = triangles.diagonal * rng.uniform(*DISTANCE, len(away))
     viewpoints = (start + away * reach[:, None])[escapes]
     beside = ((viewpoints < triangles.low) | (viewpoints > triangles.high)).any(axis=1)
-    viewpoints = viewpoints[beside & (viewpoints[:, 1] >= triangles.low[1])]  # nobody looks from below the ground
+    viewpoints = viewpoints[beside & (viewpoints[:, 1] >= triangles.low[1])]  # not from below the ground
     viewpoints = viewpoints[free.faces_fronts(viewpoints)]
     sees = np.zeros((len(viewpoints), len(sampled)), bool)
     lines = sight_lines(triangles, viewpoints, sampled.points)
@@ -52,7 +53,7 @@ def look_in(
 
 
 def _camera(viewpoint: np.ndarray, seen: np.ndarray, diagonal: float) -> Camera:
-    """A camera that has all points `seen` (N, 3) in its image, as far as its field of view may open."""
+    """A camera with all points `seen` (N, 3) in its image, as far as the largest field of view allows."""
     towards = seen - viewpoint
     towards /= np.linalg.norm(towards, axis=1, keepdims=True)
     axis = towards.mean(axis=0)

@@ -1,4 +1,4 @@
-"""Places to look from: viewpoints in free space, neither inside geometry nor behind walls that face nothing."""
+"""Viewpoints in free space, which are neither inside geometry nor behind outer walls that face nothing."""
 
 from typing import NamedTuple
 
@@ -8,26 +8,26 @@ from gsgi.runtime.camera import Camera
 
 from .surface_points import SurfacePoints, Triangles
 
-# A viewpoint's least distance to all surfaces: this share of the scene's diagonal, in a large scene what a person needs (m).
+# A viewpoint's least distance to all surfaces: this share of the scene's diagonal, at most what a person needs (m).
 CLEARANCE = 0.01
 CLEARANCE_PERSON = 0.4
 
-LOOKS = 128  # directions in which a viewpoint looks around
-BACKS_MAX = 0.1  # of what it meets there: more backs of single-sided surfaces, and the viewpoint is behind them
+LOOKS = 128  # rays that a viewpoint casts to look around
+BACKS_MAX = 0.1  # share of hits on backs of single-sided surfaces; with more, the viewpoint is behind them
 DOUBLE_BACKS_MAX = 0.25  # the same for double-sided surfaces
-OPEN = 0.5  # share of directions that meet nothing: from there on a scene lies in the open
-VOID = (
-    0.4  # share of directions to below that meet nothing: from there on a viewpoint hangs in the void beside a building
-)
-BELOW = -0.5  # height of a unit direction that counts as below
+OPEN = 0.5  # above this share of rays without a hit, a scene lies in the open
+VOID = 0.4  # from this share of downward rays without a hit, a viewpoint is in the void beside a building
+BELOW = -0.5  # a unit direction with a smaller y points down
 
-LEAST = 64  # viewpoints to make do with where none is free
+LEAST = 64  # viewpoints to use if none is free
 
 
 class Surroundings(NamedTuple):
-    """What viewpoints (E,) see looking around. `open`: share of directions that meet nothing; `below`: the same of those to
-    below. Of what is met (1 where nothing is): `backs` and `double_backs`, the share of backs of single- and
-    double-sided surfaces."""
+    """What viewpoints (E,) see around them.
+
+    `open` is the share of rays without a hit, and `below` the same among downward rays. `backs` and `double_backs` are
+    the shares of hits on backs of single- and double-sided surfaces, 1 if there are no hits.
+    """
 
     open: np.ndarray
     below: np.ndarray
@@ -36,18 +36,18 @@ class Surroundings(NamedTuple):
 
 
 class FreeSpace:
-    """The places from which a scene may be looked at.
+    """The places where viewpoints may lie.
 
-    A viewpoint is free when it keeps its clearance and meets next to no backs of single-sided surfaces. The winding of
-    double-sided surfaces counts too, for most scenes call all their surfaces double-sided: a viewpoint that mostly meets
-    their backs stands inside a body or outside a room. Two exceptions: scene and viewpoint lie in the open (a leaf is looked
-    at from both sides), or a camera of the scene itself stands like that, so that the winding means nothing. Where a
-    scene does not lie in the open, free viewpoints have ground below: the outer walls of a building without surroundings face
-    nothing.
+    A viewpoint is free if it keeps its clearance and sees hardly any backs of single-sided surfaces. The winding of
+    double-sided surfaces counts too, because most scenes declare all their surfaces double-sided: a viewpoint that sees
+    many of their backs is inside a body or outside a room. There are two exceptions: the scene and the viewpoint lie in
+    the open (a leaf is seen from both sides), or one of the given cameras sees that many backs, so that the winding
+    means nothing. Unless the scene lies in the open, free viewpoints have ground below them, because the outer walls of
+    a building without surroundings face nothing.
     """
 
     def __init__(self, triangles: Triangles, given: list[Camera], points: SurfacePoints, rng: np.random.Generator):
-        """`given`: cameras that are known to be in free space. `points`: spread over the surfaces."""
+        """`given` cameras are known to be in free space. `points` are spread over the surfaces."""
         self.clearance = min(CLEARANCE * triangles.diagonal, CLEARANCE_PERSON)
         self._triangles = triangles
         away = cosine_directions(points.normal, rng)
@@ -58,9 +58,9 @@ class FreeSpace:
             self._winding = bool((own.double_backs <= DOUBLE_BACKS_MAX).all())
 
     def draw(self, sides: SurfacePoints, reach: float, rng: np.random.Generator, must: bool = False) -> np.ndarray:
-        """Free viewpoints (E, 3) on free lines of sight, at most `reach` (m) long, in front of `sides`: one or none for each.
+        """Free viewpoints (E, 3) on clear sight lines of at most `reach` (m) from `sides`: one or none for each side.
 
-        With `must`, where no place is free, those that are the least wrong.
+        With `must`, if no viewpoint is free, the result is the LEAST viewpoints that violate the conditions least.
         """
         away = cosine_directions(sides.normal, rng)
         start = self._triangles.lifted(sides)
@@ -77,12 +77,12 @@ class FreeSpace:
         return viewpoints[free]
 
     def faces_fronts(self, viewpoints: np.ndarray) -> np.ndarray:
-        """Whether (E,) bool viewpoints (E, 3) keep their clearance before surfaces, be there ground below them or not."""
+        """Whether (E,) bool viewpoints (E, 3) keep their clearance and face fronts; they need no ground below them."""
         faces, _ = self._faces_fronts(look_around(self._triangles, viewpoints))
         return faces & (self._triangles.clearance(viewpoints) >= self.clearance)
 
     def _faces_fronts(self, around: Surroundings) -> tuple[np.ndarray, np.ndarray]:
-        """Whether (E,) bool viewpoints stand before surfaces rather than behind them, and whether they have ground below."""
+        """Whether (E,) bool viewpoints are in front of surfaces, not behind; and whether they have ground below."""
         double = (around.double_backs <= DOUBLE_BACKS_MAX) | (not self._winding)
         if self._open:
             double |= around.open >= OPEN
@@ -90,7 +90,7 @@ class FreeSpace:
 
 
 def look_around(triangles: Triangles, viewpoints: np.ndarray) -> Surroundings:
-    """Cast LOOKS rays from each of viewpoints (E, 3), spread evenly over the sphere."""
+    """Cast LOOKS rays from each of the viewpoints (E, 3), spread evenly over the sphere."""
     directions = sphere(LOOKS)
     hits = triangles.hits(np.repeat(viewpoints, LOOKS, axis=0), np.tile(directions, (len(viewpoints), 1)))
     double = triangles.double_sided[hits.triangle]
@@ -116,5 +116,5 @@ def cosine_directions(normal: np.ndarray, rng: np.random.Generator) -> np.ndarra
     """Unit directions (N, 3), cosine-distributed around normals (N, 3)."""
     ball = rng.normal(size=normal.shape)
     ball /= np.linalg.norm(ball, axis=1, keepdims=True)
-    direction = normal + 0.99 * ball  # 0.99: never the null vector
+    direction = normal + 0.99 * ball  # 0.99 excludes the null vector
     return direction / np.linalg.norm(direction, axis=1, keepdims=True)

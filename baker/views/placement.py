@@ -1,4 +1,4 @@
-"""Where to look from: cameras in free space that together see the scene's surfaces, and some more to judge them by."""
+"""Place cameras in free space that together see the scene's surfaces, and held-out cameras to judge the fit."""
 
 import itertools
 from collections.abc import Set
@@ -17,26 +17,26 @@ from .viewpoints import Viewpoints, visible
 from .visibility import VIEWS, Lens, Sides, sides, texels
 
 YFOV = 1.2  # rad; wide enough to see a room's corner from its middle, narrow enough to keep texels even
-NEAR = 0.1  # of the viewpoints' clearance
+NEAR = 0.1  # near plane, as a share of the viewpoints' clearance
 
-FEWEST, MOST = 320, 1024  # cameras, where their number is left open
-HELD_OUT, SPARE = 6, 18  # and so many more, in the place of those that turn out to see no light
-OUTSIDE_SHARE, OUTSIDE_FEWEST = 8, 4  # views from outside: one for so many others, but so many at least
+FEWEST, MOST = 320, 1024  # cameras, if their number is left open
+HELD_OUT, SPARE = 6, 18  # held-out cameras, and spare ones to replace those that turn out to see no light
+OUTSIDE_SHARE, OUTSIDE_FEWEST = 8, 4  # one view from outside per OUTSIDE_SHARE others, but at least OUTSIDE_FEWEST
 
-# Surface points that stand for the surface while cameras are chosen, in rounds until the validation, other points on which
-# the choice is measured, are met as well.
+# Numbers of surface points that represent the surface while cameras are selected, one per round. The rounds end when
+# the goal is also reached on the validation samples, which are other points, used to measure the selection.
 SAMPLES = 4096, 8192, 16384
 VALIDATION_SAMPLES = 4096
-# In each round: how often the samples are to be seen, and what share of them, one after the other.
+# The aims of each round, one after another: the number of views that must see a sample, and the share of such samples.
 AIMS = (VIEWS, 0.993), (VIEWS, 1.0), (VIEWS + 1, 0.98)
-ENOUGH_WORTH = 1 / 32  # of further views of what is seen often enough, next to those before
+ENOUGH_WORTH = 1 / 32  # factor on the worth of a further view of a side that is seen often enough
 
 
 @dataclass(frozen=True)
 class Placement:
-    """Cameras to fit and cameras to judge the fit by, by name and nowhere the same, and what the fitted ones see.
+    """Cameras to fit and held-out cameras to judge the fit, with unique names, and the coverage of the fitted ones.
 
-    Of `held_out`, the first HELD_OUT are meant; those after them are spare.
+    The first HELD_OUT cameras of `held_out` are meant for use; the rest are spare.
     """
 
     fitted: dict[str, Camera]
@@ -44,7 +44,7 @@ class Placement:
     coverage: Coverage
 
     def without_dark(self, dark: Set[str]) -> "Placement":
-        """With HELD_OUT cameras held out that are not `dark`, as far as there are so many: black is easily met."""
+        """A copy that holds out at most HELD_OUT cameras, none of them `dark`, as a black view is easy to match."""
         lit = [name for name in self.held_out if name not in dark][:HELD_OUT]
         return replace(self, held_out={name: self.held_out[name] for name in lit})
 
@@ -57,11 +57,12 @@ def place(
     count: int | None = None,
     texel_limit: float | None = None,
 ) -> Placement:
-    """Place cameras for square views of `size` px; the same for the same arguments.
+    """Place cameras for square views of `size` px; the same arguments give the same cameras.
 
-    The `given` cameras, the scene's own and those of a path, come first and stay, wherever they stand. All others stand
-    in free space (see FreeSpace). They are added until GOAL of the area that free space sees is seen by VIEWS cameras
-    at `texel_limit` (m; None: found from the visible area) or finer, or until there are `count`.
+    The `given` cameras, which are the scene's own and those of a path, come first and are kept wherever they are. All
+    others are in free space (see FreeSpace). With `count` None they are added until VIEWS cameras see the share GOAL of
+    the visible area at `texel_limit` (m; None: from the visible area) or finer, from FEWEST to MOST cameras in total,
+    and views from outside come on top. Otherwise cameras are added until there are `count`, or no further one helps.
     """
     rng = np.random.default_rng(seed)
     own = list(given.values())
@@ -114,12 +115,12 @@ def place(
 
 
 def _outside(triangles: Triangles, free: FreeSpace, samples: Sides, seen: np.ndarray, number: int, rng) -> list[Camera]:
-    """One view from outside to hold out, then some to fit: so few that they do not hold up the others."""
+    """One view from outside to hold out, then some to fit, few enough not to hold back the `number` others."""
     return look_in(triangles, free, samples, seen, 1 + max(number // OUTSIDE_SHARE, OUTSIDE_FEWEST), rng)
 
 
 def _times_seen(triangles: Triangles, cameras: list[Camera], sampled: Sides, lens: Lens) -> np.ndarray:
-    """How many cameras (S,) int64 see sides at the texel limit or finer."""
+    """Number (S,) int64 of cameras that see each side at the texel limit or finer."""
     count = np.zeros(len(sampled), np.int64)
     for camera in cameras:
         count += texels(triangles, camera, sampled.points, lens.size) <= lens.limit
@@ -134,12 +135,12 @@ def _camera(viewpoint: np.ndarray, direction: int, near: float) -> Camera:
 
 
 def _named(cameras: list[Camera], taken: dict[str, Camera]) -> dict[str, Camera]:
-    """Cameras under names that are not taken: "placed 1" and so on."""
+    """Name cameras "placed 1" and so on, skipping names that are taken."""
     names = (name for name in (f"placed {i}" for i in itertools.count(1)) if name not in taken)
     return dict(zip(names, cameras, strict=False))
 
 
 def _distance(viewpoints: np.ndarray, cameras: dict[str, Camera]) -> np.ndarray:
-    """From viewpoints (E, 3) to the nearest camera: (E,), m."""
+    """Distance (E,), m, from viewpoints (E, 3) to the nearest camera."""
     position = np.array([camera.position for camera in cameras.values()]).reshape(-1, 3)
     return np.linalg.norm(viewpoints[:, None] - position, axis=2).min(axis=1, initial=np.inf)

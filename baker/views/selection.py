@@ -1,27 +1,29 @@
-"""Which cameras, out of all directions of view at all viewpoints, together see most: a greedy selection."""
+"""Greedy selection of the views that together see most, from all viewing directions at all viewpoints."""
 
 import numpy as np
 
 from .free_space import sphere
 from .visibility import VIEWS, Lens, SightLines, texel
 
-DIRECTIONS = 64  # of view at each viewpoint
+DIRECTIONS = 64  # viewing directions at each viewpoint
 PAIRS_AT_ONCE = 1 << 15  # bounds memory
-REPEAT_WORTH = 0.5  # the n-th view of a side is worth this to the power n
+REPEAT_WORTH = 0.5  # a view of a side that n views see already is worth this to the power n
 
 
 class ViewSelection:
-    """Chooses views of surface sides one by one, each where it sees most of what the ones before saw too little.
+    """Selects views one by one, each the view that sees most of the surface sides that are seen too little so far.
 
-    `chosen`: the views, as indices of viewpoint and direction. `count` (S,) int64: by how many views from different viewpoints a
-    side is seen at the texel limit or finer.
+    `chosen` holds the selected views as indices of viewpoint and direction. `count` (S,) int64 is the number of views
+    from different viewpoints that see each side at the texel limit or finer.
     """
 
     def __init__(
         self, lines: SightLines, allowed: np.ndarray, count: np.ndarray, lens: Lens, chosen: list[tuple[int, int]]
     ):
-        """`lines` go from viewpoints to the sides; `allowed` (E,) bool viewpoints may be chosen. To begin with: `count` from other
-        views, and those `chosen`."""
+        """Start from the `count` of other views, and select the views `chosen`.
+
+        `lines` run from the viewpoints to the sides. Only `allowed` (E,) bool viewpoints may be selected.
+        """
         self.chosen: list[tuple[int, int]] = []
         self.count = count.copy()
         self._allowed = allowed
@@ -29,7 +31,7 @@ class ViewSelection:
         near = np.flatnonzero(texel(lines.footprint, corner, lens.pixel) <= lens.limit)
         self._side = lines.side[near]
         self._start = np.searchsorted(lines.viewpoint[near], np.arange(len(allowed) + 1))
-        # One bit for each direction of view at the viewpoint: whether it sees the side.
+        # One bit per viewing direction at the line's viewpoint: whether that view sees the side.
         self._views = np.zeros((len(near), DIRECTIONS // 8), np.uint8)
         for i in range(0, len(near), PAIRS_AT_ONCE):
             at = near[i : i + PAIRS_AT_ONCE]
@@ -41,10 +43,12 @@ class ViewSelection:
     def extend(
         self, most: int, times: int, enough_worth: float, wanted: np.ndarray | None = None, share: float = np.inf
     ) -> None:
-        """Choose until there are `most` views, or a `share` of the `wanted` (S,) bool is seen `times`, or nothing more
-        is gained. Further views of a side are worth `enough_worth` times what they would be.
+        """Select views until there are `most`, or the aim is reached, or no view gains anything.
+
+        The aim is that a `share` of the `wanted` (S,) bool sides is seen `times`. The worth of a further view of a side
+        that is seen `times` already is multiplied by `enough_worth`.
         """
-        # What a view gains only falls as others are chosen: gains from before bound those of now (Minoux 1978).
+        # The gain of a view only decreases as others are selected, so earlier gains are upper bounds (Minoux 1978).
         bound = np.where(self._allowed, np.inf, 0.0)
         while len(self.chosen) < most:
             if wanted is not None and (self.count[wanted] >= times).sum() >= share * wanted.sum():
@@ -56,7 +60,7 @@ class ViewSelection:
             self._take(*view)
 
     def held_out(self, number: int, allowed: np.ndarray) -> list[tuple[int, int]]:
-        """At most `number` views from `allowed` (E,) bool viewpoints that see what the chosen see, each something else."""
+        """At most `number` views from `allowed` (E,) bool viewpoints, of different parts of what the chosen see."""
         worth = np.minimum(self.count, VIEWS).astype(float)
         views = []
         for _ in range(min(number, int(allowed.sum()))):
@@ -68,7 +72,7 @@ class ViewSelection:
         return views
 
     def _best(self, bound: np.ndarray, worth: np.ndarray) -> tuple[tuple[int, int], float]:
-        """The view of the greatest gain, and that gain; `bound` (E,), no less than each viewpoint's gain, is tightened."""
+        """The view with the largest gain and that gain; tightens the upper bounds `bound` (E,) on viewpoints' gains."""
         while True:
             viewpoint = int(np.argmax(bound))
             gains = self._gains(viewpoint, worth)
@@ -80,7 +84,7 @@ class ViewSelection:
         return slice(self._start[viewpoint], self._start[viewpoint + 1])
 
     def _gains(self, viewpoint: int, worth: np.ndarray) -> np.ndarray:
-        """What each direction (DIRECTIONS,) at a viewpoint gains, where a side's next view is `worth` (S,)."""
+        """Gain (DIRECTIONS,) of each direction at a viewpoint, where a further view of a side is worth `worth` (S,)."""
         return worth[self._side[self._pairs(viewpoint)]] @ np.unpackbits(self._views[self._pairs(viewpoint)], axis=1)
 
     def _sees(self, viewpoint: int, direction: int) -> np.ndarray:
@@ -91,14 +95,17 @@ class ViewSelection:
         return np.unpackbits(self._views[self._pairs(viewpoint)], axis=1)[:, direction] > 0
 
     def _take(self, viewpoint: int, direction: int) -> None:
-        """Choose a view; what it sees does not count for the viewpoint's other views, which show it from the same place."""
+        """Select a view; the sides that it sees no longer count for the other views at its viewpoint.
+
+        Those views would show the same sides from the same place.
+        """
         self.chosen.append((viewpoint, direction))
         self.count[self._sees(viewpoint, direction)] += 1
         self._views[self._pairs(viewpoint)][self._in_view(viewpoint, direction)] = 0
 
 
 def poses() -> np.ndarray:
-    """World-from-view rotations (DIRECTIONS, 3, 3) float64, views spread over the sphere, upright where they can be."""
+    """World-from-view rotations (DIRECTIONS, 3, 3) float64 of views spread over the sphere, upright where possible."""
     back = -sphere(DIRECTIONS)
     up = np.where(np.abs(back[:, 1:2]) < 0.99, [[0.0, 1.0, 0.0]], [[0.0, 0.0, 1.0]])
     right = np.cross(up, back)
@@ -107,7 +114,7 @@ def poses() -> np.ndarray:
 
 
 def _in_views(direction: np.ndarray, footprint: np.ndarray, lens: Lens) -> np.ndarray:
-    """Whether (P, DIRECTIONS) bool views contain directions (P, 3) and see what lies there at the limit or finer."""
+    """Whether (P, DIRECTIONS) bool views contain directions (P, 3) and see the side there at the limit or finer."""
     right, up, back = np.ascontiguousarray(poses().astype(np.float32).transpose(2, 1, 0))
     depth = direction @ -back
     across = np.maximum(np.abs(direction @ right), np.abs(direction @ up))

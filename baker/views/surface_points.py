@@ -1,4 +1,4 @@
-"""Points spread evenly over a scene's surfaces, and rays against its triangles (both by Open3D)."""
+"""Points spread evenly over a scene's surfaces, and ray casting against its triangles (both by Open3D)."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,16 +9,19 @@ import numpy as np
 from gsgi.runtime.errors import SceneError
 from gsgi.runtime.scene import Mesh, Scene
 
-# Random points per point that stays: Yuksel 2015 finds no gain beyond five.
+# Random points per point that is kept: Yuksel 2015 finds no gain beyond five.
 OVERSAMPLING = 5
-LIFT = 1e-4  # of the diagonal: how far points are lifted off their surface so that it does not hide them
-DRAWS = 16  # times that many random points are drawn before a part of the surface counts as too small for `count`
+LIFT = 1e-4  # of the diagonal; points are lifted this far off their surface so that it does not hide them
+DRAWS = 16  # most times to draw random points; if still too few are kept, that surface is too small for `count`
 
 
 @dataclass(frozen=True)
 class SurfacePoints:
-    """position (N, 3) float32 m, normal (N, 3) float32 unit (the front's), double_sided (N,) bool, material (N,) int32:
-    index into Scene.materials."""
+    """Points on surfaces.
+
+    position (N, 3) float32 m, normal (N, 3) float32 unit (of the front), double_sided (N,) bool, material (N,) int32
+    (index into Scene.materials).
+    """
 
     position: np.ndarray
     normal: np.ndarray
@@ -34,9 +37,11 @@ class SurfacePoints:
 
 
 class Hits(NamedTuple):
-    """First hits of rays: distance (N,) float32 in lengths of the direction, infinite where there is none; triangle
-    (N,) int64, -1 where there is none; back (N,) bool, whether the triangle's back was hit; normal (N, 3) float32,
-    unit, of the side that was hit."""
+    """First hits of rays.
+
+    distance (N,) float32 is in lengths of the direction, infinite without a hit; triangle (N,) int64 is -1 without a
+    hit; back (N,) bool marks hits on a triangle's back; normal (N, 3) float32 unit is that of the side that was hit.
+    """
 
     distance: np.ndarray
     triangle: np.ndarray
@@ -47,13 +52,13 @@ class Hits(NamedTuple):
 class Triangles:
     """All triangles of a scene for sampling and ray casting. Alpha-tested holes count as solid here.
 
-    Rays go against every triangle, however many. At 5 M triangles on two cores a placement takes 32 s: 3 s build the
-    tree (0.4 GB) and 8 s go to rays, at 1.8 M/s. A proxy of 200 k triangles tests 6.9 M rays/s, but fast-simplification
-    takes 8.5 s and 1.4 GB to make it: it would cost what it saves, and see less exactly.
+    Rays are cast against all triangles, without a simplified proxy. At 5 M triangles on two cores a placement takes
+    32 s, of which 3 s build the tree (0.4 GB) and 8 s cast rays, at 1.8 M/s. A proxy of 200 k triangles reaches
+    6.9 M rays/s, but fast-simplification needs 8.5 s and 1.4 GB to make it: no time is saved, and accuracy is lost.
     """
 
     def __init__(self, scene: Scene):
-        """Raises SceneError where no triangle has an area."""
+        """Raises SceneError if all triangles have area 0."""
         import open3d as o3d
 
         self.materials = scene.materials
@@ -64,7 +69,7 @@ class Triangles:
         self.material = np.repeat(np.array([mesh.material for mesh in scene.meshes], np.int32), counts)
         self.double_sided = np.array([m.double_sided for m in scene.materials])[self.material]
         lit = _lit_meshes(scene)
-        # Area of the surface up to and with each triangle, m^2.
+        # Cumulative area of the triangles, m^2.
         areas = [_areas(m) if i in lit else np.zeros(len(m.triangle)) for i, m in enumerate(scene.meshes)]
         self._area_below = np.cumsum(np.concatenate(areas))
         if not self.area > 0:
@@ -76,21 +81,21 @@ class Triangles:
 
     @property
     def area(self) -> float:
-        """Area of all surfaces, one side, m^2. Unlit materials show no indirect light and do not count."""
+        """Area of all surfaces, one side, m^2, without unlit materials, which show no indirect light."""
         return float(self._area_below[-1])
 
     @property
     def diagonal(self) -> float:
-        """Length of the diagonal of the lit surfaces' bounding box, m: an unlit sky dome does not set the scale."""
+        """Diagonal of the bounding box of the lit surfaces, m, so that an unlit sky dome does not set the scale."""
         return float(np.linalg.norm(self.high - self.low))
 
     def sample(
         self, count: int, seed: int, keep: Callable[[SurfacePoints], SurfacePoints] | None = None
     ) -> SurfacePoints:
-        """`count` blue-noise points (Yuksel 2015, sample elimination) on the surfaces; the same for the same seed.
+        """`count` blue-noise points (Yuksel 2015, sample elimination) on the surfaces; the same seed gives the same.
 
-        `keep` takes points and returns those that may stay; fewer than `count` come back where it keeps hardly any.
-        The cost hardly depends on the number of triangles.
+        `keep` takes points and returns those that may be used. If it returns hardly any, the result has fewer than
+        `count` points. The cost hardly depends on the number of triangles.
         """
         rng = np.random.default_rng(seed)
         drawn = kept = 0
@@ -105,7 +110,7 @@ class Triangles:
         return points if kept <= count else points[_eliminate(points.position, count, self.area * kept / drawn)]
 
     def draw(self, count: int, rng: np.random.Generator) -> SurfacePoints:
-        """`count` random points, each standing for the same area: stratified in the order of the triangles."""
+        """`count` random points, each representing the same area, stratified in the order of the triangles."""
         at = (np.arange(count) + rng.random(count)) / count * self.area
         index = np.minimum(np.searchsorted(self._area_below, at, side="right"), len(self._triangle) - 1)
         a, b, c = self._position[self._triangle[index]].transpose(1, 0, 2).astype(np.float64)
@@ -118,11 +123,11 @@ class Triangles:
         )
 
     def lifted(self, points: SurfacePoints) -> np.ndarray:
-        """The points' positions (N, 3) float32, m, a little off the surface: rays from or to there do not meet it."""
+        """Positions (N, 3) float32, m, a little off the surface, so that rays from or to them do not hit it."""
         return points.position + np.float32(LIFT * self.diagonal) * points.normal
 
     def hits(self, origin: np.ndarray, direction: np.ndarray) -> Hits:
-        """First hits of rays from (N, 3) along (N, 3)."""
+        """First hits of rays from `origin` (N, 3) along `direction` (N, 3)."""
         import open3d as o3d
 
         rays = np.concatenate([origin, direction], axis=1).astype(np.float32)
@@ -134,7 +139,7 @@ class Triangles:
         return Hits(distance, triangle, back & (triangle >= 0), np.where(back[:, None], -normal, normal))
 
     def blocked(self, origin: np.ndarray, target: np.ndarray) -> np.ndarray:
-        """Whether (N,) bool a triangle, from whichever side, lies between points (N, 3) and (N, 3)."""
+        """Whether (N,) bool a triangle, seen from either side, lies between `origin` (N, 3) and `target` (N, 3)."""
         import open3d as o3d
 
         rays = np.concatenate([origin, target - origin], axis=1).astype(np.float32)
@@ -148,7 +153,7 @@ class Triangles:
 
 
 def _lit_meshes(scene: Scene) -> list[int]:
-    """Indices of the meshes that indirect light shows on; of all where there are none."""
+    """Indices of the meshes that show indirect light, or of all meshes if there are none."""
     lit = [i for i, mesh in enumerate(scene.meshes) if not scene.materials[mesh.material].unlit]
     return lit or list(range(len(scene.meshes)))
 
@@ -160,10 +165,10 @@ def _areas(mesh: Mesh) -> np.ndarray:
 
 
 def _eliminate(position: np.ndarray, count: int, area: float) -> np.ndarray:
-    """Indices (count,) of the points (N, 3) that stay, evenly apart, on a surface of `area` (m^2)."""
+    """Indices (count,) of the points (N, 3) to keep, evenly spaced, on a surface of `area` (m^2)."""
     import open3d as o3d
 
-    # Open3D wants a mesh, of which it takes nothing but the area once it has points; colours carry the indices.
+    # Open3D needs a mesh, but uses only its area when it is given points. The colours carry the indices.
     corners = np.sqrt(2 * area) * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float64)
     mesh = o3d.geometry.TriangleMesh(
         o3d.utility.Vector3dVector(corners), o3d.utility.Vector3iVector(np.array([[0, 1, 2]], np.int32))

@@ -1,4 +1,4 @@
-"""Places in free space for cameras, drawn until every sample of the surface is seen from enough of them."""
+"""Viewpoints in free space, drawn until enough of them see each sample of the surface, as far as possible."""
 
 import numpy as np
 
@@ -6,21 +6,21 @@ from .free_space import FreeSpace
 from .surface_points import Triangles
 from .visibility import VIEWS, Lens, Sides, SightLines, sight_lines
 
-VIEWPOINTS = 512  # before random samples
-MORE_VIEWPOINTS = 128  # in each of DRAWS, before those samples that fewer than FEW viewpoints see well
+VIEWPOINTS = 512  # drawn in front of random samples
+MORE_VIEWPOINTS = 128  # in each of DRAWS, drawn in front of samples that fewer than FEW viewpoints see well
 DRAWS = 3
 FEW = 12
-TRIES = 8  # samples per viewpoint wanted, for many places are not free
-KEPT = 16  # every so many viewpoints, one is kept for held-out views
+TRIES = 8  # samples tried per viewpoint, because many places are not free
+KEPT = 16  # one in this many viewpoints is reserved for held-out views
 
-# The texel limit is such that this many views, were all their pixels of use, would see all visible area VIEWS times;
-# coarser where free places are too far away to see this share of it so finely.
+# The texel limit is the size at which this many views would see all visible area VIEWS times if no pixel were wasted.
+# It is coarser if free viewpoints are too far away to see the share ATTAINABLE of the visible sides so finely.
 IDEAL_VIEWS = 16
 ATTAINABLE = 0.995
 
 
 class Viewpoints:
-    """Places to look from: `position` (E, 3) float64, m; `lens` with its texel limit, found at the first look."""
+    """Viewpoints at `position` (E, 3) float64, m. The first `look_at` sets the texel limit of `lens` if it is None."""
 
     def __init__(self, triangles: Triangles, free: FreeSpace, lens: Lens, rng: np.random.Generator):
         self.position = np.zeros((0, 3))
@@ -31,14 +31,15 @@ class Viewpoints:
 
     @property
     def kept(self) -> np.ndarray:
-        """The viewpoints (E,) bool that only held-out views use."""
+        """Which viewpoints (E,) bool are reserved for held-out views."""
         return np.arange(len(self.position)) % KEPT == KEPT - 1
 
     def look_at(self, samples: Sides) -> SightLines:
-        """What the viewpoints see of samples, after drawing viewpoints for those that few see.
+        """Sight lines from the viewpoints to samples, after drawing viewpoints for samples that few viewpoints see.
 
-        The first viewpoints stand before random samples; further ones before those not seen, which may lie in a room of
-        their own, then before those that are not seen often. What stays unseen has no free place before it.
+        The first viewpoints are drawn in front of random samples. The next draw also serves samples that are unseen,
+        which may be in a separate room; later draws serve only visible samples that few viewpoints see well. Samples
+        that stay unseen have no free place in front of them.
         """
         if not len(self.position):
             index = self._rng.integers(len(samples), size=TRIES * VIEWPOINTS)
@@ -56,7 +57,7 @@ class Viewpoints:
         return lines
 
     def _draw(self, samples: Sides, few: np.ndarray, reach: float) -> SightLines:
-        """Add viewpoints within `reach` (m) of a `few` samples (indices); what they see of all."""
+        """Add viewpoints within `reach` (m) of the samples `few` (indices); return their sight lines to all."""
         before = len(self.position)
         index = self._rng.choice(few, TRIES * MORE_VIEWPOINTS)
         more = self._free.draw(samples.points[index], min(reach, self._triangles.diagonal), self._rng)[:MORE_VIEWPOINTS]
@@ -71,12 +72,12 @@ class Viewpoints:
 
 
 def visible(lines: SightLines, sampled: Sides) -> np.ndarray:
-    """Which sides (S,) bool can be seen from free space: from VIEWS places, for so many views shall see them."""
+    """Which sides (S,) bool free space sees: from at least VIEWS viewpoints, as that many views must see each side."""
     return np.bincount(lines.side, minlength=len(sampled)) >= VIEWS
 
 
 def _attainable(lines: SightLines, sampled: Sides) -> float:
-    """The footprint (m) at which VIEWS viewpoints see all but the last of the sides that so many see."""
+    """The footprint (m) at which VIEWS viewpoints see the share ATTAINABLE of the visible sides."""
     order = np.lexsort((lines.footprint, lines.side))
     count = np.bincount(lines.side, minlength=len(sampled))
     last = (np.cumsum(count) - count + VIEWS - 1)[count >= VIEWS]

@@ -1,4 +1,4 @@
-"""Lines of sight: which surface sides cameras see, and at what texel size."""
+"""Sight lines: which surface sides cameras see, and at what texel size."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -9,9 +9,9 @@ from gsgi.runtime.camera import Camera
 
 from .surface_points import SurfacePoints, Triangles
 
-VIEWS = 3  # that each surface shall be seen by: depth and colour of a Gaussian follow from no fewer
+VIEWS = 3  # views that must see each surface: fewer do not determine the depth and colour of a Gaussian
 
-# A surface at a steeper angle to the line of sight than 80 degrees is not looked at.
+# A surface does not count as seen if its normal is more than 80 degrees off the sight line.
 COS_MIN = np.cos(np.radians(80))
 
 VIEWPOINTS_AT_ONCE = 64  # bounds memory
@@ -19,8 +19,10 @@ VIEWPOINTS_AT_ONCE = 64  # bounds memory
 
 @dataclass(frozen=True)
 class Sides:
-    """The sides of surface points that can be seen: two for double-sided ones. `point` (S,) is the index of each side's
-    point; normals point to where the side is seen from."""
+    """The sides of surface points that can be seen, two for a double-sided point.
+
+    `point` (S,) is the index of each side's point. Normals point away from the surface on the side that is seen.
+    """
 
     points: SurfacePoints
     point: np.ndarray
@@ -30,8 +32,11 @@ class Sides:
 
 
 class SightLines(NamedTuple):
-    """Lines of sight from viewpoints to surface sides, unobstructed, ordered by viewpoint: viewpoint (P,) and side (P,) int32 indices,
-    direction (P, 3) float32 unit, footprint (P,) float32, see `texel`."""
+    """Unobstructed sight lines from viewpoints to surface sides, ordered by viewpoint.
+
+    viewpoint (P,) and side (P,) are int32 indices, direction (P, 3) is float32 unit, footprint (P,) is float32, see
+    `texel`.
+    """
 
     viewpoint: np.ndarray
     side: np.ndarray
@@ -39,12 +44,12 @@ class SightLines(NamedTuple):
     footprint: np.ndarray
 
     def joined(self, other: "SightLines") -> "SightLines":
-        """With the lines of viewpoints of higher indices."""
+        """These lines followed by those of viewpoints with higher indices."""
         return SightLines(*(np.concatenate(fields) for fields in zip(self, other, strict=True)))
 
 
 class Lens(NamedTuple):
-    """A square image of `size` px with field of view `yfov` (rad), and the coarsest texel size (m) that counts."""
+    """A square image of `size` px, its field of view `yfov` (rad), and the coarsest texel size (m) that counts."""
 
     yfov: float
     size: int
@@ -52,12 +57,12 @@ class Lens(NamedTuple):
 
     @property
     def pixel(self) -> float:
-        """Edge of a pixel at distance 1 in the middle of the image."""
+        """Edge of a pixel at distance 1 in the centre of the image."""
         return pixel(self.yfov, self.size)
 
 
 def sides(points: SurfacePoints) -> Sides:
-    """Fronts, then the backs of double-sided points."""
+    """The fronts of all points, then the backs of double-sided points."""
     index = np.concatenate([np.arange(len(points)), np.flatnonzero(points.double_sided)])
     both = points[index]
     both.normal[len(points) :] *= -1
@@ -65,7 +70,7 @@ def sides(points: SurfacePoints) -> Sides:
 
 
 def sight_lines(triangles: Triangles, viewpoints: np.ndarray, points: SurfacePoints) -> SightLines:
-    """All lines of sight from viewpoints (E, 3) to points (S,) at less than 80 degrees from the normal, in all directions."""
+    """Sight lines from viewpoints (E, 3) to points (S,), in any direction, below 80 degrees from the normal."""
     parts = [
         _sight_lines(triangles, viewpoints, points, i) for i in range(0, max(len(viewpoints), 1), VIEWPOINTS_AT_ONCE)
     ]
@@ -73,7 +78,7 @@ def sight_lines(triangles: Triangles, viewpoints: np.ndarray, points: SurfacePoi
 
 
 def _sight_lines(triangles: Triangles, viewpoints: np.ndarray, points: SurfacePoints, first: int) -> SightLines:
-    """The same of VIEWPOINTS_AT_ONCE viewpoints, from the `first` on."""
+    """The same for VIEWPOINTS_AT_ONCE viewpoints, starting at index `first`."""
     viewpoints = viewpoints[first : first + VIEWPOINTS_AT_ONCE]
     lifted = triangles.lifted(points)
     along = lifted[None] - viewpoints[:, None].astype(np.float32)
@@ -88,23 +93,23 @@ def _sight_lines(triangles: Triangles, viewpoints: np.ndarray, points: SurfacePo
 
 
 def pixel(yfov: float, size: int) -> float:
-    """Edge of a pixel at distance 1 in the middle of a square image of `size` px."""
+    """Edge of a pixel at distance 1 in the centre of a square image of `size` px."""
     return 2 * np.tan(yfov / 2) / size
 
 
 def texel(footprint: np.ndarray, cos_axis: np.ndarray, pixel: float) -> np.ndarray:
-    """Edge (m) of a square as large as the surface that one pixel covers.
+    """Edge (m) of a square that has the area of the surface that one pixel covers.
 
-    A pixel's solid angle is pixel^2 cos_axis^3, the surface below it distance^2 / cosine to the normal times that;
-    `footprint` is the root of the latter factor, m.
+    A pixel's solid angle is pixel^2 cos_axis^3. The area that it covers is this times distance^2 / cosine to the
+    normal, and `footprint` (m) is the square root of that factor.
     """
     return footprint * pixel * cos_axis**1.5
 
 
 def texels(triangles: Triangles, camera: Camera, points: SurfacePoints, size: int) -> np.ndarray:
-    """Texel size (S,) float32, m, at which a camera sees the normals' side of points in a square image of `size` px.
+    """Texel size (S,) float32, m, at which a camera sees points on the normals' side, in a square image of `size` px.
 
-    Infinite where it does not see it or at 80 degrees and more.
+    It is infinite where the camera does not see a point, or sees it at 80 degrees or more.
     """
     result = np.full(len(points), np.inf, np.float32)
     towards = np.flatnonzero(in_image(points.position - camera.position, camera))

@@ -1,4 +1,4 @@
-// The environment, where no surface is seen.
+// Draws the environment where no surface is visible.
 #include "frame/environment.glsl"
 
 uniform highp sampler2D depth;

@@ -1,4 +1,4 @@
-// L = primary + albedo * B; no albedo where no surface is seen.
+// L = primary + albedo * B. The albedo is 0 where no surface is visible.
 #include "lib/constants.glsl"
 
 uniform highp sampler2D albedo;

@@ -1,4 +1,4 @@
-// Scene-referred linear light to 8-bit sRGB.
+// Converts scene-referred linear light to 8-bit sRGB.
 #include "lib/tonemap.glsl"
 
 uniform highp sampler2D radiance;

@@ -1,10 +1,10 @@
-// What primary light and composite need to know of the nearest surface.
+// Attributes of the nearest surface, for primary light and composite.
 #include "lib/constants.glsl"
 #include "lib/normal_map.glsl"
 #include "lib/octahedral.glsl"
 #include "lib/texture.glsl"
 
-uniform vec4 base_color;  // linear; alpha
+uniform vec4 base_color;  // linear RGB, alpha
 uniform float metallic;
 uniform vec3 emission;  // radiance
 in vec3 v_offset;
@@ -40,15 +40,15 @@ in vec2 v_emission_uv;
 #endif
 
 layout(location = 0) out vec4 out_albedo;
-layout(location = 1) out vec4 out_normal;    // octahedral: shading normal, triangle's normal
-layout(location = 2) out vec4 out_emission;  // the start value of primary light
+layout(location = 1) out vec4 out_normal;    // octahedral: shading normal in xy, triangle's normal in zw
+layout(location = 2) out vec4 out_emission;  // the initial value of primary light
 layout(location = 3) out vec4 out_depth;
 #if INTERPOLATED
-layout(location = 4) out vec4 out_interpolated;  // octahedral: shading normal without normal map
+layout(location = 4) out vec4 out_interpolated;  // octahedral: shading normal without the normal map
 #endif
 
 void main() {
-    // Derivatives come before any discard.
+    // Take derivatives before any discard.
     vec3 face = cross(dFdx(v_offset), dFdy(v_offset));
     vec4 color = base_color;
 #if VERTEX_COLOR
@@ -71,9 +71,9 @@ void main() {
     albedo = vec3(0.0);
 #endif
 
-    // Turn all normals to the camera's side, which is that of the triangle, whatever the file says. The mapped normal
-    // is turned with the interpolated one. It may then still lie below the triangle and stays as it is: light arrives
-    // from where both dot(wi, shading) > 0 and dot(wi, face) > 0.
+    // Flip all normals to the side of the triangle that faces the camera, regardless of their orientation in the file.
+    // The mapped normal is flipped together with the interpolated one. It may still point below the triangle and stays
+    // as it is: light arrives only from where both dot(wi, shading) > 0 and dot(wi, face) > 0.
     vec3 interpolated = unit_or(v_normal, normalize(-v_offset));
     face = unit_or(face, interpolated);
     face *= dot(face, v_offset) > 0.0 ? -1.0 : 1.0;

@@ -1,4 +1,4 @@
-// Triangles in world space to the screen.
+// Transforms triangles from world space to the screen.
 
 uniform mat4 clip_from_view;
 uniform mat4 view_from_world;
@@ -6,7 +6,7 @@ uniform vec3 eye;
 
 in vec3 position;  // world space, m
 in vec3 normal;    // world space, unit
-out vec3 v_offset;  // from the eye, world space, m: small numbers, so that derivatives keep their digits
+out vec3 v_offset;  // from the eye, world space, m: small numbers, so that derivatives stay precise
 out vec3 v_normal;
 out float v_depth;  // -z in view space, m
 #if VERTEX_COLOR

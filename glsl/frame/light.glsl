@@ -1,15 +1,15 @@
-// Punctual lights. Multiply an attenuation by the light's colour to get what falls on a surface facing the light.
+// Punctual lights. Attenuation times the light's colour is the irradiance of a surface that faces the light.
 #include "lib/constants.glsl"
 
-// Point light: `distance_to_light` in m, `inverse_range` in 1/m (0: the light reaches everywhere).
+// Point light: `distance_to_light` in m, `inverse_range` in 1/m (0: unlimited range).
 float range_attenuation(float distance_to_light, float inverse_range) {
-    // KHR_lights_punctual, Khronos 2018, "Range Property": a smooth window over the inverse square
+    // KHR_lights_punctual, Khronos 2018, "Range Property": a smooth window times the inverse square
     float s = distance_to_light * inverse_range;
     float window = clamp(1.0 - s * s * s * s, 0.0, 1.0);
     return window / (distance_to_light * distance_to_light);
 }
 
-// The cone of a spot light: `cos_angle` between the spot's direction and the way the light travels.
+// Cone of a spot light. `cos_angle`: cosine between the spot's direction and the direction in which the light travels.
 float cone_attenuation(float cos_angle, float cos_inner, float cos_outer) {
     // KHR_lights_punctual, Khronos 2018, "Inner and Outer Cone Angles"
     float width = max(SPOT_ANGLE_MIN, cos_inner - cos_outer);

@@ -1,4 +1,4 @@
-// Light of one punctual light that reaches the surface directly and leaves it towards the eye. Added to the target.
+// Direct light of one punctual light that the surface reflects towards the eye. Added to the target.
 #include "lib/camera.glsl"
 #include "frame/light.glsl"
 #include "lib/octahedral.glsl"
@@ -14,14 +14,14 @@ uniform vec2 axis;
 
 uniform vec3 light_color;
 uniform vec3 light_position;
-uniform vec3 light_direction;  // the way light travels, unit
+uniform vec3 light_direction;  // direction in which the light travels, unit
 uniform float light_inverse_range;
 uniform vec2 light_cone;       // cos_inner, cos_outer
 
 uniform mat4 atlas_from_world[FACES];
 uniform vec4 depth_from_world[FACES];
 uniform vec3 face_axis[FACES];
-uniform vec2 texel_size;       // m: constant, per unit of shadow depth
+uniform vec2 texel_size;       // m: constant part, part per unit of shadow depth
 
 layout(location = 0) out vec4 out_radiance;
 
@@ -58,7 +58,7 @@ void main() {
 #endif
     float n_dot_l = dot(normal_from_octahedral(normals.xy), wi);
     vec3 face_normal = normal_from_octahedral(normals.zw);
-    // Written so that a NaN (a light on the surface) counts as dark.
+    // Written so that NaN (a light on the surface) counts as dark.
     if (!(n_dot_l * attenuation > 0.0 && dot(face_normal, wi) > 0.0)) discard;
     float lit = visibility(position, wi, face_normal, view_depth);
     vec3 radiance = texelFetch(albedo, texel, 0).rgb / PI * light_color * (attenuation * n_dot_l * lit);

@@ -1,4 +1,4 @@
-// Linear depth: as exact far away as near the light, so the near plane may lie as close as it likes.
+// Writes linear depth. It is as precise far away as near the light, so the near plane may be arbitrarily close.
 #include "lib/texture.glsl"
 
 #if ALPHA_MASK

@@ -1,8 +1,8 @@
-// How much of a light reaches a point, from an atlas of linear depths. A light has one face, or six around a point:
-// +X -X +Y -Y +Z -Z.
+// Visibility of a light from a point, from an atlas of linear depths. A light has one face, or six if it is a
+// point light: +X -X +Y -Y +Z -Z.
 #include "lib/constants.glsl"
 
-// Face of the cube around a point light that the direction `d` leaves through.
+// Face of the cube around a point light through which the direction `d` passes.
 int cube_face(vec3 d) {
     vec3 a = abs(d);
     if (a.x >= a.y && a.x >= a.z) return d.x > 0.0 ? 0 : 1;
@@ -10,16 +10,17 @@ int cube_face(vec3 d) {
     return d.z > 0.0 ? 4 : 5;
 }
 
-// Lift off the surface, in m, that keeps a plane from shadowing itself. `texel`: edge of a texel there, m; `n_dot_axis`:
-// cosine between the triangle's normal and the face's axis; `view_depth`: distance the position was rebuilt from, m.
+// Offset from the surface, in m, that keeps a plane from shadowing itself. `texel`: edge length of a texel there, m;
+// `n_dot_axis`: cosine between the triangle's normal and the face's axis; `view_depth`: depth from which the position
+// was reconstructed, m.
 float shadow_lift(float texel, float n_dot_axis, float view_depth) {
-    // Holbert 2011, "Saying Goodbye to Shadow Acne" (normal offset). A texel r texels away shows the plane nearer to the
-    // light than the receiver by r * texel * tan; seen along the normal that is r * texel * sin, at any slope.
+    // Holbert 2011, "Saying Goodbye to Shadow Acne" (normal offset). At r texels away, the plane can be nearer to the
+    // light than the receiver by r * texel * tan(slope). Along the normal this is r * texel * sin(slope), at any slope.
     float sine = sqrt(max(0.0, 1.0 - n_dot_axis * n_dot_axis));
     return texel * SHADOW_PCF_RADIUS * sine + SHADOW_POSITION_ERROR * view_depth;
 }
 
-// Filtered 2x2 comparison: 1 lit, 0 in shadow. `atlas_from_world` ends in texture coordinates.
+// Filtered 2x2 comparison: 1 is lit, 0 is in shadow. `atlas_from_world` maps to texture coordinates.
 float shadow_visibility(highp sampler2DShadow atlas, mat4 atlas_from_world, vec4 depth_from_world, vec3 position) {
     vec4 p = atlas_from_world * vec4(position, 1.0);
     return texture(atlas, vec3(p.xy / p.w, dot(depth_from_world, vec4(position, 1.0))));

@@ -1,4 +1,4 @@
-// Triangles as one face of a shadow atlas sees them.
+// Transforms triangles to one face of a shadow atlas.
 
 uniform mat4 clip_from_world;
 uniform vec4 depth_from_world;  // plane equation: distance along the face's axis, scaled to [0, 1]

@@ -1,16 +1,17 @@
-// Constants that GLSL, C++ and Python share: each stands here and nowhere else.
-// One per line: #define NAME literal  // unit; reason. Literals only, so that every reader can parse the file.
+// Constants that GLSL, C++ and Python share. Each is defined here and nowhere else.
+// One per line: #define NAME literal  // unit; reason. Only literals, so that every language can parse the file.
 
 // Splatting with the `over` operator (Kerbl et al. 2023; Zwicker et al. 2002, "EWA Splatting").
-// The first four are defaults: each .gsgi file records the values that it was fitted with.
-#define DILATION           0.3            // px^2; added to both variances of a projected Gaussian: an EWA low-pass of about a pixel
-#define ALPHA_MIN          0.00392156863  // 1/255; contributions below it are skipped: they would not change an 8-bit pixel
-#define ALPHA_MAX          0.99           // keeps 1 - alpha > 0, which the backward pass divides by
+// The first three are defaults: each .gsgi file records the values with which it was fitted.
+#define DILATION           0.3            // px^2; added to both projected variances: an EWA low-pass of about one pixel
+#define ALPHA_MIN          0.00392156863  // 1/255; smaller contributions are skipped: an 8-bit pixel would not change
+#define ALPHA_MAX          0.99           // keeps 1 - alpha, by which the backward pass divides, above 0
 #define TRANSMITTANCE_MIN  0.0001         // (1 - ALPHA_MAX)^2; two opaque layers end a ray
-#define FRUSTUM_CLAMP      1.3            // of tan(fov/2); the projection is linearised no further out than this (stops off-screen fans)
-#define TILE_SIZE          16             // px; edge of a rasteriser tile: 256 pixels of state stay in the L1 cache
+#define FRUSTUM_CLAMP      1.3            // of tan(fov/2); limits the point of linearisation, against off-screen fans
+#define TILE_SIZE          16             // px; edge of a rasteriser tile: state of 256 pixels stays in the L1 cache
 
-// Real spherical harmonics, orthonormal on the sphere, Condon-Shortley phase, coefficient order (l, m): 0,0; 1,-1 1,0 1,1; ...
+// Real spherical harmonics, orthonormal on the sphere, with the Condon-Shortley phase.
+// Order of the coefficients (l, m): 0,0; 1,-1 1,0 1,1; ...
 #define SH_C0    0.28209479177387814  // 1/2 sqrt(1/pi)
 #define SH_C1    0.4886025119029199   // 1/2 sqrt(3/pi)
 #define SH_C2_0  1.0925484305920792   // 1/2 sqrt(15/pi)
@@ -25,21 +26,21 @@
 #define PI  3.141592653589793
 
 // Punctual lights (KHR_lights_punctual, Khronos 2018).
-#define SPOT_ANGLE_MIN  0.001    // of cos; least width of a spot's edge: keeps the division finite
-#define HALF_MAX        65504.0  // radiance; largest finite half float: an Inf in a 16F target would spread
+#define SPOT_ANGLE_MIN  0.001    // cosine; minimum width of a spot's edge: keeps the division finite
+#define HALF_MAX        65504.0  // radiance; largest finite half float: Inf in a 16F target would spread
 
-// Shadow maps: how far a receiver is moved before it is compared.
+// Shadow maps: how far a receiver is moved before the depth comparison.
 #define SHADOW_PCF_RADIUS      1.4142136  // texels; a 2x2 filter reaches this far across the diagonal
-#define SHADOW_PULL            1.0        // texels towards the light; keeps the other wall of a corner from darkening this one
-#define SHADOW_POSITION_ERROR  0.00001    // of the view depth; covers the rounding of positions rebuilt from it
+#define SHADOW_PULL            1.0        // texels towards the light; keeps walls of a corner from darkening each other
+#define SHADOW_POSITION_ERROR  0.00001    // of the view depth; covers the rounding of positions reconstructed from it
 
 // Display: tone curve "Khronos PBR Neutral" (Khronos 2024) after an exposure to mid-grey.
-#define MID_GREY               0.18      // radiance; where the log-average of an image lands
-#define NEUTRAL_F90            0.04      // reflectance at normal incidence that the toe takes out
-#define NEUTRAL_START          0.8       // display white below which colours, less NEUTRAL_F90, stay as they are
-#define NEUTRAL_DESATURATION   0.15      // how fast highlights turn white
+#define MID_GREY               0.18      // radiance; the exposure maps the log-average of an image to it
+#define NEUTRAL_F90            0.04      // reflectance at normal incidence that the toe removes
+#define NEUTRAL_START          0.8       // of display white; darker colours are only reduced, by up to NEUTRAL_F90
+#define NEUTRAL_DESATURATION   0.15      // how fast highlights desaturate to white
 
 // The fit's optimiser: Adam (Kingma and Ba 2015).
-#define ADAM_BETA1    0.9    // decay of the mean of gradients, per step
-#define ADAM_BETA2    0.999  // decay of the mean of their squares, per step
-#define ADAM_EPSILON  1e-15  // far below any gradient of a mean over pixels, as Kerbl et al. 2023
+#define ADAM_BETA1    0.9    // decay of the mean gradient, per step
+#define ADAM_BETA2    0.999  // decay of the mean squared gradient, per step
+#define ADAM_EPSILON  1e-15  // far below any gradient of a mean over pixels; as in Kerbl et al. 2023

@@ -1,13 +1,13 @@
-// Where an ellipsoid appears on the image: a polygon of up to OUTLINE_CORNERS corners around it, exact in perspective.
+// Bounds an ellipsoid on the image by a polygon of up to OUTLINE_CORNERS corners, with exact perspective.
 #include "lib/camera.glsl"
 #include "lib/projection.glsl"
 
-#define OUTLINE_CORNERS  8        // touching an ellipse: 1.05 times its area, a rectangle 1.27 times
-#define OUTLINE_SMALL    64.0     // px; shorter ellipses get rectangles: more triangles would cost more than they save
-#define OUTLINE_SLIMMEST 0.05     // of the longer axis: the sides around a needle still meet at an angle
-#define OUTLINE_FARTHEST 1e6      // px; corners further away than float32 can place to a tenth of a pixel
+#define OUTLINE_CORNERS  8        // around an ellipse: 1.05 times its area; a rectangle has 1.27 times its area
+#define OUTLINE_SMALL    64.0     // px; shorter ellipses get rectangles: more triangles cost more than they save
+#define OUTLINE_SLIMMEST 0.05     // of the longer axis; keeps an angle between the sides around a needle
+#define OUTLINE_FARTHEST 1e6      // px; float32 cannot place corners further away to a tenth of a pixel
 
-// Half the size of an ellipsoid's box in view space; `axes`: its semi-axes there, as columns.
+// Half the size of an ellipsoid's bounding box in view space. `axes`: its semi-axes in view space, as columns.
 vec3 half_extent(mat3 axes) {
     mat3 rows = transpose(axes);
     return vec3(length(rows[0]), length(rows[1]), length(rows[2]));
@@ -19,12 +19,12 @@ struct Ellipse {
     mat2 axes;  // columns: the semi-axes, longer one first
 };
 
-// That of an ellipsoid in front of the eye's plane. `t`: centre in view space; `extent` in depth, less than the
-// centre's.
+// Image of an ellipsoid in front of the eye's plane. `t`: centre in view space; `extent`: half its size in depth, less
+// than the depth of the centre.
 Ellipse ellipse_of(vec3 t, mat3 axes, float extent, vec2 focal, vec2 centre) {
-    // Sigg et al. 2006, "GPU-Based Ray-Casting of Quadratic Surfaces": the dual conic of the image, here relative to
-    // the image of the centre, where it is a sum of squares that cannot cancel: the ellipse around `offset` with the
-    // matrix gram / k + offset offset^T.
+    // Sigg et al. 2006, "GPU-Based Ray-Casting of Quadratic Surfaces": the dual conic of the image. Here it is relative
+    // to the image of the centre, where it is a sum of squares, which cannot cancel: the ellipse around `offset` with
+    // the matrix gram / k + offset offset^T.
     float depth = -t.z;
     float k = (depth - extent) * (depth + extent);
     vec3 along = -transpose(axes)[2];
@@ -37,10 +37,10 @@ Ellipse ellipse_of(vec3 t, mat3 axes, float extent, vec2 focal, vec2 centre) {
     return Ellipse(pixel_from_view(t, focal, centre) + offset, ellipse_axes(f));
 }
 
-// How far what lies beyond the depth `near` of an ellipsoid that crosses it appears along `normal`, in px from `centre`.
+// Furthest extent along `normal`, in px from `centre`, of the part beyond depth `near` of an ellipsoid that crosses it.
 float clipped_reach(vec2 normal, vec3 t, mat3 axes, float extent, float near, vec2 focal) {
     // In the plane of depth and s, the coordinate along `normal` times depth, the ellipsoid is an ellipse. The largest
-    // s / depth is where a line from the eye touches it, or on the near plane.
+    // s / depth lies where a line through the eye is tangent to it, or on the near plane.
     mat3 rows = transpose(axes);
     vec2 scale = focal * vec2(normal.x, -normal.y);
     float depth = -t.z, s = dot(scale, t.xy);
@@ -51,27 +51,27 @@ float clipped_reach(vec2 normal, vec3 t, mat3 axes, float extent, float near, ve
     float on_near = s + slant * cut + sqrt(max(square - slant * slant, 0.0) * max(1.0 - cut * cut, 0.0));
     float reach = abs(cut) < 1.0 ? on_near / near : -OUTLINE_FARTHEST;
 
-    // k m^2 - 2 b m + c = 0, by the form that does not cancel.
+    // Solve k m^2 - 2 b m + c = 0 for the slopes of the tangents, in the form that does not cancel.
     float k = (depth - extent) * (depth + extent), b = s * depth - both, c = s * s - square;
     float q = b + (b >= 0.0 ? 1.0 : -1.0) * sqrt(max(b * b - k * c, 0.0));
     vec2 slopes = vec2(q / k, c / q);
     for (int i = 0; i < 2; ++i) {
-        float m = slopes[i], above = m * depth - s;  // above = length(across - m * along): the ellipse lies below
+        float m = slopes[i], above = m * depth - s;  // equals length(across - m * along) if the ellipse lies below
         float touched = depth + (both - m * extent * extent) / above;
         if (above > 0.0 && touched >= near) reach = max(reach, m);
     }
     return reach;
 }
 
-// Where `vertex` of a triangle strip goes, in px. The strip fills a polygon around what of an ellipsoid lies beyond the
-// depth `near`, and `margin` px further along both axes of the image. `t`: centre in view space; `extent`:
+// Position of `vertex` of a triangle strip, in px. The strip fills a polygon around the part of an ellipsoid beyond the
+// depth `near`, enlarged by `margin` px along both axes of the image. `t`: centre in view space; `extent`:
 // half_extent(axes).
 vec2 outline_corner(
     int vertex, vec3 t, mat3 axes, vec3 extent, float near, vec2 focal, vec2 centre, vec2 size, float margin) {
     Ellipse e = ellipse_of(t, axes, extent.z, focal, centre);
     vec2 half_size = 0.5 * size;
     float longer = length(e.axes[0]);
-    // One that reaches the eye's plane has no ellipse, one that nearly does a vast one.
+    // An ellipsoid that reaches the eye's plane has no ellipse; one that nearly reaches it has a huge one.
     bool whole = -t.z - extent.z > near && longer < length(size);
     bool placed = dot(focal, abs(t.xy) + extent.xy) < near * OUTLINE_FARTHEST;
 
@@ -95,7 +95,7 @@ vec2 outline_corner(
         normals[i] = normal;
         reaches[i] = reach + margin * (abs(normal.x) + abs(normal.y));
     }
-    // Where both sides meet.
+    // Intersect the two sides.
     vec2 across = reaches[0] * normals[1].yx - reaches[1] * normals[0].yx;
     return middle + vec2(across.x, -across.y) / (normals[0].x * normals[1].y - normals[0].y * normals[1].x);
 }

@@ -4,7 +4,7 @@
 // sh texture, SH_TEXELS per Gaussian:    its K * 3 floats, coefficient by coefficient, padded with 0
 #include "lib/sh.glsl"
 
-#define DATA_WIDTH    2048  // texels; every WebGL2 device has textures this wide
+#define DATA_WIDTH    2048  // texels; every WebGL2 device supports textures this wide
 #define SHAPE_TEXELS  3
 #define SH_TEXELS     ((SH_COUNT * 3 + 3) / 4)
 
@@ -40,7 +40,8 @@ void fetch_sh(highp sampler2D sh, int index, out vec3 coefficients[SH_COUNT]) {
         coefficients[k] = vec3(values[3 * k], values[3 * k + 1], values[3 * k + 2]);
 }
 
-// Light that Gaussian `index` sends along the unit direction `d` (from the camera to its centre, world space).
+// Light of Gaussian `index` for the unit direction `d` in world space: from the camera to its centre (`over` operator)
+// or a normal (`surface` operator).
 vec3 fetch_color(highp sampler2D sh, int index, vec3 d) {
     vec3 coefficients[SH_COUNT];
     fetch_sh(sh, index, coefficients);

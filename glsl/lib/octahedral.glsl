@@ -1,4 +1,4 @@
-// Unit vectors as two numbers in [-1, 1].
+// Octahedral encoding: unit vectors as two numbers in [-1, 1].
 
 vec2 sign_not_zero(vec2 v) {
     return vec2(v.x >= 0.0 ? 1.0 : -1.0, v.y >= 0.0 ? 1.0 : -1.0);

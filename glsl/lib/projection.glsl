@@ -1,4 +1,4 @@
-// A 3D Gaussian as a 2D Gaussian in pixels (rows go down).
+// Projects a 3D Gaussian to a 2D Gaussian in pixels (rows go down).
 #include "lib/constants.glsl"
 
 mat3 rotation_from_quaternion(vec4 q) {
@@ -16,10 +16,10 @@ struct Footprint {
     float determinant;
 };
 
-// `t`: centre in view space; `axes`: columns are the ellipsoid's axes in view
-// space, each as long as its standard deviation; `focal` and `size` of the image in px; `dilation` in px^2.
+// Footprint of a Gaussian. `t`: centre in view space; `axes`: columns are the ellipsoid's axes in view space, each as
+// long as its standard deviation; `focal` and `size` of the image in px; `dilation` in px^2.
 Footprint project_covariance(vec3 t, mat3 axes, vec2 focal, vec2 size, float dilation) {
-    // Zwicker et al. 2002, "EWA Splatting", eq. 29: linearised at the centre, which is held inside the frustum
+    // Zwicker et al. 2002, "EWA Splatting", eq. 29: linearised at the centre, clamped to the frustum
     float depth = -t.z;
     vec2 limit = FRUSTUM_CLAMP * 0.5 * size / focal;
     vec2 slope = clamp(t.xy / depth, -limit, limit);
@@ -32,7 +32,7 @@ Footprint project_covariance(vec3 t, mat3 axes, vec2 focal, vec2 size, float dil
     return Footprint(vec3(dot(x, x) + dilation, dot(x, y), dot(y, y) + dilation), determinant);
 }
 
-// (a, b, c) with 1/2 d^T inverse(cov2d) d = (a * (d.x - b * d.y))^2 + (c * d.y)^2: a sum of squares cannot cancel.
+// (a, b, c) with 1/2 d^T inverse(cov2d) d = (a * (d.x - b * d.y))^2 + (c * d.y)^2, a sum of squares that cannot cancel.
 vec3 whiten(Footprint f) {
     return vec3(sqrt(0.5 * f.cov2d.z / f.determinant), f.cov2d.y / f.cov2d.z, sqrt(0.5 / f.cov2d.z));
 }

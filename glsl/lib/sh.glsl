@@ -1,10 +1,10 @@
-// Real spherical harmonics, orthonormal on the sphere, Condon-Shortley phase; order (l, m): 0,0; 1,-1 1,0 1,1; ...
-// Degree: the define SH_DEGREE, 0 to 3.
+// Real spherical harmonics, orthonormal on the sphere, with the Condon-Shortley phase. The define SH_DEGREE is the
+// degree, 0 to 3. Order (l, m): 0,0; 1,-1 1,0 1,1; ...
 #include "lib/constants.glsl"
 
 #define SH_COUNT ((SH_DEGREE + 1) * (SH_DEGREE + 1))
 
-// Values of the basis in the unit direction `d`.
+// Values of the basis functions in the unit direction `d`.
 void sh_basis(vec3 d, out float basis[SH_COUNT]) {
     // Ramamoorthi and Hanrahan 2001, "An Efficient Representation for Irradiance Environment Maps"; signs as in
     // Kerbl et al. 2023
@@ -33,7 +33,7 @@ void sh_basis(vec3 d, out float basis[SH_COUNT]) {
 #endif
 }
 
-// The function of these coefficients in the unit direction `d`.
+// Value in the unit direction `d` of the function with these coefficients.
 vec3 sh_sum(vec3 coefficients[SH_COUNT], vec3 d) {
     float basis[SH_COUNT];
     sh_basis(d, basis);

@@ -1,8 +1,9 @@
-// Scene-referred linear Rec.709 to display-referred sRGB.
+// Converts scene-referred linear Rec.709 to display-referred sRGB.
 #include "lib/constants.glsl"
 
 vec3 neutral_from_linear(vec3 color) {
-    // Khronos 2024, "Khronos PBR Neutral Tone Mapper": the toe takes out a dielectric's reflection, only highlights bend
+    // Khronos 2024, "Khronos PBR Neutral Tone Mapper": the toe removes a dielectric's reflection, and only highlights
+    // are compressed
     float lowest = min(color.r, min(color.g, color.b));
     float toe_end = 2.0 * NEUTRAL_F90;
     color -= lowest < toe_end ? lowest - lowest * lowest / (4.0 * NEUTRAL_F90) : NEUTRAL_F90;

@@ -1,4 +1,4 @@
-// Alpha of one Gaussian in one pixel. Blended back to front, premultiplied: ONE, ONE_MINUS_SRC_ALPHA.
+// Light and alpha of one Gaussian in one pixel. Blended back to front, premultiplied: ONE, ONE_MINUS_SRC_ALPHA.
 #include "lib/camera.glsl"
 
 uniform vec2 size;  // px

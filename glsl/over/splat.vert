@@ -1,4 +1,4 @@
-// One quad per Gaussian, just large enough for what is visible of it. Draw a strip of four vertices per instance.
+// One quad per Gaussian, just large enough for its visible part. Draw a strip of four vertices per instance.
 #include "lib/camera.glsl"
 #include "lib/gaussian.glsl"
 #include "lib/projection.glsl"
@@ -20,13 +20,13 @@ flat out vec3 v_whiten;
 flat out vec4 v_color;  // light, opacity
 
 void main() {
-    gl_Position = vec4(2.0, 2.0, 2.0, 1.0);  // outside: nothing is drawn
+    gl_Position = vec4(2.0, 2.0, 2.0, 1.0);  // outside the clip volume: nothing is drawn
     v_mean2d = vec2(0.0);
     v_whiten = vec3(0.0);
     v_color = vec4(0.0);
     Gaussian g = fetch_gaussian(shape_data, int(index));
     vec3 t = (view_from_world * vec4(g.position, 1.0)).xyz;
-    // Written so that a NaN fails the test.
+    // Written so that NaN fails the test.
     if (!(-t.z >= near && g.opacity >= alpha_min)) return;
 
     mat3 axes = mat3(view_from_world) * rotation_from_quaternion(g.rotation);

@@ -1,4 +1,4 @@
-// The colour that pyrender gives a surface, and indirect light besides.
+// Shades a surface as pyrender does, and adds indirect light.
 #include "pyrender/metallic_roughness.glsl"
 #include "lib/srgb.glsl"
 #include "lib/texture.glsl"
@@ -39,16 +39,16 @@ uniform highp sampler2D normal_texture;
 uniform vec2 normal_mirror;
 #endif
 #if LIGHTS > 0
-uniform vec3 light_place[LIGHTS];      // position, world space, m; of a directional light, the way towards it
-uniform float light_near[LIGHTS];      // 1; directional: 0
+uniform vec3 light_place[LIGHTS];      // world-space position, m; for a directional light, the direction towards it
+uniform float light_near[LIGHTS];      // 1; 0 for a directional light
 uniform vec3 light_color[LIGHTS];
-uniform vec3 light_direction[LIGHTS];  // the way light travels
-uniform vec2 light_cone[LIGHTS];       // factor and summand that take the cosine to the edge's [0, 1]
+uniform vec3 light_direction[LIGHTS];  // direction in which the light travels
+uniform vec2 light_cone[LIGHTS];       // scale and offset that map the cosine to [0, 1] across the edge
 #endif
 #if SHADOWS
 uniform highp sampler2DShadow shadow_maps;  // tiles side by side
-uniform mat4 map_from_world[LIGHTS];   // ends in [0, 1]
-uniform vec2 tile_low[LIGHTS];         // corners of the light's tile in texture coordinates
+uniform mat4 map_from_world[LIGHTS];   // maps to [0, 1]
+uniform vec2 tile_low[LIGHTS];         // corners of the light's tile, texture coordinates
 uniform vec2 tile_high[LIGHTS];        // 0: no shadows
 #endif
 #if INDIRECT
@@ -92,7 +92,7 @@ float visibility(int i, float nl) {
     vec2 uv = mix(tile_low[i], tile_high[i], place.xy);
     float lit = 0.0;
     for (int tap = 0; tap < 9; ++tap) {
-        vec2 offset = vec2(tap % 3, tap / 3) * texel;  // pyrender's filter lies a texel off its middle
+        vec2 offset = vec2(tap % 3, tap / 3) * texel;  // pyrender's filter is off-centre by one texel
         lit += texture(shadow_maps, vec3(clamp(uv + offset, low, high), depth)) / 9.0;
     }
     return lit;
@@ -121,7 +121,7 @@ vec3 primary_light(Surface surface, vec3 n, vec3 v) {
 #if INDIRECT
 #define SAME_DEPTH 0.01
 
-// B of the fragment's surface. Where the pixel's centre shows another one, the neighbour nearest in depth has it.
+// B of the fragment's surface. If the pixel's centre shows another surface, use the neighbour nearest in depth.
 vec3 indirect_light() {
     ivec2 centre = ivec2(gl_FragCoord.xy), last = textureSize(surface_depth, 0) - 1, best = centre;
     float off = abs(texelFetch(surface_depth, centre, 0).r - v_depth);
@@ -158,7 +158,7 @@ vec3 lit_color(vec3 base) {
 #if INDIRECT
     color += base * (1.0 - metal) * indirect_light();
 #endif
-    return color + glow * emission;  // pyrender counts the factor twice
+    return color + glow * emission;  // pyrender applies the factor twice
 }
 #endif
 

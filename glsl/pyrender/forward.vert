@@ -1,4 +1,4 @@
-// A primitive of a pyrender scene to the screen.
+// Transforms a primitive of a pyrender scene to the screen.
 
 uniform mat4 clip_from_view;
 uniform mat4 view_from_world;

@@ -1,8 +1,8 @@
-// The metallic-roughness surface as pyrender 0.1.45 shades it: its terms, its clamps, its small numbers.
+// Metallic-roughness shading with the terms, clamps and epsilons of pyrender 0.1.45.
 #include "lib/constants.glsl"
 
-#define DIELECTRIC 0.04     // reflectance at normal incidence; also the least roughness
-#define COSINE_MIN 0.001    // light grazes what it does not reach
+#define DIELECTRIC 0.04     // reflectance at normal incidence; also the minimum roughness
+#define COSINE_MIN 0.001    // surfaces that face away count as lit at a grazing angle
 #define SPECULAR_BIAS 0.001  // added to the denominator
 
 struct Surface {
@@ -11,7 +11,7 @@ struct Surface {
     float roughness;  // perceptual
 };
 
-// How much of a light of radiance 1 from `l` leaves towards `v`, times n . l; all unit vectors.
+// BRDF for light from `l` that leaves towards `v`, times n . l. All vectors are unit vectors.
 vec3 reflected(Surface surface, vec3 n, vec3 v, vec3 l) {
     vec3 h = normalize(l + v);
     float nl = clamp(dot(n, l), COSINE_MIN, 1.0);

@@ -1,4 +1,4 @@
-// One colour: what belongs to whom, and depth.
+// Writes one colour, which identifies the node, and depth.
 
 uniform vec3 color;
 

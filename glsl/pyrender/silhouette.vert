@@ -1,4 +1,4 @@
-// A primitive of a pyrender scene to the screen, by its positions alone.
+// Transforms a primitive of a pyrender scene to the screen; uses only its positions.
 
 uniform mat4 clip_from_view;
 uniform mat4 view_from_world;

@@ -1,4 +1,4 @@
-// Normal and depth of the nearest surface: what the passes that read Gaussians need of a G-buffer.
+// Normal and depth of the nearest surface: the part of a G-buffer that the passes that read Gaussians need.
 #include "lib/octahedral.glsl"
 #include "lib/normal_map.glsl"
 

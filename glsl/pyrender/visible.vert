@@ -1,4 +1,4 @@
-// A primitive of a pyrender scene to the screen, for the surfaces that Gaussians are read at.
+// Transforms a primitive of a pyrender scene to the screen, for the surfaces at which Gaussians are read.
 
 uniform mat4 clip_from_view;
 uniform mat4 view_from_world;

@@ -1,4 +1,4 @@
-// Both levels of the `surface` operator as one pair of sums, before they are upsampled.
+// Combines both levels of the `surface` operator into one pair of sums, before upsampling.
 #include "surface/weight.glsl"
 
 uniform highp sampler2D fine_sums;
@@ -15,6 +15,6 @@ void main() {
 #if COARSE
     if (fine.a < weight_floor) coarse = texelFetch(coarse_sums, texel, 0);
 #endif
-    // A point without a surface, or without a Gaussian, has no say.
+    // A point without a surface or without a Gaussian has no weight.
     out_sums = fine.a + coarse.a > 0.0 ? filled(fine, coarse, weight_floor) : vec4(0.0);
 }

@@ -23,6 +23,6 @@ void main() {
 #if NORMAL_POWER > 0
     w *= facing(dot(n, v_normal), NORMAL_POWER);
 #endif
-    w = w > 0.0 ? w : 0.0;  // a NaN fails the test
+    w = w > 0.0 ? w : 0.0;  // NaN fails the test
     out_sums = w * vec4(sh_sum(v_sh, n), 1.0);
 }

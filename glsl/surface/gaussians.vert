@@ -1,5 +1,5 @@
-// One polygon per Gaussian, just large enough for where it has weight. Draw a strip of OUTLINE_CORNERS vertices per
-// instance.
+// One polygon per Gaussian, just large enough for the pixels where it has weight. Draw a strip of OUTLINE_CORNERS
+// vertices per instance.
 #include "lib/ellipsoid.glsl"
 #include "lib/gaussian.glsl"
 
@@ -9,23 +9,23 @@ uniform mat4 view_from_world;
 uniform vec2 focal;   // px
 uniform vec2 centre;  // px
 uniform vec2 size;    // px
-uniform float margin;  // px; how far along an axis a surface point may lie from the centre of its pixel
+uniform float margin;  // px; largest distance along an axis from a surface point to the centre of its pixel
 uniform float near;    // m; no surface is nearer
-uniform float radius;  // standard deviations; where weights end
+uniform float radius;  // standard deviations; weights are 0 beyond it
 
 in uint index;  // of the Gaussian
 flat out vec4 v_center;   // world space, m; opacity
-flat out mat3 v_whiten;   // columns: the ellipsoid's axes, world space, in 1 / standard deviations
+flat out mat3 v_whiten;   // columns: the ellipsoid's axes, world space, over their standard deviations
 flat out vec3 v_sh[SH_COUNT];
 #if NORMAL_POWER > 0
 flat out vec3 v_normal;
 #endif
 
-// More than a depth buffer of 24 bits rounds by: even a Gaussian without thickness covers the surface that it lies on.
+// Exceeds the rounding of a 24-bit depth buffer, so that even a flat Gaussian covers the surface on which it lies.
 #define DEPTH_SLACK 1e-6
 
 void main() {
-    gl_Position = vec4(2.0, 2.0, 2.0, 1.0);  // outside: nothing is drawn
+    gl_Position = vec4(2.0, 2.0, 2.0, 1.0);  // outside the clip volume: nothing is drawn
     Gaussian g = fetch_gaussian(shape_data, int(index));
     mat3 rotation = rotation_from_quaternion(g.rotation);
     v_center = vec4(g.position, min(g.opacity, 1.0));
@@ -41,7 +41,7 @@ void main() {
     mat3 axes = mat3(view_from_world) * mat3(rotation[0] * reach.x, rotation[1] * reach.y, rotation[2] * reach.z);
     vec3 extent = half_extent(axes);
     float nearest = max(near, -t.z - extent.z);
-    // Written so that a NaN fails the test.
+    // Written so that NaN fails the test.
     if (!(g.opacity > 0.0 && extent.z - t.z >= near)) return;
     vec2 corner = outline_corner(gl_VertexID, t, axes, extent, near, focal, centre, size, margin);
     vec2 ndc = 2.0 * corner / size - 1.0;

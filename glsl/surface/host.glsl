@@ -1,22 +1,22 @@
-// What a host's textures say of the surface of a pixel, however they are encoded.
+// Decodes depth and normal of a pixel's surface from a host's textures, which may be encoded in several ways.
 #include "lib/octahedral.glsl"
 
-// Distance along the view axis, m; 0: no surface. `z`: of the projection's third row, the columns of z and 1.
+// Distance along the view axis, m; 0: no surface. `z`: the columns of z and 1 of the projection's third row.
 float depth_from_texel(float stored, vec2 z) {
-#if DEPTH_WINDOW  // a depth buffer: 0 near, 1 nothing
+#if DEPTH_WINDOW  // a depth buffer: 0 is near, 1 is empty
     return stored < 1.0 ? z.y / (2.0 * stored - 1.0 + z.x) : 0.0;
-#elif DEPTH_REVERSED  // a depth buffer: 1 near, 0 nothing
+#elif DEPTH_REVERSED  // a depth buffer: 1 is near, 0 is empty
     return stored > 0.0 ? z.y / (stored + z.x) : 0.0;
 #else
     return stored;
 #endif
 }
 
-// World space, unit; 0 where the texel holds none.
+// Unit normal in world space; 0 if the texel holds none.
 vec3 normal_from_texel(vec4 stored, mat4 world_from_view) {
 #if NORMAL_OCTAHEDRAL
     vec3 n = normal_from_octahedral(stored.xy);
-#elif NORMAL_UNSIGNED  // each component from -1..1 to 0..1
+#elif NORMAL_UNSIGNED  // each component mapped from -1..1 to 0..1
     vec3 n = 2.0 * stored.xyz - 1.0;
 #else
     vec3 n = stored.xyz;

@@ -1,5 +1,5 @@
-// The surface points at which the Gaussians are read: each pixel of the target takes one of the SPLAT_SCALE x
-// SPLAT_SCALE pixels of the host's textures that it covers.
+// Selects the surface points at which the Gaussians are read: each pixel of the target takes one of the SPLAT_SCALE x
+// SPLAT_SCALE pixels that it covers in the host's textures.
 #include "lib/camera.glsl"
 #include "surface/host.glsl"
 
@@ -10,7 +10,7 @@ uniform mat4 world_from_view;
 uniform mat4 world_from_offset;
 uniform vec2 axis;
 uniform vec2 size;      // px, of the view
-uniform vec2 corner;    // px; where the view begins in the textures
+uniform vec2 corner;    // px; origin of the view in the textures
 uniform vec2 z_to_clip;
 uniform float near;
 #if BOX
@@ -19,7 +19,7 @@ uniform vec3 box_high;
 #endif
 
 layout(location = 0) out vec4 out_position;  // world space, m
-layout(location = 1) out vec4 out_plane;     // the tangent plane: its normal n, world space, unit; -n . position; 0: no surface
+layout(location = 1) out vec4 out_plane;     // tangent plane: unit normal n, world space; -n . position; 0: no surface
 
 float depth_at(ivec2 texel) {
     return depth_from_texel(texelFetch(depth, ivec2(corner) + texel, 0).r, z_to_clip);
@@ -30,11 +30,11 @@ ivec2 chosen_texel(ivec2 target) {
     return target;
 }
 #else
-// Of depth: pixels further apart show different surfaces.
+// Ratio of depths above which pixels show different surfaces.
 #define DEPTH_STEP 1.1
 
-// The middle of the block; where there are several surfaces, the nearest and the farthest in turns, as on a
-// chessboard: then both are among any three neighbours. Surfaces come before the background.
+// The middle of the block or, if the block shows several surfaces, the nearest and the farthest alternately in a
+// checkerboard pattern, so that any three neighbours contain both. Surfaces take precedence over the background.
 ivec2 chosen_texel(ivec2 target) {
     ivec2 last = ivec2(size) - 1;
     ivec2 middle = min(target * SPLAT_SCALE + SPLAT_SCALE / 2, last), near_texel = middle, far_texel = middle;
@@ -66,6 +66,6 @@ void main() {
 #endif
     vec3 n = normal_from_texel(texelFetch(normal, ivec2(corner) + texel, 0), world_from_view);
     out_plane = seen ? vec4(n, -dot(n, out_position.xyz)) : vec4(0.0);
-    // Nothing is nearer than 0: where there is no surface, no Gaussian passes the depth test.
+    // Nothing is nearer than 0, so no Gaussian passes the depth test where there is no surface.
     gl_FragDepth = seen ? window_depth(view_depth, near) : 0.0;
 }

@@ -1,5 +1,5 @@
-// B from the sums of the `surface` operator, by one division. At lower resolution the filled sums of the nearest points
-// are added up first, each as far as it shows the pixel's surface.
+// Computes B from the sums of the `surface` operator by one division. At lower resolution, the filled sums of the
+// nearest points are added first, each weighted by how well its surface matches the pixel's.
 #include "lib/camera.glsl"
 #include "lib/constants.glsl"
 #include "surface/host.glsl"
@@ -27,15 +27,15 @@ uniform float weight_floor;
 layout(location = 0) out vec4 out_indirect;  // B
 
 #if SPLAT_SCALE > 1
-#define PLANE_TOLERANCE 0.01  // of depth; a pixel further off a point's plane shows another surface
-#define BLUR 0.01             // added to the weights by place, so that no neighbour is left out
-#define OTHERS 1e-7           // of points of other surfaces: taken where there are no others
-#define ALIKE_ENOUGH 0.5      // one of the three nearest points as alike as that: no need of those around them
+#define PLANE_TOLERANCE 0.01  // of depth; a pixel further from a point's plane shows another surface
+#define BLUR 0.01             // added to the weights by position, so that no neighbour is left out
+#define OTHERS 1e-7           // weight of points of other surfaces, which matter only if there are no others
+#define ALIKE_ENOUGH 0.5      // if one of the three nearest points is this alike, those around them are not used
 
-// How far a point's tangent plane is that of the pixel's point `x` with normal `n`, 0 to 1. `tolerance`: per m.
+// Similarity, 0 to 1, of a point's tangent plane to that at the pixel's point `x`, normal `n`. `tolerance` in 1/m.
 float alike(vec4 plane, vec3 x, vec3 n, float tolerance) {
     float on_plane = max(0.0, 1.0 - tolerance * abs(dot(plane, vec4(x, 1.0))));
-    // Normals that differ count as the eighth power of their cosine.
+    // The normals count with the eighth power of their cosine.
     float cosine = max(0.0, dot(plane.xyz, n)), squared = cosine * cosine, fourth = squared * squared;
     return on_plane * fourth * fourth;
 }
@@ -47,7 +47,7 @@ vec4 upsampled(ivec2 texel) {
     vec3 n = normal_from_texel(texelFetch(normal, ivec2(corner) + texel, 0), world_from_view);
     float tolerance = 1.0 / (PLANE_TOLERANCE * view_depth);
 
-    // Linear over the triangle of the three nearest points: two opposite corners of a square, and one of the others.
+    // Interpolate linearly over the triangle of the three nearest points: two opposite corners of a square, one other.
     vec2 place = vec2(texel - SPLAT_SCALE / 2) / float(SPLAT_SCALE), part = fract(place);
     ivec2 low = ivec2(floor(place)), last = textureSize(filled_sums, 0) - 1;
     ivec2 side = part.x > part.y ? ivec2(1, 0) : ivec2(0, 1);
@@ -55,15 +55,15 @@ vec4 upsampled(ivec2 texel) {
     vec3 by_place = vec3(1.0 - far, far - near, near) + BLUR;
     vec4 sum = vec4(0.0);
     float most_alike = 0.0;
-    for (int i = 0; i < 3; ++i) {  // where no surface is, the sums are 0
+    for (int i = 0; i < 3; ++i) {  // the sums are 0 where there is no surface
         ivec2 tap = clamp(low + (i == 0 ? ivec2(0) : i == 1 ? side : ivec2(1)), ivec2(0), last);
         float weight = alike(texelFetch(surface_plane, tap, 0), x, n, tolerance);
         most_alike = max(most_alike, weight);
         sum += by_place[i] * (weight + OTHERS) * texelFetch(filled_sums, tap, 0);
     }
-    // On wires and at outlines often none of the three, but one of the points around them shows the pixel's surface.
+    // On wires and at outlines, often none of the three points shows the pixel's surface, but one around them does.
     float need = 1.0 - most_alike / ALIKE_ENOUGH;
-    int around = view_depth > 0.0 && need > 0.0 ? 16 : 0;  // llvmpipe leaves loops, but skips no branch
+    int around = view_depth > 0.0 && need > 0.0 ? 16 : 0;  // llvmpipe exits loops early, but skips no branch
     for (int i = 0; i < around; ++i) {
         ivec2 tap = clamp(low - 1 + ivec2(i % 4, i / 4), ivec2(0), last);
         sum += need * alike(texelFetch(surface_plane, tap, 0), x, n, tolerance) * texelFetch(filled_sums, tap, 0);

@@ -1,18 +1,20 @@
-// Reading Gaussians at surface points: the weight of one Gaussian. B is the mean of their light under these weights.
+// Weight of one Gaussian at a surface point. B is the mean of the Gaussians' light with these weights.
 
-// `e`: the point from the centre along the ellipsoid's axes, in standard deviations. Ends without a step.
+// Weight by position, which falls to 0 without a step. `e`: offset from the centre along the ellipsoid's axes, in
+// standard deviations.
 float falloff(vec3 e, float cutoff) {
     return max(0.0, exp(-0.5 * dot(e, e)) - cutoff);
 }
 
-// `cosine` between the normals of point and Gaussian, raised to `sharpness`; 0 where they face apart.
+// Weight by normals: `cosine` between those of point and Gaussian, raised to `sharpness`; 0 if it is negative.
 float facing(float cosine, int sharpness) {
     float c = max(0.0, cosine), power = c;
     for (int i = 1; i < sharpness; ++i) power *= c;
     return power;
 }
 
-// The sums of both levels at one point: the coarse level's light fills what the fine level's weight lacks of the floor.
+// Combines the sums of both levels at one point: light of the coarse level fills the gap between the fine level's
+// weight and the floor.
 vec4 filled(vec4 fine, vec4 coarse, float weight_floor) {
     float gap = max(0.0, weight_floor - fine.a);
     vec3 light = gap > 0.0 && coarse.a > 0.0 ? gap * (coarse.rgb / coarse.a) : vec3(0.0);

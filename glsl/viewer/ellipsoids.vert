@@ -1,4 +1,5 @@
-// Gaussians as solid ellipsoids: one quad each, around where it appears. Draw a strip of four vertices per instance.
+// Gaussians as solid ellipsoids: one polygon each, around its image. Draw a strip of OUTLINE_CORNERS vertices per
+// instance.
 #include "lib/ellipsoid.glsl"
 #include "lib/gaussian.glsl"
 
@@ -10,17 +11,17 @@ uniform vec2 focal;   // px
 uniform vec2 centre;  // px
 uniform vec2 size;    // px
 uniform float near;    // m
-uniform float radius;  // standard deviations; where the ellipsoid ends
+uniform float radius;  // standard deviations at which the ellipsoid ends
 
-flat out vec3 v_eye;     // from the ellipsoid's centre, along its axes, in their lengths: there it is the unit sphere
-flat out mat3 v_whiten;  // columns: the ellipsoid's axes, view space, in 1 / their lengths
+flat out vec3 v_eye;     // in the frame of the ellipsoid's axes, in which the ellipsoid is the unit sphere
+flat out mat3 v_whiten;  // columns: the ellipsoid's unit axes, view space, over their lengths
 flat out vec3 v_color;   // light
 
-// Of the longest axis: what is thinner is drawn this thick, so that float32 can tell front from back.
+// Of the longest axis: thinner axes are drawn this thick, so that float32 can tell front from back.
 #define THINNEST 0.01
 
 void main() {
-    gl_Position = vec4(2.0, 2.0, 2.0, 1.0);  // outside: nothing is drawn
+    gl_Position = vec4(2.0, 2.0, 2.0, 1.0);  // outside the clip volume: nothing is drawn
     v_eye = vec3(0.0);
     v_whiten = mat3(0.0);
     v_color = vec3(0.0);
@@ -30,7 +31,7 @@ void main() {
     vec3 reach = radius * max(g.scale, THINNEST * max(g.scale.x, max(g.scale.y, g.scale.z)));
     mat3 axes = mat3(rotation[0] * reach.x, rotation[1] * reach.y, rotation[2] * reach.z);
     vec3 extent = half_extent(axes);
-    // Written so that a NaN fails the test.
+    // Written so that NaN fails the test.
     if (!(g.opacity > 0.0 && extent.z - t.z >= near)) return;
 
     v_whiten = mat3(rotation[0] / reach.x, rotation[1] / reach.y, rotation[2] / reach.z);

@@ -1,6 +1,6 @@
-// A picture of text over what is there. Blended premultiplied: ONE, ONE_MINUS_SRC_ALPHA.
-uniform highp sampler2D text;  // row 0 on top
-uniform vec2 corner;           // px; the lower left one of the text in the target
+// Draws an image of text over the target. Blended premultiplied: ONE, ONE_MINUS_SRC_ALPHA.
+uniform highp sampler2D text;  // row 0 at the top
+uniform vec2 corner;           // px; lower left corner of the text in the target
 uniform int scale;             // px of the target per texel
 
 layout(location = 0) out vec4 out_color;

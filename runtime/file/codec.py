@@ -56,7 +56,7 @@ def encode(bake: Bake) -> bytes:
 
 
 def decode(data: bytes) -> Bake:
-    """The bake in the bytes of a .gsgi file. Raises FormatError for anything that the encoder could not have written."""
+    """The bake in the bytes of a .gsgi file. Raises FormatError for what the encoder cannot have written."""
     header = read_header(data)
     operator = OPERATORS[int(header["operator"])]
     fine = HEADER.itemsize

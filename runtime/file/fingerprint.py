@@ -1,4 +1,4 @@
-"""A number for the shape of a scene: it ties a .gsgi file to the scene that it was baked from."""
+"""A hash of the shape of a scene, which ties a .gsgi file to the scene that it was baked from."""
 
 from hashlib import blake2b
 
@@ -6,21 +6,22 @@ import numpy as np
 
 from gsgi.runtime.scene import Mesh, Scene
 
-CELL_BITS = 12  # a cell's edge is 2^-12 to 2^-11 of the bounding box's diagonal
-# A third of a cell off, no coordinate that is a whole number of halves, quarters, ... of cells lies between two cells.
+CELL_BITS = 12  # the edge of a cell is 2^-12 to 2^-11 of the bounding box's diagonal
+# A shift by a third of a cell keeps multiples of 1/2, 1/4, ... of a cell off the cell boundaries.
 OFFSET = 1 / 3
 MIX = np.uint64(0x9E3779B97F4A7C15)  # 2^64 / golden ratio, odd
-CORNERS = ([0, 1, 2], [1, 2, 0], [2, 0, 1])  # all orders that keep the winding
+CORNERS = ([0, 1, 2], [1, 2, 0], [2, 0, 1])  # all orders with the same winding
 
 
 def fingerprint(scene: Scene) -> int:
-    """64 bits, never 0: blake2b over the world-space triangles, each as the cells that its corners lie in.
+    """64-bit blake2b hash, never 0, of the world-space triangles, each given by the cells that its corners lie in.
 
-    The order of meshes, triangles and vertices does not count, nor do shared or unused vertices or anything but shape;
-    place, size and winding do. A coordinate that is off by d leaves its cell with probability d / edge, about 1e-5 for
-    noise in the last bit of float32: a scene of some thousand vertices keeps its fingerprint, one of some hundred
-    thousand does not. So a reader has to place vertices in float64 and to round once: then versions of it agree on
-    every bit. A diagonal within noise of a power of two may change all cells. `scene` has triangles.
+    The hash depends only on shape, including place, size and winding. It ignores the order of meshes, triangles and
+    vertices, and shared or unused vertices. A coordinate with an error of d changes its cell with probability d / edge,
+    about 1e-5 for noise in the last bit of float32. A scene of some thousand vertices thus keeps its fingerprint, but
+    one of some hundred thousand does not. A reader must therefore transform vertices in float64 and round once, so that
+    its versions agree on every bit. If the diagonal is within noise of a power of two, all cells may change. `scene`
+    must have triangles.
     """
     exponent = int(np.frexp(scene.diagonal())[1]) - CELL_BITS
     words = np.sort(np.concatenate([_triangle_words(mesh, exponent) for mesh in scene.meshes]))
@@ -30,15 +31,15 @@ def fingerprint(scene: Scene) -> int:
 
 
 def _triangle_words(mesh: Mesh, exponent: int) -> np.ndarray:
-    """(F,) uint64, one per triangle, for cells of edge 2^exponent m; the same whichever corner comes first."""
+    """One word per triangle, (F,) uint64, for cells of edge 2^exponent m, whichever corner comes first."""
     cell = np.floor(np.ldexp(mesh.position.astype(np.float64), -exponent) + OFFSET)
-    cell = np.clip(cell, -(2.0**62), 2.0**62).astype(np.int64).view(np.uint64)  # int64 holds it, however far away
+    cell = np.clip(cell, -(2.0**62), 2.0**62).astype(np.int64).view(np.uint64)  # fits in int64 at any distance
     corner = _mixed(cell)[mesh.triangle]
     return np.minimum.reduce([_mixed(corner[:, order]) for order in CORNERS])
 
 
 def _mixed(rows: np.ndarray) -> np.ndarray:
-    """(N, 3) uint64 -> (N,) uint64 hashes of the rows: multiply and shift, modulo 2^64."""
+    """Hash rows (N, 3) uint64 to (N,) uint64 by multiplication and shift, modulo 2^64."""
     state = np.zeros(len(rows), np.uint64)
     for column in rows.T:
         state = (state + column) * MIX

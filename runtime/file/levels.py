@@ -1,4 +1,4 @@
-"""A level of a .gsgi file: Gaussians as quantised arrays, and the record in the header that scales them."""
+"""A level of a .gsgi file: Gaussians as quantised arrays, and the header record that dequantises them."""
 
 import numpy as np
 
@@ -19,12 +19,12 @@ LEVEL = np.dtype(
     ]
 )
 
-LOG_SCALE_MAX = 40  # exp(+-40): beyond it, variances leave float32.
-SH_REST_STEP_MAX = 1e30  # 127 of it times the brightest RGB9E5 still are a float32.
+LOG_SCALE_MAX = 40  # scales within exp(+-40) m keep their variances in float32
+SH_REST_STEP_MAX = 1e30  # 127 steps times the largest RGB9E5 value fit in float32
 
 
 def planes(count: int, sh_degree: int) -> np.dtype:
-    """The arrays of a level, one after the other, as a packed dtype."""
+    """The consecutive arrays of a level as a packed dtype."""
     rest = (sh_degree + 1) ** 2 - 1
     fields = [("rotation", "<u4", count), ("sh_dc", "<u4", count), ("position", "<u2", (count, 3))]
     fields += [("scale", "u1", (count, 3)), ("opacity", "u1", count), ("sh_rest", "i1", (count, rest, 3))]
@@ -32,12 +32,12 @@ def planes(count: int, sh_degree: int) -> np.dtype:
 
 
 def arrays_bytes(level: np.ndarray) -> int:
-    """Size of the arrays that a record of LEVEL calls for; nothing is allocated."""
+    """Size of the arrays that a LEVEL record describes, computed without allocating them."""
     return planes(int(level["gaussian_count"]), int(level["sh_degree"])).itemsize
 
 
 def encode_level(gaussians: Gaussians, level: np.ndarray) -> bytes:
-    """The arrays of a level as bytes; `level`, a record of LEVEL, is filled in."""
+    """The arrays of a level as bytes; fills in `level`, a LEVEL record."""
     assert all(np.isfinite(getattr(gaussians, name)).all() for name in ("position", "scale", "opacity", "sh"))
     level["gaussian_count"], level["sh_degree"] = len(gaussians), gaussians.sh_degree
     body = np.zeros((), planes(len(gaussians), gaussians.sh_degree))
@@ -50,7 +50,7 @@ def encode_level(gaussians: Gaussians, level: np.ndarray) -> bytes:
 
 
 def decode_level(level: np.ndarray, data: bytes, offset: int) -> Gaussians:
-    """The Gaussians whose arrays begin at byte `offset` of `data`; `level` is their record of LEVEL, checked."""
+    """The Gaussians whose arrays begin at byte `offset` of `data`; `level` is their LEVEL record, already checked."""
     layout = planes(int(level["gaussian_count"]), int(level["sh_degree"]))
     body = np.frombuffer(data, layout, count=1, offset=offset)[0]
     position = level["position_min"] + body["position"].astype(np.float32) * level["position_step"]
@@ -68,9 +68,9 @@ def decode_level(level: np.ndarray, data: bytes, offset: int) -> Gaussians:
 
 
 def check_level(level: np.ndarray, name: str, expect) -> None:
-    """Refuse numbers of a record of LEVEL, called `name`, from which no finite, usable Gaussian could be decoded.
+    """Refuse a LEVEL record, called `name`, whose numbers would not decode to finite, usable Gaussians.
 
-    `expect(condition, field, expected, got)` is what refuses; the numbers are known to be finite.
+    `expect(condition, field, expected, got)` raises if the condition is false. The numbers must be finite.
     """
     for field in ("position_step", "log_scale_step", "sh_rest_step"):
         expect((level[field] >= 0).all(), f"{name}.{field}", "0 or more", level[field])
@@ -93,7 +93,7 @@ def _encode_positions(position: np.ndarray, level: np.ndarray, body: np.ndarray)
 
 
 def _encode_scales(scale: np.ndarray, level: np.ndarray, body: np.ndarray) -> None:
-    # One less than a reader accepts: rounding must not lead beyond it.
+    # Stay one below the reader's limit, so that rounding cannot exceed it.
     limit = np.exp(LOG_SCALE_MAX - 1.0)
     log_scale = np.log(np.clip(scale, 1 / limit, limit))
     low, high = (log_scale.min(), log_scale.max()) if len(scale) else (0.0, 0.0)
@@ -105,7 +105,7 @@ def _encode_sh(sh: np.ndarray, level: np.ndarray, body: np.ndarray) -> None:
     body["sh_dc"] = pack_rgb9e5(sh[:, 0] * constants.SH_C0)
     decoded_dc = unpack_rgb9e5(body["sh_dc"]) / constants.SH_C0
     brightest = decoded_dc.max(axis=1, initial=0)[:, None, None]
-    with np.errstate(over="ignore"):  # an infinite ratio becomes the greatest code
+    with np.errstate(over="ignore"):  # an infinite ratio is clipped to the largest code
         ratio = np.divide(sh[:, 1:], brightest, out=np.zeros_like(sh[:, 1:]), where=brightest > 0)
     level["sh_rest_step"] = min(np.abs(ratio).max(initial=0) / 127, SH_REST_STEP_MAX)
     step = level["sh_rest_step"]

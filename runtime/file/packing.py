@@ -1,17 +1,17 @@
-"""How .gsgi packs a rotation and a colour into 32 bits each."""
+"""Pack a rotation or a colour of a .gsgi file into 32 bits."""
 
 import numpy as np
 
-# EXT_texture_shared_exponent: nine bits of mantissa, exponent bias 15.
+# EXT_texture_shared_exponent: 9-bit mantissas, exponent bias 15.
 RGB9E5_BIAS = 15
 RGB9E5_MANTISSA = 9
 RGB9E5_MAX = 65408.0  # (511 / 512) * 2^16
 
 
 def pack_rotation(rotation: np.ndarray) -> np.ndarray:
-    """(N, 4) quaternions xyzw -> (N,) uint32, smallest three.
+    """Pack quaternions xyzw (N, 4) to (N,) uint32 by the smallest-three method.
 
-    The index of the largest component is in the top 2 bits, the others have 10 bits each, in xyzw order.
+    The top 2 bits hold the index of the largest component; the others follow with 10 bits each, in xyzw order.
     """
     norm = np.linalg.norm(rotation, axis=1, keepdims=True)
     unit = np.where(norm > 0, rotation / np.where(norm > 0, norm, 1), [0, 0, 0, 1])
@@ -23,7 +23,7 @@ def pack_rotation(rotation: np.ndarray) -> np.ndarray:
 
 
 def unpack_rotation(packed: np.ndarray) -> np.ndarray:
-    """(N,) uint32 -> (N, 4) float32 unit quaternions xyzw, for any bits."""
+    """Unpack (N,) uint32 to unit quaternions xyzw (N, 4) float32; any bit pattern is valid."""
     largest = packed >> 30
     codes = np.stack([packed >> 20 & 1023, packed >> 10 & 1023, packed & 1023], axis=1)
     others = (codes.astype(np.float32) - 511) / np.float32(511 * np.sqrt(2))
@@ -34,7 +34,7 @@ def unpack_rotation(packed: np.ndarray) -> np.ndarray:
 
 
 def pack_rgb9e5(rgb: np.ndarray) -> np.ndarray:
-    """EXT_texture_shared_exponent (Khronos 2008): (N, 3) linear, clamped to [0, 65408] -> (N,) uint32."""
+    """Pack linear colours (N, 3), clamped to [0, 65408], to (N,) uint32: EXT_texture_shared_exponent (Khronos 2008)."""
     rgb = np.clip(np.asarray(rgb, np.float64), 0, RGB9E5_MAX)
     brightest = np.maximum(rgb.max(axis=1, initial=0), 2.0 ** -(RGB9E5_BIAS + 1))
     exponent = np.floor(np.log2(brightest)).astype(np.int64) + 1 + RGB9E5_BIAS
@@ -46,7 +46,7 @@ def pack_rgb9e5(rgb: np.ndarray) -> np.ndarray:
 
 
 def unpack_rgb9e5(packed: np.ndarray) -> np.ndarray:
-    """(N,) uint32 -> (N, 3) float32 linear, [0, 65408], for any bits."""
+    """Unpack (N,) uint32 to linear colours (N, 3) float32 in [0, 65408]; any bit pattern is valid."""
     mantissa = np.stack([packed & 511, packed >> 9 & 511, packed >> 18 & 511], axis=1).astype(np.float32)
     exponent = (packed >> 27).astype(np.int32) - RGB9E5_BIAS - RGB9E5_MANTISSA
     return np.ldexp(mantissa, exponent[:, None]).astype(np.float32)

@@ -1,4 +1,4 @@
-"""Background: the environment, seen where no surface is."""
+"""Background pass: the environment in the pixels that show no surface."""
 
 import moderngl
 import numpy as np
@@ -14,7 +14,7 @@ from .view import View
 
 
 class Background:
-    """Writes the environment's radiance, clamped to what a half holds, to the G-buffer's emission.
+    """Pass that writes the environment's radiance, clamped to what a half can hold, to the G-buffer's emission.
 
     Raises UnsupportedError for an environment that the driver cannot hold.
     """
@@ -28,7 +28,7 @@ class Background:
         self._pass.set(rotation=float(environment.rotation % (2 * np.pi)))
 
     def draw(self, camera: Camera) -> None:
-        """Fill the pixels that the G-buffer has no surface in."""
+        """Fill the pixels in which the G-buffer has no surface."""
         self.ctx.enable_only(moderngl.NOTHING)
         view = View.of_camera(camera, self.gbuffer.size)
         self._pass.draw(self._target, self.gbuffer.depth, self._texture, **view.uniforms())

@@ -1,4 +1,4 @@
-"""Primary and indirect light to the final image, and that to 8-bit sRGB."""
+"""Composite of primary and indirect light, and its conversion to 8-bit sRGB."""
 
 import moderngl
 
@@ -8,7 +8,7 @@ from .permutations import defines
 
 
 class Composite:
-    """`radiance` RGBA16F of (width, height) px: primary + albedo * B."""
+    """Pass that writes primary + albedo * B to `radiance`, RGBA16F of (width, height) px."""
 
     def __init__(self, ctx: moderngl.Context, gbuffer: GBuffer):
         self.ctx = ctx
@@ -18,7 +18,7 @@ class Composite:
         self._pass = FullScreenPass(ctx, "frame/composite", ("albedo", "primary", "indirect"))
 
     def draw(self, indirect: moderngl.Texture) -> None:
-        """Fill `radiance` from `indirect`, B, and the targets of the passes before."""
+        """Fill `radiance` from `indirect`, which is B, and the G-buffer's albedo and emission."""
         self.ctx.enable_only(moderngl.NOTHING)
         self._pass.draw(self._target, *self._inputs, indirect)
 
@@ -29,7 +29,7 @@ class Composite:
 
 
 class Display:
-    """`color` RGBA8: a linear image under an exposure and the tone curve of glsl/tonemap.glsl."""
+    """Pass that applies an exposure and the tone curve of glsl/lib/tonemap.glsl, and fills `color`, RGBA8."""
 
     def __init__(self, ctx: moderngl.Context, radiance: moderngl.Texture):
         self.ctx, self._radiance = ctx, radiance
@@ -38,7 +38,7 @@ class Display:
         self._pass = FullScreenPass(ctx, "frame/display", ("radiance",), **defines("frame/display", False))
 
     def draw(self, exposure: float) -> None:
-        """Fill `color`; `exposure` multiplies radiance."""
+        """Fill `color`. Radiance is multiplied by `exposure`."""
         self.ctx.enable_only(moderngl.NOTHING)
         self._pass.draw(self._target, self._radiance, exposure=exposure)
 

@@ -1,4 +1,4 @@
-"""Headless OpenGL contexts: the only place that creates one."""
+"""Headless OpenGL contexts. They are created nowhere else."""
 
 import ctypes
 import ctypes.util
@@ -19,9 +19,9 @@ _NAMES = {"egl": "EGL", "osmesa": "OSMesa"}
 
 
 class OSMesa:
-    """Mesa's off-screen context in the shape that `moderngl.create_context(context=...)` accepts.
+    """Mesa's off-screen context in the form that `moderngl.create_context(context=...)` accepts.
 
-    Everything is drawn into framebuffer objects: its own buffer is one pixel that nobody reads.
+    All drawing goes to framebuffer objects, so its own buffer is a single pixel that is never read.
     """
 
     def __init__(self):
@@ -44,7 +44,7 @@ class OSMesa:
         self.__enter__()
 
     def load_opengl_function(self, name: str) -> int:
-        """Address of a GL function, 0 if there is none."""
+        """Address of a GL function, or 0 if there is none."""
         return self.library.OSMesaGetProcAddress(name.encode()) or 0
 
     load = load_opengl_function
@@ -66,12 +66,12 @@ class OSMesa:
 def create_context(
     backend: str = "auto", device: int | None = None, say: Callable[[str], None] | None = None
 ) -> moderngl.Context:
-    """OpenGL 3.3 core context without a window: `backend` "egl", "osmesa" or "auto" (EGL, then OSMesa).
+    """Headless OpenGL 3.3 core context; `backend` is "egl", "osmesa" or "auto" (EGL, then OSMesa).
 
-    `device`: which of EGL's devices, from 0; then nothing but EGL is tried. `say` is called with one line: what was
-    chosen, and why nothing that comes before it was. The context becomes current; inside `with ctx:` it is again,
-    after another one was used, and behind that block none is. Raises UnsupportedError that says what was tried and
-    what to install.
+    `device` is the index of an EGL device, from 0; if it is given, only EGL is tried. `say` is called with one line
+    that names the chosen backend and says why an earlier one failed. The new context is current. `with ctx:` makes it
+    current again after another context was used; at the end of that block, EGL leaves no context current and OSMesa
+    leaves this one. Raises UnsupportedError, which says what was tried and what to install.
     """
     names = {"auto": ("egl", "osmesa"), "egl": ("egl",), "osmesa": ("osmesa",)}[backend if device is None else "egl"]
     reasons = {}

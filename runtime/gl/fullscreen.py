@@ -8,8 +8,10 @@ from .shader import program, set_uniforms
 
 
 class FullScreenPass:
-    """The fragment shader glsl/`name`.frag over all pixels of a viewport. `samplers` are its textures, in the order in
-    which draw() takes them."""
+    """The fragment shader glsl/`name`.frag, run on all pixels of a viewport.
+
+    `samplers` names its textures, in the order in which draw() takes them.
+    """
 
     def __init__(self, ctx: moderngl.Context, name: str, samplers: Sequence[str], **defines: int):
         self.ctx = ctx
@@ -28,7 +30,7 @@ class FullScreenPass:
         viewport: tuple[int, int, int, int] | None = None,
         **uniforms,
     ) -> None:
-        """Draw into `target`; blending and depth test are the caller's. `viewport` None: that of the target."""
+        """Draw into `target`. The caller sets blending and depth test. `viewport` None means the target's own."""
         target.use()
         if viewport:
             self.ctx.viewport = viewport

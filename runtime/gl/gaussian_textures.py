@@ -6,13 +6,13 @@ import numpy as np
 from gsgi.runtime.errors import UnsupportedError
 from gsgi.runtime.gaussians import Gaussians
 
-DATA_WIDTH = 2048  # texels; DATA_WIDTH of glsl/gaussian.glsl
+DATA_WIDTH = 2048  # texels; DATA_WIDTH of glsl/lib/gaussian.glsl
 
 
 class GaussianTextures:
-    """`shape` and `sh` as in glsl/gaussian.glsl.
+    """The textures `shape` and `sh`, with the layout of glsl/lib/gaussian.glsl.
 
-    Raises UnsupportedError for more Gaussians than the driver's textures hold.
+    Raises UnsupportedError for more Gaussians than the driver's textures can hold.
     """
 
     def __init__(self, ctx: moderngl.Context, gaussians: Gaussians):
@@ -26,7 +26,7 @@ class GaussianTextures:
 
 
 def _shape_texels(gaussians: Gaussians) -> np.ndarray:
-    """(N, 3, 4) float32: position and opacity, rotation, scale. Layout of glsl/gaussian.glsl."""
+    """(N, 3, 4) float32: position and opacity, rotation, scale, in the layout of glsl/lib/gaussian.glsl."""
     zero = np.zeros((len(gaussians), 1), np.float32)
     columns = [gaussians.position, gaussians.opacity[:, None], gaussians.rotation, gaussians.scale, zero]
     return np.concatenate(columns, axis=1).reshape(-1, 3, 4)
@@ -39,7 +39,7 @@ def _sh_texels(gaussians: Gaussians) -> np.ndarray:
 
 
 def _data_texture(ctx: moderngl.Context, texels: np.ndarray) -> moderngl.Texture:
-    """(N, T, 4) float32 as rows of DATA_WIDTH texels."""
+    """Texture of (N, T, 4) float32 texels, in rows of DATA_WIDTH."""
     count = texels.shape[0] * texels.shape[1]
     height = max(-(-count // DATA_WIDTH), 1)
     limit = ctx.info["GL_MAX_TEXTURE_SIZE"]

@@ -1,4 +1,4 @@
-"""G-buffer: what is seen through each pixel."""
+"""G-buffer: the surface that each pixel shows."""
 
 import moderngl
 
@@ -13,13 +13,13 @@ class GBuffer:
     """Targets of (width, height) px, all linear:
 
     albedo    RGBA16F  base colour * (1 - metallic); a = 1 on surfaces
-    normal    RGBA16F  octahedral, world space: zw the triangle's normal, towards the camera; xy shading normal, that is
-                       the interpolated one on the same side, bent by the normal map
-    emission  RGBA16F  radiance, an unlit surface's base colour; where primary light starts from
+    normal    RGBA16F  octahedral, world space; zw: the triangle's normal, towards the camera; xy: the shading normal,
+                       which is the interpolated normal on the same side, bent by the normal map
+    emission  RGBA16F  radiance, for an unlit surface its base colour; primary light is added to it
     depth     R32F     distance along the view axis, m; 0 = no surface
 
-    `interpolated` has the shading normal without normal map in xy: B belongs to it. A target of its own, RG16F, where a
-    material has a normal map, else it is `normal`.
+    `interpolated` has the shading normal without the normal map in xy; B belongs to this normal. It is a separate RG16F
+    target if a material has a normal map, otherwise it is `normal`.
     """
 
     def __init__(self, ctx: moderngl.Context, geometry: Geometry, size: tuple[int, int]):

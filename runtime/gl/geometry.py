@@ -1,4 +1,4 @@
-"""Scene triangles and textures on the GPU, in batches that draw alike."""
+"""Scene triangles and textures on the GPU, batched by material and presence of vertex colours."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,16 +11,16 @@ from gsgi.runtime.scene import Material, Mesh, Scene, Texture
 
 from .permutations import Triangles, sampled
 
-_SRGB8_ALPHA8 = 0x8C43  # decoded before it is filtered, as in the path tracer
+_SRGB8_ALPHA8 = 0x8C43  # decoded before filtering, as in the path tracer
 _SRGB_SLOTS = {"base", "emission"}  # the others are linear
 
 
 @dataclass(frozen=True)
 class Batch:
-    """All triangles of one material that have vertex colours, or all of it that have none.
+    """All triangles of one material that have vertex colours, or all that have none.
 
-    `attributes` are float32 by their names in the shaders: position, normal, color, tangent, `slot`_uv. Slots of one
-    channel share a buffer.
+    `attributes` are float32 and have their names in the shaders: position, normal, color, tangent, `slot`_uv. Slots
+    with the same UV channel share a buffer.
     """
 
     material: Material
@@ -28,18 +28,21 @@ class Batch:
     indices: moderngl.Buffer  # uint32
 
     def triangles(self, bent: bool = False) -> Triangles:
-        """What the passes' defines follow from."""
+        """Description that determines the passes' defines."""
         return Triangles(self.material, "color" in self.attributes, bent)
 
     def vertex_array(self, program: moderngl.Program) -> moderngl.VertexArray:
-        """The triangles for `program`, with the attributes that it reads."""
+        """Vertex array of the triangles for `program`, with the attributes that it reads."""
         read = [name for name in self.attributes if name in program]
         content = [(self.attributes[name], f"{program[name].dimension}f", name) for name in read]
         return program.ctx.vertex_array(program, content, self.indices, index_element_size=4)
 
 
 class Geometry:
-    """What the passes that draw triangles share. Raises UnsupportedError for a texture that the driver cannot hold."""
+    """Batches and textures for all passes that draw triangles.
+
+    Raises UnsupportedError for a texture that the driver cannot hold.
+    """
 
     def __init__(self, ctx: moderngl.Context, scene: Scene):
         groups: dict[tuple[int, bool], list[Mesh]] = {}
@@ -52,8 +55,10 @@ class Geometry:
         self._mirror = {i: [float(wrap == "mirror") for wrap in scene.textures[i].wrap] for i, _ in used}
 
     def bind(self, material: Material, *names: str) -> dict:
-        """Bind the textures of the slots `names` that the material uses to units 0, 1, ...; returns their uniforms,
-        `name`_texture and `name`_mirror."""
+        """Bind the textures of those slots in `names` that the material uses, to units 0, 1, ...
+
+        Returns their uniforms, `name`_texture and `name`_mirror.
+        """
         slots = sampled(material)
         uniforms = {}
         for unit, name in enumerate(name for name in names if name in slots):
@@ -92,13 +97,13 @@ def _upload(ctx: moderngl.Context, texture: Texture, srgb: bool) -> moderngl.Tex
     pixels = np.ascontiguousarray(texture.pixels)
     result = ctx.texture(size, 4, pixels, internal_format=_SRGB8_ALPHA8 if srgb else None)
     result.filter = (moderngl.NEAREST,) * 2 if texture.nearest else (moderngl.LINEAR,) * 2
-    # moderngl has no mirrored repeat: the shader folds the coordinate, then the edge is clamped.
+    # moderngl has no mirrored repeat: the shader folds the coordinate, and the sampler clamps it at the edge.
     result.repeat_x, result.repeat_y = (wrap == "repeat" for wrap in texture.wrap)
     return result
 
 
 def texture_size(ctx: moderngl.Context, pixels: np.ndarray) -> tuple[int, int]:
-    """(width, height) of an image (H, W, C). Raises UnsupportedError if the driver holds none of that size."""
+    """(width, height) of an image (H, W, C). Raises UnsupportedError if the driver cannot hold that size."""
     height, width = pixels.shape[:2]
     limit = ctx.info["GL_MAX_TEXTURE_SIZE"]
     if max(width, height) > limit:

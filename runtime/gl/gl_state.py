@@ -1,4 +1,4 @@
-"""What a host's OpenGL context is set to: read before our draws, set again after them."""
+"""State of a host's OpenGL context, read before our draws and restored after them."""
 
 import ctypes
 from collections.abc import Iterator
@@ -6,7 +6,7 @@ from contextlib import contextmanager
 
 import moderngl
 
-# Names of OpenGL 3.3, by their numbers in its headers.
+# Names of OpenGL 3.3 with their numbers in its headers.
 _SWITCHES = {
     "CULL_FACE": 0x0B44, "DEPTH_TEST": 0x0B71, "STENCIL_TEST": 0x0B90, "SCISSOR_TEST": 0x0C11, "COLOR_LOGIC_OP": 0x0BF2,
     "POLYGON_OFFSET_FILL": 0x8037, "SAMPLE_ALPHA_TO_COVERAGE": 0x809E, "SAMPLE_COVERAGE": 0x80A0,
@@ -24,14 +24,16 @@ _INTEGERS = {
 _FLOATS = {"COLOR_CLEAR": (0x0C22, 4), "DEPTH_CLEAR": (0x0B73, 1), "DEPTH_RANGE": (0x0B70, 2)}
 _BLEND, _COLOR_WRITEMASK, _TEXTURE_0, _TEXTURE_2D, _FILL, _ADD = 0x0BE2, 0x0C23, 0x84C0, 0x0DE1, 0x1B02, 0x8006
 _TEXTURE_BINDING, _SAMPLER_BINDING, _FRONT_AND_BACK = 0x8069, 0x8919, 0x0408
-DRAW_BUFFERS, UNITS = 8, 5  # whose state is kept; our passes use no more, moderngl one unit for uploads
+DRAW_BUFFERS, UNITS = 8, 5  # state that is kept: all that our passes use; moderngl's upload unit comes on top
 
 State = dict[str, tuple]
 
 
 class HostState:
-    """Reads and sets the state of `ctx` that our passes change, through the driver's own functions: a host may have set
-    it behind moderngl's back."""
+    """Reads and sets the state of `ctx` that our passes change.
+
+    It calls the driver's own functions, since a host may have set the state without moderngl's knowledge.
+    """
 
     def __init__(self, ctx: moderngl.Context):
         self._ctx = ctx
@@ -43,7 +45,7 @@ class HostState:
 
     @contextmanager
     def kept(self) -> Iterator[None]:
-        """Leaves the context as it was found, the framebuffer and switches that moderngl remembers included."""
+        """Restore the context on exit, including the framebuffer and the switches that moderngl remembers."""
         before, bound = self.read(), (self._ctx.fbo, self._ctx.mglo.fbo)
         try:
             with self._ctx.scope(self._scope_target, 0):
@@ -54,7 +56,7 @@ class HostState:
             self.write(before)
 
     def read(self) -> State:
-        """Values by name."""
+        """Return all values by name."""
         state: State = {name: (self._call("IsEnabled", number, result=True),) for name, number in _SWITCHES.items()}
         for table, function, kind in ((_INTEGERS, "GetIntegerv", ctypes.c_int), (_FLOATS, "GetFloatv", ctypes.c_float)):
             for name, (number, count) in table.items():
@@ -70,7 +72,7 @@ class HostState:
         return state
 
     def write(self, state: State) -> None:
-        """Set all values of read()."""
+        """Set all values that read() returned."""
         for name, number in _SWITCHES.items():
             self._call("Enable" if state[name][0] else "Disable", number)
         for i in range(DRAW_BUFFERS):
@@ -85,7 +87,7 @@ class HostState:
         self._call("BindFramebuffer", 0x8CA9, *value("DRAW_FRAMEBUFFER"))
         self._call("BindFramebuffer", 0x8CA8, *value("READ_FRAMEBUFFER"))
         self._call("BindRenderbuffer", 0x8D41, *value("RENDERBUFFER"))
-        # One that was deleted while in use is gone once another was used.
+        # A program that was deleted while in use ceases to exist once another is used.
         if self._call("IsProgram", *value("CURRENT_PROGRAM"), result=True):
             self._call("UseProgram", *value("CURRENT_PROGRAM"))
         self._call("BindVertexArray", *value("VERTEX_ARRAY"))
@@ -111,7 +113,7 @@ class HostState:
         self._scope_target.release()
 
     def _set_plain(self) -> None:
-        """What our passes take for granted; framebuffers bring viewport, scissor and masks, moderngl the switches."""
+        """Set what our passes assume. Framebuffers set viewport, scissor and masks; moderngl sets the switches."""
         for name in ("STENCIL_TEST", "COLOR_LOGIC_OP", "POLYGON_OFFSET_FILL", "SAMPLE_ALPHA_TO_COVERAGE",
                      "SAMPLE_COVERAGE", "DEPTH_CLAMP", "PRIMITIVE_RESTART"):  # fmt: skip
             self._call("Disable", _SWITCHES[name])

@@ -1,4 +1,4 @@
-"""One deferred frame: all layers of it, and what its passes cost."""
+"""One deferred frame: all its layers, and the costs of its passes."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -19,7 +19,10 @@ def draw(
     device: int | None = None,
     say: Callable[[str], None] | None = None,
 ) -> dict:
-    """Every layer of one deferred frame: name -> (H, W, 3) float32, depth (H, W). `say` is told what draws it."""
+    """Draw one deferred frame; return all layers by name: (H, W, 3) float32, depth (H, W).
+
+    `say` is called with a line that names the OpenGL driver.
+    """
     with _renderer(scene, baked, width, height, backend, device, say) as renderer:
         renderer.render(camera)
         return {layer: renderer.read(layer) for layer in LAYERS}
@@ -28,7 +31,7 @@ def draw(
 def costs(
     scene: Scene, baked: Bake | None, camera: Camera, width: int, height: int, backend: str, device: int | None = None
 ) -> tuple[str, list[dict]]:
-    """The driver, and one row for each pass of a frame once all is compiled and uploaded."""
+    """Return the driver, and one row per pass of a frame that is drawn after everything is compiled and uploaded."""
     from .context import renderer_string
     from .profile import Profile
 
@@ -48,7 +51,7 @@ def _renderer(
     device: int | None,
     say: Callable[[str], None] | None = None,
 ) -> Iterator:
-    """In a context of its own."""
+    """Renderer in a context of its own; both are released on exit."""
     from .context import create_context
     from .renderer import DeferredRenderer
 

@@ -1,4 +1,4 @@
-"""How the textures of a host's G-buffer are encoded."""
+"""Encodings of the textures in a host's G-buffer."""
 
 from typing import NamedTuple
 
@@ -9,13 +9,15 @@ ALBEDOS = {"linear": "", "srgb": "ALBEDO_SRGB"}
 
 
 class Encoding(NamedTuple):
-    """Each a key of the tables above.
+    """How a host's textures are encoded. Each field is a key of a table above.
 
-    depth: in the red channel, "linear": m along the view axis, 0 = no surface; "window": an OpenGL depth buffer, 1 = no
+    depth: in the red channel. "linear": m along the view axis, 0 = no surface; "window": an OpenGL depth buffer, 1 = no
     surface; "reversed": the depth buffer of a reversed projection (0 <= z <= w), 0 = no surface.
-    normal: "octahedral" in xy; "signed": xyz; "unsigned": xyz from -1..1 to 0..1. Towards the camera, before any normal
-    map, which B does not know; any length. normal_space: "world" or "view".
-    albedo: the diffuse part of the reflectance, "linear" or "srgb": encoded in a texture whose format does not say so.
+    normal: "octahedral" in xy; "signed": xyz; "unsigned": xyz, mapped from -1..1 to 0..1. It points towards the camera,
+    may have any length, and is the normal before any normal map, because B ignores normal maps.
+    normal_space: "world" or "view".
+    albedo: the diffuse part of the reflectance, "linear" or "srgb". "srgb" means sRGB values in a texture whose format
+    does not say so.
     """
 
     depth: str = "linear"
@@ -24,7 +26,7 @@ class Encoding(NamedTuple):
     albedo: str = "linear"
 
     def defines(self) -> dict[str, bool]:
-        """Of the shaders that include glsl/host.glsl. Raises ValueError that names field and choices."""
+        """Defines of shaders that include glsl/surface/host.glsl. Raises ValueError that names field and choices."""
         chosen = {
             _chosen("depth", self.depth, DEPTHS),
             _chosen("normal", self.normal, NORMALS),
@@ -34,11 +36,11 @@ class Encoding(NamedTuple):
         return {name: name in chosen for name in names if name}
 
     def albedo_defines(self) -> dict[str, bool]:
-        """Of glsl/add_light.frag. Raises ValueError as defines() does."""
+        """Defines of glsl/surface/add_light.frag. Raises ValueError as defines() does."""
         return {"ALBEDO_SRGB": bool(_chosen("albedo", self.albedo, ALBEDOS))}
 
 
-OURS = Encoding()  # of GBuffer
+OURS = Encoding()  # the encoding of GBuffer
 
 
 def _chosen(field: str, value: str, choices: dict[str, str]) -> str:

@@ -1,4 +1,4 @@
-"""The indirect light of a bake as a pass in the frame of any moderngl host."""
+"""Indirect light of a bake as a pass in the frame of any moderngl host."""
 
 import moderngl
 import numpy as np
@@ -26,12 +26,12 @@ class IndirectLight:
         light.draw(depth, normal, view_from_world, clip_from_view)  # each frame and camera
         light.add(target, albedo)
 
-    `ctx` is the host's context; nothing in it changes but the target that light is added to and the textures made
-    here. `encoding` says what the host's textures hold. A file of the `surface` operator is read once per `splat_scale`
-    x `splat_scale` pixels (1 to 4) and upsampled along surfaces, and lights nothing outside of `box`: two corners
-    (3,), world space, m, for files of one room each. A file of the `over` operator is drawn at full resolution; its
-    light ends with its Gaussians. Raises ValueError for an unknown encoding, UnsupportedError for more Gaussians than
-    the driver's textures hold.
+    `ctx` is the host's context. In it, only the target of the added light and the textures created here change.
+    `encoding` says how the host's textures are encoded. A file of the `surface` operator is read once per `splat_scale`
+    x `splat_scale` pixels (1 to 4) and upsampled along surfaces. It lights nothing outside `box`, which is two corners
+    (3,), world space, m; the box is meant for files of one room each. A file of the `over` operator is drawn at full
+    resolution, and its light ends where its Gaussians end. Raises ValueError for an unknown encoding, and
+    UnsupportedError for more Gaussians than the driver's textures can hold.
     """
 
     def __init__(
@@ -57,11 +57,11 @@ class IndirectLight:
         self, depth: moderngl.Texture, normal: moderngl.Texture,
         view_from_world: np.ndarray, clip_from_view: np.ndarray, viewport: Viewport | None = None,
     ) -> moderngl.Texture:  # fmt: skip
-        """B for one camera: RGBA16F of the size of `viewport`, the part of the textures that shows the camera's view,
-        by default all of `depth`. Valid until the next call.
+        """B for one camera: RGBA16F of the size of `viewport`, valid until the next call.
 
-        Both matrices (4, 4) as numpy prints them, for column vectors. Raises ValueError where they are no rigid pose or
-        no perspective projection.
+        `viewport` is the part of the textures that shows the camera's view, by default all of `depth`. Both matrices
+        are (4, 4) as numpy prints them, for column vectors. Raises ValueError if they are not a rigid pose and a
+        perspective projection.
         """
         x, y, *size = viewport or (0, 0, *depth.size)
         reversed_depth = self.encoding.depth == "reversed"
@@ -75,7 +75,7 @@ class IndirectLight:
         self, view: View, depth: moderngl.Texture, normal: moderngl.Texture, corner: tuple[int, int] = (0, 0),
         z_to_clip: tuple[float, float] = (0.0, 0.0), profile: Profile | None = None,
     ) -> None:  # fmt: skip
-        """What draw() does, for a host that sets all state anew in each pass."""
+        """Draw as draw() does without restoring the state of `ctx`: for a host that sets all state in each pass."""
         self._corner, view = corner, view.moved(self._origin)
         if isinstance(self._splats, Splats):
             self._splats.draw(view, profile)
@@ -88,12 +88,15 @@ class IndirectLight:
 
     @property
     def indirect(self) -> moderngl.Texture:
-        """What the last draw() made."""
+        """Texture of the last draw()."""
         return self._splats.indirect
 
     def add(self, target: moderngl.Framebuffer, albedo: moderngl.Texture) -> None:
-        """Add albedo * B of the last draw() to the first colour of `target`, linear radiance, in the draw's viewport;
-        target and `albedo` are as large as the textures of the draw, alpha stays."""
+        """Add albedo * B of the last draw() to the first colour attachment of `target`, in the viewport of that draw.
+
+        The attachment holds linear radiance. `target` and `albedo` are as large as the textures of the draw. Alpha does
+        not change.
+        """
         with self._state.kept():
             self.ctx.enable_only(moderngl.BLEND)
             self.ctx.blend_func = moderngl.ONE, moderngl.ONE
@@ -103,7 +106,7 @@ class IndirectLight:
             self._add_light.draw(target, albedo, self.indirect, viewport=viewport, corner=self._corner)
 
     def release(self) -> None:
-        """Free the GPU memory; the host's own textures stay."""
+        """Free the GPU memory. The host's own textures are kept."""
         with self._state.kept():
             for resource in (self._add_light, self._splats, self._sampler):
                 resource.release()

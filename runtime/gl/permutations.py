@@ -1,7 +1,7 @@
-"""Which code a pass compiles: each define of the shaders, and what of a scene, a file or a host it follows from.
+"""Shader permutations: the defines of each pass, and the property of a scene, file or host that sets each of them.
 
-One table, for all passes. A pass whose effect a scene lacks is not made, so it has no define for that. The file's
-effects record decides none: it says what the stored light holds, not how it is read.
+One table covers all passes. A pass is not created if the scene lacks its effect, so there is no define for that case.
+The file's effects record sets no define: it says what the stored light holds, not how it is read.
 """
 
 from collections.abc import Callable, Collection
@@ -12,12 +12,14 @@ from gsgi.runtime.scene import Light, Material, TextureSlot
 
 from .host_textures import Encoding
 
-_WIDEST_FACE = 0.5  # cosine; a cone wider than 60 degrees to a side wastes a single face's texels: it gets a cube
+_WIDEST_FACE = 0.5  # cosine; a cone wider than 60 degrees to a side would waste texels of a single face: it gets a cube
 
 
 class Triangles(NamedTuple):
-    """What is drawn at once: all of one material, with vertex colours or without. `bent`: a normal map is in sight,
-    on these or others."""
+    """Triangles that are drawn at once: all of one material, with or without vertex colours.
+
+    `bent`: whether any material that is drawn, this one or another, has a normal map.
+    """
 
     material: Material
     colored: bool
@@ -33,7 +35,10 @@ class Level(NamedTuple):
 
 
 class Reading(NamedTuple):
-    """How the `surface` operator reads. `coarse`: there is a coarse level; `boxed`: only surfaces in a box are lit."""
+    """How the `surface` operator reads Gaussians.
+
+    `coarse`: whether there is a coarse level; `boxed`: whether only surfaces in a box are lit.
+    """
 
     splat_scale: int
     encoding: Encoding
@@ -42,7 +47,10 @@ class Reading(NamedTuple):
 
 
 class Primitive(NamedTuple):
-    """Of a pyrender scene. `slots`: names of the textures that it shows; the rest is what lights it, if it is `lit`."""
+    """A primitive of a pyrender scene.
+
+    `slots`: names of the textures that it shows. `lights`, `shadows` and `indirect` say what lights it if it is `lit`.
+    """
 
     slots: Collection[str]
     normals: bool
@@ -54,7 +62,7 @@ class Primitive(NamedTuple):
 
 
 def sampled(material: Material) -> dict[str, TextureSlot]:
-    """The textures that a material reads, by the names of their slots in the shaders."""
+    """Textures that a material reads, by the names of their slots in the shaders."""
     slots = {"base": material.base_color_texture}
     if not material.unlit:
         slots["metallic"] = material.metallic_texture
@@ -64,7 +72,7 @@ def sampled(material: Material) -> dict[str, TextureSlot]:
 
 
 def face_count(light: Light) -> int:
-    """How many faces its shadow map has: 1 or 6."""
+    """Number of faces of the light's shadow map: 1 or 6."""
     wide = light.kind == "point" or (light.kind == "spot" and light.cos_outer < _WIDEST_FACE)
     return 6 if wide else 1
 
@@ -73,10 +81,10 @@ def _masked(triangles: Triangles) -> bool:
     return triangles.material.alpha_cutoff is not None
 
 
-# The host's choice, as Encoding spells it.
+# Defines that the host's Encoding sets.
 _HOST = {name: lambda reading, name=name: reading.encoding.defines()[name] for name in Encoding().defines()}
 
-# Pass: its defines, each with its value for what the pass draws or reads.
+# Defines of each pass. A function returns the value for what the pass draws or reads; a comment names its type.
 PASSES: dict[str, dict[str, Callable[[Any], int]]] = {
     "frame/gbuffer": {  # Triangles
         "BASE_TEXTURE": lambda t: "base" in sampled(t.material),
@@ -88,7 +96,7 @@ PASSES: dict[str, dict[str, Callable[[Any], int]]] = {
         "UNLIT": lambda t: t.material.unlit,
         "INTERPOLATED": lambda t: t.bent,
     },
-    "frame/background": {},  # made where there is an environment
+    "frame/background": {},  # created if there is an environment
     "frame/shadow": {  # Triangles
         "BASE_TEXTURE": lambda t: _masked(t) and "base" in sampled(t.material),
         "VERTEX_COLOR": lambda t: _masked(t) and t.colored,
@@ -109,8 +117,8 @@ PASSES: dict[str, dict[str, Callable[[Any], int]]] = {
         "SH_DEGREE": lambda level: level.gaussians.sh_degree,
         "NORMAL_POWER": lambda level: 0 if level.coarse else level.blend.sharpness,
     },
-    "surface/gap": {},  # made where there is a coarse level
-    "surface/fill": {"COARSE": lambda reading: reading.coarse},  # Reading; made where sums are upsampled
+    "surface/gap": {},  # created if there is a coarse level
+    "surface/fill": {"COARSE": lambda reading: reading.coarse},  # Reading; created if sums are upsampled
     "surface/resolve": {  # Reading
         "SPLAT_SCALE": lambda reading: reading.splat_scale,
         "COARSE": lambda reading: reading.coarse and reading.splat_scale == 1,
@@ -140,5 +148,5 @@ PASSES: dict[str, dict[str, Callable[[Any], int]]] = {
 
 
 def defines(name: str, subject=None) -> dict[str, int]:
-    """The defines of a pass for its `subject`, of the type that the table names."""
+    """Defines of the pass `name` for its `subject`, whose type the table names."""
     return {define: int(rule(subject)) for define, rule in PASSES[name].items()}

@@ -1,4 +1,4 @@
-"""Primary light: what reaches each visible surface straight from a punctual light."""
+"""Primary light: what reaches each visible surface directly from a punctual light."""
 
 from collections.abc import Sequence
 
@@ -17,9 +17,9 @@ from .view import View
 
 
 class Primary:
-    """Adds `albedo / pi * color * attenuation * max(0, n.l) * visibility` of each light to the G-buffer's emission.
+    """Pass that adds `albedo / pi * color * attenuation * max(0, n.l) * visibility` of each light to the emission.
 
-    n is the shading normal; no light arrives from behind the triangle.
+    The emission is that of the G-buffer. n is the shading normal. Light from behind the triangle is left out.
     """
 
     def __init__(self, ctx: moderngl.Context, gbuffer: GBuffer, shadow: Shadow, lights: Sequence[Light]):
@@ -32,7 +32,7 @@ class Primary:
         }
 
     def draw(self, camera: Camera, profile: Profile | None = None) -> None:
-        """Light the surfaces of the G-buffer. One shadow atlas and one full-screen pass per light."""
+        """Light the surfaces of the G-buffer, with one shadow atlas and one full-screen pass per light."""
         frame = View.of_camera(camera, self.gbuffer.size).uniforms()
         for light in self.lights:
             with measured(profile, "frame/shadow"):
@@ -53,7 +53,7 @@ class Primary:
 
 
 def _features(light: Light) -> tuple:
-    """Defines of primary.frag, as a key."""
+    """Defines of glsl/frame/primary.frag, as a key."""
     return tuple(defines("frame/primary", light).items())
 
 

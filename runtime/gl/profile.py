@@ -1,4 +1,4 @@
-"""What each pass of a frame costs: GPU and CPU time, quads, fragments."""
+"""Costs of the passes of a frame: GPU and CPU time, quads, fragments."""
 
 import time
 from collections.abc import Iterator
@@ -10,9 +10,12 @@ import moderngl
 
 @dataclass
 class PassCost:
-    """Of all draws of one pass in a frame. `gpu_ms` by the driver's timer; `cpu_ms` until all was handed to the driver:
-    culling, sorting, upload; `quads`: Gaussians drawn; `fragments` that passed the depth test, all of them blended
-    where the pass blends."""
+    """Cost of all draws of one pass in a frame.
+
+    `gpu_ms` comes from the driver's timer. `cpu_ms` is the time until everything was handed to the driver: culling,
+    sorting, upload. `quads`: Gaussians drawn. `fragments`: those that passed the depth test; if the pass blends, all of
+    them were blended.
+    """
 
     name: str
     gpu_ms: float = 0.0
@@ -22,19 +25,19 @@ class PassCost:
 
 
 class Profile:
-    """Costs of the passes that ran, in their order. Waits for the GPU after each, so the frame as a whole is slower."""
+    """Costs of the passes that ran, in their order. Waits for the GPU after each pass, which slows down the frame."""
 
     def __init__(self, ctx: moderngl.Context):
         self._ctx, self._passes = ctx, {}
 
     @property
     def passes(self) -> tuple[PassCost, ...]:
-        """Each pass once, however often it ran."""
+        """One entry per pass, even if it ran several times."""
         return tuple(self._passes.values())
 
     @contextmanager
     def measure(self, name: str) -> Iterator[PassCost]:
-        """Adds what is drawn inside to the pass `name`. Not to be nested."""
+        """Add the cost of what is drawn inside to the pass `name`. Calls must not be nested."""
         cost = self._passes.setdefault(name, PassCost(name))
         query = self._ctx.query(samples=True, time=True)
         start = time.perf_counter()
@@ -47,7 +50,7 @@ class Profile:
 
 @contextmanager
 def measured(profile: Profile | None, name: str) -> Iterator[PassCost]:
-    """As `profile` measures; without one, as if nothing was there."""
+    """Measure by `profile`; without one, only yield a cost that is not kept."""
     if profile is None:
         yield PassCost(name)
     else:

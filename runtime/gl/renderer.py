@@ -21,12 +21,13 @@ from .view import View
 
 
 class DeferredRenderer:
-    """Draws `scene` with the indirect light of `bake` into targets of `width` x `height` px of its own.
+    """Draws `scene` with the indirect light of `bake` into its own targets of `width` x `height` px.
 
-    Only what the scene calls for is made: no bake, no splats and no composite; no lights, no shadows; no environment,
-    no background. A bake of the `surface` operator is read once per `splat_scale` x `splat_scale` pixels (1 to 4)
-    and upsampled, one of `over` always at full resolution. Leaves the framebuffer, blending, depth test and culling
-    of `ctx` changed. Raises UnsupportedError for textures or Gaussians that the driver cannot hold.
+    Only what the scene needs is created: without a bake there are no splats and no composite, without lights no
+    shadows, without an environment no background. A bake of the `surface` operator is read once per `splat_scale` x
+    `splat_scale` pixels (1 to 4) and upsampled; a bake of `over` is always drawn at full resolution. The framebuffer,
+    blending, depth test and culling of `ctx` are left changed. Raises UnsupportedError for textures or Gaussians that
+    the driver cannot hold.
     """
 
     def __init__(
@@ -45,7 +46,7 @@ class DeferredRenderer:
         self._make_targets((width, height))
 
     def resize(self, width: int, height: int) -> None:
-        """Draw at another size from the next frame on; what was uploaded stays."""
+        """Draw at another size from the next frame on. Uploaded data is kept."""
         if self.gbuffer.size != (width, height):
             self._release_targets()
             self._make_targets((width, height))
@@ -57,7 +58,7 @@ class DeferredRenderer:
             self.splats = IndirectLight(self._ctx, self._bake, splat_scale=splat_scale)
 
     def render(self, camera: Camera, profile: Profile | None = None) -> None:
-        """Draw one frame; with a `profile`, of `ctx`, its passes are measured."""
+        """Draw one frame. A `profile`, which must belong to `ctx`, measures its passes."""
         near_origin = local_camera(camera, self._origin)
         with measured(profile, "frame/gbuffer"):
             self.gbuffer.draw(near_origin)
@@ -75,9 +76,9 @@ class DeferredRenderer:
     def read(self, layer: str) -> np.ndarray:
         """A layer of the last frame, row 0 on top, float32: "depth" (H, W), the others (H, W, 3).
 
-        "final", "primary": radiance, the environment's where there is no surface. The others are 0 there: "indirect":
-        B; "albedo"; "normal": shading normal, as the normal map bends it, world space, unit; "depth": distance along
-        the view axis, m.
+        "final" and "primary" are radiance, and hold the environment's radiance where there is no surface. The others
+        are 0 there. "indirect": B; "albedo"; "normal": shading normal as bent by the normal map, world space, unit;
+        "depth": distance along the view axis, m.
         """
         assert layer in LAYERS, layer
         depth = pixels(self.gbuffer.depth)[..., 0]
@@ -92,9 +93,10 @@ class DeferredRenderer:
         return pixels(self.texture(layer))[..., :3]
 
     def texture(self, layer: str) -> moderngl.Texture:
-        """What the last frame drew, until the next one or a resize; RGBA16F: "final", "primary", "albedo", "indirect".
+        """Texture of a layer of the last frame, RGBA16F, valid until the next frame or a resize.
 
-        "indirect" needs a bake; of one of the `over` operator there may be light where no surface is.
+        `layer` is "final", "primary", "albedo" or "indirect". "indirect" needs a bake; with the `over` operator it may
+        contain light where there is no surface.
         """
         textures = {"final": self._final, "primary": self.gbuffer.emission, "albedo": self.gbuffer.albedo}
         return self.splats.indirect if layer == "indirect" else textures[layer]
@@ -112,7 +114,7 @@ class DeferredRenderer:
                 part.release()
 
     def _make_targets(self, size: tuple[int, int]) -> None:
-        """The passes that draw into textures of the frame's size."""
+        """Create the passes that draw into textures of the frame's size."""
         ctx, scene = self._ctx, self._scene
         self.gbuffer = GBuffer(ctx, self.geometry, size)
         self.background = self.primary = self.composite = None
@@ -122,7 +124,7 @@ class DeferredRenderer:
             self.primary = Primary(ctx, self.gbuffer, self.shadow, scene.lights)
         if self.splats:
             self.composite = Composite(ctx, self.gbuffer)
-        # Background and light passes write to the G-buffer's emission: afterwards that target holds primary light.
+        # Background and light passes write to the G-buffer's emission, which then holds primary light.
         self._final = self.composite.radiance if self.composite else self.gbuffer.emission
         self._display = Display(ctx, self._final)
 
@@ -133,7 +135,7 @@ class DeferredRenderer:
 
 
 def pixels(texture: moderngl.Texture) -> np.ndarray:
-    """(H, W, C) in the texture's type (halves as float32), row 0 on top."""
+    """Pixels (H, W, C) of a texture in the texture's type (halves as float32), row 0 on top."""
     width, height = texture.size
     raw = np.frombuffer(texture.read(alignment=1), {"f1": "u1", "f2": "f2", "f4": "f4"}[texture.dtype])
     image = raw.reshape(height, width, texture.components)[::-1]
@@ -141,7 +143,7 @@ def pixels(texture: moderngl.Texture) -> np.ndarray:
 
 
 def _decode_octahedral(p: np.ndarray) -> np.ndarray:
-    """Inverse of glsl/octahedral.glsl: (..., 2) to unit (..., 3) float32."""
+    """Inverse of glsl/lib/octahedral.glsl: (..., 2) to unit (..., 3) float32."""
     z = 1 - np.abs(p).sum(axis=-1, keepdims=True)
     folded = (1 - np.abs(p[..., ::-1])) * np.where(p >= 0, 1, -1)
     n = np.concatenate([np.where(z < 0, folded, p), z], axis=-1)

@@ -1,4 +1,4 @@
-"""GLSL files to programs: includes, defines, and errors that name the right file."""
+"""Programs from GLSL files: includes, defines, and errors that name the right file."""
 
 import re
 
@@ -8,7 +8,7 @@ import numpy as np
 from gsgi.runtime.constants import GLSL_FOLDER
 
 _INCLUDE = re.compile(r'^\s*#include\s+"([^"]+)"')
-# How drivers start a message: Mesa "0:12(3): ", NVIDIA "0(12) : ". First number: file, second: line.
+# Start of a driver's message: Mesa "0:12(3): ", NVIDIA "0(12) : ". First number: file, second: line.
 _POSITION = re.compile(r"^(?:ERROR: )?(\d+)[:(](\d+)", re.MULTILINE)
 
 CORE = "#version 330\n"
@@ -18,9 +18,9 @@ ES = "#version 300 es\n" + "".join(
 
 
 def source(name: str, defines: dict[str, int], files: list[str], header: str = CORE) -> str:
-    """Source of glsl/`name` under `header`: `defines` set, each include expanded once.
+    """Source of glsl/`name` under `header`, with `defines` set and each include expanded once.
 
-    File names are appended to `files`; a file's index there is its number in #line, hence in the driver's messages.
+    File names are appended to `files`. A file's index there is its number in #line, and hence in the driver's messages.
     """
     seen = set()
 
@@ -43,9 +43,10 @@ def source(name: str, defines: dict[str, int], files: list[str], header: str = C
 
 
 def program(ctx: moderngl.Context, name: str, header: str = CORE, **defines: int) -> moderngl.Program:
-    """Compile glsl/`name`.vert (fullscreen.vert if there is none) and glsl/`name`.frag with `defines` (bool is 0 or 1).
+    """Compile glsl/`name`.vert and glsl/`name`.frag with `defines` (a bool becomes 0 or 1).
 
-    Raises RuntimeError with the driver's messages, each at its file and line.
+    Without `name`.vert, lib/fullscreen.vert is used. Raises RuntimeError with the driver's messages, each with file and
+    line.
     """
     files: list[str] = []
     vertex = f"{name}.vert" if (GLSL_FOLDER / f"{name}.vert").exists() else "lib/fullscreen.vert"
@@ -65,9 +66,9 @@ def _place(files: list[str], number: int, line: str) -> str:
 
 
 def set_uniforms(program: moderngl.Program, **values) -> None:
-    """Set uniforms by name; those that this permutation of the program does not have are left out.
+    """Set uniforms by name, except those that this permutation of the program does not have.
 
-    A scalar or sampler unit as a number; vectors, matrices (rows first, as numpy prints them) and arrays of them as
+    A scalar or sampler unit is a number. Vectors, matrices (rows first, as numpy prints them) and arrays of them are
     array-like of float.
     """
     for name, value in values.items():

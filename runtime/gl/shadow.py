@@ -1,4 +1,4 @@
-"""Shadow atlas: linear depth as a light sees the scene, one face or the six of a cube."""
+"""Shadow atlas: linear depth as seen from a light, in one face or the six faces of a cube."""
 
 from typing import NamedTuple
 
@@ -11,17 +11,20 @@ from .geometry import Batch, Geometry
 from .permutations import defines, face_count
 from .shader import program, set_uniforms
 
-FACE_SIZE = 1024  # px; a cube's face: about 0.1 degrees per texel
-GUTTER = 4  # texels around a face; the normal offset and the filter reach less far
-_NEAR = 1e-5  # of the reach; depth is linear, so a close near plane costs nothing
+FACE_SIZE = 1024  # px; on a cube's face, a texel spans about 0.1 degrees
+GUTTER = 4  # texels around a face; the normal offset and the filter stay within it
+_NEAR = 1e-5  # of the light's reach; depth is linear, so a close near plane costs nothing
 
 _CUBE = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], float)
 
 
 class Faces(NamedTuple):
-    """F faces of one light (F = 1 or 6). `clip_from_world` (F, 4, 4), `depth_from_world` (F, 4): plane equation of the
-    stored depth [0, 1]; `axis` (F, 3) unit, away from the light; `texel_size` (2,): edge of a texel in m, constant
-    part and part per unit of stored depth; `size` of a face in px."""
+    """The F faces of one light (F = 1 or 6).
+
+    `clip_from_world` (F, 4, 4); `depth_from_world` (F, 4): plane equation of the stored depth [0, 1]; `axis` (F, 3):
+    unit, away from the light; `texel_size` (2,): edge of a texel in m, a constant part and a part per unit of stored
+    depth; `size` of a face in px.
+    """
 
     clip_from_world: np.ndarray
     depth_from_world: np.ndarray
@@ -31,7 +34,10 @@ class Faces(NamedTuple):
 
 
 def faces_of(light: Light, corners: np.ndarray) -> Faces:
-    """Faces that cover what `light` reaches of a scene within `corners` (8, 3) of its bounds, world space, m."""
+    """Faces that cover what `light` reaches of a scene.
+
+    `corners` (8, 3) are those of the scene's bounds, world space, m.
+    """
     if light.kind == "directional":
         return _orthographic(light, corners)
     reach = min(np.linalg.norm(corners - light.position, axis=1).max() * 1.001, light.range)
@@ -64,7 +70,7 @@ def _orthographic(light: Light, corners: np.ndarray) -> Faces:
 
 
 def _view(axis: np.ndarray, origin: np.ndarray) -> np.ndarray:
-    """view_from_world (4, 4) of an eye at `origin` that looks along the unit `axis`."""
+    """view_from_world (4, 4) of an eye at `origin` that looks along the unit vector `axis`."""
     right = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
     right /= np.linalg.norm(right)
     view = np.eye(4)
@@ -74,9 +80,9 @@ def _view(axis: np.ndarray, origin: np.ndarray) -> np.ndarray:
 
 
 class Shadow:
-    """One atlas (3 x 2 faces of a cube, or one face of twice the size), drawn anew for each light.
+    """One atlas (3 x 2 faces of a cube, or one face of twice the size) that is redrawn for each light.
 
-    All triangles are drawn from both sides: a single-sided wall stops light whichever way it comes.
+    All triangles are drawn from both sides, so a single-sided wall stops light from either side.
     """
 
     def __init__(self, ctx: moderngl.Context, geometry: Geometry, bounds: tuple[np.ndarray, np.ndarray]):
@@ -93,7 +99,7 @@ class Shadow:
         self._drawn: Light | None = None
 
     def draw(self, light: Light) -> dict:
-        """Fill the atlas unless it holds `light` already; returns the uniforms that glsl/shadow.glsl needs."""
+        """Fill the atlas unless it already holds `light`; return the uniforms that glsl/frame/shadow.glsl needs."""
         faces = faces_of(light, self.corners)
         tiles = [(i % 3, i // 3) for i in range(len(faces.axis))]
         if self._drawn is not light:

@@ -1,4 +1,4 @@
-"""Gaussians to indirect light: instanced quads, blended back to front."""
+"""Indirect light by the `over` operator: Gaussians as instanced quads, blended back to front."""
 
 import moderngl
 import numpy as np
@@ -14,10 +14,10 @@ from .view import View
 
 
 class Splats:
-    """The Gaussians of a bake on the GPU and the target that they are drawn into.
+    """The Gaussians of a bake on the GPU, and the target into which they are drawn.
 
     `indirect` RGBA16F, of the last view's size: rgb = B (linear Rec.709 radiance for albedo 1), a = 1 - transmittance.
-    Raises UnsupportedError for more Gaussians than the driver's textures hold.
+    Raises UnsupportedError for more Gaussians than the driver's textures can hold.
     """
 
     def __init__(self, ctx: moderngl.Context, bake: Bake):
@@ -49,7 +49,7 @@ class Splats:
                 resource.release()
 
     def _draw(self, view: View) -> int:
-        """Returns how many Gaussians were drawn."""
+        """Fill `indirect`; return the number of Gaussians drawn."""
         pinhole = view.pinhole
         self._resize((pinhole.width, pinhole.height))
         order = visible_order(self.position, pinhole, self.blend, self.radius)

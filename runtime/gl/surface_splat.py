@@ -1,4 +1,4 @@
-"""Gaussians to indirect light by the `surface` operator: read at surface points, added up unsorted, divided once."""
+"""Indirect light by the `surface` operator: Gaussians read at surface points, summed unsorted, divided once."""
 
 import moderngl
 import numpy as np
@@ -16,17 +16,18 @@ from .shader import program, set_uniforms
 from .surface_targets import SurfaceTargets
 from .view import View
 
-OUTLINE_CORNERS = 8  # of glsl/ellipsoid.glsl: vertices of a strip
+OUTLINE_CORNERS = 8  # vertices of a strip; OUTLINE_CORNERS of glsl/lib/ellipsoid.glsl
 SCALES = 1, 2, 3, 4  # pixels of the frame per pixel of the target, along each axis
 
 Box = tuple[np.ndarray, np.ndarray]  # lowest and highest corner (3,), world space, m
 
 
 class SurfaceSplats:
-    """The Gaussians of a bake on the GPU, read at the surfaces that a host's depth and normal textures show.
+    """The Gaussians of a bake on the GPU, read at the surfaces in a host's depth and normal textures.
 
-    They are read once per `splat_scale` x `splat_scale` pixels, and the sums upsampled along the surfaces. Surfaces
-    outside of `box` have no light. Raises UnsupportedError for more Gaussians than the driver's textures hold.
+    They are read once per `splat_scale` x `splat_scale` pixels, and their sums are upsampled along the surfaces.
+    Surfaces outside `box` receive no light. Raises UnsupportedError for more Gaussians than the driver's textures can
+    hold.
     """
 
     def __init__(
@@ -56,7 +57,7 @@ class SurfaceSplats:
 
     @property
     def indirect(self) -> moderngl.Texture:
-        """RGBA16F, of the last view's size: B (linear Rec.709 radiance for albedo 1), 0 where there is no surface."""
+        """RGBA16F of the last view's size: B (linear Rec.709 radiance for albedo 1), 0 where there is no surface."""
         return self.targets.indirect
 
     def draw(
@@ -65,7 +66,7 @@ class SurfaceSplats:
     ) -> None:  # fmt: skip
         """Fill `indirect` for a view that begins at the pixel `corner` of the textures.
 
-        `z_to_clip`: of the projection's third row the columns of z and 1, for depth buffers.
+        `z_to_clip` holds the columns of z and 1 of the projection's third row, which are needed to read depth buffers.
         """
         targets, pinhole = self._targets_for(view.pinhole), view.pinhole
         host = {
@@ -104,12 +105,12 @@ class SurfaceSplats:
                 resource.release()
 
     def _write_depth(self) -> None:
-        """Of all fragments, whatever is there; without the test no depth is written."""
+        """Let every fragment write its depth. Without the depth test no depth is written."""
         self.ctx.enable_only(moderngl.DEPTH_TEST)
         self.ctx.depth_func = "1"  # always
 
     def _targets_for(self, pinhole: Pinhole) -> SurfaceTargets:
-        """Those at hand, made anew where the size is another."""
+        """Return the current targets, or new ones if the size has changed."""
         size = pinhole.width, pinhole.height
         if self.targets is None or self.targets.size != size:
             if self.targets is not None:
@@ -119,7 +120,7 @@ class SurfaceSplats:
 
 
 class _Level:
-    """One level of Gaussians; those of the `coarse` one face every way."""
+    """One level of Gaussians. Those of the coarse level face every direction."""
 
     def __init__(self, ctx: moderngl.Context, gaussians: Gaussians, blend: SurfaceBlend, coarse: bool):
         self.ctx = ctx
@@ -137,8 +138,7 @@ class _Level:
         self._outlines = ctx.vertex_array(self._program, [(self._index, "1u4/i", "index")])
 
     def draw(self, pinhole: Pinhole, frame: dict, targets: SurfaceTargets, sums: moderngl.Framebuffer) -> int:
-        """Fill `sums`, sum w c and sum w at the points that lie behind nothing in its depth buffer; returns how many
-        Gaussians were drawn."""
+        """Fill `sums` with sum w c and sum w where its depth test lets Gaussians pass; return the number drawn."""
         sums.use()
         sums.clear()
         index = in_view(self.position, self.radius, pinhole)
@@ -162,7 +162,10 @@ class _Level:
 
 
 def _pixel_uniforms(pinhole: Pinhole, size: tuple[int, int], splat_scale: int) -> dict:
-    """The lens for a target of `size`, whose pixels are `splat_scale` of the pinhole's; both share the bottom left."""
+    """Uniforms of the lens for a target of `size`; each of its pixels spans `splat_scale` pixels of the pinhole.
+
+    Both images share the lower left corner.
+    """
     rows = size[1] - pinhole.height / splat_scale
     return {
         "size": size,

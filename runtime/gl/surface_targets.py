@@ -1,4 +1,4 @@
-"""What the passes of the `surface` operator draw into, for one image size."""
+"""Render targets of the `surface` operator, for one image size."""
 
 import moderngl
 
@@ -6,12 +6,12 @@ import moderngl
 class SurfaceTargets:
     """Textures for a view of `size` px whose Gaussians are read once per `splat_scale` x `splat_scale` pixels.
 
-    Of size / splat_scale, rounded up: `position` RGBA32F, world space, m; `plane` RGBA32F, tangent plane; `fine` and
-    `coarse` RGBA32F, sum w c and sum w of a level (`coarse` None without that level); `filled` of both (None at scale
-    1). Of `size`: `indirect` RGBA16F, B.
+    Textures of size / splat_scale, rounded up: `position` RGBA32F, world space, m; `plane` RGBA32F, tangent plane;
+    `fine` and `coarse` RGBA32F, sum w c and sum w of a level (`coarse` is None without that level); `filled` RGBA32F,
+    the sums of both levels together (None at scale 1). Texture of `size`: `indirect` RGBA16F, B.
 
-    Sums are floats, for whose range no scale of light or weights is needed. Halves have 11 bits: beyond 2,048 Gaussians
-    of one weight each further one is lost.
+    Sums are float32, whose range needs no scale for light or weights. Halves have 11 significant bits: after 2,048
+    Gaussians of the same weight, each further one would be lost.
     """
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], splat_scale: int, coarse: bool):
@@ -37,7 +37,7 @@ class SurfaceTargets:
                 resource.release()
 
     def _sums(self, ctx: moderngl.Context, texture: moderngl.Texture) -> moderngl.Framebuffer:
-        """Behind the depth buffer of the points, which stays as it is."""
+        """Framebuffer that tests against the points' depth buffer and never writes to it."""
         target = ctx.framebuffer(texture, self._nearest)
         target.depth_mask = False
         return target

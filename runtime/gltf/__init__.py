@@ -1,1 +1,1 @@
-"""glTF 2.0 files as scenes."""
+"""Read glTF 2.0 files as scenes."""

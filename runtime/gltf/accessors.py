@@ -1,4 +1,4 @@
-"""Accessors of a glTF file as numpy arrays; every length is checked before an array is made."""
+"""Read accessors of a glTF file as numpy arrays. Every length is checked before an array is allocated."""
 
 import json
 from dataclasses import dataclass
@@ -18,12 +18,12 @@ WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MA
 FLOAT = 5126
 UNSIGNED, SIGNED = (5121, 5123), (5120, 5122)  # 8 and 16 bits
 INDEX = (5121, 5123, 5125)
-MAX_STRIDE = 252  # bytes; the specification's
+MAX_STRIDE = 252  # bytes; set by the specification
 
 
 @dataclass(frozen=True)
 class Layout:
-    """What an accessor may hold: its types, and the integers that may stand for float32, plain or normalized."""
+    """The types that an accessor may have, and the integers that may replace float32, plain or normalized."""
 
     kinds: tuple[str, ...]
     plain: tuple[int, ...] = ()
@@ -31,9 +31,10 @@ class Layout:
 
 
 def floats(document: Document, index: Json, layout: Layout, draco: tuple[DracoMesh, str] | None = None) -> np.ndarray:
-    """An accessor as (count, width) float32, finite; normalized integers become [0, 1] or [-1, 1].
+    """An accessor as (count, width) float32, finite. Normalized integers are mapped to [0, 1] or [-1, 1].
 
-    `draco` is a mesh and the name of its attribute, where that holds the values. Raises SceneError, UnsupportedError.
+    `draco` is a mesh and the name of its attribute, if the values are stored there. Raises SceneError,
+    UnsupportedError.
     """
     accessor = document.lookup("accessors", index)
     accessor.get("type").choice(*layout.kinds)
@@ -53,7 +54,7 @@ def floats(document: Document, index: Json, layout: Layout, draco: tuple[DracoMe
 
 
 def integers(document: Document, index: Json, kind: str, draco: tuple[DracoMesh, str] | None = None) -> np.ndarray:
-    """An accessor of plain unsigned integers of 8 or 16 bits as (count, width). Raises SceneError."""
+    """An accessor of plain 8-bit or 16-bit unsigned integers as (count, width). Raises SceneError."""
     accessor = document.lookup("accessors", index)
     accessor.get("type").choice(kind)
     accessor.get("componentType").choice(*UNSIGNED)
@@ -66,7 +67,7 @@ def indices(document: Document, index: Json, vertex_count: int) -> np.ndarray:
     accessor.get("type").choice("SCALAR")
     accessor.get("componentType").choice(*INDEX)
     values = elements(document, accessor)[:, 0]
-    # The type's greatest value restarts a primitive and never names a vertex.
+    # The largest value of the type means primitive restart and is never a vertex index.
     limit = min(vertex_count, np.iinfo(values.dtype).max)
     if values.max() >= limit:
         raise accessor.refuse(f"indices below {limit}", str(values.max()), Code.INDEX_RANGE)
@@ -74,7 +75,7 @@ def indices(document: Document, index: Json, vertex_count: int) -> np.ndarray:
 
 
 def elements(document: Document, accessor: Json) -> np.ndarray:
-    """The accessor's values (count, width) in its own component type, sparse ones put in. Not to be written to."""
+    """The values (count, width) in the accessor's component type, sparse values included. Do not write to the array."""
     dtype, shape = _type(accessor)
     if "bufferView" in accessor:
         values = _strided(document, accessor, dtype, shape)
@@ -85,13 +86,13 @@ def elements(document: Document, accessor: Json) -> np.ndarray:
 
 
 def check_finite(accessor: Json, values: np.ndarray) -> None:
-    """Raise SceneError where a value is NaN or infinite."""
+    """Raise SceneError if a value is NaN or infinite."""
     if not np.isfinite(values).all():
         raise accessor.refuse("finite numbers", "NaN or infinity", Code.NON_FINITE)
 
 
 def draco_elements(accessor: Json, mesh: DracoMesh, name: str) -> np.ndarray:
-    """The same for an attribute of a Draco mesh."""
+    """Same as `elements` for an attribute of a Draco mesh."""
     dtype, shape = _type(accessor)
     return mesh.elements(name, accessor, dtype, shape[1])
 
@@ -102,7 +103,7 @@ def _type(accessor: Json) -> tuple[np.dtype, tuple[int, int]]:
 
 
 def _strided(document: Document, place: Json, dtype: np.dtype, shape: tuple[int, int]) -> np.ndarray:
-    """View (count, width) of the bytes at bufferView and byteOffset of `place`."""
+    """A view (count, width) of the bytes at the bufferView and byteOffset of `place`."""
     element = shape[1] * dtype.itemsize
     view = document.view(place.get("bufferView"))
     stride = document.lookup("bufferViews", place.get("bufferView")).get("byteStride", element)
@@ -117,7 +118,7 @@ def _strided(document: Document, place: Json, dtype: np.dtype, shape: tuple[int,
 
 
 def _substituted(document: Document, sparse: Json, values: np.ndarray) -> np.ndarray:
-    """A copy in which the elements that `sparse` names are replaced."""
+    """A copy of `values` with the elements replaced that `sparse` lists."""
     count = sparse.get("count").integer(low=1, high=len(values))
     where = sparse.get("indices")
     dtype = COMPONENT[where.get("componentType").choice(*INDEX)]

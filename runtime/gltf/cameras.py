@@ -1,4 +1,4 @@
-"""Perspective cameras of a glTF file."""
+"""Read the perspective cameras of a glTF file."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from .problems import Code
 
 
 def cameras(document: Document, nodes: list[Node]) -> dict[str, Camera]:
-    """Cameras by name: the node's, else the camera's, else "camera" and its index. Raises SceneError."""
+    """Cameras by name: that of the node, else of the camera, else "camera" and its index. Raises SceneError."""
     found = {}
     for node in nodes:
         if "camera" not in node.json:
@@ -24,7 +24,7 @@ def cameras(document: Document, nodes: list[Node]) -> dict[str, Camera]:
 
 
 def placed(document: Document, entry: Json, node: Node) -> Camera | None:
-    """An entry of /cameras where a node has it; None for an orthographic one. Raises SceneError."""
+    """An entry of /cameras with the pose of a node; None if it is orthographic. Raises SceneError."""
     if entry.get("type").choice("perspective", "orthographic") == "orthographic":
         document.warn(entry, Code.CAMERA_IGNORED, "orthographic cameras are left out")
         return None
@@ -45,7 +45,7 @@ def _name(entry: Json, node: Node) -> str:
 
 
 def _unused(name: str, taken: dict) -> str:
-    """The name, with a number behind it where it is taken."""
+    """The name, with a number appended if it is already taken."""
     number, candidate = 1, name
     while candidate in taken:
         number += 1

@@ -1,4 +1,4 @@
-"""An open glTF file: its JSON, the bytes that it refers to, and what was noticed on the way."""
+"""An open glTF file: its JSON, the bytes that it refers to, and the warnings so far."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,7 +12,7 @@ from .uri import Files
 
 @dataclass(frozen=True)
 class Document:
-    """`binary` is a GLB's BIN payload, `problems` the warnings so far, each once."""
+    """`binary` is the BIN payload of a GLB; `problems` holds each warning so far once."""
 
     path: Path
     root: Json
@@ -23,7 +23,7 @@ class Document:
     _decompressed: dict[str, memoryview] = field(default_factory=dict)
 
     def warn(self, value: Json, code: Code, what: str) -> None:
-        """Note a warning at the place of a value."""
+        """Record a warning at the place of a value."""
         self.problems[Problem("warning", code, value.pointer, what)] = None
 
     def warnings(self) -> tuple[str, ...]:
@@ -31,15 +31,15 @@ class Document:
         return tuple(f"{self.path}: {problem.pointer or '/'}: {problem.message}" for problem in self.problems)
 
     def lookup(self, kind: str, index: Json) -> Json:
-        """The element of the top-level array `kind` that `index` points at; raises SceneError."""
+        """The element at `index` of the top-level array `kind`. Raises SceneError."""
         return _entry(self.root.get(kind, []), kind, index)
 
     def lookup_extension(self, name: str, kind: str, index: Json) -> Json:
-        """The same for the array `kind` of the top-level extension `name`."""
+        """Same as `lookup` for the array `kind` of the top-level extension `name`."""
         return _entry(self.root.get("extensions", {}).get(name, {}).get(kind, []), kind, index)
 
     def view(self, index: Json) -> memoryview:
-        """The bytes of a bufferView, decompressed; raises SceneError where it leaves its buffer."""
+        """The bytes of a bufferView, decompressed. Raises SceneError if it exceeds its buffer."""
         view = self.lookup("bufferViews", index)
         compressed = meshopt.extension(view)
         if compressed is None:
@@ -50,7 +50,7 @@ class Document:
         return self._decompressed[view.pointer]
 
     def _slice(self, place: Json) -> memoryview:
-        """The bytes that `buffer`, `byteOffset` and `byteLength` of an object name; raises SceneError."""
+        """The bytes that `buffer`, `byteOffset` and `byteLength` of an object select. Raises SceneError."""
         data = self.buffer(place.get("buffer"))
         start = place.get("byteOffset", 0).integer()
         length = place.get("byteLength").integer(low=1)
@@ -60,11 +60,11 @@ class Document:
         return data[start : start + length]
 
     def uri(self, uri: Json) -> bytes:
-        """The bytes behind a URI. Raises SceneError, FileError."""
+        """The bytes that a URI refers to. Raises SceneError, FileError."""
         return self.files.read(uri)
 
     def buffer(self, index: Json) -> memoryview:
-        """The bytes of a buffer; raises SceneError, FileError."""
+        """The bytes of a buffer. Raises SceneError, FileError."""
         buffer = self.lookup("buffers", index)
         length = buffer.get("byteLength").integer(low=1)
         if "uri" in buffer:

@@ -1,4 +1,4 @@
-"""Primitives compressed by Draco: KHR_draco_mesh_compression."""
+"""Decode primitives that are compressed with Draco: KHR_draco_mesh_compression."""
 
 import struct
 
@@ -38,7 +38,7 @@ class DracoMesh:
         return name in self._ids
 
     def elements(self, name: str, accessor: Json, dtype: np.dtype, width: int) -> np.ndarray:
-        """An attribute (count, width) in the accessor's component type. Raises SceneError."""
+        """An attribute (count, width) in the component type of the accessor. Raises SceneError."""
         unique_id = self._ids.get(name)
         values = self._attributes.get(unique_id.integer())
         if values is None:
@@ -47,7 +47,7 @@ class DracoMesh:
         shape = accessor.get("count").integer(low=1), width
         if values.shape != shape:
             raise accessor.refuse(f"{values.shape} values, as Draco's", str(shape), Code.COUNT_MISMATCH)
-        # DracoPy widens integers; those of another size would lose their meaning in the cast.
+        # DracoPy widens integers. A cast back that changes values would destroy their meaning and is refused.
         with np.errstate(invalid="ignore"):
             cast = values.astype(dtype)
         if values.dtype.kind == "f" != dtype.kind or (dtype.kind != "f" and not np.array_equal(cast, values)):
@@ -61,7 +61,7 @@ class DracoMesh:
         return count
 
     def _declared(self, data: bytes) -> tuple[int, int]:
-        """Vertices and triangles that the stream states, read before the decoder allocates for them.
+        """Number of vertices and triangles that the stream declares, read before the decoder allocates memory for them.
 
         Source: Draco bitstream specification, sections "Header" and "Connectivity".
         """
@@ -71,7 +71,7 @@ class DracoMesh:
                 raise self._json.refuse("a Draco mesh", repr(data[: MAGIC.size]), Code.DECODE)
             if (major, minor) != (2, 2) or flags & METADATA:
                 raise self._json.unsupported("a Draco mesh of another version than 2.2, or with metadata")
-            # The edgebreaker's kind of traversal stands before the counts.
+            # With edgebreaker, a byte for the traversal type precedes the counts.
             first, start = _varint(data, MAGIC.size + (method == EDGEBREAKER))
             second, _ = _varint(data, start)
         except (struct.error, IndexError):
@@ -87,13 +87,13 @@ class DracoMesh:
             ) from None
         try:
             return DracoPy.decode(data)
-        except Exception as error:  # DracoPy's own derive from nothing narrower
+        except Exception as error:  # DracoPy's exceptions have no narrower base class
             reason = " ".join(str(error).split()) or type(error).__name__
             raise self._json.refuse("data that Draco decodes", f"an error: {reason}", Code.DECODE) from None
 
 
 def _varint(data: bytes, start: int) -> tuple[int, int]:
-    """A LEB128 number of at most 32 bits, and the place behind it. Raises IndexError at the end of the data."""
+    """A LEB128 number of at most five bytes, and the offset after it. Raises IndexError at the end of the data."""
     value = 0
     for shift in range(0, 35, 7):
         byte = data[start]

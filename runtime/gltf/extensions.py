@@ -1,4 +1,4 @@
-"""Which glTF versions and extensions the reader knows."""
+"""Check the version and the extensions of a glTF file against what the reader supports."""
 
 import json
 
@@ -20,12 +20,12 @@ READ = {
     *meshopt.NAMES,
     "KHR_mesh_quantization",
 }
-# They change the specular part alone, or name other materials for the same surfaces.
+# They change only the specular part of a material.
 LAMBERTIAN = {
     f"KHR_materials_{name}"
     for name in ("ior", "specular", "clearcoat", "sheen", "volume", "iridescence", "anisotropy", "dispersion")
 }
-VARIANTS = "KHR_materials_variants"
+VARIANTS = "KHR_materials_variants"  # alternative materials for the same surfaces
 IGNORED = {
     **dict.fromkeys(LAMBERTIAN | {"KHR_materials_diffuse_transmission"}, "surfaces are Lambertian"),
     VARIANTS: "the default materials are used",
@@ -35,7 +35,7 @@ MAY_BE_REQUIRED = READ | LAMBERTIAN | {VARIANTS}
 
 
 def check_header(document: Document) -> None:
-    """Refuse other versions and extensions that must be understood; warn of the others."""
+    """Refuse unsupported versions and required extensions; warn about other unsupported extensions."""
     check_version(document.root.get("asset"))
     for name in document.root.get("extensionsRequired", []).items():
         check_required(name)
@@ -47,7 +47,7 @@ def check_header(document: Document) -> None:
 
 
 def check_version(asset: Json) -> None:
-    """Raise SceneError unless the file is glTF 2, UnsupportedError if it needs a later 2.x."""
+    """Raise SceneError unless the file is glTF 2, and UnsupportedError if it needs a later 2.x."""
     version = asset.get("version")
     if version.string().split(".")[0] != "2":
         raise version.refuse('version "2.0"', code=Code.VERSION)
@@ -56,7 +56,7 @@ def check_version(asset: Json) -> None:
 
 
 def check_required(name: Json) -> None:
-    """Raise UnsupportedError where an extension must be understood and is not."""
+    """Raise UnsupportedError if a required extension is not supported."""
     if name.string() not in MAY_BE_REQUIRED:
         text = f"extension {json.dumps(name.string())} is required and not supported"
         raise name.unsupported(text, Code.UNSUPPORTED_EXTENSION)

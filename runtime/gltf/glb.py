@@ -1,4 +1,4 @@
-"""The container of a glTF scene: a JSON file, or a GLB with its chunks."""
+"""Open the container of a glTF scene: a JSON file, or a GLB with its chunks."""
 
 import struct
 from pathlib import Path
@@ -11,9 +11,9 @@ from .limits import Limits
 from .problems import Code
 from .uri import Files, read_scene_file
 
-JSON_SPACE = b" \t\r\n\xef\xbb\xbf"  # white space of JSON, and a UTF-8 byte order mark
-GLB_HEADER = struct.Struct("<4sII")  # magic, version, length of the file
-CHUNK_HEADER = struct.Struct("<I4s")  # length of the payload, type
+JSON_SPACE = b" \t\r\n\xef\xbb\xbf"  # JSON white space and the UTF-8 byte order mark
+GLB_HEADER = struct.Struct("<4sII")  # magic, version, file length
+CHUNK_HEADER = struct.Struct("<I4s")  # payload length, type
 
 
 def open_document(path: Path, limits: Limits) -> Document:

@@ -1,4 +1,4 @@
-"""The images of a glTF scene: PNG, JPEG and WebP files in memory, to pixels."""
+"""Decode the images of a glTF scene: PNG, JPEG and WebP files in memory."""
 
 import os
 import re
@@ -24,7 +24,7 @@ SIGNATURE = {
 
 
 class Encoded(NamedTuple):
-    """The bytes of an image file, and its place in a scene: as errors begin, and its JSON pointer alone."""
+    """The bytes of an image file and its place: `where` starts error messages, `pointer` is the JSON pointer."""
 
     data: bytes
     where: str
@@ -32,11 +32,11 @@ class Encoded(NamedTuple):
 
 
 def decode_textures(files: Sequence[Encoded], limits: Limits) -> list[np.ndarray]:
-    """Decode PNG, JPEG and WebP files to (H, W, 4) uint8 each, values as stored, alpha not multiplied in.
+    """Decode PNG, JPEG and WebP files to (H, W, 4) uint8 each, with stored values and unassociated alpha.
 
-    The declared sizes are held against the limit before a pixel is decoded. Raises SceneError.
+    The declared sizes are checked against the limit before any pixel is decoded. Raises SceneError.
     """
-    # OpenImageIO's Python module reads files only.
+    # The Python module of OpenImageIO can only read files.
     with tempfile.TemporaryDirectory(prefix="gsgi-") as folder, ThreadPoolExecutor(os.cpu_count()) as pool:
         paths = [Path(folder, f"{number}.{_kind(file)}") for number, file in enumerate(files)]
         texels = 0

@@ -1,4 +1,4 @@
-"""Nodes that place a mesh many times: EXT_mesh_gpu_instancing."""
+"""Read instances of meshes: EXT_mesh_gpu_instancing."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from .nodes import Node, compose
 from .problems import Code
 
 NAME = "EXT_mesh_gpu_instancing"
-# Attribute, its layout, and what stands for it where it is absent.
+# Attribute, its layout, and its default value.
 ATTRIBUTES = (
     ("TRANSLATION", Layout(("VEC3",)), (0, 0, 0)),
     ("ROTATION", Layout(("VEC4",), (), SIGNED), (0, 0, 0, 1)),
@@ -18,7 +18,7 @@ ATTRIBUTES = (
 
 
 def instances(document: Document, node: Node) -> np.ndarray:
-    """The world matrices (N, 4, 4) of a node's mesh: its own, or one for each instance. Raises SceneError."""
+    """World matrices (N, 4, 4) of a node's mesh: the node's own, or one per instance. Raises SceneError."""
     extension = node.json.extension(NAME)
     if extension is None:
         return node.world_from_node[None]

@@ -1,4 +1,4 @@
-"""A JSON value that knows where it stands: typed access that refuses what is wrong by its JSON pointer."""
+"""Typed access to JSON values that know their JSON pointer, which error messages state."""
 
 import json
 import math
@@ -12,48 +12,48 @@ from gsgi.runtime.errors import SceneError, UnsupportedError
 
 from .problems import Code
 
-MAX_INTEGER = 2**53  # JSON's own: beyond it a double no longer holds every integer
+MAX_INTEGER = 2**53  # largest integer up to which a double represents every integer
 REQUIRED = object()
 
 
 @dataclass(frozen=True, slots=True)
 class Json:
-    """A value at `pointer` (RFC 6901) of the JSON text of `file`. Every typed getter raises SceneError."""
+    """A value at `pointer` (RFC 6901) in the JSON text of `file`. Every typed getter raises SceneError."""
 
     file: str
     pointer: str
     data: object
 
     def refuse(self, expected: str, got: str | None = None, code: Code = Code.VALUE_RANGE) -> SceneError:
-        """The error that names this place; `got` describes the value unless told."""
+        """Return an error that names this place; `got` defaults to a description of the value."""
         text = f"{self.where()}: expected {expected}, got {got or _describe(self.data)}"
         return SceneError(text, code, self.pointer)
 
     def unsupported(self, what: str, code: Code = Code.UNSUPPORTED) -> UnsupportedError:
-        """The error for valid input at this place that the reader cannot handle."""
+        """Return an error for valid input at this place that the reader cannot handle."""
         return UnsupportedError(f"{self.where()}: {what}", code, self.pointer)
 
     def where(self) -> str:
-        """File and pointer, as errors begin."""
+        """File and pointer, the prefix of error messages."""
         return f"{self.file}: {self.pointer or '/'}"
 
     def __contains__(self, key: str) -> bool:
         return key in self.object()
 
     def get(self, key: str, default: object = REQUIRED) -> "Json":
-        """Member `key` of this object; where it is absent, the default at the same pointer."""
+        """Member `key` of this object, or the default at the same pointer if the member is absent."""
         value = self.object().get(key, default)
         if value is REQUIRED:
             raise self.refuse(f"a member {json.dumps(key)}", "none", Code.MISSING)
         return Json(self.file, f"{self.pointer}/{_escape(key)}", value)
 
     def extension(self, name: str) -> "Json | None":
-        """The extension `name` of this object; None where it has none."""
+        """The extension `name` of this object, or None."""
         extensions = self.get("extensions", {})
         return extensions.get(name) if name in extensions else None
 
     def item(self, index: int) -> "Json":
-        """Element `index` of this array, which must hold it."""
+        """Element `index` of this array; the index must be valid."""
         return Json(self.file, f"{self.pointer}/{index}", self.array()[index])
 
     def items(self) -> Iterator["Json"]:
@@ -76,7 +76,7 @@ class Json:
         return self.data
 
     def string(self) -> str:
-        """The text; lone surrogates are refused, for no file name or terminal takes them."""
+        """The text. Lone surrogates are refused because file names and terminals do not accept them."""
         if not isinstance(self.data, str):
             raise self.refuse("a string", code=Code.JSON_TYPE)
         try:
@@ -86,7 +86,7 @@ class Json:
         return self.data
 
     def integer(self, low: int = 0, high: int = MAX_INTEGER) -> int:
-        """A whole number in [low, high]; 3.0 counts as 3, as JSON Schema has it."""
+        """An integer in [low, high]; 3.0 is accepted as 3, as in JSON Schema."""
         value = self.data
         if isinstance(value, float) and value.is_integer():
             value = int(value)
@@ -104,10 +104,10 @@ class Json:
         return self.data
 
     def number(self, low: float = -math.inf, high: float = math.inf) -> float:
-        """A finite number in [low, high] as float."""
+        """A finite number in [low, high] as a float."""
         value = self.data
         valid = isinstance(value, int | float) and not isinstance(value, bool)
-        # Python's integers may be larger than any float.
+        # Python integers can be larger than any float.
         if not valid or not -sys.float_info.max <= value <= sys.float_info.max or not low <= value <= high:
             limits = "" if (low, high) == (-math.inf, math.inf) else f" in [{low:g}, {high:g}]"
             raise self.refuse(f"a finite number{limits}", code=Code.VALUE_RANGE if valid else Code.JSON_TYPE)
@@ -121,10 +121,10 @@ class Json:
 
 
 def parse(text: bytes, file: str) -> Json:
-    """The document's root, an object. Raises SceneError for anything that is not strict JSON in UTF-8."""
+    """The root of the document, an object. Raises SceneError for anything that is not strict JSON in UTF-8."""
     try:
         data = json.loads(text.decode(), parse_constant=_refuse_constant)
-    except (ValueError, RecursionError) as error:  # ValueError: not UTF-8, not JSON, 4,300 digits and more
+    except (ValueError, RecursionError) as error:  # ValueError: not UTF-8, not JSON, or more than 4,300 digits
         reason = "JSON nested too deeply" if isinstance(error, RecursionError) else error
         raise SceneError(f"{file}: expected JSON, got an error: {reason}", Code.JSON_SYNTAX) from None
     root = Json(file, "", data)
@@ -141,7 +141,7 @@ def _escape(key: str) -> str:
 
 
 def _describe(data: object) -> str:
-    """A short word for a JSON value, on one line."""
+    """A short description of a JSON value on one line."""
     if isinstance(data, dict):
         return "an object"
     if isinstance(data, list):

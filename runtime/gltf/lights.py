@@ -1,4 +1,4 @@
-"""Punctual lights of a glTF file: KHR_lights_punctual."""
+"""Read the punctual lights of a glTF file: KHR_lights_punctual."""
 
 import numpy as np
 
@@ -9,11 +9,11 @@ from .json_value import Json
 from .nodes import Node, rigid
 
 NAME = "KHR_lights_punctual"
-HALF_PI = np.pi / 2 + 1e-6  # rad; float32 rounds pi / 2 up
+HALF_PI = np.pi / 2 + 1e-6  # rad; with a margin, since float32 rounds pi / 2 up
 
 
 def light(document: Document, node: Node) -> Light | None:
-    """The punctual light of a node, if it has one. Raises SceneError."""
+    """The punctual light of a node, or None. Raises SceneError."""
     extension = node.json.extension(NAME)
     if extension is None:
         return None
@@ -21,7 +21,7 @@ def light(document: Document, node: Node) -> Light | None:
 
 
 def placed(entry: Json, node: Node) -> Light:
-    """An entry of the file's lights where a node has it. Raises SceneError."""
+    """An entry of the file's lights with the pose of a node. Raises SceneError."""
     kind = entry.get("type").choice("point", "spot", "directional")
     color = entry.get("color", [1, 1, 1]).vector(3, 0, MAX_LIGHT)
     intensity = entry.get("intensity", 1).number(0, MAX_LIGHT)
@@ -42,7 +42,7 @@ def placed(entry: Json, node: Node) -> Light:
 
 
 def _cone(spot: Json) -> tuple[float, float]:
-    """Inner and outer cone angle, rad from the axis."""
+    """Inner and outer cone angle from the axis, rad."""
     outer = spot.get("outerConeAngle", np.pi / 4).number(0, HALF_PI)
     inner = spot.get("innerConeAngle", 0).number(0, HALF_PI)
     if not inner <= outer or outer == 0:

@@ -1,4 +1,4 @@
-"""How large a glTF scene may be before the reader refuses it."""
+"""Limits on the size of a glTF scene, beyond which the reader refuses it."""
 
 import dataclasses
 from collections.abc import Iterable
@@ -19,16 +19,16 @@ WHAT = {
 
 @dataclass(frozen=True)
 class Limits:
-    """Bounds against mistakes and attacks; a machine with more memory may raise them."""
+    """Limits against mistakes and attacks; users with more memory can raise them."""
 
-    elements: int = 2**28  # of all meshes in world space, about 5 GiB; instances multiply
-    texels: int = 2**29  # 2 GiB as RGBA, 32 images of 4096 x 4096
+    elements: int = 2**28  # of all meshes in world space, about 5 GiB; every instance counts
+    texels: int = 2**29  # 2 GiB as RGBA, or 32 images of 4096 x 4096
     nodes: int = 2**20
-    json_bytes: int = 64 << 20  # Python's objects take up to 20 times the text; room for embedded buffers
-    file_bytes: int = 4 << 30  # a GLB states its length in 32 bits
+    json_bytes: int = 64 << 20  # Python objects take up to 20 times the text; leaves room for embedded buffers
+    file_bytes: int = 4 << 30  # a GLB stores its length in 32 bits
 
     def check(self, name: str, amount: int, where: str, pointer: str = "") -> None:
-        """Raise the SceneError that names the limit, where `amount` is above it."""
+        """Raise a SceneError that names the limit if `amount` exceeds it."""
         limit = getattr(self, name)
         if amount > limit:
             text = f"expected at most {limit} {WHAT[name]} (raise it by --limit {name}=N), got {amount}"
@@ -36,7 +36,7 @@ class Limits:
 
 
 def parse_limits(settings: Iterable[str]) -> Limits:
-    """The limits with changes as a command line spells them: "NAME=N". Raises UsageError."""
+    """The default limits with changes from the command line, each "NAME=N". Raises UsageError."""
     changes = {}
     for setting in settings:
         name, _, number = setting.partition("=")

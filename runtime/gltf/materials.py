@@ -1,4 +1,4 @@
-"""Materials of a glTF file, each read once and only when used."""
+"""Read the materials of a glTF file, each once and only when it is used."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ SPECULAR_GLOSSINESS = "KHR_materials_pbrSpecularGlossiness"
 
 @dataclass(frozen=True)
 class Paint:
-    """A material as primitives use it: its index, and the texture coordinates that its slots count through."""
+    """A material as primitives use it: its index, and the texture coordinates that its slots index into."""
 
     index: int
     material: Material
@@ -24,13 +24,13 @@ class Paint:
 
     @property
     def normal_channel(self) -> int | None:
-        """The channel of the normal texture."""
+        """The channel of the normal texture, or None."""
         slot = self.material.normal_texture
         return None if slot is None else slot.uv
 
 
 class Materials:
-    """Hands out paints; their materials in the order of their indices are `records`."""
+    """Reads paints; `records` holds their materials in the order of their indices."""
 
     def __init__(self, document: Document, mode: str):
         self.records: list[Material] = []
@@ -40,7 +40,7 @@ class Materials:
         self._paints: dict[str, Paint | None] = {}
 
     def paint(self, primitive: Json) -> Paint | None:
-        """The material of a mesh primitive, glTF's default one if it names none; None if it is not to be seen."""
+        """The material of a primitive, or the default material of glTF; None if the primitive is left out."""
         if "material" in primitive:
             material = self._document.lookup("materials", primitive.get("material"))
             key = material.pointer
@@ -51,7 +51,7 @@ class Materials:
         return self._paints[key]
 
     def read(self, material: Json) -> Paint | None:
-        """An entry of /materials; None if it is not to be seen. Raises SceneError, UnsupportedError."""
+        """An entry of /materials; None if its surfaces are left out. Raises SceneError, UnsupportedError."""
         channels: list[UvChannel] = []
         opacity = transparency.read(self._document, material, self._mode)
         if opacity is None:
@@ -60,7 +60,7 @@ class Materials:
         factor = (*factor[:3], factor[3] * opacity.factor if opacity.cutoff is not None else 1.0)
         unlit = material.extension(UNLIT) is not None
         metallic, metallic_texture = (0.0, None) if unlit else self._metallic(material)
-        # Textures that cannot change a picture are not decoded.
+        # Skip textures that cannot affect the image.
         colored = any(factor[:3]) and (metallic < 1 or metallic_texture is not None)
         emission = (0.0, 0.0, 0.0) if unlit else _emission(material)
         normal = material.get("normalTexture") if "normalTexture" in material and colored and not unlit else None
@@ -82,7 +82,7 @@ class Materials:
         return Paint(len(self.records) - 1, record, tuple(channels))
 
     def _base_color(self, material: Json) -> tuple[tuple[float, ...], Json | None]:
-        """Factor (RGBA) and textureInfo of the colour of diffuse reflection."""
+        """Factor (RGBA) and textureInfo of the diffuse base colour."""
         glossy = material.extension(SPECULAR_GLOSSINESS)
         if glossy is not None:
             place = self._document.root.get("materials")
@@ -96,7 +96,7 @@ class Materials:
         return tuple(factor.tolist()), _member(pbr, "baseColorTexture")
 
     def _metallic(self, material: Json) -> tuple[float, Json | None]:
-        """Factor and textureInfo."""
+        """Factor and textureInfo of the metallic value."""
         if material.extension(SPECULAR_GLOSSINESS) is not None:
             return 0.0, None
         pbr = material.get("pbrMetallicRoughness", {})

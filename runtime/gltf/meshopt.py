@@ -1,4 +1,4 @@
-"""Buffer views compressed by meshoptimizer: EXT_meshopt_compression and KHR_meshopt_compression."""
+"""Decode buffer views compressed with meshoptimizer: EXT_meshopt_compression and KHR_meshopt_compression."""
 
 import ctypes
 
@@ -10,25 +10,26 @@ from .problems import Code
 
 NAMES = ("KHR_meshopt_compression", "EXT_meshopt_compression")
 MODES = ("ATTRIBUTES", "TRIANGLES", "INDICES")
-STRIDES = {"OCTAHEDRAL": (4, 8), "QUATERNION": (8,), "EXPONENTIAL": range(4, 257, 4)}  # bytes an element
+STRIDES = {"OCTAHEDRAL": (4, 8), "QUATERNION": (8,), "EXPONENTIAL": range(4, 257, 4)}  # bytes per element
 
 
 def extension(view: Json) -> Json | None:
-    """The extension object of a bufferView that is compressed."""
+    """The extension object of a compressed bufferView, or None."""
     found = (view.extension(name) for name in NAMES)
     return next((compressed for compressed in found if compressed is not None), None)
 
 
 def is_fallback(buffer: Json) -> bool:
-    """Whether a buffer only stands for bytes that are compressed elsewhere, and needs none of its own."""
+    """Whether a buffer is a placeholder for bytes that are compressed elsewhere, and needs no data of its own."""
     found = (buffer.extension(name) for name in NAMES)
     return any(mark.get("fallback", False).boolean() for mark in found if mark is not None)
 
 
 def decode(view: Json, compressed: Json, data: bytes, limits: Limits) -> np.ndarray:
-    """The bytes of a bufferView (byteLength,) uint8, from its compressed `data`.
+    """Decompress `data` to the bytes of a bufferView, (byteLength,) uint8.
 
-    Sizes are checked before anything is allocated. Raises SceneError, UnsupportedError without the package.
+    Sizes are checked before anything is allocated. Raises SceneError, and UnsupportedError for the filter COLOR or if
+    the package is not installed.
     """
     mode = compressed.get("mode").choice(*MODES)
     kind = compressed.get("filter", "NONE").choice("NONE", "COLOR", *STRIDES)
@@ -49,13 +50,13 @@ def decode(view: Json, compressed: Json, data: bytes, limits: Limits) -> np.ndar
             values = decoder.decode_index_sequence(count, stride, data)
     except (RuntimeError, ValueError) as error:
         raise compressed.refuse("data that meshoptimizer decodes", f"an error: {error}", Code.DECODE) from None
-    # Indices of 2 bytes stand packed at the start of an array of 4-byte ones.
+    # 2-byte indices are packed at the start of an array of 4-byte integers.
     values = values.view(np.uint8)[: count * stride]
     return _filtered(decoder, values, kind, count, stride)
 
 
 def _shape(view: Json, compressed: Json, mode: str, kind: str) -> tuple[int, int]:
-    """Count and stride, in agreement with mode, filter and the bufferView."""
+    """Count and stride, checked against mode, filter and bufferView."""
     count = compressed.get("count").integer(low=1)
     stride = compressed.get("byteStride").integer(low=1, high=256)
     if stride not in ((2, 4) if mode != "ATTRIBUTES" else range(4, 257, 4)):
@@ -73,7 +74,7 @@ def _shape(view: Json, compressed: Json, mode: str, kind: str) -> tuple[int, int
 
 
 def _filtered(decoder, values: np.ndarray, kind: str, count: int, stride: int) -> np.ndarray:
-    """The filter undone. The package declares no argument types, so that sizes are passed as what they are."""
+    """Undo the filter. The package declares no ctypes argument types, so sizes are passed as c_size_t."""
     filters = {
         "OCTAHEDRAL": decoder.decode_filter_oct,
         "QUATERNION": decoder.decode_filter_quat,

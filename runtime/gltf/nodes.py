@@ -1,4 +1,4 @@
-"""The node hierarchy of a glTF file, flattened to world matrices."""
+"""Flatten the node hierarchy of a glTF file to world matrices."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -11,18 +11,18 @@ from .document import Document
 from .json_value import Json
 from .problems import Code
 
-MAX_NODE_DEPTH = 256  # levels; rounding adds up along the product of matrices
+MAX_NODE_DEPTH = 256  # levels; rounding errors accumulate along the product of matrices
 
 
 class Node(NamedTuple):
-    """A node of the scene and its matrix (4, 4) float64."""
+    """A node of the scene and its world matrix (4, 4) float64."""
 
     json: Json
     world_from_node: np.ndarray
 
 
 def flatten(document: Document) -> Iterator[Node]:
-    """The nodes of the default scene with their world matrices, parents first, in the file's order."""
+    """The nodes of the default scene with their world matrices, parents first, in file order."""
     entries = document.root.get("nodes", [])
     document.limits.check("nodes", len(entries.array()), entries.where(), entries.pointer)
     children = _children(document)
@@ -42,7 +42,7 @@ def flatten(document: Document) -> Iterator[Node]:
 
 
 def _children(document: Document) -> list[list[int]]:
-    """Child indices per node; raises SceneError unless the nodes form trees."""
+    """Child indices per node. Raises SceneError unless the nodes form trees."""
     nodes = list(document.root.get("nodes", []).items())
     children, parent = [], {}
     for index, node in enumerate(nodes):
@@ -55,7 +55,7 @@ def _children(document: Document) -> list[list[int]]:
                 raise child.refuse("a node without another parent", got, Code.NODE_PARENT)
             parent[number] = index
             children[index].append(number)
-    # With one parent each, what no root reaches is a cycle.
+    # Every node has at most one parent, so a node that no root reaches is in a cycle or below one.
     reached = [index for index in range(len(nodes)) if index not in parent]
     for index in reached:
         reached += children[index]
@@ -66,7 +66,7 @@ def _children(document: Document) -> list[list[int]]:
 
 
 def _roots(document: Document, children: list[list[int]]) -> list[int]:
-    """Root nodes of the default scene, else of the first one, else every node without a parent."""
+    """Root nodes of the default scene, else of the first scene, else all nodes without a parent."""
     inner = {child for node in children for child in node}
     root = document.root
     if "scene" in root:
@@ -102,7 +102,7 @@ def local_matrix(node: Json) -> np.ndarray:
 
 
 def compose(translation: np.ndarray, quaternion: np.ndarray, scale: np.ndarray) -> np.ndarray:
-    """Matrices (N, 4, 4) float64 of translations (N, 3), quaternions xyzw (N, 4) of any length, and scales (N, 3)."""
+    """Matrices (N, 4, 4) float64 of translations (N, 3), nonzero quaternions xyzw (N, 4) and scales (N, 3)."""
     x, y, z, w = quaternion.T
     zero = np.zeros_like(x)
     skew = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
@@ -115,7 +115,10 @@ def compose(translation: np.ndarray, quaternion: np.ndarray, scale: np.ndarray) 
 
 
 def rigid(node: Node) -> np.ndarray:
-    """The pose of a node without its scale (4, 4): the view axis -Z is kept, then the up axis. Raises SceneError."""
+    """The pose (4, 4) of a node without scale and shear. Raises SceneError if it has no orientation.
+
+    The view axis -Z keeps its direction; the up axis is made perpendicular to it.
+    """
     _, up, back = node.world_from_node[:3, :3].T
     right = np.cross(unit(up), unit(back)) if up.any() and back.any() else np.zeros(3)
     if not right.any():

@@ -1,4 +1,4 @@
-"""Mesh primitives of a glTF file as arrays in their node's space, morph targets applied."""
+"""Read mesh primitives of a glTF file as arrays in the space of their node, with morph targets applied."""
 
 from dataclasses import dataclass, replace
 
@@ -14,7 +14,7 @@ from .textures import UvChannel
 from .triangles import MODES, TRIANGLES, leftover, triangles
 
 ANY = (*UNSIGNED, *SIGNED)
-# The integers of KHR_mesh_quantization are taken whether it is declared or not.
+# The integer types of KHR_mesh_quantization are accepted even if the file does not declare the extension.
 LAYOUT = {
     "POSITION": Layout(("VEC3",), ANY, ANY),
     "NORMAL": Layout(("VEC3",), (), SIGNED),
@@ -23,15 +23,16 @@ LAYOUT = {
     "COLOR": Layout(("VEC3", "VEC4"), (), UNSIGNED),
     "WEIGHTS": Layout(("VEC4",), (), UNSIGNED),
 }
-DELTA = Layout(("VEC3",), ANY, ANY)  # of a morph target, tangents too
+DELTA = Layout(("VEC3",), ANY, ANY)  # of a morph target, also for tangents
 
 
 @dataclass(frozen=True)
 class Primitive:
     """Triangles of one material.
 
-    position (V, 3), normal (V, 3), uv (V, C, 2), color (V, 4), tangent (V, 4), weights (V, J): float32; joints (V, J)
-    unsigned; triangle (F, 3) uint32. None for what is absent; without normals no two triangles share a vertex.
+    position (V, 3), normal (V, 3), uv (V, C, 2), color (V, 4), tangent (V, 4) and weights (V, J) are float32; joints
+    (V, J) are unsigned; triangle (F, 3) is uint32. Absent attributes are None. If normals are absent, no two triangles
+    share a vertex.
     """
 
     json: Json
@@ -45,12 +46,12 @@ class Primitive:
     weights: np.ndarray | None = None
 
     def __len__(self) -> int:
-        """Vertices plus indices: what one copy costs."""
+        """Vertices plus indices, the size of one copy."""
         return len(self.position) + self.triangle.size
 
 
 class Attributes:
-    """Reads the attributes of one primitive, each as long as POSITION."""
+    """Reads the attributes of one primitive; each must have as many elements as POSITION."""
 
     def __init__(self, document: Document, primitive: Json):
         self._document = document
@@ -86,7 +87,7 @@ class Attributes:
 
 
 def has_triangles(document: Document, primitive: Json) -> bool:
-    """Whether the primitive is made of triangles; warns of points and lines."""
+    """Whether the primitive consists of triangles. Warns about points and lines."""
     mode = _mode(primitive)
     if mode < TRIANGLES:
         document.warn(primitive, Code.NOT_TRIANGLES, f"{MODES[mode]} are left out")
@@ -94,7 +95,7 @@ def has_triangles(document: Document, primitive: Json) -> bool:
 
 
 def decode(document: Document, primitive: Json, paint: Paint, weights: tuple[float, ...]) -> Primitive:
-    """One primitive with the texture coordinates that its material needs, morphed by `weights`, one for each target.
+    """Decode a primitive with the texture coordinates of its material, morphed by `weights` (one per morph target).
 
     Raises SceneError, UnsupportedError.
     """
@@ -142,7 +143,7 @@ def _triangles(document: Document, primitive: Json, attributes: Attributes) -> n
 
 
 def _morphed(attributes: Attributes, primitive: Json, name: str, weights: tuple[float, ...]) -> np.ndarray:
-    """An attribute with the weighted sum of its morph targets added; a tangent's w stays."""
+    """An attribute plus the weighted sum of its morph targets; the w of a tangent is unchanged."""
     values = attributes.floats(name)
     if not any(weights):
         return values
@@ -156,7 +157,7 @@ def _morphed(attributes: Attributes, primitive: Json, name: str, weights: tuple[
 
 
 def _uv(document: Document, primitive: Json, attributes: Attributes, channels: tuple[UvChannel, ...]) -> np.ndarray:
-    """Texture coordinates (V, C, 2) float32 of each channel; zero where the primitive lacks the set."""
+    """Texture coordinates (V, C, 2) float32 of each channel; 0 if the primitive lacks the set."""
     uv = np.zeros((attributes.count, len(channels), 2))
     for number, channel in enumerate(channels):
         name = f"TEXCOORD_{channel.set}"
@@ -170,7 +171,7 @@ def _uv(document: Document, primitive: Json, attributes: Attributes, channels: t
 
 
 def _color(attributes: Attributes) -> np.ndarray | None:
-    """Vertex colours (V, 4) in [0, 1]."""
+    """Vertex colours (V, 4) in [0, 1], or None."""
     if "COLOR_0" not in attributes:
         return None
     color = np.ones((attributes.count, 4), np.float32)
@@ -180,7 +181,7 @@ def _color(attributes: Attributes) -> np.ndarray | None:
 
 
 def _influences(attributes: Attributes) -> tuple[np.ndarray | None, np.ndarray | None]:
-    """Joints and weights of all sets, side by side."""
+    """Joints and weights of all sets, concatenated; None, None without sets."""
     sets = 0
     while f"JOINTS_{sets}" in attributes and f"WEIGHTS_{sets}" in attributes:
         sets += 1
@@ -192,7 +193,7 @@ def _influences(attributes: Attributes) -> tuple[np.ndarray | None, np.ndarray |
 
 
 def _unshared(primitive: Primitive) -> Primitive:
-    """The primitive with three vertices for each triangle: flat normals need them."""
+    """The primitive with three vertices of its own per triangle, which flat normals require."""
     corner = primitive.triangle.reshape(-1)
     names = ("position", "uv", "color", "joints", "weights")
     arrays = {name: getattr(primitive, name) for name in names}

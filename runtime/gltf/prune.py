@@ -1,4 +1,4 @@
-"""Leave out of a scene what cannot be seen: holes, and materials and textures without a mesh."""
+"""Remove what cannot be seen from a scene: holes, and materials and textures that no mesh uses."""
 
 from dataclasses import replace
 
@@ -8,9 +8,9 @@ from gsgi.runtime.scene import TEXTURE_SLOTS, Material, Scene, Texture, TextureS
 
 
 def prune(scene: Scene) -> Scene:
-    """The scene without meshes that are one hole, without cut-offs that cut nothing, and what nothing then uses.
+    """The scene without fully cut-out meshes, cut-offs without effect, and then unused materials and textures.
 
-    Bilinear filtering stays between the texels, so that the texture's lowest and highest alpha bound it.
+    Bilinear filtering interpolates between texels, so the lowest and highest alpha of a texture bound its samples.
     """
     alphas = [_alpha(material, scene.textures) for material in scene.materials]
     bounds = [_with_color(alphas[mesh.material], mesh.color) for mesh in scene.meshes]
@@ -34,7 +34,7 @@ def prune(scene: Scene) -> Scene:
 
 
 def _alpha(material: Material, textures: tuple[Texture, ...]) -> tuple[float, float]:
-    """Lower and upper bound of a material's alpha; (1, 1) where it does not matter."""
+    """Lower and upper bound of a material's alpha; (1, 1) if it has no cut-off."""
     if material.alpha_cutoff is None:
         return 1.0, 1.0
     factor = material.base_color[3]
@@ -45,14 +45,14 @@ def _alpha(material: Material, textures: tuple[Texture, ...]) -> tuple[float, fl
 
 
 def _with_color(alpha: tuple[float, float], color: np.ndarray | None) -> tuple[float, float]:
-    """The same for a mesh with these vertex colours."""
+    """The bounds `alpha` multiplied by those of the vertex colours of a mesh."""
     if color is None:
         return alpha
     return alpha[0] * float(color[:, 3].min()), alpha[1] * float(color[:, 3].max())
 
 
 def _uncut(material: Material, lowest: float) -> Material:
-    """Without its cut-off where no alpha is below it."""
+    """The material without its cut-off if no alpha is below it."""
     if material.alpha_cutoff is None or lowest < material.alpha_cutoff:
         return material
     return replace(material, alpha_cutoff=None)

@@ -27,22 +27,22 @@ from .skins import joint_matrices
 from .transparency import MODES
 from .world_space import finished, placed, skinned
 
-MAX_WEIGHT = 1e6  # of a morph target: anything larger is a mistake
+MAX_WEIGHT = 1e6  # of a morph target; anything larger is a mistake
 
 
 def read_gltf(path: str | Path, limits: Limits = Limits(), transparency: str = "cutout") -> Scene:  # noqa: B008 (frozen)
     """The default scene of a .gltf or .glb file, in world space (m, +Y up).
 
-    Materials and textures are those in use. Skins, morph targets and animations stand at their rest pose; what is
-    partly transparent becomes a hole ("cutout"), "opaque" or "absent". What counts as less than the file says is
-    listed in `Scene.warnings`. Raises FileError (unreadable), SceneError (broken, larger than the limits, or without
-    triangles), UnsupportedError (valid, but beyond this reader), each with `code` and `pointer`.
+    Only materials and textures in use are kept. Skins, morph targets and animations stay at their rest pose.
+    `transparency` selects what partly transparent surfaces become: "cutout" (holes where opacity is low), "opaque" or
+    "absent". `Scene.warnings` lists every simplification. Raises FileError (unreadable), SceneError (broken, larger
+    than the limits, or without triangles) and UnsupportedError (valid, but not supported), with `code` and `pointer`.
     """
     return read_document(open_document(Path(path), limits), transparency)
 
 
 def read_document(document: Document, transparency: str) -> Scene:
-    """The same for an open document."""
+    """Same as `read_gltf` for an open document."""
     assert transparency in MODES, transparency
     check_header(document)
     _warn_of_animations(document)
@@ -62,7 +62,7 @@ def read_document(document: Document, transparency: str) -> Scene:
     )
     scene = prune(scene)
     if not scene.meshes:
-        # A scene of glass alone is no scene, and its warnings would go unsaid.
+        # All surfaces may have been transparent. The error says so, since the scene's warnings are lost.
         got = f"none that can be seen: {scene.transparent[0]}" if scene.transparent else "none"
         raise SceneError(f"{document.path}: expected a scene with triangles, got {got}", Code.NO_TRIANGLES)
     return scene
@@ -75,7 +75,7 @@ def _warn_of_animations(document: Document) -> None:
 
 
 def _meshes(document: Document, nodes: list[Node], materials: Materials) -> Iterator[Mesh]:
-    """A mesh for each primitive of each instance of each node; a primitive is decoded once for each set of weights."""
+    """One mesh per primitive, instance and node. A primitive is decoded once per set of morph weights."""
     decoded: dict[tuple, Primitive] = {}
     instance_count, element_count = len(nodes), 0
     worlds = {node.json.pointer: node.world_from_node for node in nodes}
@@ -97,7 +97,7 @@ def _meshes(document: Document, nodes: list[Node], materials: Materials) -> Iter
 
 
 def _places(document: Document, node: Node, worlds: dict[str, np.ndarray]) -> list[Callable[[Primitive], Primitive]]:
-    """What takes the node's primitives to world space, one function for each instance."""
+    """Functions that transform the node's primitives to world space, one per instance."""
     if "skin" not in node.json:
         return [partial(placed, world_from_node=matrix) for matrix in instances(document, node)]
     document.warn(document.root.get("skins", []), Code.FROZEN, "skins stand at the rest pose of their joints")
@@ -112,7 +112,7 @@ def _places(document: Document, node: Node, worlds: dict[str, np.ndarray]) -> li
 
 
 def _painted(document: Document, node: Node, materials: Materials) -> Iterator[tuple[Json, Paint, tuple[float, ...]]]:
-    """The primitives of a node that are to be seen, with their materials and the weights of their morph targets."""
+    """The visible primitives of a node, with their materials and the weights of their morph targets."""
     mesh = document.lookup("meshes", node.json.get("mesh"))
     for primitive in mesh.get("primitives").items():
         if primitives.has_triangles(document, primitive):
@@ -122,7 +122,7 @@ def _painted(document: Document, node: Node, materials: Materials) -> Iterator[t
 
 
 def morph_weights(document: Document, primitive: Json, mesh: Json, node: Json) -> tuple[float, ...]:
-    """The weight of each morph target of a primitive: the node's, else the mesh's, else 0. Raises SceneError."""
+    """Weights of the morph targets of a primitive, from the node, else the mesh, else 0. Raises SceneError."""
     count = len(primitive.get("targets", []).array())
     if not count:
         return ()

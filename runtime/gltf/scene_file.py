@@ -1,4 +1,4 @@
-"""A glTF file together with the light that its scene is to stand in."""
+"""Read a glTF file together with the lighting of its scene."""
 
 import dataclasses
 from pathlib import Path
@@ -16,10 +16,10 @@ def read_scene(
     transparency: str = "cutout",
     limits: Limits = Limits(),  # noqa: B008 (frozen)
 ) -> Scene:
-    """The scene of a .gltf or .glb file under `lighting`; None: under the light of room.lights.toml beside room.glb,
-    where there is such a file.
+    """The scene of a .gltf or .glb file with `lighting` applied.
 
-    See `read_gltf` for the other parameters. Raises FileError, SceneError, UnsupportedError.
+    If `lighting` is None, the lighting comes from room.lights.toml beside room.glb, if that file exists. See
+    `read_gltf` for the other parameters. Raises FileError, SceneError, UnsupportedError.
     """
     scene = read_gltf(path, limits, transparency)
     if lighting is None and (lights := beside(path)):

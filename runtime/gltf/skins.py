@@ -1,4 +1,4 @@
-"""Skins of a glTF file at their rest pose."""
+"""Read skins of a glTF file at their rest pose."""
 
 import numpy as np
 
@@ -12,10 +12,10 @@ MATRICES = Layout(("MAT4",))
 
 
 def joint_matrices(document: Document, index: Json, world_from_node: dict[str, np.ndarray]) -> np.ndarray:
-    """world_from_bound (J, 4, 4) of a skin: where each joint stands in the file, times its inverse bind matrix.
+    """world_from_bound (J, 4, 4) of a skin: the world matrix of each joint times its inverse bind matrix.
 
-    `world_from_node` holds the nodes of the scene by their JSON pointers. Raises SceneError, also for a joint outside
-    the scene. Source: glTF 2.0, 3.7.3.
+    `world_from_node` maps the JSON pointers of the scene's nodes to matrices. Raises SceneError, also for a joint
+    outside the scene. Source: glTF 2.0, 3.7.3.
     """
     skin = document.lookup("skins", index)
     joints = []

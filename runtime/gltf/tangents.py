@@ -1,14 +1,15 @@
-"""Tangents of meshes with a normal texture: computed from texture coordinates, or made orthonormal."""
+"""Tangents of meshes with a normal texture: compute them from texture coordinates, or orthonormalise them."""
 
 import numpy as np
 
 
 def tangents(position: np.ndarray, normal: np.ndarray, uv: np.ndarray, triangle: np.ndarray) -> np.ndarray:
-    """Tangents (V, 4) float32 along rising u; w is the side on which v falls, for the green of glTF points up.
+    """Tangents (V, 4) float32 that point along increasing u.
 
-    position, normal (V, 3), uv (V, 2), triangle (F, 3). Each triangle counts by its area; where the texture
-    coordinates have none, any direction in the surface will do. Source: Lengyel 2001, "Computing Tangent Space Basis
-    Vectors for an Arbitrary Mesh".
+    The sign w makes the bitangent point along decreasing v, because the green channel of glTF normal textures points
+    up. position, normal (V, 3), uv (V, 2), triangle (F, 3). Triangles are weighted by area. Where the texture
+    coordinates are degenerate, the tangent is an arbitrary direction in the surface. Source: Lengyel 2001, "Computing
+    Tangent Space Basis Vectors for an Arbitrary Mesh".
     """
     a, b, c = (position[corner].astype(np.float64) for corner in triangle.T)
     (du1, dv1), (du2, dv2) = ((uv[corner].astype(np.float64) - uv[triangle[:, 0]]).T for corner in triangle.T[1:])
@@ -23,7 +24,7 @@ def tangents(position: np.ndarray, normal: np.ndarray, uv: np.ndarray, triangle:
 
 
 def orthonormal(tangent: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """Tangents (V, 4) float32 at right angles to the unit normals (V, 3), w 1 or -1; null ones are replaced."""
+    """Unit tangents (V, 4) float32 perpendicular to the unit normals (V, 3), w 1 or -1; zero tangents are replaced."""
     normal = normal.astype(np.float64)
     xyz = _directions(tangent[:, :3].astype(np.float64))
     xyz = xyz - normal * (xyz * normal).sum(axis=1, keepdims=True)
@@ -36,7 +37,7 @@ def orthonormal(tangent: np.ndarray, normal: np.ndarray) -> np.ndarray:
 
 
 def _directions(vectors: np.ndarray) -> np.ndarray:
-    """Vectors (N, 3) at length 1; null ones stay null."""
+    """Normalise vectors (N, 3); zero vectors stay zero."""
     largest = np.abs(vectors).max(axis=1, keepdims=True)
     vectors = vectors / np.where(largest > 0, largest, 1)
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
@@ -44,6 +45,6 @@ def _directions(vectors: np.ndarray) -> np.ndarray:
 
 
 def _gathered(vectors: np.ndarray, triangle: np.ndarray, count: int) -> np.ndarray:
-    """The sum (count, 3) of the triangles' vectors (F, 3) at each vertex."""
+    """Sum the vectors (F, 3) of the triangles at each vertex: (count, 3)."""
     corner, vectors = triangle.reshape(-1), np.repeat(vectors, 3, axis=0)
     return np.stack([np.bincount(corner, weights=vectors[:, axis], minlength=count) for axis in range(3)], axis=1)

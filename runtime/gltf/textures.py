@@ -1,4 +1,4 @@
-"""Textures of a glTF file: images decoded once and only when used, samplers, and their texture coordinates."""
+"""Read textures of a glTF file: images (decoded once, and only if used), samplers and texture coordinates."""
 
 from dataclasses import dataclass
 
@@ -19,19 +19,19 @@ TRANSFORM, WEBP, BASISU = "KHR_texture_transform", "EXT_texture_webp", "KHR_text
 
 @dataclass(frozen=True)
 class UvChannel:
-    """A set of texture coordinates under an affine transform: rows of [matrix | offset], (2, 3)."""
+    """A set of texture coordinates and its affine transform, the rows of [matrix | offset], (2, 3)."""
 
     set: int
     transform: tuple[tuple[float, ...], ...]
 
     def transformed(self, uv: np.ndarray) -> np.ndarray:
-        """Texture coordinates (V, 2) float64."""
+        """Apply the transform to texture coordinates: (V, 2) float64."""
         matrix = np.array(self.transform)
         return uv @ matrix[:, :2].T + matrix[:, 2]
 
 
 class Textures:
-    """Hands out texture slots; `decode` then makes the records in the order of their indices."""
+    """Assigns texture slots; `decode` then creates the textures in the order of their indices."""
 
     def __init__(self, document: Document):
         self._document = document
@@ -39,7 +39,7 @@ class Textures:
         self._sources: dict[str, Json] = {}
 
     def slot(self, info: Json, channels: list[UvChannel]) -> TextureSlot:
-        """What a textureInfo names; its texture coordinates are added to the material's `channels` if they are new."""
+        """The slot of a textureInfo; new texture coordinates are appended to the `channels` of the material."""
         texture = self._document.lookup("textures", info.get("index"))
         source = self._source(texture)
         self._sources[source.pointer] = source
@@ -50,13 +50,13 @@ class Textures:
         return TextureSlot(self._index.setdefault(key, len(self._index)), channels.index(channel))
 
     def decode(self) -> tuple[Texture, ...]:
-        """All textures, each image decoded once. Raises SceneError, FileError."""
+        """Decode all textures, each image once. Raises SceneError, FileError."""
         sources = list(self._sources.values())
         pixels = dict(zip(self._sources, decode_images(self._document, sources), strict=True))
         return tuple(Texture(pixels[pointer], wrap, nearest) for pointer, wrap, nearest in self._index)
 
     def _source(self, texture: Json) -> Json:
-        """The image of a texture: WebP, else what every reader knows."""
+        """The image of a texture: the WebP image if it has one, else the PNG or JPEG image."""
         webp = texture.extension(WEBP)
         if webp is not None and "source" in webp:
             return self._document.lookup("images", webp.get("source"))
@@ -73,7 +73,7 @@ class Textures:
 
 
 def decode_images(document: Document, sources: list[Json]) -> list[np.ndarray]:
-    """The pixels (H, W, 4) uint8 of entries of /images. Raises SceneError, FileError."""
+    """Decode entries of /images to pixels (H, W, 4) uint8. Raises SceneError, FileError."""
     files = []
     for source in sources:
         data = document.uri(source.get("uri")) if "uri" in source else bytes(document.view(source.get("bufferView")))
@@ -82,15 +82,16 @@ def decode_images(document: Document, sources: list[Json]) -> list[np.ndarray]:
 
 
 def sampling(sampler: Json) -> tuple[tuple[str, str], bool]:
-    """Wrap per axis of an entry of /samplers, and whether the nearest texel counts alone. Raises SceneError."""
+    """Wrap mode per axis of an entry of /samplers, and whether it filters by nearest texel. Raises SceneError."""
     wrap = tuple(WRAP[sampler.get(key, 10497).choice(*WRAP)] for key in ("wrapS", "wrapT"))
     return wrap, sampler.get("magFilter", LINEAR).choice(NEAREST, LINEAR) == NEAREST
 
 
 def _channel(info: Json) -> UvChannel:
-    """Set and transform of a textureInfo. Source: KHR_texture_transform, with the rotation as its test model has it.
+    """Texture coordinate set and transform of a textureInfo.
 
-    v points down, so that counter-clockwise takes u to -v.
+    Source: KHR_texture_transform; the direction of rotation follows its test model. v points down, so a
+    counter-clockwise rotation turns u towards -v.
     """
     number = info.get("texCoord", 0).integer()
     extension = info.extension(TRANSFORM)

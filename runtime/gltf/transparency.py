@@ -1,4 +1,4 @@
-"""What becomes of partly transparent materials, which no part of gsgi lets light through."""
+"""Replace partly transparent materials, because no part of gsgi lets light pass through a surface."""
 
 from typing import NamedTuple
 
@@ -17,17 +17,18 @@ DEALT = {
 
 
 class Opacity(NamedTuple):
-    """Factor on alpha, and the alpha below which a point is a hole; None where alpha does not matter."""
+    """Factor on alpha, and the cutoff below which a point is a hole; the cutoff is None if alpha has no effect."""
 
     factor: float
     cutoff: float | None
 
 
 def read(document: Document, material: Json, mode: str) -> Opacity | None:
-    """How a material's alpha counts, partly transparent ones as `mode` of MODES says; None: it is not to be seen.
+    """The effect of a material's alpha; None if its surfaces are left out.
 
-    Opacity is alpha, 1 for OPAQUE ones, times what KHR_materials_transmission does not let through. Warns once for
-    each partly transparent material.
+    `mode` (one of MODES) determines how partly transparent materials are replaced. Opacity is alpha (1 for OPAQUE
+    materials) times the share of light that KHR_materials_transmission does not transmit. Warns about each blended
+    and each transmissive material.
     """
     alpha = material.get("alphaMode", "OPAQUE").choice("OPAQUE", "MASK", "BLEND")
     cutoff = material.get("alphaCutoff", 0.5).number(low=0) if alpha == "MASK" else None
@@ -57,6 +58,6 @@ def _transmission(document: Document, material: Json) -> float:
 
 
 def _name(material: Json) -> str:
-    """The material's name in quotes, else "the material"."""
+    """The name of the material in quotes, or "the material" if it has none that can be printed."""
     name = material.get("name", "").string()
     return f'"{name}"' if name and name.isprintable() else "the material"

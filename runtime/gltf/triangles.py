@@ -1,4 +1,4 @@
-"""The triangles of a mesh primitive, whatever its mode."""
+"""Convert the indices of a mesh primitive of any triangle mode to triangles."""
 
 import numpy as np
 
@@ -7,9 +7,9 @@ TRIANGLES, STRIP, FAN = 4, 5, 6
 
 
 def triangles(mode: int, index: np.ndarray) -> np.ndarray:
-    """Vertex indices (I,) as triangles (F, 3), counter-clockwise seen from the front.
+    """Convert vertex indices (I,) to triangles (F, 3), counter-clockwise seen from the front.
 
-    What is left behind the last whole triangle is not drawn. Source: glTF 2.0, 3.7.2.1.
+    Indices after the last whole triangle are dropped. Source: glTF 2.0, 3.7.2.1.
     """
     if mode == TRIANGLES:
         return index[: len(index) // 3 * 3].reshape(-1, 3)
@@ -22,5 +22,5 @@ def triangles(mode: int, index: np.ndarray) -> np.ndarray:
 
 
 def leftover(mode: int, count: int) -> int:
-    """How many of `count` indices belong to no triangle."""
+    """The number of `count` indices that belong to no triangle."""
     return count % 3 if mode == TRIANGLES else count if count < 3 else 0

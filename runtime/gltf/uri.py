@@ -1,4 +1,4 @@
-"""The bytes behind the URIs of a glTF file: data: URIs, and files inside the scene's folder."""
+"""Resolve the URIs of a glTF file: data: URIs, and files inside the scene's folder."""
 
 import base64
 import binascii
@@ -17,7 +17,7 @@ SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*:")
 
 
 class Files:
-    """What lies beside a scene; each file is read once."""
+    """The files in the folder of a scene; each is read once."""
 
     def __init__(self, folder: Path, limits: Limits):
         self._named, self._folder = folder, folder.resolve()
@@ -27,13 +27,13 @@ class Files:
 
     @property
     def names(self) -> tuple[Path, ...]:
-        """The files that were read so far, as the scene's path and its URIs spell them."""
+        """The files read so far, with paths as spelled by the scene's path and its URIs."""
         return tuple(self._names)
 
     def read(self, uri: Json) -> bytes:
-        """The bytes behind a data: URI or a relative path inside the folder.
+        """The bytes of a data: URI, or of the file at a relative path inside the folder.
 
-        Raises SceneError for every other URI, FileError for a file that cannot be read.
+        Raises SceneError for every other URI, and FileError for a file that cannot be read.
         """
         text = uri.string()
         if text.startswith("data:"):
@@ -48,15 +48,15 @@ class Files:
         return self._bytes[path]
 
     def _inside(self, uri: Json, text: str) -> tuple[str, Path]:
-        """The file that a URI names, relative to the scene's folder, and where that leads."""
+        """The file that a URI names, relative to the scene's folder, and its resolved path."""
         if SCHEME.match(text):
             raise uri.refuse("a data: URI or a relative path", code=Code.URI)
         try:
             name = unquote(text, errors="strict")
             path = inside(self._folder, name)
-        except (ValueError, OSError, RuntimeError):  # a NUL, bytes that are not UTF-8, a loop of links
+        except (ValueError, OSError, RuntimeError):  # a NUL, bytes that are not UTF-8, a loop of symbolic links
             raise uri.refuse("a path", code=Code.URI) from None
-        if any(character < " " for character in name):  # error messages stay on one line
+        if any(character < " " for character in name):  # keeps error messages on one line
             raise uri.refuse("a path without control characters", code=Code.URI)
         if path is None:
             raise uri.refuse("a path inside the scene's folder", code=Code.URI_OUTSIDE)
@@ -64,12 +64,12 @@ class Files:
 
 
 def read_scene_file(path: Path, limits: Limits) -> bytes:
-    """All bytes of a regular file. Raises FileError, and SceneError beyond the limit."""
+    """All bytes of a regular file. Raises FileError, and SceneError if it exceeds the limit."""
     return read_file(path, lambda size: limits.check("file_bytes", size, str(path)))
 
 
 def _data_uri(uri: Json, text: str) -> bytes:
-    """RFC 2397: base64, or percent-encoded."""
+    """Decode a data: URI (RFC 2397), base64 or percent-encoded."""
     header, comma, payload = text.partition(",")
     if not comma:
         raise uri.refuse("a data: URI with a comma", code=Code.URI)

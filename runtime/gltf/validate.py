@@ -1,4 +1,4 @@
-"""Everything that is wrong with a glTF file, not only the first thing."""
+"""Find all problems of a glTF file, not only the first one."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -21,9 +21,9 @@ Examine = Callable[[Document, Json], object]
 
 
 def validate(path: str | Path, limits: Limits = Limits()) -> list[Problem]:  # noqa: B008 (frozen)
-    """The errors of every part of the file, used or not, then the reader's warnings; each once.
+    """All errors of all parts of the file, including unused parts, then the warnings of the reader; each once.
 
-    A part that is broken hides no other; within one part, the first error counts.
+    A broken part does not hide the errors of other parts. Within one part, only the first error is reported.
     """
     try:
         document = open_document(Path(path), limits)
@@ -45,13 +45,13 @@ def _collect(examine: Callable[[], object], path: str | Path, errors: dict[Probl
 
 
 def _problem(error: GsgiError, path: str | Path) -> Problem:
-    """The finding behind an exception, without file and place at the start of its text."""
+    """The problem that an exception describes, without file and place at the start of its text."""
     message = str(error).removeprefix(f"{path}: ").removeprefix(f"{error.pointer or '/'}: ")
     return Problem("error", error.code, error.pointer, message)
 
 
 def _parts(root: Json) -> Iterator[tuple[Examine, Json]]:
-    """Each part of the file that is examined by itself, with the function that does."""
+    """Each part of the file that is examined separately, with the function that examines it."""
     yield lambda _, root: extensions.check_version(root.get("asset")), root
     for kind, examine in EXAMINE.items():
         yield lambda _, root, kind=kind: root.get(kind, []).array(), root
@@ -63,7 +63,7 @@ def _parts(root: Json) -> Iterator[tuple[Examine, Json]]:
 
 
 def _entries(value: Json, *path: str) -> list[Json]:
-    """The entries of the array at the end of a path; none where something else stands on the way."""
+    """The entries of the array at the end of a path; empty if the path leads to no array."""
     for key in path:
         if not isinstance(value.data, dict) or key not in value.data:
             return []
@@ -72,7 +72,7 @@ def _entries(value: Json, *path: str) -> list[Json]:
 
 
 def _index(entry: Json) -> Json:
-    """The index of an entry of an array, as a reference to it."""
+    """The index of an array entry, as a JSON reference to it."""
     return Json(entry.file, entry.pointer, int(entry.pointer.rpartition("/")[2]))
 
 
@@ -83,7 +83,7 @@ def _buffer(document: Document, buffer: Json) -> None:
 
 def _accessor(document: Document, accessor: Json) -> None:
     values = accessors.elements(document, accessor)
-    # What has no bytes is zero, however long.
+    # Without a bufferView the values are 0, however many; sparse ones are not checked.
     if values.dtype.kind == "f" and "bufferView" in accessor:
         accessors.check_finite(accessor, values)
 

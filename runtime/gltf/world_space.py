@@ -1,4 +1,4 @@
-"""Primitives in world space: placed by their node or by a skin, then finished as meshes."""
+"""Transform primitives to world space by their node or skin, and convert them to meshes."""
 
 from dataclasses import replace
 
@@ -13,12 +13,12 @@ from .problems import Code
 from .tangents import orthonormal, tangents
 
 
-@np.errstate(over="ignore", invalid="ignore")  # what overflows is refused at the end, by finished()
+@np.errstate(over="ignore", invalid="ignore")  # finished() refuses overflows
 def placed(primitive: Primitive, world_from_node: np.ndarray) -> Primitive:
-    """The primitive in world space. A mirroring matrix (4, 4) turns the winding around: the front stays the front."""
+    """The primitive in world space. A mirroring matrix (4, 4) reverses the winding, so the front stays the front."""
     linear = world_from_node[:3, :3]
     position = (primitive.position @ linear.T + world_from_node[:3, 3]).astype(np.float32)
-    # Products of normals and tangents stay finite.
+    # Normalise, so that products with normals and tangents stay finite.
     linear = linear / max(np.abs(linear).max(), np.finfo(float).tiny)
     mirrored = np.linalg.det(linear) < 0
     sign = -1 if mirrored else 1
@@ -33,7 +33,7 @@ def placed(primitive: Primitive, world_from_node: np.ndarray) -> Primitive:
 
 @np.errstate(over="ignore", invalid="ignore")
 def skinned(primitive: Primitive, world_from_joint: np.ndarray) -> Primitive:
-    """The primitive in world space, each vertex moved by the weighted sum of its joints' matrices (J, 4, 4).
+    """The primitive in world space, each vertex transformed by the weighted sum of its joints' matrices (J, 4, 4).
 
     Raises SceneError for a joint that the skin lacks. Source: glTF 2.0, 3.7.3.
     """
@@ -54,7 +54,7 @@ def skinned(primitive: Primitive, world_from_joint: np.ndarray) -> Primitive:
 
 
 def finished(primitive: Primitive, paint: Paint) -> Mesh | None:
-    """The mesh of a primitive in world space; triangles without area are left out, None where none is left.
+    """The mesh of a primitive in world space without zero-area triangles, or None if no triangle remains.
 
     Raises SceneError.
     """
@@ -77,21 +77,21 @@ def finished(primitive: Primitive, paint: Paint) -> Mesh | None:
 
 
 def cofactor(linear: np.ndarray) -> np.ndarray:
-    """Cofactor matrices (..., 3, 3): det * inverse transpose, which turn normals up to their length and sign.
+    """Cofactor matrices (..., 3, 3), det * inverse transpose, which transform normals up to length and sign.
 
-    They exist for matrices that scale to 0 along an axis, too.
+    They also exist for matrices that scale an axis to 0.
     """
     return np.cross(linear[..., [1, 2, 0], :], linear[..., [2, 0, 1], :])
 
 
 def face_vectors(position: np.ndarray, triangle: np.ndarray) -> np.ndarray:
-    """(F, 3) float64 normal of each triangle, twice its area long."""
+    """Normal of each triangle, (F, 3) float64, with a length of twice its area."""
     a, b, c = (position[corner].astype(np.float64) for corner in triangle.T)
     return np.cross(b - a, c - a)
 
 
 def _normals(normal: np.ndarray, triangle: np.ndarray, face: np.ndarray) -> np.ndarray:
-    """Unit normals (V, 3) float32; a null one is replaced by the mean of the faces around it."""
+    """Unit normals (V, 3) float32; a zero normal is replaced by the area-weighted mean of the adjacent faces."""
     null = ~normal.any(axis=1)
     if null.any():
         corner, faces = triangle.reshape(-1), np.repeat(face, 3, axis=0)
@@ -99,12 +99,12 @@ def _normals(normal: np.ndarray, triangle: np.ndarray, face: np.ndarray) -> np.n
         for axis in range(3):
             around = np.bincount(corner, weights=faces[:, axis], minlength=len(normal))
             normal[null, axis] = around[null]
-        normal[~normal.any(axis=1)] = (0, 1, 0)  # a vertex of no triangle
+        normal[~normal.any(axis=1)] = (0, 1, 0)  # no adjacent triangle, or the faces cancel out
     return unit(normal).astype(np.float32)
 
 
 def _color(color: np.ndarray | None, alpha: bool) -> np.ndarray | None:
-    """Vertex colours where they matter: some are not white."""
+    """Vertex colours, or None if all are white. Alpha is set to 1 unless `alpha` says that it is used."""
     if color is not None and not alpha:
         color = color.copy()
         color[:, 3] = 1
@@ -112,7 +112,7 @@ def _color(color: np.ndarray | None, alpha: bool) -> np.ndarray | None:
 
 
 def _blended(primitive: Primitive, world_from_joint: np.ndarray) -> np.ndarray:
-    """The matrix (V, 3, 4) of each vertex; weights count by their share, all-zero ones as the first joint alone."""
+    """The matrix (V, 3, 4) of each vertex. Weights are normalised; all-zero weights select the first joint."""
     joints, weights = primitive.joints, primitive.weights.astype(np.float64)
     used = joints[weights != 0]
     if used.size and used.max() >= len(world_from_joint):

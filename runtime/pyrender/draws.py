@@ -1,4 +1,4 @@
-"""What to draw of a pyrender scene, and in which order."""
+"""Primitives to draw from a pyrender scene, in drawing order."""
 
 from typing import NamedTuple
 
@@ -10,7 +10,7 @@ TRIANGLES = 4, 5, 6  # glTF's modes: list, strip, fan
 
 
 class Draw(NamedTuple):
-    """A pyrender Primitive of the Mesh of a Node; `pose` (4, 4): world from node."""
+    """A pyrender Primitive in the Mesh of a Node; `pose` (4, 4) takes the node's space to world space."""
 
     node: object
     pose: np.ndarray
@@ -18,8 +18,10 @@ class Draw(NamedTuple):
 
 
 def draws(scene, eye: np.ndarray) -> list[Draw]:
-    """Visible primitives in pyrender's order: opaque meshes before partly transparent ones, each from the farthest node
-    to the nearest; `eye` (3,) in world space."""
+    """Visible primitives in pyrender's order: opaque meshes, then partly transparent ones.
+
+    Each group is sorted from the farthest node to the nearest. `eye` (3,) is in world space.
+    """
     nodes = [(node, scene.get_pose(node)) for node in scene.mesh_nodes if node.mesh.is_visible]
     nodes.sort(key=lambda item: -np.linalg.norm(item[1][:3, 3] - eye))
     nodes.sort(key=lambda item: item[0].mesh.is_transparent)
@@ -34,9 +36,9 @@ def wireframe(material, flags: int) -> bool:
 
 
 def bounds(scene) -> np.ndarray:
-    """(2, 3) float64, m: corners of all meshes' boxes in world space; zeros without meshes.
+    """World-space bounds of the boxes of all meshes: corners (2, 3) float64, m; zeros without meshes.
 
-    What `scene.bounds` says, which needs `np.infty`.
+    This is the value of `scene.bounds`, which needs `np.infty`.
     """
     corners = []
     for node in scene.mesh_nodes:

@@ -1,10 +1,10 @@
-"""The numbers of pyrender.RenderFlags."""
+"""Values of pyrender.RenderFlags."""
 
 from enum import IntFlag
 
 
 class RenderFlags(IntFlag):
-    """What `render` does; combine by `|`. Names and values are pyrender's; OFFSCREEN and ALL_SOLID change nothing."""
+    """Options of `render`, combined by `|`. Names and values are pyrender's; OFFSCREEN and ALL_SOLID have no effect."""
 
     NONE = 0
     DEPTH_ONLY = 1

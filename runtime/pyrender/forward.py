@@ -1,4 +1,4 @@
-"""The forward passes: pyrender's colours, lit or flat, or one colour per node."""
+"""Forward passes: pyrender's colours, lit or flat, or one colour per node."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -22,17 +22,17 @@ _NO_SHADOW = {"map_from_world": np.zeros((4, 4)), "tile_low": (0, 0), "tile_high
 
 @dataclass(frozen=True)
 class FrameLight:
-    """What lights a frame. `shadows`: for each light, the uniforms of its shadow map in `maps`, or None."""
+    """The light of a frame. `shadows`: for each light, the uniforms of its shadow map in `maps`, or None."""
 
     ambient: np.ndarray
     placed: list[lights.PlacedLight]
     shadows: list[dict | None]
-    maps: moderngl.Texture | None  # None: no light has one
+    maps: moderngl.Texture | None  # None if no light has a shadow map
     indirect: BakedLight | None
 
 
 class Forward:
-    """Draws primitives into the framebuffer at hand. Programs outlive a frame."""
+    """Draws primitives into the current framebuffer. Its programs are kept between frames."""
 
     def __init__(self, ctx: moderngl.Context, primitives: Uploads, textures: Uploads):
         self.ctx, self._primitives, self._textures = ctx, primitives, textures
@@ -41,14 +41,14 @@ class Forward:
         self._programs: dict[tuple, moderngl.Program] = {}
 
     def silhouettes(self, frame: dict, items: list[Draw], color: Callable[[object], tuple]) -> None:
-        """Draw each primitive in the `color` (3,) of its node, back faces left out."""
+        """Draw each primitive in the `color` (3,) of its node, without back faces."""
         self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE | moderngl.PROGRAM_POINT_SIZE)
         for item in items:
             set_uniforms(self._silhouette, **frame, world_from_node=item.pose, color=color(item.node))
             self._primitives[item.primitive].render(self._silhouette)
 
     def surfaces(self, frame: dict, items: list[Draw], flags: int, light: FrameLight | None) -> None:
-        """Draw each primitive with its material: under `light`, or flat."""
+        """Draw each primitive with its material: lit by `light`, or flat without it."""
         for item in items:
             primitive, material = item.primitive, item.primitive.material
             uniforms = materials.bind(primitive, self._textures, self._white)
@@ -75,7 +75,7 @@ class Forward:
         self.ctx.wireframe = wireframe(material, flags)
 
     def _lit(self, item: Draw, flags: int, light: FrameLight) -> tuple[dict, dict]:
-        """What lights a primitive, for its defines, and the uniforms of that."""
+        """Return what lights a primitive, as values for its defines, and the uniforms for it."""
         chosen = lights.nearest(light.placed, item.pose[:3, 3])
         indirect = light.indirect if receives(item.primitive, flags) else None
         shadows = [light.shadows[i] for i in chosen]
@@ -102,7 +102,7 @@ class Forward:
 
 
 def camera_uniforms(lens: Lens, point_size: float) -> dict:
-    """What all forward passes need of a frame."""
+    """Uniforms of a frame that all forward passes need."""
     return {
         "clip_from_view": lens.projection,
         "view_from_world": lens.view_from_world,

@@ -20,7 +20,7 @@ from .uploads import UploadedPrimitive, UploadedTexture, Uploads, primitive_sour
 
 
 class FrameRenderer:
-    """Draws scenes in the context `ctx`, which must be current; keeps on the GPU what the last scene needed."""
+    """Draws scenes in the context `ctx`, which must be current. Keeps on the GPU what the last scene needed."""
 
     def __init__(self, ctx: moderngl.Context, bake: Bake | None):
         self.ctx, self._bake = ctx, bake
@@ -30,7 +30,7 @@ class FrameRenderer:
         self._targets = self._shadow_maps = self._indirect = None
 
     def render(self, scene, flags: int, size: tuple[int, int], point_size: float, colors: Mapping) -> Lens:
-        """Draw a frame of `size` px; returns the lens. `colors`: node to (3,) in [0, 1], for RenderFlags.SEG.
+        """Draw a frame of `size` px; return the lens. `colors` maps a node to (3,) in [0, 1], for RenderFlags.SEG.
 
         Raises ValueError without a camera, NotImplementedError for shadows of point lights, and UnsupportedError.
         """
@@ -59,11 +59,11 @@ class FrameRenderer:
         return lens
 
     def color(self, channels: int) -> np.ndarray:
-        """The last frame (H, W, channels) uint8, row 0 on top."""
+        """Colours of the last frame (H, W, channels) uint8, row 0 on top."""
         return self._targets.color(channels)
 
     def depth(self, lens: Lens) -> np.ndarray:
-        """The last frame's depth (H, W) float32, m, row 0 on top; 0 where nothing is."""
+        """Depth of the last frame (H, W) float32, m, row 0 on top; 0 where nothing was drawn."""
         return lens.metres(self._targets.depth())
 
     def release(self) -> None:
@@ -75,7 +75,7 @@ class FrameRenderer:
 
     def _draw_silhouettes(self, frame: dict, items: list[Draw], flags: int, colors: Mapping) -> None:
         if flags & RenderFlags.SEG:
-            self._clear(self._targets.resolved, (0.0, 0.0, 0.0, 1.0))  # without multisampling: colours are not mixed
+            self._clear(self._targets.resolved, (0.0, 0.0, 0.0, 1.0))  # without multisampling, so colours are not mixed
             items = [item for item in items if item.node in colors]
             self._forward.silhouettes(frame, items, colors.__getitem__)
             return
@@ -84,7 +84,7 @@ class FrameRenderer:
         self._targets.resolve()
 
     def _light(self, scene, lens: Lens, items: list[Draw], placed: list, shadowed: list, flags: int) -> FrameLight:
-        """Draw shadow maps and indirect light, as far as there are any."""
+        """Draw the shadow maps and the indirect light that the frame needs."""
         maps = {}
         if shadowed:
             self._shadow_maps = self._shadow_maps or ShadowMaps(self.ctx)

@@ -15,13 +15,13 @@ from .uploads import Uploads
 
 
 def receives(primitive, flags: int) -> bool:
-    """Whether indirect light falls on it: on opaque triangles."""
+    """Whether a primitive receives indirect light: only solid, opaque triangles do."""
     solid = primitive.mode in TRIANGLES and not wireframe(primitive.material, flags)
     return solid and not primitive.is_transparent
 
 
 class VisibleSurfaces:
-    """What the passes that read Gaussians need of a frame; targets of (width, height) px:
+    """Inputs of the passes that read Gaussians, for one frame; targets of (width, height) px:
 
     interpolated  RG16F  octahedral, world space: the interpolated normal, on the camera's side
     depth         R32F   distance along the view axis, m; 0 = no surface
@@ -39,7 +39,7 @@ class VisibleSurfaces:
         }
 
     def draw(self, lens: Lens, items: list[Draw], uploads: Uploads, flags: int) -> None:
-        """Fill both targets with what receives indirect light."""
+        """Fill both targets with the surfaces that receive indirect light."""
         self._target.use()
         self._target.clear()
         camera = {"clip_from_view": lens.projection, "view_from_world": lens.view_from_world, "eye": lens.position}
@@ -60,7 +60,7 @@ class VisibleSurfaces:
 
 
 class BakedLight:
-    """B of `bake` for images of `size` px, in the texture `light` (rgb), beside the `depth` (m) that it belongs to."""
+    """B of `bake` for images of `size` px in the texture `light` (rgb), and the `depth` (m) of the lit surfaces."""
 
     def __init__(self, ctx: moderngl.Context, bake: Bake, size: tuple[int, int]):
         self._surfaces, self._pass = VisibleSurfaces(ctx, size), IndirectLight(ctx, bake, splat_scale=1)
@@ -68,7 +68,7 @@ class BakedLight:
 
     @property
     def light(self) -> moderngl.Texture:
-        """Of the last draw()."""
+        """Texture of the last draw()."""
         return self._pass.indirect
 
     def draw(self, lens: Lens, items: list[Draw], uploads: Uploads, flags: int) -> None:

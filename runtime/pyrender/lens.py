@@ -10,7 +10,7 @@ from gsgi.runtime.gl.view import projected_pinhole
 
 @dataclass(frozen=True)
 class Lens:
-    """Off-centre and with pixels that are not square, or orthographic.
+    """A camera that may be off-centre with non-square pixels, or orthographic.
 
     `world_from_view` (4, 4) float64; `projection` (4, 4): OpenGL's, for images of `size` px; `znear`, m.
     """
@@ -36,12 +36,12 @@ class Lens:
         return self.projection[3, 2] == 0
 
     def pinhole(self) -> Pinhole:
-        """At `size`. The camera must not be orthographic."""
+        """Pinhole at `size`. The camera must not be orthographic."""
         assert not self.orthographic, self.projection
         return projected_pinhole(self.view_from_world, self.projection, self.size)
 
     def metres(self, window: np.ndarray) -> np.ndarray:
-        """Depth along the view axis (float32, m; 0 where nothing is) of a depth buffer's values in [0, 1]."""
+        """Depth along the view axis (float32, m; 0 where nothing is) from the values [0, 1] of a depth buffer."""
         ndc = 2.0 * window.astype(np.float64) - 1
         scale, offset = self.projection[2, 2:]
         with np.errstate(divide="ignore"):
@@ -50,7 +50,7 @@ class Lens:
 
 
 def main_lens(scene, size: tuple[int, int]) -> Lens:
-    """The main camera of a pyrender scene for images of `size` px. Raises ValueError, as pyrender does without one."""
+    """The main camera of a pyrender scene for images of `size` px. Raises ValueError without one, as pyrender does."""
     node = scene.main_camera_node
     if node is None:
         raise ValueError("Cannot render scene without a camera")

@@ -1,4 +1,4 @@
-"""Lights of a pyrender scene as uniforms of glsl/forward."""
+"""Lights of a pyrender scene as uniforms of glsl/pyrender/forward.frag."""
 
 from typing import NamedTuple
 
@@ -6,12 +6,12 @@ import numpy as np
 
 from .flags import RenderFlags
 
-MOST = 4  # of a kind light a mesh
-_EDGE_MIN = 0.001  # of cos; least width of a spot's edge
+MOST = 4  # lights of each kind per mesh
+_EDGE_MIN = 0.001  # difference of cosines; least width of a spot's edge
 
 
 class PlacedLight(NamedTuple):
-    """A pyrender Light at its node's `pose` (4, 4); `kind`: "point", "spot" or "directional"."""
+    """A pyrender Light at its node's `pose` (4, 4). `kind` is "point", "spot" or "directional"."""
 
     kind: str
     light: object
@@ -19,7 +19,7 @@ class PlacedLight(NamedTuple):
 
     @property
     def direction(self) -> np.ndarray:
-        """(3,) the way light travels."""
+        """(3,) direction in which the light travels."""
         return -self.pose[:3, 2]
 
 
@@ -34,7 +34,7 @@ def lights(scene) -> list[PlacedLight]:
 
 
 def casts_shadows(light: PlacedLight, flags: int) -> bool:
-    """Whether `flags` ask for its shadows. Raises NotImplementedError for a point light's, as pyrender does."""
+    """Whether `flags` ask for shadows of the light. Raises NotImplementedError for a point light, as pyrender does."""
     flag = {
         "point": RenderFlags.SHADOWS_POINT,
         "spot": RenderFlags.SHADOWS_SPOT,
@@ -46,7 +46,7 @@ def casts_shadows(light: PlacedLight, flags: int) -> bool:
 
 
 def nearest(placed: list[PlacedLight], position: np.ndarray) -> list[int]:
-    """Indices of the at most `MOST` lights of each kind that are nearest to `position` (3,)."""
+    """Indices of the lights nearest to `position` (3,), at most `MOST` of each kind."""
     order = sorted(range(len(placed)), key=lambda i: np.linalg.norm(placed[i].pose[:3, 3] - position))
     chosen = []
     for kind in ("point", "spot", "directional"):
@@ -55,7 +55,7 @@ def nearest(placed: list[PlacedLight], position: np.ndarray) -> list[int]:
 
 
 def uniforms(placed: list[PlacedLight]) -> dict:
-    """Uniforms `light_*` of at least one light."""
+    """Uniforms `light_*` of one or more lights."""
     return {
         "light_place": [light.pose[:3, 3] if light.kind != "directional" else -light.direction for light in placed],
         "light_near": [light.kind != "directional" for light in placed],

@@ -1,4 +1,4 @@
-"""pyrender materials as the uniforms of glsl/forward, and what its defines follow from."""
+"""pyrender materials as uniforms and defines of glsl/pyrender/forward.frag."""
 
 from collections.abc import Iterator
 
@@ -9,7 +9,7 @@ from gsgi.runtime.gl.permutations import Primitive
 
 from .uploads import Uploads
 
-# Samplers of forward.frag and the fields of a MetallicRoughnessMaterial behind them, in the order of texture units.
+# Samplers of forward.frag and their fields of a MetallicRoughnessMaterial, in the order of texture units.
 SLOTS = {
     "base": "baseColorTexture",
     "surface": "metallicRoughnessTexture",
@@ -27,27 +27,30 @@ def textures(primitive) -> Iterator:
 
 
 def texture_of(primitive, slot: str):
-    """The Texture in a slot of `SLOTS`; None where there is none, no image in it, or nothing to map it by."""
+    """Texture in a slot of `SLOTS`, or None if there is none that can be used.
+
+    It needs an image and texture coordinates; a normal map also needs normals.
+    """
     texture = getattr(primitive.material, SLOTS[slot])
     usable = primitive.texcoord_0 is not None and (slot != "normal" or primitive.normals is not None)
     return texture if texture is not None and texture.source is not None and usable else None
 
 
 def check(primitive) -> None:
-    """Raises UnsupportedError for a material that is not metallic-roughness."""
+    """Raise UnsupportedError for a material that is not metallic-roughness."""
     if not hasattr(primitive.material, "baseColorFactor"):
         kind = type(primitive.material).__name__
         raise UnsupportedError(f"{kind}: pyrender leaves its colour undefined; use MetallicRoughnessMaterial")
 
 
 def look(primitive, **light) -> Primitive:
-    """What the defines of the primitive's shader follow from, under this light."""
+    """Description that determines the defines of the primitive's shader under this light."""
     slots = [name for name in SLOTS if texture_of(primitive, name) is not None]
     return Primitive(slots, primitive.normals is not None, primitive.color_0 is not None, **light)
 
 
 def bind(primitive, uploads: Uploads, white: moderngl.Texture) -> dict:
-    """Bind a texture for each slot, `white` where there is none, to units 0 to 4; returns the material's uniforms."""
+    """Bind a texture for each slot to units 0 to 4, `white` for empty slots; return the material's uniforms."""
     material = primitive.material
     uniforms = {
         "base_color": material.baseColorFactor,

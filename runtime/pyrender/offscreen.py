@@ -16,8 +16,9 @@ from .frame import FrameRenderer
 class OffscreenRenderer:
     """Draws pyrender scenes into arrays, as pyrender.OffscreenRenderer does, with the indirect light of `gi` if given.
 
-    `gi`: path of a .gsgi file, or a decoded `Bake`, in the space of the scene. Width and height in px and `point_size`
-    may be set between renders. Raises FileError or FormatError for the file, and UnsupportedError without OpenGL 3.3.
+    `gi` is the path of a .gsgi file or a decoded `Bake`, in the space of the scene. `viewport_width` and
+    `viewport_height` (px) and `point_size` may be set between renders. Raises FileError or FormatError for the file,
+    and UnsupportedError without OpenGL 3.3.
     """
 
     def __init__(
@@ -50,7 +51,7 @@ class OffscreenRenderer:
 
     @property
     def point_size(self) -> float:
-        """Edge of the points of point clouds, px."""
+        """Edge length of the points in point clouds, px."""
         return self._point_size
 
     @point_size.setter
@@ -62,12 +63,13 @@ class OffscreenRenderer:
     ) -> np.ndarray | tuple[np.ndarray, np.ndarray]:
         """Draw a pyrender Scene through its main camera.
 
-        Returns colour (H, W, 3) uint8, with RenderFlags.RGBA (H, W, 4), and depth (H, W) float32: metres along the view
-        axis, 0 where nothing is; row 0 on top. With RenderFlags.DEPTH_ONLY the depth alone. RenderFlags.SEG paints the
-        nodes of `seg_node_map` in their colours, (3,) or one number for all channels, in [0, 255], and no others.
+        Returns colour (H, W, 3) uint8, or (H, W, 4) with RenderFlags.RGBA, and depth (H, W) float32: metres along the
+        view axis, 0 where nothing was drawn; row 0 is on top. With RenderFlags.DEPTH_ONLY it returns depth alone. With
+        RenderFlags.SEG it draws only the nodes of `seg_node_map`, in their colours: (3,) or one number for all
+        channels, in [0, 255].
 
         Raises ValueError for a scene without a camera, NotImplementedError for RenderFlags.SHADOWS_POINT with point
-        lights, AttributeError after `delete`, and UnsupportedError for what the module's text names.
+        lights, AttributeError after `delete`, and UnsupportedError for what the docstring of the package names.
         """
         if self._ctx is None:
             raise AttributeError("this OffscreenRenderer was deleted")

@@ -9,16 +9,16 @@ from .draws import Draw
 from .lights import PlacedLight
 from .uploads import Uploads
 
-SIZE = 2048  # px, the edge of a map
+SIZE = 2048  # px; edge of a map
 _COLUMNS = 4
-_NEAR, _FAR = 0.01, 10.0  # of the scene's diagonal
-_MARGIN = np.pi / 16  # added to a spot's angle
+_NEAR, _FAR = 0.01, 10.0  # fractions of the scene's diagonal
+_MARGIN = np.pi / 16  # rad; added to the full angle of a spot
 
 _MAP_FROM_CLIP = np.array([[0.5, 0, 0, 0.5], [0, 0.5, 0, 0.5], [0, 0, 0.5, 0.5], [0, 0, 0, 1]])
 
 
 class ShadowMaps:
-    """A tile per light: depth as it sees the scene, back faces left out."""
+    """One tile per light with the depth of the scene as the light sees it, without back faces."""
 
     def __init__(self, ctx: moderngl.Context):
         self.ctx = ctx
@@ -27,8 +27,11 @@ class ShadowMaps:
         self._reserve(1)
 
     def draw(self, lights: list[PlacedLight], box: np.ndarray, items: list[Draw], uploads: Uploads) -> list[dict]:
-        """Fill a tile for each of `lights`, in a scene within the corners `box` (2, 3). Returns their uniforms,
-        `map_from_world`, `tile_low` and `tile_high`, one dict per light."""
+        """Fill a tile for each of `lights`; return their uniforms, one dict per light.
+
+        The uniforms are `map_from_world`, `tile_low` and `tile_high`. `box` (2, 3) holds the corners of the scene's
+        bounds.
+        """
         self._reserve(len(lights))
         self._target.use()
         self._target.clear()
@@ -69,7 +72,7 @@ class ShadowMaps:
 
 
 def _matrices(light: PlacedLight, box: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """clip_from_view and view_from_world, (4, 4) each."""
+    """clip_from_view and view_from_world of a light, (4, 4) each."""
     scale = np.linalg.norm(box[1] - box[0])
     near, far = _NEAR * scale, _FAR * scale
     pose = light.pose.copy()

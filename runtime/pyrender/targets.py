@@ -1,4 +1,4 @@
-"""Framebuffers with pyrender's formats: four samples per pixel, and what they resolve to."""
+"""Framebuffers in pyrender's formats: four samples per pixel, and the image that they resolve to."""
 
 import moderngl
 import numpy as np
@@ -18,7 +18,7 @@ class Targets:
         self.resolved = ctx.framebuffer(ctx.renderbuffer(size, 4), ctx.depth_renderbuffer(size))
 
     def resolve(self) -> None:
-        """Colours of a pixel's samples are averaged as they are encoded; its depth is that of one sample."""
+        """Resolve the samples: a colour is the average of the encoded colours, a depth is that of one sample."""
         self.ctx.copy_framebuffer(self.resolved, self.drawn)
 
     def color(self, channels: int) -> np.ndarray:
@@ -26,7 +26,7 @@ class Targets:
         return self._read(channels, 0, "f1", np.uint8)
 
     def depth(self) -> np.ndarray:
-        """(H, W) float32 in [0, 1], row 0 on top: 1 where nothing is."""
+        """(H, W) float32 in [0, 1], row 0 on top; 1 where nothing was drawn."""
         return self._read(1, -1, "f4", np.float32)[..., 0]
 
     def release(self) -> None:

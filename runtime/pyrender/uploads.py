@@ -1,4 +1,4 @@
-"""Primitives and textures of pyrender on the GPU: uploaded once, and again when an array of theirs is replaced."""
+"""pyrender's primitives and textures on the GPU: uploaded once, and again if one of their arrays is replaced."""
 
 from collections.abc import Callable, Iterable
 
@@ -10,7 +10,7 @@ ATTRIBUTES = {"position": "positions", "normal": "normals", "uv": "texcoord_0", 
 
 
 class UploadedPrimitive:
-    """Buffers of a Primitive: float32 attributes by their names in the shaders, uint32 indices, instances."""
+    """Buffers of a Primitive: float32 attributes by their shader names, uint32 indices, instances."""
 
     def __init__(self, ctx: moderngl.Context, primitive):
         self.ctx, self.mode = ctx, primitive.mode
@@ -41,9 +41,9 @@ class UploadedPrimitive:
 
 
 class UploadedTexture:
-    """A Texture with its Sampler, as pyrender sets them: 8 bits, not decoded, with mip levels unless told otherwise.
+    """A Texture with its Sampler, set as in pyrender: 8 bits, not decoded, mip-mapped by default.
 
-    `mirror` (2,): 1 along axes that are folded in the shader (glsl/texture.glsl).
+    `mirror` (2,): 1 for each axis that the shader folds (glsl/lib/texture.glsl).
     """
 
     def __init__(self, ctx: moderngl.Context, texture):
@@ -66,10 +66,10 @@ class UploadedTexture:
 
 
 class Uploads:
-    """What `upload(ctx, item)` makes of the primitives or textures of the scene at hand.
+    """Results of `upload(ctx, item)` for the primitives or textures of the current scene.
 
-    `sources(item)`: the objects that it was made from; it is made anew when one of them is another object. Arrays that
-    are changed in place are not noticed, as in pyrender.
+    `sources(item)` returns the objects from which the upload is made. The upload is renewed if one of them becomes a
+    different object. As in pyrender, arrays that are changed in place are not noticed.
     """
 
     def __init__(self, ctx: moderngl.Context, upload: type, sources: Callable[[object], tuple]):
@@ -77,7 +77,7 @@ class Uploads:
         self._held: dict[int, tuple] = {}
 
     def keep(self, items: Iterable) -> None:
-        """Upload what is missing or stale of `items`, and free everything else."""
+        """Upload those of `items` that are missing or stale, and free everything else."""
         held, self._held = self._held, {}
         for item in items:
             if id(item) in self._held:
@@ -87,7 +87,7 @@ class Uploads:
             if uploaded and not _same(before, sources):
                 uploaded.release()
                 uploaded = None
-            # Holding `item` keeps its id from being taken by another object.
+            # Holding `item` ensures that no other object takes its id.
             self._held[id(item)] = item, sources, uploaded or self._upload(self.ctx, item)
         for *_, uploaded in held.values():
             uploaded.release()
@@ -101,13 +101,13 @@ class Uploads:
 
 
 def primitive_sources(primitive) -> tuple:
-    """What an UploadedPrimitive is made from."""
+    """Objects from which an UploadedPrimitive is made."""
     return (*(getattr(primitive, field) for field in ATTRIBUTES.values()), primitive.indices, primitive.poses,
             primitive.mode)  # fmt: skip
 
 
 def texture_sources(texture) -> tuple:
-    """What an UploadedTexture is made from."""
+    """Objects from which an UploadedTexture is made."""
     sampler = texture.sampler
     return texture.source, sampler.minFilter, sampler.magFilter, sampler.wrapS, sampler.wrapT
 

@@ -1,4 +1,4 @@
-"""The assertion: an image looks as its golden image does."""
+"""The assertion that an image looks like its golden image."""
 
 import hashlib
 import json
@@ -18,12 +18,12 @@ from .message import differs, missing, other_size
 from .record import PROPERTY, UPDATE, Record
 
 
-@dataclass(frozen=True, repr=False)  # pytest prints fixtures, and this one in one long line
+@dataclass(frozen=True, repr=False)  # pytest prints fixtures, and would print this one as one long line
 class ScreenshotAssertion:
-    """What the fixture `assert_screenshot` gives to one test: `test` (its id) in `file`, drawn by `driver`.
+    """Value of the fixture `assert_screenshot` for one test: `test` (its id) in `file`, drawn by `driver`.
 
-    Pictures of what fails go to `output`. `update` is one of UPDATE, or None; `properties` are the test's, which take a
-    record of each comparison; paths are told relative to `root`.
+    Pictures of failures go to `output`. `update` is one of UPDATE, or None. `properties` belong to the test; a record
+    of each comparison is added to them. Paths are reported relative to `root`.
     """
 
     test: str
@@ -37,13 +37,14 @@ class ScreenshotAssertion:
     def __call__(
         self, image, name: str, *, max_flip: float = 0.02, max_difference: float = 2 / 255, max_ratio: float = 0.001
     ) -> None:
-        """Compare `image` with the golden image `name` and raise AssertionError, which says how far off it is.
+        """Compare `image` with the golden image `name`; raise AssertionError that says how far off it is.
 
-        `image` (H, W, 3) or (H, W): uint8, display-referred, has a .png as its golden image; floats, linear, an .exr.
-        Equal pixels pass at once. Others pass where the mean FLIP error is at most `max_flip` and a share of at most
-        `max_ratio` of the pixels is off by more than `max_difference`: of the whole range for uint8, for floats of the
-        golden value or the mean of all, whichever is greater. A missing golden image fails. With --gsgi-update what
-        would fail becomes the golden image. Raises UsageError for an image or a name that cannot be.
+        `image` is (H, W, 3) or (H, W). A uint8 image is display-referred and has a .png as its golden image; a float
+        image is linear and has an .exr. Equal pixels pass at once. Other images pass if the mean FLIP error is at most
+        `max_flip` and a share of at most `max_ratio` of the pixels differs by more than `max_difference`. For uint8
+        that is a fraction of the whole range; for floats, of the golden value or the mean of all golden values,
+        whichever is greater. A missing golden image fails. With --gsgi-update, an image that would fail becomes the
+        golden image. Raises UsageError for an invalid image or name.
         """
         __tracebackhide__ = True
         actual = as_image(image)
@@ -72,7 +73,7 @@ class ScreenshotAssertion:
         raise AssertionError(text)
 
     def _write(self, actual: np.ndarray, golden: Golden, used: Path | None) -> Path:
-        """Make `actual` the golden image: the one it was compared with, or that of the driver or family asked for."""
+        """Make `actual` the golden image: the one compared with, or that of the requested driver or family."""
         assert self.update in UPDATE, self.update
         own = {"driver": self.driver.key, "family": self.driver.family}.get(self.update)
         path = golden.path(own) if own else used or golden.path()
@@ -83,8 +84,8 @@ class ScreenshotAssertion:
     def _save(
         self, name: str, actual: np.ndarray, expected: np.ndarray | None, difference: Difference | None
     ) -> dict[str, str]:
-        """Write what there is to see of a failure; the paths by what they show."""
-        # Tests of one name may stand in several files, and run at the same time.
+        """Write the pictures of a failure; return their paths by what they show."""
+        # Tests in several files may use the same screenshot name and run at the same time.
         stem = f"{name}-{hashlib.sha256(self.test.encode()).hexdigest()[:8]}"
         reference = actual if expected is None else expected
         pictures = {"actual": to_uint8(shown(actual, reference))}
@@ -114,7 +115,7 @@ class ScreenshotAssertion:
         self.properties.append((PROPERTY, json.dumps(record._asdict())))
 
     def _told(self, path: Path) -> str:
-        """Relative to the root where it lies inside, with forward slashes."""
+        """Path relative to the root if it lies inside, else absolute; with forward slashes."""
         inside = path.is_relative_to(self.root)
         return (path.relative_to(self.root) if inside else Path(os.path.abspath(path))).as_posix()
 
@@ -126,6 +127,6 @@ def _read(path: Path) -> np.ndarray:
 
 
 def _stored(image: np.ndarray) -> np.ndarray:
-    """One channel where all three are equal: a reader makes three of it again."""
+    """Reduce to one channel if all three are equal; a reader expands it to three again."""
     grey = image[..., :1]
     return grey if image.tobytes() == np.repeat(grey, 3, axis=2).tobytes() else image

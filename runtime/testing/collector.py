@@ -1,4 +1,4 @@
-"""What a whole run did with screenshots: the report, and the lines at its end."""
+"""Screenshots of a whole run: the report, and the lines at the end of the run."""
 
 import re
 from pathlib import Path
@@ -10,19 +10,19 @@ from .record import Record, records_in
 from .report import html
 
 REPORT = "report.html"
-# What failures of any run leave beside the report (see ScreenshotAssertion).
+# Pictures that failures of any run leave beside the report (see ScreenshotAssertion).
 _PICTURE = re.compile(r".+-[0-9a-f]{8}-(actual|expected|difference)\.(png|exr)")
 
 
 class Collector:
-    """A plugin for the process that reports: gathers the records of all tests, wherever those ran."""
+    """Plugin for the process that reports. It gathers the records of all tests, including those of other processes."""
 
     def __init__(self, config: pytest.Config, output: Path):
         self.root, self.output = config.rootpath, output
         self.records: list[Record] = []
-        self.finished: dict[str, bool] = {}  # test file: did all of its tests come to their end and pass?
+        self.finished: dict[str, bool] = {}  # test file: whether all of its tests ended and passed
         option = config.option
-        # Those that select tests: golden images of the others are in use, too.
+        # Options that select tests. Golden images of the tests left out are in use, too.
         selected = (getattr(option, name, None) for name in ("keyword", "markexpr", "deselect", "lf", "collectonly"))
         self.whole = not any(selected) and not any("::" in argument for argument in config.args)
 
@@ -64,7 +64,7 @@ class Collector:
         return [record for record in self.records if record.outcome == outcome]
 
     def _unused(self) -> list[Path]:
-        """Golden images without a test, as far as this run can tell: none where it left tests out."""
+        """Golden images without a test, as far as this run can tell. Empty if the run left tests out."""
         if not (self.whole and self.records):
             return []
         files = {self.root / file for file, finished in self.finished.items() if finished}

@@ -1,4 +1,4 @@
-"""How far an image is from its golden image."""
+"""Difference between an image and its golden image."""
 
 import hashlib
 from dataclasses import dataclass
@@ -8,12 +8,12 @@ import numpy as np
 from gsgi.runtime.display import auto_exposure, tone_map
 from gsgi.runtime.errors import UnsupportedError, UsageError
 
-TILE = 16  # px, edge of the tiles of which the worst is named
+TILE = 16  # px; edge of the tiles, the worst of which is reported
 
 
 @dataclass(frozen=True)
 class Tolerance:
-    """What still passes: FLIP mean, and a `ratio` of pixels that differ by more than `difference` (see `compare`)."""
+    """Limits for passing: mean FLIP, and the `ratio` of pixels that differ by more than `difference` (see compare)."""
 
     flip: float
     difference: float
@@ -22,10 +22,10 @@ class Tolerance:
 
 @dataclass(frozen=True)
 class Difference:
-    """What `compare` found. Units of `largest` and `mean`: the whole range of 8 bits, or relative (see there).
+    """Result of `compare`. Units of `largest` and `mean`: the whole range of 8 bits, or relative (see there).
 
-    `tile` is (x, y) px of the upper left corner of the tile whose FLIP mean, `tile_flip`, is the greatest; `heat`
-    (H, W, 3) uint8 is the map of FLIP in the colours of magma, dark where the images agree.
+    `tile` is (x, y) px of the upper left corner of the tile with the greatest FLIP mean, which is `tile_flip`. `heat`
+    (H, W, 3) uint8 is the FLIP map in the colours of magma, dark where the images agree.
     """
 
     largest: float
@@ -37,12 +37,12 @@ class Difference:
     heat: np.ndarray
 
     def passes(self, tolerance: Tolerance) -> bool:
-        """Whether it is within the tolerance."""
+        """Whether the difference is within the tolerance."""
         return self.flip <= tolerance.flip and self.ratio <= tolerance.ratio
 
 
 def as_image(image) -> np.ndarray:
-    """An array, or what becomes one, as (H, W, 3) uint8 display-referred or float32 linear; (H, W) counts thrice.
+    """Convert an array-like to (H, W, 3): uint8 display-referred or float32 linear. (H, W) is repeated three times.
 
     Raises UsageError for other shapes and types; alpha is not compared, so it is refused.
     """
@@ -63,9 +63,9 @@ def pixel_hash(image: np.ndarray) -> str:
 
 
 def shown(image: np.ndarray, golden: np.ndarray) -> np.ndarray:
-    """What there is to see of an image of `as_image`, (H, W, 3) float32 in [0, 1].
+    """Displayed form of an image of `as_image`, (H, W, 3) float32 in [0, 1].
 
-    Linear values go through the tone curve, at the exposure that takes the golden image to mid-grey.
+    Linear values go through the tone curve, at the exposure that maps the log-average of the golden image to mid-grey.
     """
     if image.dtype == np.uint8:
         return image.astype(np.float32) / 255
@@ -73,11 +73,12 @@ def shown(image: np.ndarray, golden: np.ndarray) -> np.ndarray:
 
 
 def compare(actual: np.ndarray, golden: np.ndarray, difference: float) -> Difference:
-    """Compare two images of `as_image`, of one type and size.
+    """Compare two images of `as_image` that have the same type and size.
 
-    Pixels of 8 bits differ by the greatest of their channels, in units of the whole range; linear ones relative to the
-    golden value or, where that is less, to the mean of all golden values. Equal infinities and NaNs do not differ, any
-    others do by infinity. FLIP is of display-referred images (see `shown`), at 67 pixels per degree.
+    The difference of an 8-bit pixel is the greatest of its channels, as a fraction of the whole range. That of a linear
+    pixel is relative to the golden value or, if that is smaller, to the mean of all finite golden values (all as
+    magnitudes). Equal infinities and two NaNs do not differ; other values that are not finite differ by infinity. FLIP
+    is computed from display-referred images (see `shown`), at 67 pixels per degree.
     """
     off = _pixel_difference(actual, golden)
     seen = shown(golden, golden), shown(actual, golden)
@@ -89,7 +90,7 @@ def compare(actual: np.ndarray, golden: np.ndarray, difference: float) -> Differ
 
 
 def _pixel_difference(actual: np.ndarray, golden: np.ndarray) -> np.ndarray:
-    """(H, W) float64: the greatest difference of a pixel's channels."""
+    """(H, W) float64: the greatest difference among a pixel's channels."""
     if golden.dtype == np.uint8:
         return np.abs(actual.astype(int) - golden).max(axis=2) / 255
     actual, golden = actual.astype(np.float64), golden.astype(np.float64)

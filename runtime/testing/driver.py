@@ -1,10 +1,10 @@
-"""What the names of golden images call a driver."""
+"""Names of drivers in golden images."""
 
 import re
 from collections.abc import Mapping
 from typing import NamedTuple
 
-# Software rasterisers: they compute pixels in their own way, whoever is named as the vendor.
+# Software rasterisers. They compute pixels in their own way, independent of the vendor that they report.
 _SOFTWARE = ("llvmpipe", "softpipe", "swrast")
 _VERSION = re.compile(r"(?:Mesa|NVIDIA) (\d+\.\d+)")
 
@@ -19,8 +19,8 @@ class Driver(NamedTuple):
 def driver_of(info: Mapping[str, str]) -> Driver:
     """The driver behind `moderngl.Context.info`.
 
-    The family is the software rasteriser, else the vendor's first word. The version is that of Mesa or NVIDIA's driver
-    without its last part, else OpenGL's.
+    The family is the software rasteriser or, without one, the first word of the vendor. The version is that of Mesa or
+    of NVIDIA's driver, without its last part, or else that of OpenGL.
     """
     renderer, vendor = info["GL_RENDERER"].lower(), info["GL_VENDOR"].lower()
     software = next((name for name in _SOFTWARE if renderer.startswith(name)), None)

@@ -1,4 +1,4 @@
-"""One frame of a scene, as a test asks for it."""
+"""One frame of a scene for a test."""
 
 from pathlib import Path
 
@@ -24,18 +24,18 @@ def draw(
     layer: str | None = None,
     exposure: float = 1.0,
 ) -> np.ndarray:
-    """A frame of `size` (width, height) px, row 0 on top: (H, W, 3) uint8 under `exposure` and the tone curve.
+    """Frame of `size` (width, height) px, row 0 on top: (H, W, 3) uint8 under `exposure` and the tone curve.
 
-    With a `layer` ("final", "primary", "indirect", "albedo", "normal" or "depth") its values, linear: (H, W, 3)
-    float32, depth (H, W). `scene` and `bake` are records or files; a scene file comes with the light of the
-    .lights.toml beside it. `camera` is one, or the name of one of the scene's; None: its first. The exposure is fixed,
-    since one that follows the frame would hide that the frame became darker. Leaves `context` current. Raises
-    UsageError for a camera that the scene lacks, and what the readers raise.
+    With a `layer` ("final", "primary", "indirect", "albedo", "normal" or "depth"), returns its linear values: (H, W, 3)
+    float32, depth (H, W). `scene` and `bake` are records or files; a scene file includes the lights of the .lights.toml
+    beside it. `camera` is a Camera, or the name of one in the scene; None is the scene's first camera. The exposure is
+    fixed, since one that adapts to the frame would hide that the frame became darker. Leaves `context` current. Raises
+    UsageError for a camera that the scene lacks, and the errors of the readers.
     """
     scene = scene if isinstance(scene, Scene) else read_scene(scene)
     bake = read_bake(bake) if isinstance(bake, str | Path) else bake
     camera = camera if isinstance(camera, Camera) else _camera_of(scene, camera)
-    context.__enter__()  # makes it current; `with` would leave no context current at its end
+    context.__enter__()  # makes it current; with EGL, a `with` block would leave no context current
     renderer = DeferredRenderer(context, scene, bake, *size)
     try:
         renderer.render(camera)

@@ -1,4 +1,4 @@
-"""Golden images on disk: which one belongs to a driver, and which ones nobody asks for."""
+"""Golden images on disk: which one belongs to a driver, and which ones are unused."""
 
 import re
 from collections.abc import Iterable
@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from gsgi.runtime.errors import UsageError
 
-FOLDER = "screenshots"  # beside the test files; in it, a folder for each of them
+FOLDER = "screenshots"  # beside the test files; contains a folder for each of them
 SUFFIXES = (".png", ".exr")  # display-referred, linear
 _NAME = re.compile(r"\w[\w.+-]*", re.ASCII)
 
@@ -20,30 +20,31 @@ class Golden(NamedTuple):
     suffix: str
 
     def path(self, driver: str = "") -> Path:
-        """The file for a driver's key or family; without one, for all drivers."""
+        """File for a driver's key or family; without one, the file for all drivers."""
         return self.folder / f"{self.name}{'@' * bool(driver)}{driver}{self.suffix}"
 
     def candidates(self, key: str, family: str) -> tuple[Path, Path, Path]:
-        """The files that may hold it, the most specific first."""
+        """Files that may hold the image, the most specific first."""
         return self.path(key), self.path(family), self.path()
 
 
 def golden_of(test_file: Path, name: str, suffix: str) -> Golden:
-    """The golden image that a test in `test_file` calls `name`. Raises UsageError for a name that no file can have."""
+    """The golden image that a test in `test_file` calls `name`. Raises UsageError for an invalid name."""
     if not _NAME.fullmatch(name):
         raise UsageError(f"expected a screenshot's name of letters, digits and _ . + -, got {name!r}")
     return Golden(folder_of(test_file), name, suffix)
 
 
 def folder_of(test_file: Path) -> Path:
-    """Where the golden images of a test file lie."""
+    """Folder of the golden images of a test file."""
     return test_file.parent / FOLDER / test_file.stem
 
 
 def unused(test_files: Iterable[Path], asked: set[Golden]) -> list[Path]:
-    """Golden images that no test of these files asked for, for whatever driver, sorted.
+    """Golden images, for any driver, that no test of these files asked for; sorted.
 
-    Also all of those whose test file is gone. Every test of `test_files` must have run to its end.
+    Includes all golden images beside these files whose own test file no longer exists. Every test of `test_files` must
+    have run to its end.
     """
     test_files = set(test_files)
     folders = {folder_of(file) for file in test_files}
@@ -55,5 +56,5 @@ def unused(test_files: Iterable[Path], asked: set[Golden]) -> list[Path]:
 
 
 def golden_in(path: Path) -> Golden:
-    """The golden image that a file holds, for whatever driver."""
+    """The golden image that a file holds, for any driver."""
     return Golden(path.parent, path.stem.partition("@")[0], path.suffix)

@@ -1,4 +1,4 @@
-"""What a failed comparison says."""
+"""Messages of failed comparisons."""
 
 from collections.abc import Sequence
 
@@ -7,16 +7,16 @@ import numpy as np
 from .comparison import TILE, Difference, Tolerance, pixel_hash
 from .driver import Driver
 
-HASH_LENGTH = 16  # hexadecimal digits that are shown: enough to tell two pictures apart
+HASH_LENGTH = 16  # hexadecimal digits shown; enough to tell two images apart
 
 
 def missing(name: str, candidates: Sequence[str]) -> str:
-    """No golden image was found."""
+    """Message for a golden image that was not found."""
     return "\n".join([f"screenshot {name!r} has no golden image; looked for", *(f"  {path}" for path in candidates)])
 
 
 def other_size(name: str, golden: str, actual: np.ndarray, expected: np.ndarray) -> str:
-    """The images cannot be compared."""
+    """Message for images of different size."""
     sizes = [f"{image.shape[1]} x {image.shape[0]}" for image in (actual, expected)]
     return f"screenshot {name!r} is {sizes[0]} px, its golden image {golden} is {sizes[1]}"
 
@@ -30,7 +30,7 @@ def differs(
     difference: Difference,
     tolerance: Tolerance,
 ) -> str:
-    """The images differ by more than the tolerance."""
+    """Message for images that differ by more than the tolerance."""
     unit = "of the range" if actual.dtype == np.uint8 else "of the golden value"
     x, y = difference.tile
     right, bottom = min(x + TILE, actual.shape[1]), min(y + TILE, actual.shape[0])

@@ -1,4 +1,4 @@
-"""The pytest plugin: options and fixtures. It is loaded in every run, so heavy imports wait for a fixture."""
+"""The pytest plugin: options and fixtures. It is loaded in every run, so fixtures do the heavy imports."""
 
 import os
 from functools import partial
@@ -33,7 +33,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     if config.getoption("gsgi_update") and os.environ.get("CI", "").lower() not in ("", "0", "false"):
         raise pytest.UsageError("golden images are not written where CI is set: somebody has to look at them first")
-    if not hasattr(config, "workerinput"):  # of pytest-xdist: its workers send what they found to the one that reports
+    if not hasattr(config, "workerinput"):  # pytest-xdist: workers send their records to the reporting process
         config.pluginmanager.register(Collector(config, _output(config)), "gsgi-collector")
 
 
@@ -45,8 +45,8 @@ def _output(config: pytest.Config) -> Path:
 def gsgi_context(request: pytest.FixtureRequest):
     """A headless OpenGL context (moderngl.Context), released at the end of the run.
 
-    Skips where there is none, and fails there if --gsgi-backend asked for it. A project that has a context overrides
-    this fixture: a process should hold one.
+    Without OpenGL, tests are skipped, or fail if --gsgi-backend asked for it. A project that has its own context
+    overrides this fixture, because a process should hold only one.
     """
     from gsgi.runtime.errors import UnsupportedError
     from gsgi.runtime.gl.context import create_context
@@ -64,9 +64,9 @@ def gsgi_context(request: pytest.FixtureRequest):
 
 @pytest.fixture(scope="session")
 def gsgi_driver(gsgi_context):
-    """What draws, as the names of golden images call it (gsgi.runtime.testing.driver.Driver).
+    """The driver as golden images name it (gsgi.runtime.testing.driver.Driver).
 
-    A project that draws by other means than `gsgi_context` overrides this fixture.
+    A project that does not draw with `gsgi_context` overrides this fixture.
     """
     from .driver import driver_of
 
@@ -77,7 +77,7 @@ def gsgi_driver(gsgi_context):
 def gsgi_render(gsgi_context):
     """`gsgi_render(scene, camera=None, size=(160, 120), *, bake=None, layer=None, exposure=1.0)` draws a frame.
 
-    (H, W, 3) uint8 as displayed, or the linear values of a layer; see gsgi.runtime.testing.frame.draw.
+    The frame is (H, W, 3) uint8 as displayed, or the linear values of a layer; see gsgi.runtime.testing.frame.draw.
     """
     from .frame import draw
 
@@ -88,8 +88,8 @@ def gsgi_render(gsgi_context):
 def assert_screenshot(request: pytest.FixtureRequest, gsgi_driver):
     """`assert_screenshot(image, name, *, max_flip=0.02, max_difference=2/255, max_ratio=0.001)`.
 
-    Compares an image with screenshots/TEST_FILE/name.png (of floats: .exr) beside the test file, where there is one
-    with name@DRIVER.png; see gsgi.runtime.testing.assertion.ScreenshotAssertion.
+    Compares an image with screenshots/TEST_FILE/name.png (for floats: .exr) beside the test file, or with
+    name@DRIVER.png if that exists; see gsgi.runtime.testing.assertion.ScreenshotAssertion.
     """
     from .assertion import ScreenshotAssertion
 

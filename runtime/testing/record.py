@@ -1,4 +1,4 @@
-"""What is passed on of each comparison: a property of the test, which also reaches JUnit files and other processes."""
+"""Record of a comparison: a property of the test, which also reaches JUnit files and other processes."""
 
 import json
 from collections.abc import Iterable
@@ -9,11 +9,11 @@ UPDATE = ("same", "driver", "family")  # which golden image an update writes
 
 
 class Record(NamedTuple):
-    """One comparison: the id of the `test`, the screenshot's `name`, and an `outcome`:
+    """One comparison: the id of the `test`, the `name` of the screenshot, and an `outcome`.
 
-    "equal" to the bit, "close", "failed", or "written" by an update. `golden` is the golden image for all drivers,
-    `used` the one that was compared or written ("" where there is none). A failure has its `message` and its `pictures`
-    by what they show. Paths are relative to pytest's root folder.
+    The outcome is "equal" (to the bit), "close", "failed", or "written" (by an update). `golden` is the golden image
+    for all drivers, `used` the one that was compared or written ("" if there is none). A failure has a `message`, and
+    `pictures` by what they show. Paths inside pytest's root folder are relative to it.
     """
 
     test: str

@@ -1,4 +1,4 @@
-"""One page with everything that failed: text and pictures in a single HTML file."""
+"""Report of all failures: text and pictures in a single HTML file."""
 
 import base64
 from collections.abc import Sequence
@@ -32,7 +32,7 @@ _FIGURE = """<figure><img alt="{what}" src="data:image/png;base64,{data}"><figca
 
 
 def html(failed: Sequence[Record], root: Path) -> str:
-    """A page for records of failures. Their pictures are read below `root` and stand in the page itself."""
+    """HTML page for records of failures. Their pictures are read below `root` and embedded in the page."""
     title = f"{len(failed)} {'screenshot' if len(failed) == 1 else 'screenshots'} failed"
     return _PAGE.format(title=title, sections="\n".join(_section(record, root) for record in failed))
 

@@ -1,1 +1,1 @@
-"""A window on a scene and its baked light: `gsgi view`. Needs the extra `gsgi[view]`."""
+"""Window that shows a scene and its baked light: `gsgi view`. Needs the extra `gsgi[view]`."""

@@ -1,12 +1,12 @@
-"""What the viewer's keys do. Loads nothing: the command line prints the table."""
+"""Key bindings of the viewer. No heavy imports, since the command line prints the table."""
 
 from dataclasses import dataclass, field
 
 VIEWS = {"1": "final", "2": "primary", "3": "indirect", "4": "ellipsoids"}
-SCALES = 1, 2, 3, 4  # pixels of the frame per pixel at which Gaussians are read
+SCALES = 1, 2, 3, 4  # frame pixels per point at which Gaussians are read, along each axis
 EXPOSURE_STEP = 2 ** (1 / 3)  # a third of a stop
 
-# What is held down: right, up, back.
+# Directions of the keys that are held down: right, up, back.
 MOVES = {"A": (-1, 0, 0), "D": (1, 0, 0), "Q": (0, -1, 0), "E": (0, 1, 0), "W": (0, 0, -1), "S": (0, 0, 1)}
 SHIFTS = "LEFT_SHIFT", "RIGHT_SHIFT"
 
@@ -27,7 +27,7 @@ Esc           quit"""
 
 @dataclass
 class Controls:
-    """The state that keys change. `exposure` 0: to be taken from the next picture.
+    """State that the keys change. `exposure` 0 means that the next picture determines it.
 
     `baked`: whether there is baked light to show; `scalable`: whether it can be read at a lower resolution.
     """
@@ -44,7 +44,7 @@ class Controls:
     held: set[str] = field(default_factory=set)
 
     def press(self, key: str) -> str:
-        """A key goes down; returns a line for the user, or nothing. Keys that are not in HELP do nothing."""
+        """Handle a key that goes down; return a line for the user, or "". Keys that are not in HELP do nothing."""
         if key in MOVES or key in SHIFTS:
             self.held.add(key)
         elif key in VIEWS:
@@ -71,12 +71,12 @@ class Controls:
         return ""
 
     def release(self, key: str) -> None:
-        """A key goes up."""
+        """Handle a key that goes up."""
         self.held.discard(key)
 
     @property
     def direction(self) -> tuple[int, int, int]:
-        """Where the keys that are held down lead: right, up, back, each -1, 0 or 1."""
+        """Direction of flight from the held keys: right, up, back, each -1, 0 or 1."""
         return tuple(sum(MOVES[key][axis] for key in self.held if key in MOVES) for axis in range(3))
 
     @property
@@ -85,4 +85,4 @@ class Controls:
         return not self.held.isdisjoint(SHIFTS)
 
 
-KEYS = (*MOVES, *SHIFTS, *VIEWS, "UP", "DOWN", "M", "C", "R", "P", "H", "ESCAPE")  # all that press() knows
+KEYS = (*MOVES, *SHIFTS, *VIEWS, "UP", "DOWN", "M", "C", "R", "P", "H", "ESCAPE")  # all keys that press() handles

@@ -1,4 +1,4 @@
-"""What the passes of the last frames cost, as lines of text."""
+"""Costs of the passes of the last frames, as lines of text."""
 
 from collections.abc import Sequence
 
@@ -6,7 +6,7 @@ from gsgi.runtime.gl.profile import PassCost
 
 
 def cost_table(frames: Sequence[Sequence[PassCost]]) -> str:
-    """Means over frames of the same passes, GPU and CPU milliseconds, and their sums. Nothing for no frames."""
+    """Mean GPU and CPU milliseconds over frames of the same passes, and their sums. Empty for no frames."""
     if not frames:
         return ""
     sums: dict[str, list[float]] = {}

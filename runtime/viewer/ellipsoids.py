@@ -1,4 +1,4 @@
-"""The Gaussians of a bake as solid ellipsoids: where they are, how large, of what light."""
+"""Gaussians of a bake as solid ellipsoids that show position, size and light."""
 
 import moderngl
 
@@ -12,13 +12,13 @@ from gsgi.runtime.gl.surface_splat import OUTLINE_CORNERS
 from gsgi.runtime.gl.view import View
 from gsgi.runtime.rebase import local_bake, origin_of_bake
 
-RADIUS = 1.0  # standard deviations at which they are drawn
+RADIUS = 1.0  # standard deviations at which the ellipsoids are drawn
 
 
 class Ellipsoids:
-    """`radiance` RGBA16F of (width, height) px: the fine level, B darkened towards the edges, 0 where none is.
+    """Fine level of a bake in `radiance`, RGBA16F of (width, height) px: B, darker towards the edges, 0 elsewhere.
 
-    Raises UnsupportedError for more Gaussians than the driver's textures hold.
+    Raises UnsupportedError for more Gaussians than the driver's textures can hold.
     """
 
     def __init__(self, ctx: moderngl.Context, bake: Bake, size: tuple[int, int]):

@@ -1,4 +1,4 @@
-"""A camera that flies: keys move it, the mouse turns it."""
+"""A camera that flies: keys move it and the mouse turns it."""
 
 from dataclasses import replace
 
@@ -7,20 +7,20 @@ import numpy as np
 from gsgi.runtime.camera import Camera
 
 TURN = 0.003  # rad per px that the mouse moves
-STEEPEST = np.radians(89)  # above and below the horizon: beyond, left and right change sides
+STEEPEST = np.radians(89)  # above and below the horizon; past the vertical, left and right would swap
 CROSSING = 8.0  # s to fly along the scene's diagonal
 FASTER = 5.0
 
 
 class FlyCamera:
-    """Starts as `camera`, exactly; a roll that it has stays. Speed by the scene's `diagonal`, m."""
+    """Starts exactly as `camera` and keeps its roll. The speed depends on the scene's `diagonal`, m."""
 
     def __init__(self, camera: Camera, diagonal: float):
         self.camera = camera
         self._speed = diagonal / CROSSING
 
     def turn(self, dx: float, dy: float) -> None:
-        """Look around by a way of the mouse, px: to the right, down."""
+        """Look around by a mouse movement to the right (`dx`) and down (`dy`), px."""
         rotation = self.camera.world_from_view[:3, :3]
         elevation = np.arcsin(np.clip(-rotation[1, 2], -1, 1))
         steepest = max(STEEPEST, abs(elevation))
@@ -28,7 +28,7 @@ class FlyCamera:
         self._pose(_about(1, -TURN * dx) @ rotation @ _about(0, pitch), self.camera.position)
 
     def move(self, direction: tuple[float, float, float], seconds: float, fast: bool = False) -> None:
-        """Fly: `direction` is right and back of the camera's own, and the world's up between them."""
+        """Fly along `direction` (right, up, back): right and back are the camera's axes, up is the world's."""
         right, up, back = direction
         rotation = self.camera.world_from_view[:3, :3]
         way = right * rotation[:, 0] + np.array([0.0, up, 0.0]) + back * rotation[:, 2]
@@ -47,7 +47,7 @@ class FlyCamera:
 
 
 def _about(axis: int, angle: float) -> np.ndarray:
-    """(3, 3): the rotation about a coordinate axis, rad, counter-clockwise."""
+    """Rotation (3, 3) about a coordinate axis by `angle` (rad), counter-clockwise."""
     u, v = (axis + 1) % 3, (axis + 2) % 3
     rotation = np.eye(3)
     rotation[[u, u, v, v], [u, v, u, v]] = np.cos(angle), -np.sin(angle), np.sin(angle), np.cos(angle)

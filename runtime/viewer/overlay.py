@@ -6,12 +6,12 @@ import numpy as np
 from gsgi.runtime.gl.fullscreen import FullScreenPass
 
 MARGIN = 3  # px around the text
-LARGER = 2  # how much, where the picture has room for it
-SHADE = 150  # of 255; how dark it is behind the letters
+LARGER = 2  # magnification, if the picture has room for it
+SHADE = 150  # of 255; opacity behind the letters
 
 
 class Overlay:
-    """Draws the text of `write` until another is written; an empty one draws nothing."""
+    """Draws the text that was last passed to `write`. An empty text draws nothing."""
 
     def __init__(self, ctx: moderngl.Context):
         self.ctx, self.text = ctx, ""
@@ -19,7 +19,7 @@ class Overlay:
         self._pass = FullScreenPass(ctx, "viewer/overlay", ("text",))
 
     def write(self, text: str) -> None:
-        """Take other text, of one or more lines."""
+        """Replace the text, which has one or more lines."""
         if text == self.text:
             return
         self.text = text
@@ -29,7 +29,7 @@ class Overlay:
             self._texture = self.ctx.texture(image.shape[1::-1], 4, np.ascontiguousarray(image))
 
     def draw(self, target: moderngl.Framebuffer, size: tuple[int, int]) -> None:
-        """Blend the text into `target` of `size` (width, height) px, whose viewport stays; what does not fit is cut."""
+        """Blend the text into `target` of `size` (width, height) px, whose viewport is kept; excess text is cut off."""
         if not self._texture:
             return
         scale = LARGER if self._texture.width * LARGER <= size[0] else 1
@@ -53,7 +53,7 @@ class Overlay:
 
 
 def letters(text: str) -> np.ndarray:
-    """White text on a shade: (H, W, 4) uint8, premultiplied, row 0 on top; each letter as wide as any other."""
+    """White monospaced text on a shade: (H, W, 4) uint8, premultiplied, row 0 on top."""
     from PIL import Image, ImageDraw, ImageFont
 
     font = ImageFont.load_default_imagefont()  # a bitmap

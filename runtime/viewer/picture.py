@@ -1,4 +1,4 @@
-"""What the viewer shows, in any context: a view of a frame, under an exposure, in any framebuffer."""
+"""The viewer's picture, in any context and framebuffer: one view of a frame, under an exposure."""
 
 import moderngl
 import numpy as np
@@ -15,14 +15,14 @@ from .ellipsoids import Ellipsoids
 
 
 class Picture:
-    """Draws frames of `size` (width, height) px, the same as `gsgi render` does; views are those of controls.VIEWS."""
+    """Draws frames of `size` (width, height) px as `gsgi render` does. The views are those of controls.VIEWS."""
 
     def __init__(self, ctx: moderngl.Context, scene: Scene, bake: Bake | None, size: tuple[int, int]):
         self.ctx, self.size, self.splat_scale = ctx, size, 1
         self._bake, self._view = bake, "final"
         self._renderer = DeferredRenderer(ctx, scene, bake, *size)
-        self._ellipsoids: Ellipsoids | None = None  # made when they are asked for
-        # Blended light does not end where surfaces do; `gsgi render` shows it on surfaces alone.
+        self._ellipsoids: Ellipsoids | None = None  # created when first needed
+        # Light of the `over` operator extends beyond surfaces; `gsgi render` shows it only on surfaces.
         self._displays = {
             masked: FullScreenPass(ctx, "frame/display", ("radiance", "depth"), **defines("frame/display", masked))
             for masked in (False, True)
@@ -30,7 +30,7 @@ class Picture:
 
     @property
     def scalable(self) -> bool:
-        """Whether another `splat_scale` than 1 makes a difference."""
+        """Whether a `splat_scale` other than 1 makes a difference."""
         return self._bake is not None and isinstance(self._bake.blend, SurfaceBlend)
 
     def resize(self, size: tuple[int, int]) -> None:
@@ -47,7 +47,7 @@ class Picture:
             self.splat_scale = splat_scale
 
     def render(self, camera: Camera, view: str, profile: Profile | None = None) -> None:
-        """Draw the passes that `view` needs; with a `profile`, of the context, they are measured."""
+        """Draw the passes that `view` needs. A `profile`, which must belong to the context, measures them."""
         self._view = view
         if view != "ellipsoids":
             self._renderer.render(camera, profile)
@@ -57,7 +57,7 @@ class Picture:
         self._ellipsoids.draw(camera, profile)
 
     def show(self, target: moderngl.Framebuffer, exposure: float) -> None:
-        """The last frame in `target`, of the same size: sRGB, exposed and tone-mapped."""
+        """Draw the last frame into `target`, which has the same size: sRGB, exposed and tone-mapped."""
         self.ctx.enable_only(moderngl.NOTHING)
         display = self._displays[self._view == "indirect"]
         display.draw(target, self._texture(), self._renderer.gbuffer.depth, exposure=exposure)

@@ -1,4 +1,4 @@
-"""A picture to a file that was not there before."""
+"""Picture files that never replace existing files."""
 
 from pathlib import Path
 
@@ -9,9 +9,9 @@ from gsgi.runtime.image import write_image
 
 
 def write_snapshot(name: str, image: np.ndarray) -> Path:
-    """Write (H, W, 3) uint8 to NAME-001.png in the current folder, or under the next number that is free.
+    """Write (H, W, 3) uint8 to NAME-001.png in the current folder, or to the next number that is free.
 
-    Returns the path. Raises FileError, and leaves no file then.
+    Returns the path. Raises FileError, and then leaves no file.
     """
     path = _claim(name)
     try:
@@ -23,7 +23,7 @@ def write_snapshot(name: str, image: np.ndarray) -> Path:
 
 
 def _claim(name: str) -> Path:
-    """An empty file, made here."""
+    """Create an empty file under the first free number."""
     number = 1
     while True:
         path = Path(f"{name}-{number:03}.png")

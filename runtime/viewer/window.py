@@ -1,4 +1,4 @@
-"""The viewer's window: its events to controls and camera, and frames until it is closed."""
+"""The viewer's window: passes events to controls and camera, and draws frames until it is closed."""
 
 import time
 from collections.abc import Callable
@@ -17,17 +17,17 @@ from .overlay import Overlay
 from .picture import Picture
 from .snapshot import write_snapshot
 
-COSTS_EVERY = 0.5  # s between new figures
-LONGEST_STEP = 0.25  # s; a frame that took longer does not carry the camera further
+COSTS_EVERY = 0.5  # s between updates of the figures
+LONGEST_STEP = 0.25  # s; a frame that took longer moves the camera no further
 _KEY_NAMES = {"1": "NUMBER_1", "2": "NUMBER_2", "3": "NUMBER_3", "4": "NUMBER_4"}  # in moderngl-window
 
 
 class Viewer:
-    """A window of `size` px (width, height) on `scene` with the light of `bake`, seen through `camera` at first.
+    """A window of `size` (width, height) px on `scene` with the light of `bake`, first seen through `camera`.
 
-    `name` is that of the scene, for the title and the names of pictures; `say` takes lines for the user; `exposure`
-    None takes the log-average of the first picture to mid-grey. Raises UnsupportedError without moderngl-window, a
-    display or OpenGL 3.3.
+    `name` is that of the scene, for the title and the names of pictures. `say` receives lines for the user. With
+    `exposure` None, the log-average of the first picture becomes mid-grey. Raises UnsupportedError without
+    moderngl-window, a display or OpenGL 3.3.
     """
 
     def __init__(
@@ -42,13 +42,13 @@ class Viewer:
         self.controls = Controls(bake is not None, self.picture.scalable, exposure or 0.0)
         self._keys = {getattr(self.window.keys, _KEY_NAMES.get(key, key)): key for key in KEYS}
         self._costs: list[tuple[PassCost, ...]] | None = None
-        self._shown = 0.0  # s; when costs were
+        self._shown = 0.0  # s; time at which costs were last shown
         self.window.key_event_func = self._key
-        self.window._window.push_handlers(on_deactivate=self.controls.held.clear)  # who looks away holds no keys
+        self.window._window.push_handlers(on_deactivate=self.controls.held.clear)  # without focus no keys are held
         self.window.mouse_drag_event_func = lambda x, y, dx, dy: self.fly.turn(dx, dy)
 
     def run(self) -> None:
-        """Draw until the window is closed, and release everything."""
+        """Draw until the window is closed, then release everything."""
         last = time.perf_counter()
         while not (self.window.is_closing or self.controls.closing):
             now = time.perf_counter()
@@ -59,7 +59,7 @@ class Viewer:
         self.release()
 
     def frame(self) -> None:
-        """Draw one frame into the window; write it, where that was asked for."""
+        """Draw one frame into the window, and write it to a file if requested."""
         controls, picture, window = self.controls, self.picture, self.window
         if picture.size != window.buffer_size and min(window.buffer_size) > 0:
             picture.resize(window.buffer_size)
@@ -90,7 +90,7 @@ class Viewer:
             self._say(line)
 
     def _write_picture(self) -> None:
-        """The picture as `gsgi render` writes it, with neither overlay nor the driver's rounding."""
+        """Write the picture as `gsgi render` does, without overlay and without the driver's rounding."""
         try:
             path = write_snapshot(self._name, to_uint8(tone_map(self.picture.read(), self.controls.exposure)))
         except FileError as error:
@@ -104,7 +104,7 @@ class Viewer:
             self._costs = None
             self.overlay.write(text)
             return
-        if self._costs is None:  # the first frame: the timers of some drivers start with nonsense
+        if self._costs is None:  # skip the first frame: the timers of some drivers start with nonsense
             self._costs = []
             return
         if self._costs and [cost.name for cost in self._costs[-1]] != [cost.name for cost in profile.passes]:
@@ -125,16 +125,16 @@ class Viewer:
 
 
 def _open(size: tuple[int, int]):
-    """A moderngl-window of pyglet. Raises UnsupportedError with a reason."""
+    """Open a moderngl-window of pyglet. Raises UnsupportedError with a reason."""
     try:
         from moderngl_window.context.pyglet.window import Window
 
         window = Window(title="gsgi view", size=size, gl_version=(3, 3), vsync=True)
     except ModuleNotFoundError as error:
         raise UnsupportedError(f"{error.name} is not installed: install gsgi with its extra 'view'") from None
-    except Exception as error:  # pyglet and moderngl raise what they like
+    except Exception as error:  # pyglet and moderngl raise many types
         reason = " ".join(f"{type(error).__name__} {error}".split())
         raise UnsupportedError(f"no window ({reason}); without a display, `gsgi render` draws to a file") from None
-    window.exit_key = None  # it would end the context before what lies in it is released
+    window.exit_key = None  # it would destroy the context before its resources are released
     window.fullscreen_key = None
     return window

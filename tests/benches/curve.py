@@ -1,4 +1,4 @@
-"""A picture of accuracy against cost, as SVG: held-out SSIM by the number of Gaussians, a line for each scene."""
+"""An SVG plot of accuracy against cost: held-out SSIM by the number of Gaussians, one line per scene."""
 
 from collections.abc import Iterator
 from itertools import pairwise
@@ -8,17 +8,17 @@ import numpy as np
 
 from gsgi.runtime.file import codec
 
-# Of Okabe and Ito (2008): told apart whatever colours one sees, and dark enough for thin lines on white.
+# After Okabe and Ito (2008): distinguishable with any colour vision, and dark enough for thin lines on white.
 COLOURS = "#0072b2", "#d55e00", "#008a64", "#a8508a"
 INK, GREY, RULE = "#222222", "#6b6b6b", "#e4e4e4"
 
 WIDTH, HEIGHT = 720, 420  # px
-LEFT, RIGHT, TOP, BOTTOM = 54, 562, 74, 350  # of the plot; the names of the lines stand to its right
-LABEL = 36  # px, least distance of two names
+LEFT, RIGHT, TOP, BOTTOM = 54, 562, 74, 350  # px, edges of the plot; the names of the lines are to its right
+LABEL = 36  # px, least distance between two names
 
 
 class Curve(NamedTuple):
-    """A scene: (Gaussians, SSIM) of its fits, and the SSIM that noise of the reference allows."""
+    """A scene: (Gaussians, SSIM) of its fits, and the ceiling that the noise of the reference sets."""
 
     name: str
     points: list[tuple[int, float]]
@@ -49,7 +49,7 @@ class _Axes(NamedTuple):
 
 
 def draw(curves: list[Curve]) -> str:
-    """The picture, WIDTH x HEIGHT px. At least one curve with two different numbers of Gaussians."""
+    """The plot, WIDTH x HEIGHT px. At least one curve must have two different numbers of Gaussians."""
     axes = _Axes.of(curves)
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" width="{WIDTH}" height="{HEIGHT}" '
@@ -82,7 +82,7 @@ def _grid(axes: _Axes) -> Iterator[str]:
 
 
 def _line(curve: Curve, axes: _Axes, colour: str, label: float) -> Iterator[str]:
-    """The line, its ceiling, and its name beside its end, at height `label`."""
+    """Yield the line, its ceiling, and its name beside its end, at height `label`."""
     points = [(axes.x(count), axes.y(ssim)) for count, ssim in curve.points]
     path = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
     ceiling = axes.y(curve.ceiling)
@@ -98,7 +98,7 @@ def _line(curve: Curve, axes: _Axes, colour: str, label: float) -> Iterator[str]
 
 
 def _spread(heights: list[float]) -> list[float]:
-    """The same heights, moved as little as keeps them LABEL apart and above the names of the axis."""
+    """The heights, moved just far enough to be LABEL apart and above the labels of the axis."""
     order = sorted(range(len(heights)), key=heights.__getitem__)
     moved = dict(enumerate(heights))
     for above, below in pairwise(order):

@@ -1,4 +1,4 @@
-"""Accuracy against cost: what a number of Gaussians reaches in views that were not fitted, and the dial's answers."""
+"""Accuracy against cost: the accuracy of budgets in held-out views, and the answers of the budget search."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -31,25 +31,25 @@ FOLDER = ROOT / "build" / "bench"
 CACHE = FOLDER / "cache"  # of traced light: a second run traces nothing
 
 MOST = 16384
-BUDGETS = (64, *budgets(MOST))  # all that the dial tries, and one below
+BUDGETS = (64, *budgets(MOST))  # all that the search tries, and a smaller one
 TARGETS = 8
-REPEATED, SEEDS = 2048, 3  # the budget that is fitted once for each seed
-SIGNIFICANT = 2 * 2**0.5  # standard deviations of a fit: two of the difference between two fits
+REPEATED, SEEDS = 2048, 3  # the budget that is fitted with several seeds
+SIGNIFICANT = 2 * 2**0.5  # in standard deviations of one fit; it is two of those of the difference between two fits
 
 
 @dataclass(frozen=True)
 class Measured:
-    """A fit and what it reached, mean over the held-out views."""
+    """A fit and its evaluation, the mean over the held-out views."""
 
     attempt: Attempt
     reached: ViewEvaluation
 
 
 def dial() -> list[dict]:
-    """SSIM, PSNR and FLIP of 64 to 16384 Gaussians, their noise, and the dial's answers; draws build/bench/dial.svg.
+    """SSIM, PSNR and FLIP of 64 to 16384 Gaussians, their noise, and the search's answers; draws build/bench/dial.svg.
 
-    A row with a target is what the dial answers from the fits above it. A budget between two of theirs counts as the
-    smaller one: a search of its own tries one such budget at the end, and may save up to 30 % of the Gaussians more.
+    A row with a target is the search's answer from the fits above it. A budget between two of those counts as the
+    smaller one. A real search fits one such budget at the end, and may save up to 30 % more Gaussians.
     """
     rows, curves, progress = [], [], Progress(Console())
     for path in FILES:
@@ -65,7 +65,7 @@ def dial() -> list[dict]:
 
 
 def measure(path: Path, settings: Settings, progress: Progress) -> tuple[list[Measured], list[Measured]]:
-    """A fit of a scene for each of BUDGETS, and those of the budget that is repeated; samples are by seed."""
+    """Fit a scene with each of BUDGETS, and with REPEATED for each seed, on which the samples depend too."""
     cache = Cache(CACHE, size_limit(), progress.warn)
     progress.say(f"bench: dial of {path.stem}")
     plan = make_plan(read_gltf(path), settings, progress, cache)
@@ -85,7 +85,7 @@ def measure(path: Path, settings: Settings, progress: Progress) -> tuple[list[Me
 
 
 def rows_of(scene: str, measured: list[Measured], repeated: list[Measured]) -> list[dict]:
-    """The fits of a scene, the answers of its dial, and how far both can be trusted."""
+    """Rows for the fits of a scene, the answers of the search, and the noise of both."""
     answers = list(answers_of(measured))
     loss_sd = np.std([m.attempt.loss for m in repeated], ddof=1)
     ssim_sd = np.std([m.reached.indirect.ssim for m in repeated], ddof=1)
@@ -113,7 +113,7 @@ def _row(measured: Measured) -> dict:
 
 
 def answers_of(measured: list[Measured]) -> Iterator[tuple[float, Measured]]:
-    """Targets from the loosest that costs anything to the tightest that was met, and what the dial answers."""
+    """Yield targets and the search's answers, from the loosest that costs anything to the tightest that was met."""
     by_budget = {m.attempt.budget: m for m in measured}
     losses = [by_budget[budget].attempt.loss for budget in budgets(MOST)]
 
@@ -125,7 +125,7 @@ def answers_of(measured: list[Measured]) -> Iterator[tuple[float, Measured]]:
 
 
 def monotone(answers: list[Measured], margin: float) -> str:
-    """Whether no answer has fewer Gaussians than one to a looser target, nor an SSIM that is worse by `margin`."""
+    """Return "yes" if no answer has fewer Gaussians than one to a looser target, or an SSIM worse by `margin`."""
     counts = [m.attempt.count for m in answers]
     ssims = np.array([m.reached.indirect.ssim for m in answers])
     if counts != sorted(counts):
@@ -134,6 +134,6 @@ def monotone(answers: list[Measured], margin: float) -> str:
 
 
 def curve_of(scene: str, measured: list[Measured]) -> Curve:
-    """What the picture shows of a scene."""
+    """What the plot shows of a scene."""
     points = [(m.attempt.count, m.reached.indirect.ssim) for m in measured]
     return Curve(scene, points, measured[0].reached.indirect.ssim_ceiling)

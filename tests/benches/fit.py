@@ -1,4 +1,4 @@
-"""Milliseconds of one iteration of the fit, by the number of Gaussians."""
+"""Milliseconds of one iteration of the `over` fit, by the number of Gaussians."""
 
 import time
 from collections.abc import Callable
@@ -18,15 +18,15 @@ from gsgi.runtime.gaussians import Gaussians, OverBlend
 SIZES = ((10_000, 512, 512), (50_000, 512, 512), (200_000, 512, 512), (200_000, 960, 540))
 REPEATS = 20
 BLEND = OverBlend(near=0.01)
-YFOV = 1.57  # rad; half of the box is in view, and 15 M pairs are blended where that trainer counted 15.4 M
+YFOV = 1.57  # rad; half of the box is in view, and 15 M pairs are blended (15.4 M in the trainer below)
 RATES = {"position": 1e-5, "rotation": 1e-4, "log_scale": 1e-4, "logit_opacity": 1e-4, "sh": 1e-4}
 TONE_SCALE = 0.5  # radiance
-# ms that a well-known trainer on libtorch took for an iteration of this size.
+# ms per iteration of a well-known trainer on libtorch, by the number of Gaussians and the width.
 LIBTORCH = {(10_000, 512): 134, (50_000, 512): 305, (200_000, 512): 726, (200_000, 960): 1068}
 
 
 def fit() -> list[dict]:
-    """Milliseconds of one iteration as the fit runs it, of its parts, and of SSIM and L1 by torch; the least of 20."""
+    """Milliseconds of one iteration as the fit runs it, of its parts, and of SSIM and L1 in torch; minimum of 20."""
     return [_measure(count, width, height) for count, width, height in SIZES]
 
 
@@ -43,7 +43,7 @@ def _measure(count: int, width: int, height: int) -> dict:
         image, _ = _time(best, "forward", lambda: workspace.forward(raw, pinhole, BLEND))
         loss = _time(best, "loss", lambda image=image: image_loss(image, target))
         _time(best, "backward", lambda loss=loss: workspace.step(raw, adam, loss.by_image, RATES, loss.error))
-    for _ in range(REPEATS):  # by itself: torch's threads go on spinning for a while
+    for _ in range(REPEATS):  # in a loop of its own, because torch's threads keep spinning for a while
         _time(best, "torch_ssim", lambda: _torch_loss(image, target))
     parts = {name: best[name] for name in ("forward", "loss", "backward")}
     return {
@@ -58,7 +58,7 @@ def _measure(count: int, width: int, height: int) -> dict:
 
 
 def _time(best: dict[str, float], name: str, call: Callable):
-    """What a call returns; keeps the least milliseconds of its name."""
+    """Return what a call returns, and keep the least milliseconds under `name`."""
     start = time.perf_counter()
     result = call()
     best[name] = min(best.get(name, np.inf), 1e3 * (time.perf_counter() - start))

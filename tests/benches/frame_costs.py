@@ -1,4 +1,4 @@
-"""What a whole frame costs: pass by pass, at each splat resolution, and against the same frame with a lightmap."""
+"""The cost of a whole frame: pass by pass, at each splat scale, and against the same frame with a lightmap."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -41,8 +41,10 @@ void main() {
 
 
 class Lightmap:
-    """Stands in for the splats: one filtered look-up of RGBA16F for each pixel, at coordinates made of its position.
-    A real lightmap's coordinates are one more vertex attribute and one more target: it costs more than this."""
+    """Replaces the splats by one filtered RGBA16F look-up per pixel, at coordinates computed from its position.
+
+    A real lightmap costs more, because its coordinates are one more vertex attribute and one more target.
+    """
 
     def __init__(self, ctx: moderngl.Context, low: np.ndarray, high: np.ndarray):
         self.ctx, self._program = ctx, ctx.program(FULL_SCREEN, LOOK_UP)
@@ -53,7 +55,7 @@ class Lightmap:
         self.indirect, self._target = None, None
 
     def draw_view(self, view: View, depth: moderngl.Texture, _normal, profile: Profile | None = None) -> None:
-        """As IndirectLight does."""
+        """Draw as `IndirectLight.draw_view` does."""
         if self.indirect is None:
             self.indirect = self.ctx.texture(depth.size, 4, dtype="f2")
             self._target = self.ctx.framebuffer(self.indirect)
@@ -77,10 +79,10 @@ class Lightmap:
 
 
 def frame_costs() -> list[dict]:
-    """Frames of the default bakes with all their light: milliseconds, and as a share of the frame with a lightmap.
+    """Milliseconds of frames of the default bakes with all light, also as a share of the frame with a lightmap.
 
-    Fastest of 12 in turns, mean of three held-out views. `frame_ssim`, `b_ssim`: of the frame and of B against those at
-    full resolution, on surfaces.
+    Fastest of 12 interleaved runs, mean over three held-out views. `frame_ssim` and `b_ssim` are the SSIM of the frame
+    and of B against those at full resolution, on surfaces.
     """
     paths = [path for path in scene_files() if path.stem in SCENES]
     return [row for path in paths for size in SIZES for row in _rows(default(surface_bakes(path)), size)]
@@ -130,7 +132,7 @@ def _pass_rows(kept: Kept, size: tuple[int, int]) -> list[dict]:
 
 @contextmanager
 def _renderers(kept: Kept, size: tuple[int, int]) -> Iterator[dict[str, DeferredRenderer]]:
-    """One for the lightmap and for each resolution, in one context."""
+    """Yield a renderer for the lightmap and one for each splat scale, in one context."""
     scene, bake, ctx = lit_scene(kept.scene), kept.read(), create_context()
     renderers = {"lightmap": DeferredRenderer(ctx, scene, bake, *size)}
     renderers["lightmap"].splats.release()
@@ -150,6 +152,6 @@ def _drawn(renderer: DeferredRenderer, camera: Camera) -> None:
 
 
 def _alike(renderer: DeferredRenderer, full: DeferredRenderer) -> list[float]:
-    """SSIM of frame and B, on surfaces."""
+    """SSIM of the frame and of B against full resolution, on surfaces."""
     surface = full.read("depth") > 0
     return [similarity(full.read(layer), renderer.read(layer), surface) for layer in ("final", "indirect")]

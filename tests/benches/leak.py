@@ -1,4 +1,4 @@
-"""Light that leaks through a thin wall into a room without any."""
+"""Light that leaks through a thin wall into a dark room."""
 
 import numpy as np
 from repository import SCENES
@@ -16,14 +16,14 @@ from gsgi.runtime.file import codec
 from gsgi.runtime.gltf.reader import read_gltf
 
 POINTS = 60_000
-DARK = 1e-6  # of the mean B: what path tracing finds there is nothing
+DARK = 1e-6  # of the mean B; a point with less path-traced B counts as dark
 FAINT = 0.005  # of the bright room's mean B
 
 
 def leak() -> list[dict]:
     """B of the default bake of `two_rooms` at points of the dark room, as a share of the bright room's mean B.
 
-    `above_0.5_%`: the share of those points with more than half a per cent of it.
+    `above_0.5_%` is the share of those points with more than half a per cent of it.
     """
     plan = make_plan(read_gltf(SCENES / "two_rooms.glb"), Settings(), Progress(Console()), Cache())
     baked = codec.decode(bake(plan, Progress(Console())).data)

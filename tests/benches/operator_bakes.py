@@ -1,7 +1,7 @@
-"""The bakes that the tables about blend operators compare, each kept with its report in build/bench/operator.
+"""The bakes that the benchmarks of the operators compare, each kept with its report in build/bench/operator.
 
-A bake is made anew once code or presets change that its light and its fit depend on; after other changes, and to
-measure seconds anew, remove the folder.
+A bake is repeated if code or presets change that its light or its fit depends on. After other changes, or to measure
+the seconds again, remove the folder.
 """
 
 import json
@@ -39,14 +39,16 @@ NOT_LIGHT = "fit", "checkpoint", "reference"  # stages of the cache that are not
 
 DEFAULT = Settings.quality
 
-# The first budget of `surface`, of what draft quality has for `over`, and the least.
+# The first budget of `surface`, as a share of the Gaussians of `over` at draft quality, and at least this.
 FIRST_SHARE, FIRST_LEAST = 1 / 64, 32
 
 
 @dataclass(frozen=True, eq=False)
 class Kept:
-    """A bake of the scene in file `scene`: what `gsgi bake --json` printed, and the .gsgi file. `trace_s`: seconds of
-    tracing with an empty cache. Settings are qualities, or budgets at the default quality."""
+    """A bake of the scene in file `scene`: the `report` of `gsgi bake --json`, and the .gsgi `file`.
+
+    `setting` is a quality, or a budget at the default quality. `trace_s` is the seconds of tracing with an empty cache.
+    """
 
     scene: Path
     operator: str
@@ -57,12 +59,12 @@ class Kept:
 
     @property
     def ssim(self) -> float:
-        """Of B, mean over the held-out views."""
+        """SSIM of B, mean over the held-out views."""
         return self.report["held_out"]["mean"]["indirect"]["ssim"]
 
     @property
     def gaussians(self) -> int:
-        """Of both levels."""
+        """Gaussians of both levels."""
         return self.report["gaussians"]
 
     @property
@@ -71,26 +73,26 @@ class Kept:
         return _seconds(self.report, "fit")
 
     def read(self) -> Bake:
-        """As a reader sees it."""
+        """Decode the file, as a reader does."""
         return codec.decode(self.file.read_bytes())
 
 
 def scene_files() -> list[Path]:
-    """Those of FILES that are here."""
+    """Those of FILES that exist."""
     return [path for path in FILES if path.exists()]
 
 
 @cache
 def over_bakes(path: Path) -> list[Kept]:
-    """One for each quality."""
+    """One bake for each quality."""
     return [_kept(path, "over", quality, "--quality", quality) for quality in QUALITIES["over"]]
 
 
 @cache
 def surface_bakes(path: Path) -> list[Kept]:
-    """Twice the budget each time, until one passes the best of `over` or has as many Gaussians; and the default.
+    """Bakes with doubling budgets, until one reaches the SSIM of the best `over` bake; and the default bake.
 
-    By ascending number of Gaussians.
+    Budgets do not exceed the most Gaussians of `over`. The bakes are sorted by ascending number of Gaussians.
     """
     over = over_bakes(path)
     best, most = max(o.ssim for o in over), max(o.gaussians for o in over)
@@ -109,7 +111,7 @@ def default(bakes: list[Kept]) -> Kept:
 
 
 def budgets(draft: int, most: int) -> Iterator[int]:
-    """Powers of two from FIRST_SHARE of `draft` up to `most`; at least one."""
+    """Yield powers of two from FIRST_SHARE of `draft` up to `most`; at least one."""
     budget = FIRST_LEAST
     while 2 * budget <= FIRST_SHARE * draft:
         budget *= 2
@@ -119,7 +121,7 @@ def budgets(draft: int, most: int) -> Iterator[int]:
 
 
 def _kept(path: Path, operator: str, setting: str, *flags: str) -> Kept:
-    """A bake from the folder, made where it is missing."""
+    """Read a bake from the folder, or make it if it is missing."""
     folder = FOLDER / "operator" / f"{path.stem}-{operator}-{_version(operator)}"
     file, note = folder / f"{setting}.gsgi", folder / f"{setting}.json"
     if not note.exists():
@@ -137,9 +139,9 @@ def _kept(path: Path, operator: str, setting: str, *flags: str) -> Kept:
 
 
 def cold_seconds(report: dict, before: list[dict], traced: bool) -> float:
-    """Seconds of tracing with an empty cache, where the bakes `before` filled it and this one `traced` more or nothing.
+    """Seconds of tracing with an empty cache, for a bake that ran after the bakes `before`, which filled the cache.
 
-    Of what one bake traces, one of fewer paths traces a part.
+    `traced` says whether this bake traced anything more. A bake of fewer paths traces a part of what one of more does.
     """
     if traced:
         return _seconds(report, "irradiance") + max((other["trace_s"] for other in before), default=0.0)
@@ -147,14 +149,17 @@ def cold_seconds(report: dict, before: list[dict], traced: bool) -> float:
 
 
 def _version(operator: str) -> str:
-    """Changes with what the bakes of an operator depend on."""
+    """A digest of the code and presets that the bakes of an operator depend on."""
     code = [code_version(f"gsgi.baker.{module}", ()) for module in (*MODULES[operator], "views.placement")]
     return digest((code, QUALITIES[operator], SAMPLES))[:12]
 
 
 def _make_cache(folder: Path, scene: str, light: set[str]) -> None:
-    """Leave in the folder's cache `light` and references alone. References are of every bake of the scene: no operator
-    pays for them. Other light was left by a bake that did not end, other entries would save the next fit."""
+    """Fill the folder's cache with references, and remove everything else but `light`.
+
+    References come from all bakes of the scene, so that no operator pays for them. Other light was left by a bake that
+    did not finish, and other entries would save time in the next fit.
+    """
     for other in folder.parent.glob(f"{scene}-*/cache/reference-*"):
         with suppress(FileExistsError):
             os.link(other, folder / "cache" / other.name)
@@ -164,7 +169,7 @@ def _make_cache(folder: Path, scene: str, light: set[str]) -> None:
 
 
 def _light(folder: Path) -> set[str]:
-    """Names of the cache's entries of traced light to fit."""
+    """Names of the cache's entries that hold traced light to fit."""
     return {entry.path.name for entry in entries(folder / "cache") if entry.stage not in NOT_LIGHT}
 
 

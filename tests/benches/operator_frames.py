@@ -29,14 +29,16 @@ from .trace import WHITE_SKY
 SIZE = 1280, 720
 DRAWS = 5
 
-# Where surfaces are smooth in 3 x 3 pixels: depth within this share of itself, normals within 2.6 degrees.
+# A surface is smooth if depths differ by less than this share and normals by less than 2.6 degrees in 3 x 3 pixels.
 DEPTH_RANGE, NORMAL_COSINE = 0.02, 0.999
 
 
 @dataclass(frozen=True)
 class Frame:
-    """What a camera sees: B (H, W, 3) linear, normal (H, W, 3) unit, world space, and depth (H, W), m, 0 where there is
-    no surface; all float32."""
+    """What a camera sees, all float32.
+
+    indirect: B (H, W, 3), linear; normal (H, W, 3), unit, world space; depth (H, W), m, 0 where there is no surface.
+    """
 
     camera: Camera
     indirect: np.ndarray
@@ -45,7 +47,7 @@ class Frame:
 
     @cached_property
     def smooth(self) -> np.ndarray:
-        """Where (H, W) bool 3 x 3 pixels show one smooth surface."""
+        """Mask (H, W) bool of the pixels whose 3 x 3 neighbourhood shows one smooth surface."""
         result = np.zeros(self.depth.shape, bool)
         middle, normal = self.depth[1:-1, 1:-1], self.normal[1:-1, 1:-1]
         good = middle > 0
@@ -59,13 +61,13 @@ class Frame:
 
 @cache
 def lit_scene(path: Path) -> Scene:
-    """The scene in a file under the light that its bakes are made for."""
+    """The scene in a file, under the light for which its bakes are made."""
     scene = read_gltf(path)
     return replace(scene, environment=WHITE_SKY) if path.stem in LIGHT else scene
 
 
 def without_normal_maps(scene: Scene) -> Scene:
-    """The scene with its interpolated normals alone."""
+    """The scene without its normal maps."""
     return replace(scene, materials=tuple(replace(m, normal_texture=None) for m in scene.materials))
 
 
@@ -77,13 +79,13 @@ def placement(path: Path) -> Placement:
 
 
 def held_out_cameras(kept: Kept) -> list[Camera]:
-    """Those that the bake was judged by."""
+    """The held-out cameras of the bake's evaluation."""
     cameras = placement(kept.scene).held_out
     return [cameras[view["name"]] for view in kept.report["held_out"]["views"]]
 
 
 def frames(kept: Kept, cameras: list[Camera], splat_scale: int = 1, normal_maps: bool = True) -> Iterator[Frame]:
-    """A frame for each camera."""
+    """Yield a frame for each camera."""
     with _renderer(kept, splat_scale, normal_maps) as renderer:
         for camera in cameras:
             renderer.render(camera)
@@ -92,7 +94,7 @@ def frames(kept: Kept, cameras: list[Camera], splat_scale: int = 1, normal_maps:
 
 @cache
 def splat_ms(kept: Kept, splat_scale: int = 1) -> float:
-    """Milliseconds of the splat pass, culling and sorting included: fastest of DRAWS, mean of the held-out views."""
+    """Milliseconds of the splat pass, with culling and sorting: fastest of DRAWS, mean over the held-out views."""
     cameras, total = held_out_cameras(kept), 0.0
     with _renderer(kept, splat_scale) as renderer:
         for camera in cameras:
@@ -103,21 +105,21 @@ def splat_ms(kept: Kept, splat_scale: int = 1) -> float:
 
 @cache
 def ssim_to_full(kept: Kept, splat_scale: int) -> float:
-    """SSIM of B as the bake shows it at a resolution and at full resolution, mean of the held-out views."""
+    """SSIM of a bake's B at a splat scale against that at full resolution, mean over the held-out views."""
     cameras = held_out_cameras(kept)
     pairs = zip(frames(kept, cameras), list(frames(kept, cameras, splat_scale)), strict=True)
     return float(np.mean([similarity(full.indirect, coarser.indirect, full.depth > 0) for full, coarser in pairs]))
 
 
 def similarity(full: np.ndarray, other: np.ndarray, surface: np.ndarray) -> float:
-    """SSIM of two images (H, W, 3) of light on `surface` (H, W), under the first one's exposure."""
+    """SSIM of two images (H, W, 3) of light on `surface` (H, W), with the exposure of the first one."""
     exposure = auto_exposure(full)
     return ssim(tone_map(other, exposure), tone_map(full, exposure), surface)
 
 
 @contextmanager
 def _renderer(kept: Kept, splat_scale: int, normal_maps: bool = True) -> Iterator[DeferredRenderer]:
-    """Of a bake, in a context of its own, without primary light: only the splat pass matters."""
+    """Yield a bake's renderer in its own context, without primary light, because only the splat pass matters."""
     scene, bake = lit_scene(kept.scene), kept.read()
     assert fingerprint(scene) == bake.scene, kept.file
     context = create_context()

@@ -21,26 +21,26 @@ from .operators import matches
 STEPS = 23
 STEP, TURN = 0.002, np.radians(0.2)  # of the scene's diagonal; rad
 
-# Points are compared that land so near to a pixel's centre (px) that interpolation hardly counts, at a depth within
-# this share of what the frame shows there.
+# A point is compared if it lands this close to a pixel's centre (px), so that interpolation hardly matters, and if its
+# depth is within this share of the depth that the frame shows there.
 CENTRED, SAME_DEPTH = 0.1, 0.005
-WAVE = 0.1  # of the diagonal: wavelength of the field whose change is that of the method alone
+WAVE = 0.1  # of the diagonal; wavelength of the field whose change is the error of the method itself
 
 
 def operator_motion() -> list[dict]:
     """Change between frames, in 1/255 of the display's range, at fixed surface points under a fixed exposure.
 
-    24 frames, each 0.2 % of the diagonal and 0.2 degrees further. Path-traced B at a surface point does not change, so
-    all of it is the operator's, or that of this method: points are looked up between pixels. `beyond`, for `surface`:
-    the most that differs from the change of the same light as the baker reads it, by the point alone. Without normal
-    maps: `surface` answers to them, and filtered they change with the camera's place; rows with them stand apart.
-    `still`: a smooth field fixed in space, the error of the method itself.
+    There are 24 frames, each 0.2 % of the diagonal and 0.2 degrees further. Path-traced B at a surface point does not
+    change, so all change comes from the operator, or from this method, which looks points up between pixels. `beyond`,
+    for `surface`, is the largest difference from the change of the same light as the baker reads it, by the point
+    alone. Frames are drawn without normal maps; scenes with normal maps have separate rows of `surface` with them.
+    `still` is a smooth field that is fixed in space: the error of the method itself.
     """
     return [row for path in scene_files() for row in _rows(path)]
 
 
 def slow_path(camera: Camera, along: np.ndarray, step: float) -> list[Camera]:
-    """Cameras that move by `step` (m) along (3,), unit, and turn to their left by TURN each time."""
+    """Cameras that each time move by `step` (m) in the direction `along` (3,), unit, and turn left by TURN."""
     sine, cosine = np.sin(TURN), np.cos(TURN)
     turn = np.array([[cosine, 0, sine], [0, 1, 0], [-sine, 0, cosine]])
     cameras = [camera]
@@ -71,7 +71,7 @@ def changes(before: Frame, after: Frame) -> np.ndarray:
 
 
 def positions(frame: Frame) -> np.ndarray:
-    """World space (H, W, 3), m, of what is seen through the pixel centres."""
+    """World-space positions (H, W, 3), m, of what is seen through the pixel centres."""
     height, width = frame.depth.shape
     pinhole = frame.camera.pinhole(width, height)
     y, x = np.mgrid[0:height, 0:width] + 0.5
@@ -88,7 +88,7 @@ def project(position: np.ndarray, camera: Camera, size: tuple[int, int]) -> tupl
 
 
 def bilinear(image: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """(N, 3) of an image (H, W, 3) at x, y (N,), in pixels from the first one's centre, inside the image."""
+    """Interpolate an image (H, W, 3) at x, y (N,), in pixels from the first one's centre, inside the image: (N, 3)."""
     column, row = np.floor(x).astype(int), np.floor(y).astype(int)
     s, t = (x - column)[:, None], (y - row)[:, None]
     above = image[row, column] * (1 - s) + image[row, column + 1] * s
@@ -97,14 +97,17 @@ def bilinear(image: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def _clear_start(kept: Kept) -> tuple[Camera, np.ndarray, float]:
-    """Where `slow_path` runs into nothing: the held-out camera that sees most light on smooth surfaces, and the
-    direction along one of its axes in which the next surface is farthest; and the step, m."""
+    """A camera, a direction and a step (m) with which `slow_path` runs into nothing.
+
+    The camera is the held-out one that sees most light on smooth surfaces. The direction is that along one of its axes
+    in which the next surface is farthest.
+    """
     cameras = held_out_cameras(kept)
     light = [(frame.indirect.mean(axis=2) * frame.smooth).mean() for frame in frames(kept, cameras)]
     camera, triangles = cameras[int(np.argmax(light))], Triangles(lit_scene(kept.scene))
     axes = np.concatenate([camera.world_from_view[:3, :3].T, -camera.world_from_view[:3, :3].T])
     free = triangles.hits(np.tile(camera.position, (6, 1)), axes).distance
-    # What moves into the open sees less and less: the farthest surface, not the lack of one.
+    # A camera that moves into the open sees less and less, so the direction is towards the farthest surface.
     return camera, axes[int(np.argmax(np.where(np.isfinite(free), free, 0)))], STEP * triangles.diagonal
 
 
@@ -121,7 +124,7 @@ def _rows(path: Path) -> list[dict]:
 
 
 def _moved(kept: Kept, cameras: list[Camera]) -> dict:
-    """The row of a bake without normal maps."""
+    """The row of a bake that is drawn without normal maps."""
     drawn = frames(kept, cameras, normal_maps=False)
     if kept.operator != "surface":
         return _row(_changes(drawn))
@@ -154,7 +157,7 @@ def _changes(drawn: Iterator[Frame]) -> Iterator[np.ndarray]:
 
 
 def _displayed(drawn: Iterator[Frame]) -> Iterator[Frame]:
-    """Frames with B as a display shows it, all under the exposure of the first."""
+    """Yield the frames with B as a display shows it, all with the exposure of the first."""
     exposure = None
     for frame in drawn:
         exposure = exposure or auto_exposure(frame.indirect)
@@ -162,7 +165,7 @@ def _displayed(drawn: Iterator[Frame]) -> Iterator[Frame]:
 
 
 def _read(bake: Bake, drawn: Iterator[Frame]) -> Iterator[Frame]:
-    """Frames as the baker reads them."""
+    """Yield the frames with B as the baker reads it at their surface points."""
     for frame in drawn:
         light, seen = np.zeros_like(frame.indirect), frame.depth > 0
         points = positions(frame)[seen].astype(np.float32), frame.normal[seen]
@@ -171,7 +174,7 @@ def _read(bake: Bake, drawn: Iterator[Frame]) -> Iterator[Frame]:
 
 
 def _still(drawn: Iterator[Frame], diagonal: float) -> Iterator[Frame]:
-    """Frames that show a smooth field instead, fixed in space and around mid-grey."""
+    """Yield the frames with a smooth field instead of B, fixed in space and around mid-grey."""
     for frame in drawn:
         waves = np.sin(2 * np.pi / (WAVE * diagonal) * positions(frame))
         yield replace(frame, indirect=tone_map(MID_GREY * (1 + 0.5 * waves), 1.0))

@@ -1,4 +1,4 @@
-"""Pictures of both operators beside path tracing: where each of them errs."""
+"""Pictures of both operators, and of their errors, beside path tracing."""
 
 from pathlib import Path
 
@@ -16,14 +16,14 @@ from .operator_bakes import Kept, default, over_bakes, scene_files, surface_bake
 from .operator_frames import held_out_cameras, lit_scene
 
 SIZE, SAMPLES = 160, 512
-AMPLIFIED = 4  # the differences
+AMPLIFIED = 4  # factor on the differences
 PICTURE = FOLDER / "operators.png"
 
 
 def operator_pictures() -> list[dict]:
     """B of the best `over` bake, the default `surface` bake and path tracing; draws build/bench/operators.png.
 
-    Of each scene the held-out view in which the SSIM of the two differs most.
+    Shows, of each scene, the held-out view in which `surface` has the largest lead in SSIM, or the smallest lag.
     """
     rows, made = [], []
     for path in scene_files():
@@ -37,7 +37,7 @@ def operator_pictures() -> list[dict]:
 
 
 def _row(path: Path, over: Kept, surface: Kept) -> np.ndarray:
-    """(H, W, 3) uint8."""
+    """One row of the picture, (H, W, 3) uint8."""
     view = max(range(len(held_out_cameras(over))), key=lambda i: _ssim(surface, i) - _ssim(over, i))
     camera = held_out_cameras(over)[view]
     truth = reference.trace(Tracer(lit_scene(path)), camera, SIZE, SIZE, SAMPLES, seed=0)

@@ -1,4 +1,4 @@
-"""Light on a moving object: a small sphere on its way through a scene, against path tracing and against probes."""
+"""Light on a moving object: a small sphere that moves through a scene, against path tracing and against probes."""
 
 from functools import cache
 from itertools import pairwise
@@ -16,24 +16,25 @@ from .operator_frames import lit_scene, placement
 from .probes import PROBE_BYTES, trace_probes
 
 RADIUS = 0.02  # of the scene's diagonal
-LEGS, STOPS = 4, 4  # of the way, and places of the sphere on each leg
-EYES = 64  # cameras between which the way is looked for
-CHECKS = 32  # points of a leg whose clearance is looked at
+LEGS, STOPS = 4, 4  # legs of the route, and positions of the sphere on each leg
+EYES = 64  # most cameras between which the route is searched
+CHECKS = 32  # points of a leg whose clearance is tested
 POINTS = 128  # on the sphere
 
 REFERENCE = Sampling(1024)  # of each half
 PROBE = Sampling(128)
 BRIEF = Sampling(64)
 
-LIT = 0.25  # of the mean B of all cameras' places: from there on light comes to a place
+LIT = 0.25  # of the mean B over the places of all cameras; a place with more counts as lit
 
 
 def operator_sphere() -> list[dict]:
-    """Mean relative error of B on a sphere in free space: `surface`, and an SH degree 2 probe grid of the same bytes.
+    """Mean relative error of B on a sphere in free space: `surface`, and an SH degree 2 probe grid of the same size.
 
-    The sphere, of 2 % of the scene's diagonal, throws no shadow and no light: it is not there when its light is traced.
-    Errors are sum |B - reference| / sum reference over all points and channels, as `noise` is for the reference's own;
-    `rms` is free of its noise: sqrt(mean (B - a) (B - b)) / mean reference, with a and b its halves.
+    The sphere has a radius of 2 % of the scene's diagonal. It casts no shadow and reflects no light, because it is
+    absent while its light is traced. Errors are sum |B - reference| / sum reference over all points and channels;
+    `noise` is that of the reference itself. `rms` is free of the reference's noise: sqrt(mean (B - a) (B - b)) / mean
+    reference, with a and b its halves.
     """
     return [row for path in scene_files() for row in _rows(path)]
 
@@ -46,8 +47,11 @@ def relative_error(light: np.ndarray, a: np.ndarray, b: np.ndarray) -> tuple[flo
 
 
 def way(clear: np.ndarray, position: np.ndarray, legs: int) -> list[int]:
-    """Indices of places (E, 3), `legs` + 1 of them or fewer: the two farthest apart, then each the farthest from all
-    before. `clear` (E, E) bool: between which nothing stands, as must be on each leg."""
+    """Indices of the places (E, 3) that a route of at most `legs` legs visits.
+
+    The first two are the farthest apart; each of the others is the farthest from all before it. `clear` (E, E) bool
+    says between which places nothing stands, which must hold for each leg.
+    """
     distance = np.linalg.norm(position[:, None] - position, axis=2)
     visited = [int(i) for i in np.unravel_index(np.argmax(np.where(clear, distance, 0)), clear.shape)]
     while len(visited) <= legs:
@@ -85,7 +89,7 @@ def _tracer(path: Path) -> Tracer:
 
 
 def _sphere_points(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """position and normal (N, 3) float32 of points on the sphere, wherever it comes."""
+    """position and normal (N, 3) float32 of points on the sphere, at all its positions."""
     directions = sphere(POINTS)
     triangles = Triangles(lit_scene(path))
     radius = RADIUS * triangles.diagonal
@@ -96,7 +100,7 @@ def _sphere_points(path: Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _centres(path: Path, triangles: Triangles, radius: float) -> np.ndarray:
-    """Where (C, 3) the sphere comes: evenly along legs between cameras, touching nothing, inside the scene."""
+    """Centres (C, 3) of the sphere: evenly spaced on legs between cameras, touching nothing, inside the scene."""
     placed = placement(path).without_dark(frozenset())
     cameras = [*placed.fitted.values(), *placed.held_out.values()]
     eyes = np.array([camera.position for camera in cameras])
@@ -114,7 +118,7 @@ def _centres(path: Path, triangles: Triangles, radius: float) -> np.ndarray:
 
 
 def _lit(tracer: Tracer, position: np.ndarray) -> np.ndarray:
-    """Where (E,) bool light comes: hollows between walls, which cameras are placed in too, have none to compare."""
+    """Which positions (E,) bool are lit. Cameras are also placed in hollows between walls, where there is no light."""
     normal = np.tile(np.concatenate([np.eye(3), -np.eye(3)]).astype(np.float32), (len(position), 1))
     points = np.repeat(position.astype(np.float32), 6, axis=0)
     light = tracer.indirect(points, normal, normal, BRIEF, seed=0).mean.reshape(len(position), -1).mean(axis=1)

@@ -1,4 +1,4 @@
-"""The blend operators `over` and `surface` side by side: accuracy, size, seconds of baking, milliseconds of drawing."""
+"""The operators `over` and `surface` side by side: accuracy, size, seconds of baking, milliseconds of drawing."""
 
 from itertools import pairwise
 from pathlib import Path
@@ -8,7 +8,7 @@ from gsgi.runtime.gl.surface_splat import SCALES
 from .operator_bakes import Kept, default, over_bakes, scene_files, surface_bakes
 from .operator_frames import splat_ms, ssim_to_full
 
-EQUAL_TO = "medium", "high"  # qualities of `over` whose SSIM `surface` is to reach
+EQUAL_TO = "medium", "high"  # qualities of `over` whose SSIM `surface` has to reach
 
 
 def operator_bakes() -> list[dict]:
@@ -17,16 +17,18 @@ def operator_bakes() -> list[dict]:
 
 
 def operator_equal() -> list[dict]:
-    """What the smallest `surface` bake costs that reaches the SSIM of B of an `over` bake, as shares of its cost.
+    """Cost of the smallest `surface` bake that reaches the SSIM of B of an `over` bake, as shares of the latter's cost.
 
-    `interpolated`: its share of Gaussians, were there a bake of `surface` with just that SSIM.
+    `interpolated` is the share of Gaussians that a `surface` bake with exactly that SSIM would have.
     """
     return [_equal_row(*match) for path in scene_files() for match in matches(path)]
 
 
 def operator_scales() -> list[dict]:
-    """The splat pass of these `surface` bakes, and of the default one, at full, half and quarter resolution; SSIM of B
-    against full. The default stands against the default of `over`."""
+    """The splat pass of these `surface` bakes and the default one at each splat scale; SSIM of B to full resolution.
+
+    The default bake is compared with the default bake of `over`.
+    """
     rows = []
     for path in scene_files():
         for over, surface in [*matches(path), (default(over_bakes(path)), default(surface_bakes(path)))]:
@@ -41,20 +43,23 @@ def operator_scales() -> list[dict]:
 
 
 def matches(path: Path) -> list[tuple[Kept, Kept]]:
-    """Bakes of `over`, each with the smallest of `surface` that reaches its SSIM, else the best."""
+    """Bakes of `over`, each with the smallest bake of `surface` that reaches its SSIM, else with the best."""
     surface = surface_bakes(path)
     return [(over, smallest(surface, over.ssim)) for over in over_bakes(path) if over.setting in EQUAL_TO]
 
 
 def smallest(bakes: list[Kept], ssim: float) -> Kept:
-    """The bake with the fewest Gaussians that reaches an SSIM; where none does, the one with the highest."""
+    """The bake with the fewest Gaussians that reaches an SSIM; if none does, the one with the highest."""
     reaching = [bake for bake in bakes if bake.ssim >= ssim]
     return min(reaching, key=lambda bake: bake.gaussians) if reaching else max(bakes, key=lambda bake: bake.ssim)
 
 
 def gaussians_at(bakes: list[Kept], ssim: float) -> float | None:
-    """How many Gaussians reach an SSIM: between bakes (by ascending number) linear in the logarithm of the number. As
-    many as the first has where that is better already, None where none reaches it."""
+    """How many Gaussians reach an SSIM, interpolated between bakes linearly in the logarithm of the number.
+
+    `bakes` are sorted by ascending number. The result is the number of the first bake if that reaches the SSIM already,
+    and None if no bake reaches it.
+    """
     if bakes[0].ssim >= ssim:
         return float(bakes[0].gaussians)
     for below, above in pairwise(bakes):

@@ -1,4 +1,4 @@
-"""What the CPU does for Gaussians in each frame: find those in view, and sort them."""
+"""The work of the CPU on Gaussians in each frame: find those in view, and sort them."""
 
 import numpy as np
 
@@ -13,7 +13,7 @@ COUNTS = 10_000, 100_000, 1_000_000
 
 
 def order() -> list[dict]:
-    """Fastest of 12, for Gaussians of which nine in ten are in view: `cull` for `surface`, `sort` for `over`."""
+    """Milliseconds of `cull` for `surface` and `sort` for `over`, nine in ten Gaussians in view; fastest of 12."""
     pinhole = look_at(np.array([0.0, 0, 5]), np.zeros(3), np.array([0.0, 1, 0]), 0.8, 0.1).pinhole(1280, 720)
     rows, rng = [], np.random.default_rng(0)
     for count in COUNTS:

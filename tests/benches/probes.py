@@ -1,4 +1,4 @@
-"""A grid of irradiance probes (Greger et al. 1998), the usual light of moving objects: B as SH of the normal."""
+"""A grid of irradiance probes (Greger et al. 1998), the usual way to light moving objects: B as SH of the normal."""
 
 from dataclasses import dataclass
 
@@ -15,15 +15,17 @@ NORMALS = 32
 
 @dataclass(frozen=True)
 class Probes:
-    """Half-float coefficients `sh` (X, Y, Z, 9, 3) of B in the middle of each of X x Y x Z equal parts of the box from
-    `low` to `high` (3,), m."""
+    """Probes in the middle of each of X x Y x Z equal cells of the box from `low` to `high` (3,), m.
+
+    `sh` (X, Y, Z, 9, 3) are half-float SH coefficients of B.
+    """
 
     low: np.ndarray
     high: np.ndarray
     sh: np.ndarray
 
     def evaluate(self, position: np.ndarray, normal: np.ndarray) -> np.ndarray:
-        """B (N, 3) at points (N, 3) for unit normals (N, 3), between probes trilinear."""
+        """B (N, 3) at points (N, 3) with unit normals (N, 3), interpolated trilinearly between probes."""
         size = np.array(self.sh.shape[:3])
         at = np.clip((position - self.low) / (self.high - self.low) * size - 0.5, 0, size - 1)
         first = np.minimum(at.astype(int), np.maximum(size - 2, 0))
@@ -37,7 +39,7 @@ class Probes:
 
 
 def grid_size(extent: np.ndarray, most: int) -> tuple[int, int, int]:
-    """How many probes along each axis of a box `extent` (3,), m: at most so many in all, in parts near to cubes."""
+    """Number of probes along each axis of a box of `extent` (3,), m: at most `most` in all, in nearly cubic cells."""
     edges = np.unique([edge / count for edge in extent for count in range(1, most + 1)])[::-1]
     counts = np.maximum(np.floor(extent / edges[:, None] + 1e-9), 1).astype(np.int64)
     fitting = counts[counts.prod(axis=1) <= most]
@@ -45,9 +47,9 @@ def grid_size(extent: np.ndarray, most: int) -> tuple[int, int, int]:
 
 
 def trace_probes(tracer: Tracer, low: np.ndarray, high: np.ndarray, most: int, sampling: Sampling, seed: int) -> Probes:
-    """At most `most` probes in a box, each by least squares from B at its place for NORMALS normals.
+    """Trace at most `most` probes in a box, each by least squares from B at its position for NORMALS normals.
 
-    Probes inside of things and walls count like all others.
+    Probes inside objects and walls count like all others.
     """
     size = grid_size(high - low, most)
     at = np.stack(np.meshgrid(*[(np.arange(n) + 0.5) / n for n in size], indexing="ij"), axis=-1).reshape(-1, 3)
@@ -60,5 +62,5 @@ def trace_probes(tracer: Tracer, low: np.ndarray, high: np.ndarray, most: int, s
 
 
 def _basis(normal: np.ndarray) -> np.ndarray:
-    """(N, 9) of unit vectors (N, 3)."""
+    """The SH basis (N, 9) of unit vectors (N, 3)."""
     return kernels.sh_basis(np.ascontiguousarray(normal, np.float64), DEGREE)

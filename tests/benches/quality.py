@@ -1,4 +1,4 @@
-"""What draft, medium and high quality cost and reach, each bake in a process of its own."""
+"""Cost and accuracy of draft, medium and high quality, each bake in a process of its own."""
 
 from pathlib import Path
 
@@ -18,16 +18,16 @@ FILES = (
 
 
 def quality() -> list[dict]:
-    """Seconds of the fit until 90 % and 99 % of its PSNR, memory, and what it reaches, by scene and quality.
+    """Seconds of the fit until 90 % and 99 % of its PSNR, memory, and accuracy, by scene and quality.
 
-    `fit_s` also counts what comes before the first step, and the looks at the held-out views. `peak_GB` is of a process
-    that finds its light in the cache, `trace_GB` of the one before it, which traces what is missing.
+    `fit_s` includes the time before the first step and the evaluations in held-out views. `peak_GB` is that of a
+    process that finds its light in the cache, `trace_GB` that of the process before it, which traces what is missing.
     """
     return [row for path in FILES if path.exists() for row in rows_of(path, CACHE)]
 
 
 def rows_of(path: Path, cache: Path, *flags: str) -> list[dict]:
-    """The bakes of one scene with both operators, each after one that leaves what is traced in the cache."""
+    """Bake one scene with both operators, each time after a bake that leaves the traced light in the cache."""
     rows = []
     for operator, qualities in QUALITIES.items():
         for name in qualities:
@@ -40,8 +40,8 @@ def rows_of(path: Path, cache: Path, *flags: str) -> list[dict]:
 
 
 def row_of(report: dict) -> dict:
-    """Columns of one bake, from what `gsgi bake --json` printed."""
-    tried, mean = report["dial"][-1], report["held_out"]["mean"]
+    """Columns of one bake, from the report of `gsgi bake --json`."""
+    tried, mean = report["attempts"][-1], report["held_out"]["mean"]
     scores = {
         f"{prefix}{name}": round(mean[layer][name], 2 if name == "psnr" else 4)
         for prefix, layer in (("", "indirect"), ("final_", "final"))
@@ -51,14 +51,14 @@ def row_of(report: dict) -> dict:
         "gaussians": report["gaussians"],
         "bytes": report["bytes"],
         "fit_s": round(tried["fit_s"], 1),
-        **{f"to_{share}_s": round(seconds_to(report["looks"], share / 100), 1) for share in (90, 99)},
+        **{f"to_{share}_s": round(seconds_to(report["history"], share / 100), 1) for share in (90, 99)},
         "peak_GB": _gigabytes(report),
         **scores,
     }
 
 
 def seconds_to(looks: list[dict], share: float) -> float:
-    """Seconds of fitting until the held-out PSNR (dB) has this share of what it ends with."""
+    """Seconds of fitting until the held-out PSNR (dB) has this share of its last value."""
     *before, last = looks
     return next((look["seconds"] for look in before if look["psnr"] >= share * last["psnr"]), last["seconds"])
 
@@ -68,7 +68,7 @@ def _gigabytes(report: dict) -> float:
 
 
 def _forget_fits(cache: Path) -> None:
-    """A fit that is found in the cache takes no seconds."""
+    """Remove fits from the cache, because a fit that is found there takes no time."""
     for entry in entries(cache):
         if entry.stage in ("fit", "checkpoint"):
             entry.path.unlink(missing_ok=True)

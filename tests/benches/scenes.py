@@ -12,14 +12,14 @@ LIGHT = {"breakfast_room_sun": ["--env", "1,1,1"], "sponza_sun": ["--env", "1,1,
 
 
 def scenes() -> list[dict]:
-    """A bake with default settings of every scene that is lit: plan, coverage, seconds per stage, memory, quality."""
+    """A bake with default settings of every lit scene: plan, coverage, seconds per stage, memory, accuracy."""
     names = "cornell_mcguire", "modern_hall", "breakfast_room_sun", "sponza_sun"
     paths = [path for name in names for path in sorted(SHARED.glob(f"*/{name}.gltf"))]
     return [row(path) for path in paths]
 
 
 def bake(path: Path, cache: Path, *flags: str) -> dict:
-    """The report of one bake by the command line, under the light that the scene needs."""
+    """Bake by the command line, under the light that the scene needs, and return the report."""
     with tempfile.TemporaryDirectory() as folder:
         where = ["-o", f"{folder}/out.gsgi", "--cache", str(cache)]
         command = [sys.executable, "-m", "gsgi.baker", "bake", str(path), *where, "--json", *LIGHT.get(path.stem, [])]
@@ -27,7 +27,7 @@ def bake(path: Path, cache: Path, *flags: str) -> dict:
 
 
 def row(path: Path) -> dict:
-    """One bake."""
+    """The row of one bake."""
     with tempfile.TemporaryDirectory() as cache:
         report = bake(path, Path(cache))
     seconds = {f"{stage['stage']}_s": round(stage["seconds"], 1) for stage in report["stages"]}

@@ -1,4 +1,4 @@
-"""Milliseconds of indirect light in a frame: both operators, the `surface` one at three resolutions."""
+"""Milliseconds of indirect light in a frame: both operators, `surface` at each splat scale."""
 
 import time
 from collections.abc import Callable
@@ -16,7 +16,7 @@ ROUNDS = 12
 
 
 def splats() -> list[dict]:
-    """Fastest of 12 draws at 1280 x 720, sorting and culling included, and how far B is off full resolution."""
+    """Fastest of 12 draws at 1280 x 720, with sorting and culling, and the error of B against full resolution."""
     from gsgi.runtime.gl.context import create_context
     from gsgi.runtime.gl.gbuffer import GBuffer
     from gsgi.runtime.gl.geometry import Geometry
@@ -50,7 +50,7 @@ def splats() -> list[dict]:
 
 
 def fastest(calls: dict[tuple, Callable]) -> dict[tuple, float]:
-    """Seconds of each call; in turns, so that all see the same load of the machine."""
+    """Seconds of each call, fastest of ROUNDS. Calls are interleaved, so that all see the same load of the machine."""
     seconds = dict.fromkeys(calls, np.inf)
     for _ in range(ROUNDS):
         for key, call in calls.items():
@@ -67,7 +67,7 @@ def room() -> Scene:
 
 
 def on_surfaces(count: int) -> Gaussians:
-    """Flat Gaussians evenly on the room's surfaces, of smooth light."""
+    """Flat Gaussians with smooth light, evenly distributed on the room's surfaces."""
     from gsgi.baker.over.initialise import from_surface
     from gsgi.baker.views.surface_points import Triangles
 
@@ -77,7 +77,7 @@ def on_surfaces(count: int) -> Gaussians:
 
 
 def grid(edge: int = 4) -> Gaussians:
-    """A coarse level: round Gaussians on a grid, each reaching past its neighbours; SH degree 2."""
+    """A coarse level of SH degree 2: round Gaussians on a grid, each reaching past its neighbours."""
     line = (np.arange(edge) + 0.5) * (2 / edge) - 1
     position = np.stack(np.meshgrid(line, line, line), axis=-1).reshape(-1, 3).astype(np.float32)
     count = len(position)

@@ -1,4 +1,4 @@
-"""Paths per second and kernels of the path tracer, on scenes with the light that they are known for."""
+"""Paths per second and kernels of the path tracer, on lit scenes."""
 
 import time
 from dataclasses import replace
@@ -17,7 +17,7 @@ SIZE, SAMPLES, DEPTH, RUNS = 256, 64, 8, 3
 
 
 def scenes() -> dict[str, Scene]:
-    """Scenes by name; those of the shared folder only where it exists."""
+    """Scenes by name; those of the shared folder only if it exists."""
     files = {"cornell": SCENES / "cornell.glb", "two_rooms": SCENES / "two_rooms.glb"}
     files |= {path.stem: path for path in sorted(SHARED.glob("*/*.gltf")) if path.stem in LIT}
     found = {name: read_gltf(path) for name, path in files.items()}
@@ -30,7 +30,7 @@ LIT = {"cornell_mcguire", "modern_hall", "breakfast_room_sun", "sponza_sun"}
 
 
 def trace() -> list[dict]:
-    """Paths per second from the points that a camera sees, best of three runs, and how many kernels were compiled."""
+    """Paths per second from the points that a camera sees, best of three runs, and the number of compiled kernels."""
     import drjit as dr
 
     rows = []
@@ -59,7 +59,7 @@ def camera(scene: Scene):
 
 
 def seconds_of(run, times: int) -> list[float]:
-    """Seconds of calls with the seeds 0, 1, ...; the first, which compiles, apart."""
+    """Seconds of calls with the seeds 0, 1, ..., without the first one, which compiles."""
     seconds = []
     for seed in range(times):
         start = time.perf_counter()

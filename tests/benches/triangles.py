@@ -1,4 +1,4 @@
-"""Cost against the number of triangles: bumpy ground under a white sky, each in a process of its own."""
+"""Cost against the number of triangles: bumpy ground under a white sky, each number in a process of its own."""
 
 import json
 import resource
@@ -47,7 +47,7 @@ def ground(count: int) -> Scene:
 
 
 def measure(count: int) -> dict:
-    """Build, place, trace."""
+    """Build the tracer, place views, trace, and return the row."""
     import open3d  # noqa: F401  (imported here, so that its seconds do not count)
 
     from gsgi.baker.trace.mitsuba_scene import load_mitsuba

@@ -1,4 +1,4 @@
-"""`gsgi bake`: a scene to a .gsgi file."""
+"""`gsgi bake`: bake a scene into a .gsgi file."""
 
 import argparse
 from pathlib import Path
@@ -14,11 +14,11 @@ def add(commands) -> None:
         run,
         "Trace the indirect light of a glTF scene and fit Gaussians to it.",
         "  gsgi bake room.glb -o room.gsgi\n"
-        "  gsgi bake room.glb -o room.gsgi --sun 140,35 --env sky.hdr           # light that the file lacks\n"
-        "  gsgi bake room.glb -o room.gsgi --quality high                       # closer, larger, slower\n"
-        "  gsgi bake room.glb -o room.gsgi --target-loss 0.01                   # as small as that allows\n"
-        "  gsgi bake room.glb -o room.gsgi --target-bytes 100000                # as good as that allows\n"
-        "  gsgi bake room.glb -o room.gsgi --quiet --json > room.json           # with figures for machines\n"
+        "  gsgi bake room.glb -o room.gsgi --sun 140,35 --env sky.hdr           # light that is not in the file\n"
+        "  gsgi bake room.glb -o room.gsgi --quality high                       # more accurate, larger, slower\n"
+        "  gsgi bake room.glb -o room.gsgi --target-loss 0.01                   # the smallest file with this loss\n"
+        "  gsgi bake room.glb -o room.gsgi --target-bytes 100000                # the best file of this size\n"
+        "  gsgi bake room.glb -o room.gsgi --quiet --json > room.json           # with a report as JSON\n"
         "  gsgi bake room.glb -o room.gsgi --quiet --depfile room.gsgi.d        # in a Makefile: -include room.gsgi.d\n"
         "  gsgi bake room.glb -o room.gsgi --quiet --depfile room.gsgi.d --if-changed   # in ninja, with restat = 1",
     )
@@ -27,22 +27,22 @@ def add(commands) -> None:
     parser.add_argument("-o", "--output", metavar="FILE", required=True, help="the .gsgi file to write")
     _add_build(parser)
     shared.add_settings(parser)
-    parser.add_argument("--preview", metavar="DIR", type=Path, help="write pictures of the fit there while it runs")
+    parser.add_argument("--preview", metavar="DIR", type=Path, help="folder for pictures of the fit while it runs")
     parser.add_argument("--no-evaluate", dest="evaluate", action="store_false",
-                        help="do not trace the held-out views nor say how close the bake comes to them")  # fmt: skip
+                        help="skip the evaluation of the bake in held-out views")  # fmt: skip
     shared.add_cache(parser)
     shared.add_verbosity(parser)
-    shared.add_json(parser, "print what was reached as JSON on stdout")
+    shared.add_json(parser, "print a report as JSON on stdout")
 
 
 def _add_build(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("build", "For build tools; see samples/06_build_integration.")
-    group.add_argument("--depfile", metavar="FILE", help="write what the bake has read, as a rule for make and ninja")
-    group.add_argument("--if-changed", action="store_true", help="leave a .gsgi file with the same bytes untouched")
+    group.add_argument("--depfile", metavar="FILE", help="list the files that were read, as a rule for make and ninja")
+    group.add_argument("--if-changed", action="store_true", help="do not rewrite a .gsgi file with the same bytes")
 
 
 def run(options: argparse.Namespace) -> None:
-    """Plan, bake, write the file, evaluate it. Raises TargetError where a target loss was not met."""
+    """Plan, bake, write the file and evaluate it. Raises TargetError if a target loss was not met."""
     from gsgi.baker import job
     from gsgi.baker.cli.console import Console
     from gsgi.baker.cli.inputs import open_cache, plan_of
@@ -69,7 +69,7 @@ def run(options: argparse.Namespace) -> None:
     def write(data: bytes, gaussians: int) -> None:
         same = options.if_changed and _holds(options.output, data)
         write_together(({} if same else {options.output: data}) | rules)
-        verb = "left as it was" if same else "wrote"
+        verb = "unchanged" if same else "wrote"
         done.append(f"{verb} {options.output}: {gaussians} Gaussians, {len(data)} bytes")
         progress.say(done[-1])
 
@@ -88,7 +88,7 @@ def run(options: argparse.Namespace) -> None:
 
 
 def _check_outputs(options: argparse.Namespace) -> None:
-    """Refuse before any work what could not be written or makes no sense."""
+    """Refuse, before any work, outputs that cannot be written and options that make no sense."""
     from gsgi.runtime.atomic import check_writable
     from gsgi.runtime.errors import UsageError
 
@@ -103,7 +103,7 @@ def _check_outputs(options: argparse.Namespace) -> None:
 
 
 def _rules(options: argparse.Namespace, plan, progress) -> dict[str, bytes]:
-    """The dependency file, if there is to be one: its name and its bytes. Raises UsageError."""
+    """Name and bytes of the dependency file, if one is asked for. Raises UsageError."""
     from gsgi.baker.cli.depfile import depfile, nameable
     from gsgi.runtime.errors import UsageError
 
@@ -113,12 +113,12 @@ def _rules(options: argparse.Namespace, plan, progress) -> dict[str, bytes]:
         raise UsageError(f"{options.depfile}: the dependency file would overwrite another file of this bake")
     for file in plan.scene.files:
         if not nameable(file):
-            progress.warn(f"{file}: build tools cannot be told of a file of this name: changes go unnoticed")
+            progress.warn(f"{file}: build tools cannot read this file name: changes of the file go unnoticed")
     return {options.depfile: depfile(options.output, plan.scene.files)}
 
 
 def _holds(path: str, data: bytes) -> bool:
-    """Whether a file is there and holds just these bytes."""
+    """Whether a file exists and holds exactly these bytes."""
     try:
         return Path(path).read_bytes() == data
     except OSError:

@@ -11,10 +11,10 @@ def add(commands) -> None:
         commands,
         "cache",
         run,
-        "Say what the cache of finished tasks holds, or empty it.",
+        "Show what the cache of finished tasks holds, or empty it.",
         "  gsgi cache\n"
         "  gsgi cache --clear\n"
-        "  GSGI_CACHE_LIMIT=10GiB gsgi bake room.glb -o room.gsgi   # what a bake leaves at most (default: 4GiB)",
+        "  GSGI_CACHE_LIMIT=10GiB gsgi bake room.glb -o room.gsgi   # the most that a bake leaves (default: 4GiB)",
     )
     shared.add_cache(parser)
     parser.add_argument("--clear", action="store_true", help="remove all entries first")
@@ -22,7 +22,7 @@ def add(commands) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    """Print folder, entries and bytes, per stage and in all, and the limit."""
+    """Print the folder, the entries and bytes in all and per stage, and the limit."""
     from gsgi.baker.cache.store import clear, default_folder, entries, size_limit
     from gsgi.baker.cli.json_output import print_json
 

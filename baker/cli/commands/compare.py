@@ -12,7 +12,7 @@ def add(commands) -> None:
         commands,
         "compare",
         run,
-        "PSNR, SSIM and FLIP between two images of one size. EXR is linear light, exposed as the reference asks.",
+        "Print PSNR, SSIM and FLIP of two images of one size. EXR is linear light; the reference sets its exposure.",
         "  gsgi compare frame.exr truth.exr\n  gsgi compare frame.png golden.png --json",
     )
     parser.add_argument("image", metavar="A", help="the image to judge: .exr or .png")

@@ -11,14 +11,14 @@ def add(commands) -> None:
         commands,
         "doctor",
         run,
-        "Say what works on this machine, and what to do about what does not.",
+        "Show what works on this machine, and how to fix what does not.",
         "  gsgi doctor\n  gsgi doctor --json",
     )
     shared.add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Print the checks; exit code 5 if frames could not be drawn or bakes not be made."""
+    """Print the checks; exit code 5 if frames cannot be drawn or bakes cannot be made."""
     import dataclasses
 
     from gsgi.baker.cli.json_output import print_json

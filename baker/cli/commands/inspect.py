@@ -12,7 +12,7 @@ def add(commands) -> None:
         commands,
         "inspect",
         run,
-        "Say what a .gsgi file holds.",
+        "Show what a .gsgi file holds.",
         "  gsgi inspect room.gsgi\n  gsgi inspect room.gsgi --json",
     )
     parser.add_argument("file", metavar="FILE", help="a .gsgi file")
@@ -20,7 +20,7 @@ def add(commands) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    """Print the facts, one a line or as JSON."""
+    """Print the facts, one per line or as JSON."""
     from gsgi.baker.cli.json_output import print_json
     from gsgi.runtime.file.reader import read_bake
 

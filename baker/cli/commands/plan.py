@@ -11,10 +11,10 @@ def add(commands) -> None:
         commands,
         "plan",
         run,
-        "Say what a bake of a scene would do: which effects it calls for, why, and what each costs.",
+        "Show what a bake of a scene would do, why, and what it would cost.",
         "  gsgi plan room.glb\n"
         "  gsgi plan room.glb --env sky.hdr --json > plan.json\n"
-        "  gsgi plan room.glb --bounces 2 --ignore emissive   # the flags of a bake: what do they change?",
+        "  gsgi plan room.glb --bounces 2 --ignore emissive   # see what the flags of a bake change",
     )
     shared.add_scene(parser)
     shared.add_light(parser)
@@ -25,7 +25,7 @@ def add(commands) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    """Make the plan, time a sample of the work, print both."""
+    """Make the plan, time a sample of the work, and print both."""
     from gsgi.baker.cli.console import Console
     from gsgi.baker.cli.inputs import open_cache, plan_of
     from gsgi.baker.cli.json_output import print_json

@@ -11,7 +11,7 @@ def add(commands) -> None:
         commands,
         "reference",
         run,
-        "Path-trace what `gsgi render` approximates: same cameras, sizes and layers, by Mitsuba.",
+        "Path-trace with Mitsuba what `gsgi render` approximates: the same cameras, sizes and layers.",
         "  gsgi reference room.glb -o truth.exr --samples 4096\n"
         "  gsgi reference room.glb -o truth.png --camera kitchen --size 1280x720",
     )
@@ -19,8 +19,8 @@ def add(commands) -> None:
     shared.add_light(parser)
     shared.add_picture(parser)
     parser.add_argument("--samples", type=shared.whole(2, 2**20), default=1024, metavar="N", help="paths per pixel")
-    parser.add_argument("--denoise", action="store_true", help="denoise B; leave it out to measure")
-    parser.add_argument("--seed", type=shared.whole(0, 2**30), default=0, metavar="N", help="seed of the paths")
+    parser.add_argument("--denoise", action="store_true", help="denoise B; not for measurements")
+    parser.add_argument("--seed", type=shared.whole(0, 2**30), default=0, metavar="N", help="random seed of the paths")
     shared.add_verbosity(parser)
 
 

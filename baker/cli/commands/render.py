@@ -11,7 +11,7 @@ def add(commands) -> None:
         commands,
         "render",
         run,
-        "Draw a scene with its baked light: headless, deferred, OpenGL.",
+        "Draw a scene with its baked light, headless, by a deferred OpenGL renderer.",
         "  gsgi render room.glb --gi room.gsgi -o room.png\n"
         "  gsgi render room.glb --gi room.gsgi -o b.exr --layer indirect --camera kitchen --size 1280x720\n"
         "  gsgi render room.glb --gi room.gsgi -o room.png --profile",
@@ -21,8 +21,8 @@ def add(commands) -> None:
     shared.add_gi(parser)
     shared.add_picture(parser)
     parser.add_argument("--backend", choices=("egl", "osmesa", "auto"), default="auto",
-                        help="OpenGL without a display; auto takes EGL, else OSMesa, and says which")  # fmt: skip
-    parser.add_argument("--device", type=int, metavar="N", help="draw on this device of EGL, from 0")
+                        help="OpenGL without a display; auto uses EGL, else OSMesa, and says which")  # fmt: skip
+    parser.add_argument("--device", type=int, metavar="N", help="number of the EGL device to draw on, from 0")
     parser.add_argument("--profile", action="store_true", help="print the driver and what each pass of the frame costs")
     shared.add_verbosity(parser)
 
@@ -52,7 +52,7 @@ def run(options: argparse.Namespace) -> None:
 
 
 def print_costs(driver: str, rows: list[dict]) -> None:
-    """The driver, and a table with a last row for all passes."""
+    """Print the driver, and a table whose last row is the sum of all passes."""
     everything = {"name": "all", **{column: sum(row[column] for row in rows) for column in ("gpu_ms", "cpu_ms")}}
     print(driver)
     print(f"{'pass':<28}{'gpu ms':>9}{'cpu ms':>9}{'quads':>9}{'fragments':>12}")

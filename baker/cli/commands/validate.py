@@ -11,16 +11,16 @@ def add(commands) -> None:
         commands,
         "validate",
         run,
-        "List all errors of a glTF file, and what the reader leaves out.",
+        "List all errors in a glTF file, and what the reader leaves out.",
         "  gsgi validate room.glb\n  gsgi validate room.glb --json",
     )
     parser.add_argument("scene", metavar="SCENE", help="glTF 2.0 file: .glb or .gltf")
-    parser.add_argument("--limit", action="append", metavar="NAME=N", help="raise a limit on the size of scenes")
+    parser.add_argument("--limit", action="append", metavar="NAME=N", help="raise a size limit for scenes")
     shared.add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Print the problems, one a line or as JSON; exit code 3 if one is an error, 2 if the file cannot be read."""
+    """Print the problems, one per line or as JSON; exit code 3 if one is an error, 2 if the file cannot be read."""
     import dataclasses
 
     from gsgi.baker.cli.json_output import print_json

@@ -25,7 +25,7 @@ def add(commands) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    """Open the window; returns when it is closed."""
+    """Open the window, and return when it is closed."""
     from pathlib import Path
 
     from gsgi.baker.cli.console import Console

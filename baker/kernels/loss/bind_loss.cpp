@@ -1,4 +1,4 @@
-// Python's view of the loss.
+// Python bindings of the loss.
 #include "arrays.h"
 #include "loss/loss.h"
 
@@ -23,7 +23,8 @@ static nb::tuple loss(Input<Real, -1, -1, 3> image, Input<uint16_t, -1, -1, 3> t
 
 void bind_loss(nb::module_& m)
 {
-    const char* doc = "Loss, its gradient by image (H, W, 3) and its share per pixel (H, W).";
+    const char* doc =
+        "Return the loss, its gradient with respect to image (H, W, 3) and its share per pixel (H, W).";
     m.def("image_loss", &loss<float>, "image"_a.noconvert(), "tone"_a.noconvert(), "tone_scale"_a, doc);
     m.def("image_loss", &loss<double>, "image"_a.noconvert(), "tone"_a.noconvert(), "tone_scale"_a, doc);
 }

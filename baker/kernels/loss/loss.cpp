@@ -9,7 +9,7 @@
 #include "parallel.h"
 
 static constexpr double WINDOW_SIGMA = 1.5; // px
-static constexpr size_t BAND = 64;          // rows of a task
+static constexpr size_t BAND = 64;          // rows per task
 
 template <class Real> static void fill_taps(Real* taps)
 {
@@ -39,7 +39,7 @@ template <class Real> static LossProblem<Real> problem_of(const LossImages<Real>
 
 namespace {
 
-// Memory of one thread's rows, kept between calls.
+// The row buffers of one thread, kept between calls.
 template <class Real> class Workspace {
 public:
     const LossRows<Real>& rows_for(const LossProblem<Real>& problem)
@@ -57,7 +57,7 @@ private:
     void allocate(size_t width)
     {
         const size_t whole_strips = (3 * (width + HALO) + STRIP - 1) / STRIP * STRIP;
-        rows.width = width, rows.stride = whole_strips + 16; // no power of two: rows share no cache sets
+        rows.width = width, rows.stride = whole_strips + 16; // not a power of two: rows share no cache sets
         memory.assign((2 * RING + MAPS * BATCH + SHARES + SHARES * RING + BATCH + 1) * rows.stride, 0);
         Real* next = memory.data();
         const auto take = [&](size_t count) { return std::exchange(next, next + count * rows.stride); };

@@ -1,4 +1,4 @@
-// A band of rows of the loss.
+// Computes the loss and its gradient in a band of rows.
 #pragma once
 
 #include <cmath>
@@ -9,10 +9,11 @@
 
 namespace INSTRUCTION_SET {
 
-constexpr RowIndex LEAD = 12; // rows that are visited before a band: HALO at least, in whole batches
+constexpr RowIndex LEAD = 12; // rows visited before a band: at least HALO, in whole batches
 constexpr size_t SUM_LANES = 16;
 
-// Sum of |values|, in double, added in one order whatever the instruction set. 1 - SSIM is never negative.
+// Sum of |values| in double precision, added in the same order for every instruction set. It also serves for
+// 1 - SSIM, which is never negative.
 template <class Real> ALWAYS_INLINE double sum_of_magnitudes(const Real* values, size_t count)
 {
     double lane[SUM_LANES] = {};
@@ -38,7 +39,7 @@ template <class Real> ALWAYS_INLINE void clear_row(Real* row, size_t count)
     std::memset(row, 0, count * sizeof(Real));
 }
 
-// a and d of row y of the image; 0 where nothing counts and outside.
+// Loads a and d of row y of the image. They are 0 at invalid pixels and outside the image.
 template <class Real>
 ALWAYS_INLINE void load_row(
     const LossImages<Real>& images, RowIndex y, Real* __restrict a, Real* __restrict d)
@@ -61,7 +62,7 @@ ALWAYS_INLINE void load_row(
     }
 }
 
-// Loss of the pixels of row y, `unlike` holding 1 - SSIM of the windows nearest to them.
+// Writes the loss of the pixels of row y. `unlike` holds 1 - SSIM of the window nearest to each pixel.
 template <class Real>
 ALWAYS_INLINE void write_error(const LossProblem<Real>& problem, RowIndex y, const LossRows<Real>& rows)
 {
@@ -78,7 +79,7 @@ ALWAYS_INLINE void write_error(const LossProblem<Real>& problem, RowIndex y, con
     }
 }
 
-// by_image of row y; row r of its batch.
+// Writes by_image of row y, which is row r of its batch.
 template <class Real>
 ALWAYS_INLINE void write_gradient(
     const LossProblem<Real>& problem, RowIndex y, size_t r, const LossRows<Real>& rows)
@@ -98,7 +99,7 @@ ALWAYS_INLINE void write_gradient(
     }
 }
 
-// Windows top ... top + BATCH - 1, whose pixels are in the rings; [first, end) are the rows of the band.
+// Visits window rows top ... top + BATCH - 1, whose pixels are in the rings. The band is [first, end).
 template <class Real>
 ALWAYS_INLINE void visit_windows(const LossProblem<Real>& problem, RowIndex top, RowIndex first, RowIndex end,
     const LossRows<Real>& rows, LossSums& sums)
@@ -124,7 +125,7 @@ ALWAYS_INLINE void visit_windows(const LossProblem<Real>& problem, RowIndex top,
     }
 }
 
-// Rows first ... end - 1 of the outputs.
+// Computes rows first ... end - 1 of the outputs.
 template <class Real>
 inline LossSums visit_band(
     const LossProblem<Real>& problem, RowIndex first, RowIndex end, const LossRows<Real>& rows)

@@ -1,14 +1,14 @@
-// Structural similarity (Wang et al. 2004) of two signals a and b, row by row, and the way back.
+// Structural similarity (Wang et al. 2004) of two signals a and b, row by row, and its gradient.
 //
-// With d = a - b, SSIM = (1 - u) (1 - v), u = mean(d)^2 / (mean(a)^2 + mean(b)^2 + C1) and
-// v = var(d) / (var(a) + var(b) + C2): four blurred maps in place of five, and no cancellation where a is
-// near b.
+// With d = a - b, SSIM = (1 - u) (1 - v), where u = mean(d)^2 / (mean(a)^2 + mean(b)^2 + C1) and
+// v = var(d) / (var(a) + var(b) + C2). This form needs four blurred maps instead of five, and nothing cancels
+// where a is close to b.
 //
-// A row holds the samples red, green, blue of its pixels in turn. Window n covers the pixels n ... n + 10, in
-// both directions, and lies inside the image.
+// The red, green and blue samples of a row are interleaved. Window n covers the pixels n ... n + 10 in both
+// directions and lies inside the image.
 //
-// The loops are written for the compiler's vectoriser; nothing is reassociated or fused, so that each
-// instruction set computes the same bits.
+// The loops are written for the compiler's auto-vectoriser. No operation is reassociated or fused, so that
+// every instruction set computes the same bits.
 #pragma once
 
 #include "loss/loss_records.h"
@@ -20,7 +20,7 @@ constexpr double SSIM_C1 = 0.01 * 0.01, SSIM_C2 = 0.03 * 0.03;
 
 template <class Real> using Strip = Real[SPAN][STRIP];
 
-// Weighted sum of WINDOW values, each `step` after the one before.
+// Weighted sum of WINDOW values at a stride of `step`.
 template <class Real> ALWAYS_INLINE Real blur(const Real* taps, const Real* values, size_t step)
 {
     Real sum = taps[5] * values[5 * step];
@@ -36,7 +36,7 @@ ALWAYS_INLINE size_t slot(RowIndex row)
     return size_t(row) % RING;
 }
 
-// Columns x ... x + STRIP - 1 of rows top ... top + SPAN - 1 of a ring.
+// Copies columns x ... x + STRIP - 1 of rows top ... top + SPAN - 1 of a ring to `strip`.
 template <class Real>
 ALWAYS_INLINE void take_strip(
     const Real* __restrict ring, size_t stride, RowIndex top, size_t x, Strip<Real>& __restrict strip)
@@ -48,7 +48,7 @@ ALWAYS_INLINE void take_strip(
     }
 }
 
-// Blurs the maps of windows top ... top + BATCH - 1 vertically.
+// Blurs the maps of window rows top ... top + BATCH - 1 vertically.
 template <class Real> ALWAYS_INLINE void blur_maps(const Real* taps, RowIndex top, const LossRows<Real>& rows)
 {
     const size_t stride = rows.stride;
@@ -71,7 +71,7 @@ template <class Real> ALWAYS_INLINE void blur_maps(const Real* taps, RowIndex to
     }
 }
 
-// 1 - SSIM of row r of the batch of windows, and its gradient by their maps.
+// Computes 1 - SSIM of row r of the batch of windows, and its shares (see Share).
 template <class Real>
 ALWAYS_INLINE void compare_windows(const Real* taps, RowIndex r, const LossRows<Real>& rows)
 {
@@ -104,7 +104,7 @@ ALWAYS_INLINE void compare_windows(const Real* taps, RowIndex r, const LossRows<
     }
 }
 
-// Blurs the shares of window row n along the row: what each column of pixels gets of them.
+// Blurs the shares of window row n along the row, which gives the share of each column of pixels.
 template <class Real> ALWAYS_INLINE void blur_shares(const Real* taps, RowIndex n, const LossRows<Real>& rows)
 {
     const size_t count = 3 * rows.width, stride = rows.stride;
@@ -115,7 +115,8 @@ template <class Real> ALWAYS_INLINE void blur_shares(const Real* taps, RowIndex 
             out[s * RING * stride + x] = blur(taps, in + s * stride + x, 3);
 }
 
-// Gradient by a of `unit` times the sum of 1 - SSIM over the windows, rows top ... top + BATCH - 1.
+// Computes the gradient, with respect to a, of `unit` times the sum of 1 - SSIM over the windows, for rows
+// top ... top + BATCH - 1.
 template <class Real>
 ALWAYS_INLINE void gather_shares(const Real* taps, Real unit, RowIndex top, const LossRows<Real>& rows)
 {
@@ -136,7 +137,7 @@ ALWAYS_INLINE void gather_shares(const Real* taps, Real unit, RowIndex top, cons
     }
 }
 
-// Pixels nearer to the edge than a window's centre take the outermost window.
+// Gives the pixels beyond the outermost window centres the value of the outermost window.
 template <class Real> ALWAYS_INLINE void extend_unlike(const LossRows<Real>& rows)
 {
     Real* const unlike = rows.unlike;

@@ -1,7 +1,7 @@
-// One step of Adam on raw parameters, straight from the sums over pixels: no gradient is stored.
+// One step of Adam on raw parameters, computed directly from the sums over pixels without storing gradients.
 //
-// Kingma and Ba 2015. Only Gaussians with a gradient take a step; the correction of the moments' bias is by
-// the steps that a Gaussian took itself, so that one that comes into view late starts like the others.
+// Kingma and Ba 2015. Only Gaussians with a gradient take a step. The bias correction uses each Gaussian's
+// own step count, so that a Gaussian that comes into view late starts like the others.
 #pragma once
 
 #include "over/gradient.h"
@@ -12,7 +12,7 @@ namespace INSTRUCTION_SET {
 static_assert(ADAM_BETA1 == 0.9 && ADAM_BETA2 == 0.999);
 constexpr double LOG2_BETA1 = -0.15200309344504997, LOG2_BETA2 = -0.0014434168696687174;
 
-// Turns gradients by activated parameters into those by raw ones.
+// Turns gradients with respect to activated parameters into those with respect to raw parameters.
 inline void chain_to_raw(const Gaussian& raw, const Gaussian& activated, Wide* g)
 {
     const Vec4& q = activated.rotation;
@@ -24,7 +24,7 @@ inline void chain_to_raw(const Gaussian& raw, const Gaussian& activated, Wide* g
     g[10] = g[10] * (1.0 - activated.opacity);
 }
 
-// The rates and bias corrections of eight Gaussians.
+// The bias corrections of eight Gaussians.
 struct Correction {
     Wide mean, root; // 1 / (1 - beta1^t), 1 / sqrt(1 - beta2^t)
 };
@@ -53,7 +53,7 @@ ALWAYS_INLINE void step_column(
     store(c.value, group, c.stride, offset, load(c.value, group, c.stride, offset) - step, lanes);
 }
 
-// Steps the Gaussians whose gradient is not all zero.
+// Takes a step on the Gaussians whose gradient is not all zero.
 inline void step_group(const Step& step, const Group& group, const Wide* g, size_t parameters)
 {
     uint32_t lanes = 0;
@@ -77,7 +77,7 @@ inline void step_group(const Step& step, const Group& group, const Wide* g, size
             step_column(column, offset, group, by, *g++, lanes);
 }
 
-// The largest standard deviation of footprints, px.
+// The largest standard deviation of each footprint, px.
 inline Wide radius_of(const Footprint<float>* footprints, const Group& group)
 {
     double wx[8], wy[8], k[8];

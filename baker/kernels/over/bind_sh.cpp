@@ -1,4 +1,4 @@
-// Python's view of the spherical harmonics.
+// Python bindings of the spherical harmonics.
 #include "arrays.h"
 #include "over/sh.h"
 
@@ -25,5 +25,5 @@ static Output<double> sh_basis_of(Input<double, -1, 3> direction, int degree)
 void bind_sh(nb::module_& m)
 {
     m.def("sh_basis", &sh_basis_of, "direction"_a.noconvert(), "degree"_a,
-        "(M, 3) unit vectors to (M, K) float64.");
+        "Return the basis functions (M, K) float64 at unit vectors (M, 3).");
 }

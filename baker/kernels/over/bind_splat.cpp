@@ -1,4 +1,4 @@
-// Python's view of splatting activated Gaussians, and of its gradient.
+// Python bindings of splatting activated Gaussians, and of its gradient.
 #include <algorithm>
 
 #include "dispatch.h"
@@ -73,15 +73,16 @@ static nb::tuple backward(Frame<Real>& frame, Input<Real, -1, 3> position, Input
 
 template <class Real> static void bind_precision(nb::module_& m, const char* frame_name)
 {
-    nb::class_<Frame<Real>>(m, frame_name, "What splat_backward needs to know of splat.")
-        .def_prop_ro(
-            "entry_count", &Frame<Real>::entry_count, "Pairs of a Gaussian and a tile that it touches.");
+    nb::class_<Frame<Real>>(m, frame_name, "State that splat_backward needs from splat.")
+        .def_prop_ro("entry_count", &Frame<Real>::entry_count,
+            "Number of pairs of a Gaussian and a tile that it touches.");
     m.def("splat", &forward<Real>, "position"_a.noconvert(), "rotation"_a.noconvert(), "scale"_a.noconvert(),
         "opacity"_a.noconvert(), "sh"_a.noconvert(), "pinhole"_a, "blend"_a,
-        "Image (H, W, 3), transmittance (H, W) and Frame of activated Gaussians.");
+        "Draw activated Gaussians. Return the image (H, W, 3), the transmittance (H, W) and a Frame.");
     m.def("splat_backward", &backward<Real>, "frame"_a, "position"_a.noconvert(), "rotation"_a.noconvert(),
         "scale"_a.noconvert(), "opacity"_a.noconvert(), "sh"_a.noconvert(), "by_image"_a.noconvert(),
-        "by_transmittance"_a.noconvert(), "Gradients by position, rotation, scale, opacity and sh.");
+        "by_transmittance"_a.noconvert(),
+        "Return the gradients with respect to position, rotation, scale, opacity and sh.");
 }
 
 void bind_splat(nb::module_& m)

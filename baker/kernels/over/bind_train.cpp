@@ -1,4 +1,5 @@
-// Python's view of training on raw parameters: forward, and backward with the optimiser's step in one.
+// Python bindings of training on raw parameters: the forward pass, and the backward pass fused with the
+// optimiser's step.
 #include <algorithm>
 #include <array>
 #include <optional>
@@ -17,7 +18,7 @@ namespace {
 
 struct Workspace {
     Frame<float> frame;
-    bool stepped = true; // the frame has had its step, or there is none
+    bool stepped = true; // the frame has had its step, or there is no frame
 };
 
 } // namespace
@@ -34,7 +35,7 @@ static Value* writable(nb::handle object, const char* name, std::array<int64_t, 
     return array.data();
 }
 
-// Arrays of a gsgi.baker.over.raw_gaussians.RawGaussians of N Gaussians with K coefficients.
+// The arrays of a gsgi.baker.over.raw_gaussians.RawGaussians: N Gaussians with K coefficients each.
 static GaussianArrays<float> arrays_of(nb::handle raw)
 {
     const int64_t n = nb::cast<int64_t>(raw.attr("position").attr("shape")[0]);
@@ -58,7 +59,7 @@ static nb::tuple forward(Workspace& workspace, nb::handle raw, nb::handle pinhol
     auto image = allocate<float>({height, width, 3}), transmittance = allocate<float>({height, width});
     {
         nb::gil_scoped_release unlocked;
-        workspace.stepped = true; // unless all goes well
+        workspace.stepped = true; // in case splat throws
         workspace.frame.splat(gaussians, camera, operation, instruction_set().project_raw);
         workspace.stepped = false;
         std::copy_n(workspace.frame.pixels().radiance, 3 * width * height, image.data());
@@ -103,15 +104,16 @@ static nb::tuple step(Workspace& workspace, nb::handle raw, nb::handle adam, Inp
 
 void bind_train(nb::module_& m)
 {
-    nb::class_<Workspace>(m, "Workspace", "Memory of an image and its gradient.")
+    nb::class_<Workspace>(m, "Workspace", "Memory for an image and its gradient.")
         .def(nb::init<>())
-        .def(
-            "forward", &forward, "raw"_a, "pinhole"_a, "blend"_a, "Image (H, W, 3) and transmittance (H, W).")
+        .def("forward", &forward, "raw"_a, "pinhole"_a, "blend"_a,
+            "Draw raw Gaussians. Return the image (H, W, 3) and the transmittance (H, W).")
         .def("step", &step, "raw"_a, "adam"_a, "by_image"_a.noconvert(), "rates"_a,
             "error"_a.noconvert().none(),
-            "Steps raw and adam in place; contribution, error, radius, mean2d_gradient (N,) and not_finite.")
+            "Step raw and adam in place. "
+            "Return contribution, error, radius, mean2d_gradient (N,) and not_finite.")
         .def_prop_ro("byte_count", [](const Workspace& w) { return w.frame.byte_count(); })
         .def_prop_ro(
             "pair_count", [](const Workspace& w) { return w.frame.pair_count(); },
-            "Pairs of a Gaussian and a pixel that the last forward blended.");
+            "Number of pairs of a Gaussian and a pixel that the last forward call blended.");
 }

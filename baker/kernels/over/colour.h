@@ -1,4 +1,4 @@
-// The colour of eight Gaussians towards the eye, forward and backward.
+// The colour of eight Gaussians as seen from the eye, and its gradient.
 #pragma once
 
 #include "over/load.h"
@@ -6,7 +6,7 @@
 
 namespace INSTRUCTION_SET {
 
-// Colour before negative values are cut.
+// The colour before negative values are clamped to 0.
 template <class Real>
 inline Vec3 raw_colour(const GaussianArrays<const Real>& arrays, const Group& group, const Wide* basis)
 {
@@ -17,7 +17,7 @@ inline Vec3 raw_colour(const GaussianArrays<const Real>& arrays, const Group& gr
     return colour;
 }
 
-// `offset` is from the eye to the Gaussian.
+// The colour seen from the eye. `offset` points from the eye to the Gaussian.
 template <class Real>
 inline Vec3 visible_colour(const GaussianArrays<const Real>& arrays, const Group& group, const Vec3& offset)
 {
@@ -28,8 +28,8 @@ inline Vec3 visible_colour(const GaussianArrays<const Real>& arrays, const Group
     return {visible(colour.x), visible(colour.y), visible(colour.z)};
 }
 
-// Writes the gradient by the coefficients (3 K), returns the one by position. `offset` is from the eye to the
-// Gaussian.
+// Writes the gradient with respect to the coefficients (3 K) and returns the one with respect to position.
+// `offset` points from the eye to the Gaussian.
 template <class Real>
 inline Vec3 colour_backward(const GaussianArrays<const Real>& arrays, const Group& group, const Vec3& offset,
     const Vec3& by_visible, Wide* by_sh)

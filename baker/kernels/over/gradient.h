@@ -1,4 +1,4 @@
-// From sums over pixels to the gradient by the parameters of eight Gaussians.
+// Turns sums over pixels into the gradient with respect to the parameters of eight Gaussians.
 #pragma once
 
 #include "over/colour.h"
@@ -32,8 +32,8 @@ ALWAYS_INLINE void for_each_drawn(const uint32_t* keys, size_t begin, size_t end
         flush();
 }
 
-// With z = conic d, the offset of a pixel turned by the conic, the gradient by the mean is sum(p z), that by
-// the covariance 1/2 sum(p z z^T).
+// Gradient with respect to the footprints. With d the offset of a pixel from the mean and z = conic d, the
+// gradient with respect to the mean is sum(p z), and with respect to the covariance 1/2 sum(p z z^T).
 template <class Real>
 inline FootprintGradient gather(const Footprint<Real>* footprints, const Group& group, const Real* moments)
 {
@@ -53,7 +53,8 @@ inline FootprintGradient gather(const Footprint<Real>* footprints, const Group& 
     };
 }
 
-// Writes GEOMETRY + 3 K gradients by activated parameters, but for the opacity, whose is by its logarithm.
+// Writes GEOMETRY + 3 K gradients with respect to the activated parameters; that of the opacity is with
+// respect to its logarithm.
 template <class Real>
 inline FootprintGradient gradient_of(const GaussianArrays<const Real>& arrays, const Gaussian& gaussian,
     const Group& group, const Camera& camera, const Footprint<Real>* footprints, const Real* moments,

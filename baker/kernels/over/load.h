@@ -1,4 +1,4 @@
-// Eight Gaussians from arrays to lanes, and back.
+// Loads eight Gaussians from arrays into lanes, and stores them.
 #pragma once
 
 #include "over/projection.h"
@@ -6,13 +6,13 @@
 
 namespace INSTRUCTION_SET {
 
-// Which Gaussians the lanes hold; the first `count` count, the others repeat one of these.
+// Indices of the Gaussians in the lanes. The first `count` lanes are valid; the others repeat one of them.
 struct Group {
     size_t index[8];
     int count;
 };
 
-// Consecutive Gaussians from `begin` on.
+// Up to eight consecutive Gaussians, starting at `begin`.
 inline Group consecutive(size_t begin, size_t end)
 {
     Group group;
@@ -39,14 +39,14 @@ ALWAYS_INLINE Vec3 load3(const Real* array, const Group& group, size_t stride, s
         load(array, group, stride, offset + 2)};
 }
 
-// Finite even where a double does not fit.
+// Clamps to the finite range of Real.
 template <class Real> ALWAYS_INLINE Wide narrow(Wide value)
 {
     constexpr double LIMIT = sizeof(Real) == 4 ? 3.4028234663852886e38 : 1.7976931348623157e308;
     return clamp(value, -LIMIT, LIMIT);
 }
 
-// Stores the lanes whose bit is set.
+// Stores the lanes whose bit is set in `lanes`.
 template <class Real>
 ALWAYS_INLINE void store(
     Real* array, const Group& group, size_t stride, size_t offset, Wide value, uint32_t lanes = 0xff)
@@ -71,13 +71,13 @@ ALWAYS_INLINE Wide exponential(Wide x)
     return exp2(clamp(x * LOG2_E, -1000.0, 1000.0));
 }
 
-// The length of the quaternions; never 0.
+// The lengths of the quaternions; never 0.
 inline Wide length(const Vec4& q)
 {
     return max(sqrt(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w), Wide(1e-12));
 }
 
-// Normalised quaternion, exp(log_scale), sigmoid(logit_opacity).
+// Activates raw parameters: normalised quaternion, exp(log_scale), sigmoid(logit_opacity).
 inline Gaussian activate(const Gaussian& raw)
 {
     const Vec4& q = raw.rotation;

@@ -9,7 +9,7 @@ Camera camera_from(nb::handle pinhole)
             camera.rotation[i][j] = pose(i, j);
         camera.translation[i] = pose(i, 3);
     }
-    for (size_t i = 0; i < 3; ++i) // the pose is rigid: transpose is inverse
+    for (size_t i = 0; i < 3; ++i) // the pose is rigid: the transposed rotation is its inverse
         camera.position[i] = -(camera.rotation[0][i] * camera.translation[0] +
             camera.rotation[1][i] * camera.translation[1] + camera.rotation[2][i] * camera.translation[2]);
     const auto number = [&](const char* name) { return nb::cast<double>(pinhole.attr(name)); };

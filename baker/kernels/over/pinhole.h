@@ -1,14 +1,14 @@
-// Records of gsgi.runtime as the kernels take them.
+// Converts records of gsgi.runtime to those of the kernels.
 #pragma once
 
 #include "arrays.h"
 #include "over/records.h"
 
-// A gsgi.runtime.camera.Pinhole.
+// Converts a gsgi.runtime.camera.Pinhole.
 Camera camera_from(nb::handle pinhole);
 
-// A gsgi.runtime.gaussians.Blend.
+// Converts a gsgi.runtime.gaussians.OverBlend.
 Blend blend_from(nb::handle blend);
 
-// The SH degree of K coefficients; throws TypeError where there is none.
+// The SH degree that has this number of coefficients; throws TypeError if there is none.
 int degree_of(size_t coefficients);

@@ -1,7 +1,7 @@
-// Projects eight Gaussians to their footprints on the image, forward and backward.
+// Projects eight Gaussians to their footprints on the image, with the gradient of the projection.
 //
-// Kerbl et al. 2023; Zwicker et al. 2002, "EWA Splatting". All in double precision: it costs little beside
-// the pixels, and needles and giants lose no digits.
+// Kerbl et al. 2023; Zwicker et al. 2002, "EWA Splatting". Everything is in double precision: this costs
+// little compared to the pixels, and very thin or very large Gaussians lose no digits.
 #pragma once
 
 #include "over/records.h"
@@ -12,25 +12,25 @@ namespace INSTRUCTION_SET {
 
 constexpr double LOG2_E = 1.4426950408889634, LN_2 = 0.6931471805599453;
 
-// Squares of anything smaller are finite in single precision, in which the pixels are computed.
+// Squares of smaller magnitudes are finite in single precision, in which the pixels are computed.
 constexpr double MAX_MAGNITUDE = 1e15;
 
 struct Gaussian {
     Vec3 position; // m
-    Vec4 rotation; // quaternion xyzw, used as given
+    Vec4 rotation; // quaternion xyzw, not normalised here
     Vec3 scale;    // standard deviations, m
     Wide opacity;
 };
 
-// The projection linearised at one point: mean (x/d, y/d) and the Jacobian of the pixel position.
+// The projection linearised at one point: mean (x / depth, y / depth) and Jacobian of the pixel position.
 struct Linearisation {
     Wide depth;
-    Wide x, y;                   // tangents: view-space x and y over depth
-    Wide clamped_x, clamped_y;   // the same where the Jacobian is taken
+    Wide x, y;                   // view-space x and y over depth
+    Wide clamped_x, clamped_y;   // the same, clamped to where the Jacobian is taken
     Vec3 jacobian_x, jacobian_y; // of pixel position by view-space position, px/m
 };
 
-// How the ellipsoid's axes fall onto the image.
+// The ellipsoid's axes projected onto the image.
 struct Axes {
     Mat3 rotation;       // world from Gaussian
     Vec3 unit_x, unit_y; // px per m along each axis
@@ -42,14 +42,14 @@ struct Projection {
     Wide depth;
     Wide mean_x, mean_y;
     Wide whiten_x, whiten_y, shear, log2_opacity;
-    Wide half_width, half_height; // px; alpha < alpha_min further away from the mean
-    uint32_t drawn;               // bit per Gaussian: not before the near plane, too faint, or too large
+    Wide half_width, half_height; // px; beyond these distances from the mean alpha < alpha_min
+    uint32_t drawn;               // one bit per Gaussian; 0 if too near, too faint, too large or degenerate
 };
 
-// Gradients with respect to what a footprint was made of.
+// Gradients with respect to the mean and covariance of footprints.
 struct FootprintGradient {
     Wide mean_x, mean_y;
-    Wide cov_xx, cov_xy, cov_yy; // of the symmetric matrix: cov_xy stands for one of the two
+    Wide cov_xx, cov_xy, cov_yy; // cov_xy is one of two equal off-diagonal elements
 };
 
 struct GaussianGradient {
@@ -110,7 +110,7 @@ inline Projection project(const Gaussian& gaussian, const Camera& camera, const 
     const Axes axes = project_axes(gaussian, camera, at);
     const Wide cov_xx = dot(axes.x, axes.x) + blend.dilation, cov_yy = dot(axes.y, axes.y) + blend.dilation;
     const Wide cov_xy = dot(axes.x, axes.y);
-    // xx yy - xy^2 with the cancellation done by hand (Lagrange's identity): exact for needles.
+    // xx yy - xy^2 by Lagrange's identity, which avoids cancellation for needle-shaped Gaussians.
     const Vec3 minors = cross(axes.x, axes.y);
     const Wide det = dot(minors, minors) + blend.dilation * (cov_xx + cov_yy - blend.dilation);
 
@@ -135,7 +135,8 @@ inline Projection project(const Gaussian& gaussian, const Camera& camera, const 
     return p;
 }
 
-// Gradient by view-space position, from those by the mean and by the two rows of the Jacobian.
+// Gradient with respect to the view-space position, from those with respect to the mean and to the two rows
+// of the Jacobian.
 inline Vec3 linearise_backward(const Linearisation& at, const Camera& camera, const FootprintGradient& mean,
     const Vec3& row_x, const Vec3& row_y)
 {
@@ -143,7 +144,7 @@ inline Vec3 linearise_backward(const Linearisation& at, const Camera& camera, co
     const auto inside = [](Wide free, Wide clamped) { return (free <= clamped) & (clamped <= free); };
     const Wide x = camera.fx * mean.mean_x + select(inside(at.x, at.clamped_x), zoom_x * row_x.z, zero);
     const Wide y = -camera.fy * mean.mean_y + select(inside(at.y, at.clamped_y), zoom_y * row_y.z, zero);
-    const Wide jacobian = dot(row_x, at.jacobian_x) + dot(row_y, at.jacobian_y); // goes as 1 / depth
+    const Wide jacobian = dot(row_x, at.jacobian_x) + dot(row_y, at.jacobian_y); // proportional to 1 / depth
     return {x / at.depth, y / at.depth, (x * at.x + y * at.y + jacobian) / at.depth};
 }
 
@@ -153,8 +154,8 @@ inline GaussianGradient project_backward(
     const Linearisation at = linearise(gaussian.position, camera);
     const Axes axes = project_axes(gaussian, camera, at);
 
-    // cov2d = sum of outer products of the columns of (x, y), so each column's gradient is 2 * (gradient) *
-    // column.
+    // cov2d is the sum of the outer products of the columns of (x, y), so the gradient with respect to a
+    // column is 2 * (gradient with respect to cov2d) * column.
     const Vec3 by_x = 2.0 * gradient.cov_xx * axes.x + 2.0 * gradient.cov_xy * axes.y;
     const Vec3 by_y = 2.0 * gradient.cov_xy * axes.x + 2.0 * gradient.cov_yy * axes.y;
     const Vec3 by_unit_x = scaled(by_x, gaussian.scale), by_unit_y = scaled(by_y, gaussian.scale);

@@ -1,8 +1,7 @@
 // Blends the Gaussians of one tile front to back.
 //
-// Kerbl et al. 2023. A tile is cut into blocks of 4 x 4 pixels, one per lane; a Gaussian visits only the
-// blocks that it reaches and that still let light through. Real is float, or double for checking the
-// gradients.
+// Kerbl et al. 2023. A tile is divided into blocks of 4 x 4 pixels, one per lane. A Gaussian visits only the
+// blocks that it reaches and that still let light through. Real is float, or double to check the gradients.
 #pragma once
 
 #include "over/records.h"
@@ -11,7 +10,7 @@
 namespace INSTRUCTION_SET {
 
 constexpr int BLOCK = 4;                         // px
-constexpr int BLOCKS_ACROSS = TILE_SIZE / BLOCK; // of a tile
+constexpr int BLOCKS_ACROSS = TILE_SIZE / BLOCK; // in a tile
 constexpr int BLOCKS = BLOCKS_ACROSS * BLOCKS_ACROSS;
 static_assert(
     BLOCK * BLOCK == 16 && BLOCKS == 16, "both the pixels of a block and the blocks of a tile are lanes");
@@ -26,8 +25,7 @@ template <class Real>
 inline constexpr Square<Real> SQUARE = {
     {0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3}, {0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3}};
 
-// Calls visit(block, lane, pixel) for the tile's pixels that lie in the image; `pixel` counts through the
-// image.
+// Calls visit(block, lane, pixel) for the tile's pixels in the image. `pixel` is the index in the image.
 template <class Real, class Visit> ALWAYS_INLINE void for_each_pixel(const Tile<Real>& tile, Visit&& visit)
 {
     const int width = tile.width - tile.left < TILE_SIZE ? tile.width - tile.left : TILE_SIZE;
@@ -46,12 +44,12 @@ template <class Real> struct Plane {
     ALWAYS_INLINE void store(int block, Lanes16<Real> lanes) { lanes.store(value[block]); }
 };
 
-// One Gaussian in one tile: u and v of its pixels.
+// One Gaussian in one tile: u and v (see Footprint) at the tile's pixels.
 template <class Real> struct Brush {
-    Lanes16<Real> u, v;                        // of the first block
-    alignas(64) Real block_u[16], block_v[16]; // what each block adds to that
+    Lanes16<Real> u, v;                        // at the first block
+    alignas(64) Real block_u[16], block_v[16]; // offset of each block from the first
     Lanes16<Real> log2_opacity;
-    uint32_t blocks; // bit per block that it may reach
+    uint32_t blocks; // one bit per block that the Gaussian may reach
 
     ALWAYS_INLINE Brush(const Footprint<Real>& f, const Tile<Real>& tile)
     {
@@ -68,7 +66,7 @@ template <class Real> struct Brush {
         of_block_u.store(block_u), of_block_v.store(block_v);
         log2_opacity = f.log2_opacity;
 
-        // The nearest that u and v come to 0 in each block; a little is added against rounding.
+        // The smallest |u| and |v| in each block. `reach` is slightly enlarged to allow for rounding.
         const L half = Real(0.5 * (BLOCK - 1)), zero = 0;
         const L centre_u = first_u + of_block_u + half * (along_x + along_y);
         const L centre_v = first_v + of_block_v + half * v_along_y;
@@ -79,7 +77,7 @@ template <class Real> struct Brush {
     }
 };
 
-// What a Gaussian covers of the pixels of a block.
+// One Gaussian at the pixels of one block.
 template <class Real> struct Sample {
     Lanes16<Real> u, v;
     Mask<Real, 16> drawn;
@@ -103,7 +101,7 @@ template <class Real> inline size_t blend_tile(const Tile<Real>& tile, const Pix
 {
     using L = Lanes16<Real>;
     Plane<Real> red = {}, green = {}, blue = {};
-    Plane<Real> transmittance = {}; // 0 outside the image: nothing is added there
+    Plane<Real> transmittance = {}; // 0 outside the image, so nothing is added there
     uint32_t live = 0;
     for_each_pixel(tile, [&](int block, int lane, size_t) {
         transmittance.value[block][lane] = 1;

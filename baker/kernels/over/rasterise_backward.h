@@ -5,11 +5,11 @@
 
 namespace INSTRUCTION_SET {
 
-// What backward keeps per pixel.
+// State of the backward pass per pixel.
 template <class Real> struct BackwardPlanes {
     Plane<Real> by_red = {}, by_green = {}, by_blue = {}, error = {};
     Plane<Real> transmittance = {}; // 0 outside the image
-    Plane<Real> behind = {};        // by_radiance . (what the pixel shows behind the current Gaussian)
+    Plane<Real> behind = {};        // dot(by_radiance, light from behind the current Gaussian)
     uint32_t live = 0;              // blocks inside the image
 
     BackwardPlanes(const Tile<Real>& tile, const Pixels<const Real>& pixels, const PixelGradients<Real>& by)
@@ -29,7 +29,7 @@ template <class Real> struct BackwardPlanes {
     }
 };
 
-// Sums over the pixels that one Gaussian covers of a tile, lane by lane.
+// Moments of one Gaussian in one tile, summed separately in each lane.
 template <class Real> struct MomentSums {
     using L = Lanes16<Real>;
     L red = 0, green = 0, blue = 0, p = 0, pu = 0, pv = 0, puu = 0, puv = 0, pvv = 0, weight = 0, error = 0;
@@ -64,7 +64,7 @@ template <class Real> struct MomentSums {
     }
 };
 
-// Adds what one block shows of a Gaussian; false where the block lets no more light through.
+// Adds the moments of one Gaussian in one block. Returns false if the block let no light through to it.
 template <class Real>
 ALWAYS_INLINE bool blend_block_backward(const Tile<Real>& tile, const Footprint<Real>& footprint,
     const Brush<Real>& brush, int block, BackwardPlanes<Real>& planes, MomentSums<Real>& sums)
@@ -83,14 +83,15 @@ ALWAYS_INLINE bool blend_block_backward(const Tile<Real>& tile, const Footprint<
     planes.behind.store(block, behind);
 
     const L odds = s.alpha / (L(1) - s.alpha);
-    const auto free = (s.unclamped <= L(tile.alpha_max)) & s.drawn; // where alpha follows the exponent
+    const auto free = (s.unclamped <= L(tile.alpha_max)) & s.drawn; // where alpha is not clamped
     sums.add_weight(weight, by_red, by_green, by_blue, planes.error.load(block));
     sums.add_p(select(free, fma(zero - odds, behind, added), zero), s.u, s.v);
     return bits_of(lit) != 0;
 }
 
-// Front to back again, so that nothing per pixel but the result of forward is needed: the transmittance has
-// the very bits that it had there, and what lies behind is the pixel's total less what has passed.
+// Visits the Gaussians front to back again, so that only the result of the forward pass is needed per pixel:
+// the transmittance has exactly the same bits as there, and the light from behind is the pixel's total less
+// the light blended so far.
 template <class Real>
 inline void blend_tile_backward(const Tile<Real>& tile, const Pixels<const Real>& pixels,
     const PixelGradients<Real>& by, const MomentOutput<Real>& output)

@@ -1,7 +1,7 @@
 // Real spherical harmonics up to degree 3 and their derivatives.
 //
-// Orthonormal, Condon-Shortley phase, as in Kerbl et al. 2023. The direction is a unit vector; the
-// derivatives are those of the polynomials as written, so a caller projects them onto the sphere.
+// Orthonormal, with the Condon-Shortley phase, as in Kerbl et al. 2023. The direction is a unit vector. The
+// derivatives are those of the polynomials as written, so the caller must project them onto the sphere.
 #pragma once
 
 #include "lib/constants.glsl"
@@ -11,7 +11,7 @@ namespace INSTRUCTION_SET {
 
 constexpr int SH_MAX = 16;
 
-// Basis values of degree^2 + 2 degree + 1 functions.
+// Values of the (degree + 1)^2 basis functions.
 inline void sh_basis(const Vec3& direction, int degree, Wide* basis)
 {
     const auto [x, y, z] = direction;

@@ -39,8 +39,8 @@ void Frame<Real>::splat(const GaussianArrays<const Real>& gaussians, const Camer
     pairs = blended;
 }
 
-// Sorts runs of equal keys by the depth in double precision, equal depths by index: a wall seen head-on keeps
-// its order.
+// Sorts runs of equal keys by depth in double precision, and equal depths by index, so that the Gaussians of
+// a wall seen head-on keep their order.
 template <class Real>
 static void break_ties(Drawn* items, size_t count, const Real* position, const Camera& view)
 {
@@ -93,7 +93,7 @@ template <class Real> void Frame<Real>::sum_moments(const PixelGradients<Real>& 
         [&](size_t begin, size_t end) { std::fill(sums + begin * MOMENTS, sums + end * MOMENTS, Real(0)); });
     for (const Band& band : lists.bands()) {
         lists.fill(band);
-        if (band.entry_count > band_limit()) { // all in one tile, where no Gaussian comes twice
+        if (band.entry_count > band_limit()) { // a single tile, in which no Gaussian occurs twice
             for (size_t tile = band.first; tile < band.last; ++tile)
                 splat_kernels<Real>().blend_backward(tile_of(tile), pixels(), by, {nullptr, sums});
             continue;
@@ -108,7 +108,7 @@ template <class Real> void Frame<Real>::sum_moments(const PixelGradients<Real>& 
     }
 }
 
-// Adds the moments of one band, tile by tile. Chunks share no Gaussian.
+// Adds the moments of one band, tile by tile. Chunks run in parallel because they share no Gaussian.
 template <class Real> void Frame<Real>::add_moments(const Band& band)
 {
     Real* const sums = reinterpret_cast<Real*>(sum_buffer.get());

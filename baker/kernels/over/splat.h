@@ -1,6 +1,6 @@
-// Gaussians to an image, and the gradient of that.
+// Renders Gaussians to an image, and computes the gradient of that.
 //
-// Kerbl et al. 2023. Every output bit is the same for any number of threads and any instruction set.
+// Kerbl et al. 2023. Outputs are bit-identical for any number of threads and any instruction set.
 #pragma once
 
 #include <cstddef>
@@ -11,21 +11,22 @@
 #include "over/sort.h"
 #include "over/tiles.h"
 
-// One image and what its gradient needs, in memory that later images use again.
+// One image and the data that its gradient needs. Later images reuse the memory.
 //
-// Bytes per Gaussian at most: footprint 48, key 4, order 8, sums 44 (before, the sort's scratch), moments 3,
-// list 4: 111. In training there are 56 of parameters (SH degree 0), 112 of Adam's moments, 4 of its steps
-// and 16 of statistics: below 300. Per pixel 16, moments 11, lists 24 and their counters 1/2; in training 28
-// more for the image and its gradient: below 100.
+// Bytes per Gaussian, at most: footprint 48, key 4, order 8, sums 44 (first used as the sort's scratch),
+// moments 3, list 4; in total 111. Training adds 56 for the parameters (SH degree 0), 112 for Adam's moments,
+// 4 for its step counts and 16 for statistics; the total is below 300. Bytes per pixel: image and
+// transmittance 16, moments 11, lists 24, their counters 1/2. Training adds 28 for the image and its
+// gradient; the total is below 100.
 template <class Real> class Frame {
 public:
-    // `project` is what turns these arrays into footprints: activated or raw.
+    // `project` turns these arrays, which are activated or raw, into footprints.
     void splat(const GaussianArrays<const Real>&, const Camera&, const Blend&, Project<Real>* project);
     // Sums the moments of every drawn Gaussian.
     void sum_moments(const PixelGradients<Real>&);
-    // First Gaussian of which a sum is not finite; -1 if there is none.
+    // Index of the first Gaussian with a sum that is not finite; -1 if there is none.
     int64_t first_not_finite() const;
-    // From sums to gradients.
+    // Turns the sums into gradients.
     void gradients(const GaussianArrays<const Real>&, const GaussianArrays<Real>&) const;
 
     bool is_of(const GaussianArrays<const Real>&) const;
@@ -42,7 +43,7 @@ private:
     void order(const Real* position);
     Tile<Real> tile_of(size_t index) const;
     void add_moments(const Band&);
-    // Entries of which the moments are held at once, but for a single tile that has more.
+    // Largest number of entries whose moments are held at once. A tile with more is a band of its own.
     size_t band_limit() const { return count / 16 + size_t(view.width) * view.height / 4; }
 
     Camera view = {};
@@ -51,11 +52,11 @@ private:
     Buffer<Footprint<Real>> footprint_buffer; // (N,)
     Buffer<uint32_t> key_buffer;              // (N,)
     Buffer<Drawn> drawn;                      // front to back
-    Buffer<std::byte> sum_buffer;             // (N, MOMENTS) Real; before that, the sort's scratch
+    Buffer<std::byte> sum_buffer;             // (N, MOMENTS) Real; first used as the sort's scratch
     TileLists<Real> lists;
     Buffer<Real> moment_buffer; // (entries of a band, MOMENTS)
     Buffer<Real> radiance, transmittance;
 };
 
-// Gaussians per parallel step: some 50 us.
+// Gaussians per chunk of a parallel loop: about 50 us of work.
 constexpr size_t GRAIN = 1024;

@@ -9,7 +9,7 @@
 static constexpr size_t CHUNKS_MAX = 32; // counters take 4 bytes per chunk and tile: half a byte per pixel
 static constexpr size_t CHUNK_SIZE_MIN = 512; // Gaussians
 
-// What a chunk's Gaussians touch in a band.
+// The search for the tiles of a band that a chunk's Gaussians touch.
 template <class Real> TileSearch<Real> TileLists<Real>::search(size_t chunk, const Band& band) const
 {
     return {footprints, drawn + chunk * chunk_size, drawn + std::min(drawn_count, (chunk + 1) * chunk_size),
@@ -61,7 +61,7 @@ template <class Real> void TileLists<Real>::cut_into_bands(size_t band_limit)
     band_list.push_back(band);
 }
 
-// Turns the counts of a band's tiles into starts.
+// Turns the counts of a band's tiles into the starts of their lists.
 template <class Real> void TileLists<Real>::number_entries(const Band& band)
 {
     uint32_t next = 0;

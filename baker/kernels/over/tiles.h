@@ -1,4 +1,4 @@
-// Which Gaussians touch which tile of the image, front to back, a band of tiles at a time.
+// Lists the Gaussians that touch each tile of the image, front to back, one band of tiles at a time.
 #pragma once
 
 #include <cstdint>
@@ -16,19 +16,19 @@ struct TileGrid {
     size_t count() const { return size_t(columns()) * rows(); }
 };
 
-// Tiles [first, last), in rows.
+// Tiles [first, last), row by row.
 struct Band {
     size_t first, last;
     size_t entry_count;
 };
 
-// Work is cut into bands of tiles, so that what is kept per entry is bounded whatever the Gaussians' size,
-// and into chunks of Gaussians that follow each other in depth. Neither depends on the number of threads.
+// The work is divided into bands of tiles, which bounds the memory for entries with Gaussians of any size,
+// and into chunks of Gaussians consecutive in depth. Neither division depends on the number of threads.
 template <class Real> class TileLists {
 public:
-    // `drawn` (count,) front to back. Cuts the image into bands of at most `band_limit` entries, or one tile.
-    // Where all entries are at most `list_limit`, they are listed at once; otherwise the lists hold one band
-    // at a time.
+    // Divides the image into bands of at most `band_limit` entries, or a single tile. If there are at most
+    // `list_limit` entries in total, all are listed at once; otherwise the lists hold one band at a time.
+    // `drawn` (count,) is front to back.
     void count(const Footprint<Real>* footprints, const Drawn* drawn, size_t count, const TileGrid& grid,
         double log2_alpha_min, size_t band_limit, size_t list_limit);
     // Lists one band, unless it is listed already.
@@ -37,8 +37,8 @@ public:
     const std::vector<Band>& bands() const { return band_list; }
     size_t chunk_count() const { return chunks; }
     size_t entry_count() const { return total; }
-    const uint32_t* entries() const { return entry_buffer.get(); } // Gaussians
-    // Where a chunk's part of a tile's list begins; that of chunk_count() is where the list ends.
+    const uint32_t* entries() const { return entry_buffer.get(); } // indices of Gaussians
+    // Start of a chunk's part of a tile's list. For chunk_count() it is the end of the list.
     uint32_t start(size_t chunk, size_t tile) const { return starts.get()[chunk * grid.count() + tile]; }
     size_t byte_count() const { return starts.byte_count() + entry_buffer.byte_count(); }
 
@@ -54,8 +54,8 @@ private:
     TileGrid grid = {};
     double log2_alpha_min = 0;
     std::vector<Band> band_list;
-    size_t total = 0;        // entries of the image
-    Band listed = {};        // empty where nothing is
-    Buffer<uint32_t> starts; // (chunks + 1, tiles), into the entries that are listed together
+    size_t total = 0;        // number of entries in the image
+    Band listed = {};        // empty if nothing is listed
+    Buffer<uint32_t> starts; // (chunks + 1, tiles), indices into the entries listed together
     Buffer<uint32_t> entry_buffer;
 };

@@ -1,4 +1,4 @@
-// Which tiles a Gaussian touches.
+// Finds the tiles that a Gaussian touches.
 #pragma once
 
 #include "over/load.h"
@@ -7,12 +7,12 @@
 
 namespace INSTRUCTION_SET {
 
-constexpr int ROWS_MAX = 8; // of tiles, that eight Gaussians are searched for side by side
+constexpr int ROWS_MAX = 8; // rows of tiles that are searched for eight Gaussians side by side
 
-// The ellipses of eight Gaussians within which alpha >= alpha_min, a little larger against rounding.
+// The ellipses of eight Gaussians inside which alpha >= alpha_min, slightly enlarged to allow for rounding.
 struct Ellipses {
     Wide mean_x, mean_y, shear, inverse_whiten_x, whiten_y, reach;
-    Wide apex; // the offset in y at which each extends furthest to the right
+    Wide apex; // offset in y at which each ellipse extends furthest to the right
 
     template <class Real>
     Ellipses(const Footprint<Real>* footprints, const Drawn* const* drawn, double log2_alpha_min)
@@ -30,9 +30,8 @@ struct Ellipses {
         apex = slope / whiten_y * sqrt(reach / (1.0 + slope * slope));
     }
 
-    // How far to the right (sign 1) or left (-1) of the mean they extend within [low, high], offsets in y
-    // from the mean. The edge is concave in y: where its apex lies outside, the nearest row inside extends
-    // furthest.
+    // Extents to the right (sign 1) or left (-1) of the mean within [low, high], offsets in y from the mean.
+    // The extent is concave in y: if its apex lies outside, the nearest end of the range extends furthest.
     Wide extent(Wide low, Wide high, double sign) const
     {
         const Wide dy = min(max(sign * apex, low), high), v = whiten_y * dy;
@@ -40,7 +39,7 @@ struct Ellipses {
     }
 };
 
-// Calls visit(gaussian, first tile, last tile) for a row of tiles that a Gaussian touches.
+// Calls visit(gaussian, first, last) for the range of tiles, last included, that a Gaussian touches in a row.
 template <class Real, class Visit>
 ALWAYS_INLINE void visit_row(
     const TileSearch<Real>& search, uint32_t gaussian, int row, double left, double right, Visit&& visit)
@@ -53,12 +52,12 @@ ALWAYS_INLINE void visit_row(
     visit(gaussian, first > search.first_tile ? first : search.first_tile, last < limit ? last : limit);
 }
 
-// Where ellipses begin and end in rows of tiles, px: [row][ellipse].
+// Left and right ends of ellipses in rows of tiles, px: [row][ellipse].
 struct Spans {
     double left[ROWS_MAX][8], right[ROWS_MAX][8];
 };
 
-// From the row at `top` (px) of each on.
+// Finds the spans of consecutive rows, starting with the row at `top` (px) of each ellipse.
 inline void find_spans(const Ellipses& ellipses, const double* top, int rows, Spans& spans)
 {
     for (int r = 0; r < rows; ++r) {
@@ -69,8 +68,8 @@ inline void find_spans(const Ellipses& ellipses, const double* top, int rows, Sp
     }
 }
 
-// Visits all tiles of the first of up to eight Gaussians, then of the second: each tile's list stays in depth
-// order.
+// Visits all tiles of the first of up to eight Gaussians, then those of the second and so on, so that each
+// tile's list stays in depth order.
 template <class Real, class Visit>
 inline void visit_tiles(const TileSearch<Real>& search, const Drawn* const* drawn, int count, Visit&& visit)
 {
@@ -82,7 +81,7 @@ inline void visit_tiles(const TileSearch<Real>& search, const Drawn* const* draw
         end[i] = (drawn[i]->last_row() < last_row ? drawn[i]->last_row() : last_row) + 1;
         rows = end[i] - row[i] > rows ? end[i] - row[i] : rows;
     }
-    if (rows > ROWS_MAX && count > 1) { // one at a time, as many rows as it has
+    if (rows > ROWS_MAX && count > 1) { // visit one at a time, with any number of rows
         for (int i = 0; i < count; ++i) {
             const Drawn* alone[8];
             for (const Drawn*& item : alone)

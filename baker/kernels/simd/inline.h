@@ -1,4 +1,4 @@
-// What the inner loops ask of the compiler.
+// Forces inlining in inner loops, where the compiler supports it.
 #pragma once
 
 #if defined(__GNUC__)

@@ -1,8 +1,7 @@
-// N numbers that go through the same operations: one register, or a tree of halves where registers are
-// narrower.
+// N numbers that undergo the same operations: one register, or a tree of halves if registers are narrower.
 //
-// Compiled once per instruction set, each time in a namespace of its own, so that the linker mixes none of
-// them. All give the same bits: nothing is fused but what says fma(), and sums are trees of fixed shape.
+// This is compiled once per instruction set, each time in a separate namespace, so that the linker cannot mix
+// them. All instruction sets compute the same bits: only fma() is fused, and sums are trees of fixed shape.
 #pragma once
 
 #include <utility>
@@ -11,7 +10,7 @@
 
 namespace INSTRUCTION_SET {
 
-constexpr int PREFETCH_AHEAD = 24; // Gaussians: what follows takes some 100 cycles each
+constexpr int PREFETCH_AHEAD = 24; // Gaussians; processing one takes about 100 cycles
 
 template <class T, int N, bool Leaf = N == REGISTER_LANES<T>> struct Mask;
 template <class T, int N, bool Leaf = N == REGISTER_LANES<T>> struct Lanes;
@@ -64,7 +63,7 @@ template <class T, int N> struct Lanes<T, N, true> {
     {
         return of(choose(m.leaf, a.leaf, b.leaf));
     }
-    // a 2^n, where the low bits of `shifted` hold n; both are finite and so is the result.
+    // a 2^n, where the low bits of `shifted` hold n. Both arguments and the result must be finite.
     friend ALWAYS_INLINE Lanes scale_by_power(Lanes a, Lanes shifted)
     {
         using Bits = typename Register<T>::Bits;
@@ -150,7 +149,7 @@ template <class T, int N> ALWAYS_INLINE Lanes<T, N> clamp(Lanes<T, N> a, T low, 
     return min(max(a, Lanes<T, N>(low)), Lanes<T, N>(high));
 }
 
-// Adds blocks of `Width` lanes in pairs, those of `a` and then those of `b`.
+// Adds adjacent blocks of `Width` lanes in pairs: first those of `a`, then those of `b`.
 template <int Width, class T, int N> ALWAYS_INLINE Lanes<T, N> fold(Lanes<T, N> a, Lanes<T, N> b)
 {
     if constexpr (N == REGISTER_LANES<T>)
@@ -161,14 +160,14 @@ template <int Width, class T, int N> ALWAYS_INLINE Lanes<T, N> fold(Lanes<T, N> 
         return {fold<Width>(a.low, a.high), fold<Width>(b.low, b.high)};
 }
 
-// The sum of each of 16 vectors of 16 lanes, all as trees of the same shape.
+// The sums of 16 vectors of 16 lanes, each added as a tree of the same shape.
 template <class T> ALWAYS_INLINE Lanes<T, 16> sums(const Lanes<T, 16>* v)
 {
     const auto quarter = [&](int i) { return fold<4>(fold<8>(v[i], v[i + 1]), fold<8>(v[i + 2], v[i + 3])); };
     return fold<1>(fold<2>(quarter(0), quarter(4)), fold<2>(quarter(8), quarter(12)));
 }
 
-// Asks the cache for a value, which may lie across two lines.
+// Prefetches a value, which may straddle two cache lines.
 template <class Value> ALWAYS_INLINE void prefetch(const Value& value)
 {
     __builtin_prefetch(&value);

@@ -1,4 +1,4 @@
-// Vectors and matrices of three, row major; each element holds the lanes of several Gaussians.
+// Small vectors and row-major 3 x 3 matrices. Each element has one lane per Gaussian.
 #pragma once
 
 #include "simd/lanes.h"

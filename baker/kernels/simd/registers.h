@@ -1,5 +1,5 @@
-// One register of numbers: what differs between instruction sets. `Values` are the compiler's own vectors,
-// for which arithmetic is built in.
+// One register of numbers, with the operations that differ between instruction sets. `Values` are the
+// compiler's own vector types, which have built-in arithmetic.
 #pragma once
 
 #include <cmath>
@@ -218,7 +218,7 @@ template <class T> ALWAYS_INLINE uint32_t bits_of(RegisterMask<T> m)
 
 #endif
 
-// Pairs of blocks of `Width` lanes are added: the first block of each pair from `a`, then from `b`.
+// Adds adjacent blocks of `Width` lanes in pairs: first those of `a`, then those of `b`.
 template <int Width, class Values, size_t... I>
 ALWAYS_INLINE Values add_pairs(Values a, Values b, std::index_sequence<I...>)
 {

@@ -1,4 +1,4 @@
-// Python's view of reading Gaussians at surface points, and of its gradient.
+// Python bindings of reading Gaussians at surface points, and of its gradient.
 #include "arrays.h"
 #include "surface/field.h"
 
@@ -54,7 +54,7 @@ template <class Real> static void bind_precision(nb::module_& m, const char* nam
                 nb::gil_scoped_release unlocked;
                 self.list(arrays, {cutoff, sharpness}, margin);
             },
-            "gaussians"_a, "cutoff"_a, "sharpness"_a, "margin"_a, "Lists which Gaussians reach which points.")
+            "gaussians"_a, "cutoff"_a, "sharpness"_a, "margin"_a, "List the Gaussians that reach the points.")
         .def(
             "read",
             [](Field<Real>& self, nb::handle gaussians) {
@@ -64,7 +64,7 @@ template <class Real> static void bind_precision(nb::module_& m, const char* nam
                 self.read(arrays, sums.data());
                 return sums;
             },
-            "gaussians"_a, "sum w c and sum w (S, 4).")
+            "gaussians"_a, "Return sum w c and sum w at the points, (S, 4).")
         .def(
             "backward",
             [](Field<Real>& self, nb::handle gaussians, Vectors light, Vectors by_light,
@@ -79,7 +79,7 @@ template <class Real> static void bind_precision(nb::module_& m, const char* nam
                 return moments;
             },
             "gaussians"_a, "light"_a.noconvert(), "by_light"_a.noconvert(), "inverse_weight"_a.noconvert(),
-            "error"_a.noconvert(), "Sums (N, 16) over the points, see FIELD_MOMENTS.")
+            "error"_a.noconvert(), "Return the sums (N, 16) over the points, see FIELD_MOMENTS.")
         .def(
             "transposed",
             [](Field<Real>& self, nb::handle gaussians, Vectors values, Values inverse_weight) {
@@ -92,9 +92,9 @@ template <class Real> static void bind_precision(nb::module_& m, const char* nam
                 return result;
             },
             "gaussians"_a, "values"_a.noconvert(), "inverse_weight"_a.noconvert(),
-            "sum of w / (sum w) Y_k(n) values over the points, (N, K, 3).")
-        .def_prop_ro(
-            "entry_count", &Field<Real>::entry_count, "Pairs of a Gaussian and a block that it reaches.");
+            "Return the sum of w / (sum w) Y_k(n) values over the points, (N, K, 3).")
+        .def_prop_ro("entry_count", &Field<Real>::entry_count,
+            "Number of pairs of a Gaussian and a block of points that it reaches.");
 }
 
 void bind_field(nb::module_& m)

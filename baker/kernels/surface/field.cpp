@@ -8,9 +8,9 @@
 
 namespace {
 
-constexpr double SCALE_MIN = 1e-12; // m; its inverse times any distance is a float
-constexpr size_t FAN = 8;           // boxes of one level in a box of the next
-constexpr size_t PREPARE_GRAIN = 1024, GAUSSIAN_GRAIN = 64, BLOCK_GRAIN = 32; // of parallel loops
+constexpr double SCALE_MIN = 1e-12; // m; its inverse times any distance is finite in float
+constexpr size_t FAN = 8;           // boxes of one level per box of the next
+constexpr size_t PREPARE_GRAIN = 1024, GAUSSIAN_GRAIN = 64, BLOCK_GRAIN = 32; // grain sizes of loops
 
 template <class Real> Box box_of(const PointBlock<Real>& block)
 {
@@ -38,7 +38,7 @@ template <class Real> PreparedGaussian<Real> prepared_gaussian(const FieldArrays
 {
     const Real x = a.rotation[4 * i], y = a.rotation[4 * i + 1], z = a.rotation[4 * i + 2],
                w = a.rotation[4 * i + 3];
-    // The axes are the columns of the rotation.
+    // The axes are the columns of the rotation matrix.
     PreparedGaussian<Real> r = {{},
         {{1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)},
             {2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)},
@@ -51,7 +51,7 @@ template <class Real> PreparedGaussian<Real> prepared_gaussian(const FieldArrays
     return r;
 }
 
-// The values of a block's points; those of the lanes that fill it up are 0.
+// The values at a block's points; those of unused lanes are 0.
 template <class Real> struct BlockValues {
     alignas(64) Real value[3 * FIELD_LANES] = {};
 
@@ -89,7 +89,7 @@ Field<Real>::Field(size_t count, const Real* position, const Real* normal)
     }
 }
 
-// Calls visit(block), in rising order, for the blocks that a Gaussian `margin` times as large would reach.
+// Calls visit(block), in ascending order, for the blocks that a Gaussian `margin` times as large would reach.
 template <class Real>
 template <class Visit>
 void Field<Real>::visit_touched(
@@ -162,7 +162,7 @@ void Field<Real>::list(const FieldArrays<Real>& gaussians, const FieldBlend& ope
             entries[next[block_of[entry]]++] = {uint32_t(i), uint32_t(entry)};
 }
 
-// Calls body(block, reading, first point, points) for all blocks.
+// Calls body(reading, first point, number of points) for all blocks.
 template <class Real>
 template <class Body>
 void Field<Real>::for_each_block(const FieldArrays<Real>& gaussians, Body&& body)
@@ -188,7 +188,7 @@ template <class Real> void Field<Real>::read(const FieldArrays<Real>& gaussians,
     });
 }
 
-// Writes to (gaussians, columns) the sums of each Gaussian's rows of by_entry, in the order of the blocks.
+// Sums each Gaussian's rows of by_entry, in the order of the blocks, and writes them to (gaussians, columns).
 template <class Real> void Field<Real>::sum_entries(size_t gaussians, size_t columns, Real* to) const
 {
     parallel_for(gaussians, GAUSSIAN_GRAIN, [&](size_t begin, size_t end) {

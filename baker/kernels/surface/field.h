@@ -1,4 +1,4 @@
-// Surface points, and the Gaussians that are read there.
+// Surface points, and the Gaussians that are read at them.
 #pragma once
 
 #include <vector>
@@ -6,31 +6,31 @@
 #include "buffer.h"
 #include "surface/field_records.h"
 
-// Points (count, 3) with normals (count, 3), copied. Where neighbours follow each other blocks are small and
-// less is read in vain.
+// Points (count, 3) with normals (count, 3), both copied. If neighbouring points are consecutive, blocks are
+// compact and fewer Gaussians are read without effect.
 template <class Real> class Field {
 public:
     Field(size_t count, const Real* position, const Real* normal);
 
-    // Lists the Gaussians that reach each block, were they `margin` times as large. Later calls are about
-    // these.
+    // Lists the Gaussians that would reach each block if they were `margin` times as large. Later calls use
+    // these lists.
     void list(const FieldArrays<Real>& gaussians, const FieldBlend& blend, double margin);
 
-    // sums (count, 4): sum w c and sum w of the Gaussians that were listed, which may have moved a little.
+    // sums (count, 4): sum w c and sum w of the listed Gaussians, which may have moved a little since.
     void read(const FieldArrays<Real>& gaussians, Real* sums);
 
-    // moments (N, FIELD_MOMENTS), from the light (count, 3) and 1 / sum w (count,) that `read` found and
-    // dloss / dlight.
+    // moments (N, FIELD_MOMENTS), from the light (count, 3) and 1 / sum w (count,) that follow from `read`,
+    // dloss / dlight (count, 3) and error (count,).
     void backward(const FieldArrays<Real>& gaussians, const Real* light, const Real* by_light,
         const Real* inverse_weight, const Real* error, Real* moments);
 
-    // result (N, K, 3): sum of share Y_k(n) values (count, 3) over the points; the transpose of reading.
+    // transposed (N, K, 3): sum of share Y_k(n) values (count, 3) over the points; the transpose of reading.
     void transposed(
         const FieldArrays<Real>& gaussians, const Real* values, const Real* inverse_weight, Real* transposed);
 
     size_t count() const { return points; }
     size_t entry_count() const { return entries.size(); }    // pairs of a Gaussian and a block
-    size_t listed() const { return first_entry.size() - 1; } // Gaussians
+    size_t listed() const { return first_entry.size() - 1; } // number of Gaussians
 
 private:
     template <class Visit>
@@ -44,9 +44,9 @@ private:
     std::vector<PointBlock<Real>> blocks;
     std::vector<std::vector<Box>> levels; // boxes of blocks, of 8 blocks, of 64 blocks ...
     FieldBlend blend = {};
-    std::vector<size_t> first_entry;    // by Gaussian
-    std::vector<size_t> first_in_block; // by block
-    std::vector<ListEntry> entries;     // block by block
+    std::vector<size_t> first_entry;    // per Gaussian
+    std::vector<size_t> first_in_block; // per block
+    std::vector<ListEntry> entries;     // grouped by block
     Buffer<PreparedGaussian<Real>> prepared_gaussians;
     Buffer<Real> by_entry;
 };

@@ -1,4 +1,4 @@
-// Reads Gaussians at the points of a block, one point per lane, and the way back.
+// Reads Gaussians at the points of a block, one point per lane, and computes the gradient of that.
 #pragma once
 
 #include "simd/elementary.h"
@@ -27,7 +27,7 @@ template <class Real> struct PointLanes {
     }
 };
 
-// What one Gaussian weighs at each point.
+// The weight of one Gaussian at each point.
 template <class Real> struct Weighed {
     using L = Points<Real>;
     L e[3];
@@ -47,7 +47,7 @@ template <class Real> struct Weighed {
             e[i] = L(gaussian.inverse_scale[i]) *
                 fma(L(gaussian.axes[i][0]), dx, fma(L(gaussian.axes[i][1]), dy, L(gaussian.axes[i][2]) * dz));
         const L q = fma(e[0], e[0], fma(e[1], e[1], e[2] * e[2]));
-        // exp2(q * -1/2 log2(e)); what is farther weighs nothing, nor does NaN.
+        // exp2(q * -1/2 log2(e)). The lower bound gives points further away, and NaN, no weight.
         gauss = exp2(max(q * L(Real(-0.72134752044448170)), L(-126)));
         falloff = max(gauss - L(Real(blend.cutoff)), L(0));
         n_dot_n = lower = 1;
@@ -74,7 +74,7 @@ bool touches(const PreparedGaussian<Real>& gaussian, const PointBlock<Real>& blo
     return bits_of(is_point & (L(0) < w.falloff) & (L(0) < w.n_dot_n)) != 0;
 }
 
-// Spherical harmonics of the normals, as kernels/sh.h has them.
+// Spherical harmonics of the normals, as in over/sh.h.
 template <class Real> struct NormalBasis {
     using L = Points<Real>;
     L value[FIELD_SH_MAX];
@@ -94,7 +94,7 @@ template <class Real> struct NormalBasis {
         value[7] = c(-SH_C2_0) * x * z, value[8] = c(SH_C2_2) * (x * x - y * y);
     }
 
-    // One channel of the colour of a Gaussian whose coefficients are `sh` (K, 3).
+    // One channel of the colour of a Gaussian with the coefficients `sh` (K, 3).
     ALWAYS_INLINE L colour(const Real* sh, size_t coefficients, int channel) const
     {
         L sum = value[0] * L(sh[channel]);
@@ -104,7 +104,7 @@ template <class Real> struct NormalBasis {
     }
 };
 
-// Every `stride`-th number.
+// Loads every `stride`-th number, starting at `offset`.
 template <class Real> ALWAYS_INLINE Points<Real> gather(const Real* from, int stride, int offset)
 {
     alignas(64) Real lanes[FIELD_LANES];

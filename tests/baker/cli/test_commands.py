@@ -573,7 +573,7 @@ def test_an_llvm_that_does_not_work_is_named(tmp_path):
 
 @pytest.mark.parametrize("stage", ["scene", "plan", "references", "irradiance", "wrote"])
 def test_ctrl_c_ends_with_130_within_two_seconds_at_any_stage(tmp_path, stage):
-    """Pressed half a second after the line of a `stage`: in placement, tracing, fit. The evaluation takes less than that."""
+    """Ctrl-C half a second after the line of a `stage`: in placement, tracing, fit. The evaluation is shorter."""
     out = tmp_path / "out"
     out.mkdir()
     command = [sys.executable, "-m", "gsgi.baker", "bake", CORNELL, "-o", str(out / "x.gsgi"), *FAST]

@@ -1,0 +1,110 @@
+"""Baking from Python: the same file as the command line's, a report, progress, and errors that say what is wrong."""
+
+import json
+from dataclasses import replace
+
+import pytest
+from repository import SCENES
+
+import gsgi
+from gsgi.baker.cli.main import run
+
+CORNELL = SCENES / "cornell.glb"
+SMALL = gsgi.Settings(budget=64, views=2, size=24, samples=64, bounces=2, iterations=4)
+FLAGS = [
+    "--budget",
+    "64",
+    "--views",
+    "2",
+    "--view-size",
+    "24",
+    "--samples",
+    "64",
+    "--bounces",
+    "2",
+    "--iterations",
+    "4",
+]
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory):
+    return tmp_path_factory.mktemp("cache")
+
+
+@pytest.fixture(scope="module")
+def report(cache, tmp_path_factory):
+    output = tmp_path_factory.mktemp("bake") / "room.gsgi"
+    report = gsgi.bake(CORNELL, output, settings=SMALL, cache=cache)
+    assert output.read_bytes() == report.data
+    return report
+
+
+def test_the_report_says_what_was_reached(report):
+    bake = report.data
+    assert 0 < report.gaussians <= 64
+    assert len(bake) == report.as_dict()["bytes"]
+    assert report.ssim == report.evaluation.mean.final.ssim > 0.5
+    assert list(report.seconds) == [
+        "scene", "views", "plan", "references", "irradiance", "fit", "encode", "evaluation",
+    ]  # fmt: skip
+    json.dumps(report.as_dict())  # plain numbers and strings
+    assert report.warnings == ()
+    assert report.missed is None
+
+
+def test_the_command_line_makes_the_same_file(report, cache, tmp_path, capsys):
+    output = tmp_path / "room.gsgi"
+    assert run(["bake", str(CORNELL), "-o", str(output), *FLAGS, "--cache", str(cache), "-q", "--json"]) == 0
+    assert output.read_bytes() == report.data
+    printed = json.loads(capsys.readouterr().out)
+    same = {"stages", "peak_memory", "attempts", "history"}  # seconds differ; what the cache held has no history
+    assert {k: v for k, v in printed.items() if k not in same} == {
+        k: v for k, v in report.as_dict().items() if k not in same
+    }
+
+
+def test_progress_is_told_stage_by_stage(cache, capsys):
+    told = []
+    gsgi.bake(CORNELL, settings=SMALL, cache=cache, evaluate=False, progress=lambda *step: told.append(step))
+    assert list(dict.fromkeys(stage for stage, _ in told)) == ["scene", "views", "plan", "irradiance", "fit", "encode"]
+    for stage in {stage for stage, _ in told}:
+        done = [share for name, share in told if name == stage]
+        assert done[0] == 0.0
+        assert done[-1] == 1.0
+        assert done == sorted(done)
+    assert capsys.readouterr() == ("", "")
+
+
+def test_without_an_evaluation_the_bytes_are_the_same(report, cache):
+    other = gsgi.bake(gsgi.read_scene(CORNELL), settings=SMALL, cache=cache, evaluate=False)
+    assert other.data == report.data
+    assert other.evaluation is None
+    assert other.ssim is None
+
+
+def test_light_and_quality_are_arguments(cache):
+    sky = gsgi.Lighting(env=(1.0, 1.0, 1.0))
+    plan = gsgi.plan(CORNELL, quality="draft", settings=replace(SMALL, budget=None), lighting=sky, cache=cache)
+    rows = {row.what: row.decision for row in plan.decisions}
+    assert rows["environment"] == "one colour"
+    assert plan.gaussians < gsgi.plan(CORNELL, settings=replace(SMALL, budget=None), cache=cache).gaussians
+    assert set(plan.seconds) == {"irradiance", "fit", "references"}
+    assert plan.memory > 1e8
+    assert plan.file_bytes > 144
+
+
+def test_a_target_that_is_missed_raises_and_writes_the_best_file(cache, tmp_path):
+    output = tmp_path / "room.gsgi"
+    with pytest.raises(gsgi.TargetError, match="above the target of 1e-09"):
+        gsgi.bake(CORNELL, output, settings=replace(SMALL, target_loss=1e-9), cache=cache)
+    assert len(gsgi.read_bake(output).gaussians) > 0
+
+
+def test_errors_name_the_file(tmp_path, cache):
+    with pytest.raises(gsgi.FileError, match=r"nothing\.glb: cannot read"):
+        gsgi.bake(tmp_path / "nothing.glb", cache=cache)
+    with pytest.raises(gsgi.FileError, match=r"no/room\.gsgi"):
+        gsgi.bake(CORNELL, tmp_path / "no" / "room.gsgi", cache=cache)
+    with pytest.raises(gsgi.UsageError, match="quality"):
+        gsgi.bake(CORNELL, quality="best", cache=cache)
