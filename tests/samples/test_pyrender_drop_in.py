@@ -18,6 +18,7 @@ pytestmark = pytest.mark.usefixtures("pyrender", "current_again")
 def test_the_sample_draws_both_pictures(tmp_path, monkeypatch):
     bake, picture = tmp_path / "constant.gsgi", tmp_path / "both.png"
     bake.write_bytes(codec.encode(constant([0.1, 0.1, 0.1])))
+    monkeypatch.syspath_prepend(SAMPLES)
     monkeypatch.setattr(sys, "argv", [str(SAMPLE), str(bake), str(picture), "--size", "64"])
     runpy.run_path(str(SAMPLE), run_name="__main__")
     both = np.asarray(Image.open(picture)).astype(int)
