@@ -4,8 +4,12 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import moderngl
+
+# moderngl cannot delete a query, so all profiles of a context share one.
+_QUERIES: WeakKeyDictionary[moderngl.Context, moderngl.Query] = WeakKeyDictionary()
 
 
 @dataclass
@@ -39,13 +43,20 @@ class Profile:
     def measure(self, name: str) -> Iterator[PassCost]:
         """Add the cost of what is drawn inside to the pass `name`. Calls must not be nested."""
         cost = self._passes.setdefault(name, PassCost(name))
-        query = self._ctx.query(samples=True, time=True)
+        query = _query_of(self._ctx)
         start = time.perf_counter()
         with query:
             yield cost
             cost.cpu_ms += 1e3 * (time.perf_counter() - start)
         cost.gpu_ms += 1e-6 * query.elapsed
         cost.fragments += query.samples
+
+
+def _query_of(ctx: moderngl.Context) -> moderngl.Query:
+    if ctx not in _QUERIES:
+        _QUERIES[ctx] = ctx.query(samples=True, time=True)
+        _QUERIES[ctx].ctx = None  # or the context would live as long as its query
+    return _QUERIES[ctx]
 
 
 @contextmanager

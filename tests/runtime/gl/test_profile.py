@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 import scenes
 from frames import bake, full_scene, surface_bake
+from gl_objects import alive
 
 from gsgi.baker.cli.commands.render import print_costs
 from gsgi.runtime.gaussians import Gaussians
@@ -71,6 +72,22 @@ def test_costs_count_what_was_drawn(gl):
     assert {name for name, cost in everything.items() if cost.quads} == {SURFACE[1], SURFACE[3]}
     assert all(cost.cpu_ms > 0 for cost in everything.values())
     assert sum(cost.gpu_ms for cost in everything.values()) > 0
+
+
+def test_profiles_share_their_queries(gl):
+    """moderngl cannot delete a query, and a host may make a profile for each frame."""
+
+    def measure_two_passes():
+        profile = Profile(gl)
+        for name in ("a", "b"):
+            with profile.measure(name):
+                pass
+
+    measure_two_passes()
+    before = alive(gl)["Query"]
+    for _ in range(10):
+        measure_two_passes()
+    assert alive(gl)["Query"] == before
 
 
 @pytest.fixture
