@@ -3,6 +3,7 @@
 import errno
 import os
 import shutil
+import stat
 import time
 import uuid
 from collections.abc import Iterator, Mapping
@@ -51,7 +52,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
     temporary = target.with_name(f".gsgi-{uuid.uuid4().hex}.tmp")
     _unfinished.add(temporary)
     try:
-        if target.exists() and not target.is_file():  # a folder, or a device like /dev/null
+        if not _is_regular_or_absent(target):  # a folder, or a device like /dev/null
             raise FileError(f"{path}: cannot write: not a regular file")
         yield temporary
         os.replace(temporary, target)
@@ -91,6 +92,14 @@ def discard_unfinished() -> None:
     for temporary in tuple(_unfinished):
         with suppress(OSError):
             temporary.unlink()
+
+
+def _is_regular_or_absent(path: Path) -> bool:
+    """Looks once: another process may remove the file at any moment."""
+    try:
+        return stat.S_ISREG(path.stat().st_mode)
+    except (FileNotFoundError, NotADirectoryError):
+        return True
 
 
 def _reason(error: OSError, folder: Path) -> str:

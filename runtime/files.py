@@ -1,5 +1,6 @@
 """Read files whose names come from untrusted input."""
 
+import stat
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,10 +10,11 @@ from .errors import FileError
 def read_file(path: Path, check_size: Callable[[int], None] | None = None) -> bytes:
     """All bytes of a regular file. `check_size(bytes)` may raise before the file is read. Raises FileError."""
     try:
-        if path.exists() and not path.is_file():  # a folder, or a pipe that would block
+        status = path.stat()
+        if not stat.S_ISREG(status.st_mode):  # a folder, or a pipe that would block
             raise FileError(f"{path}: cannot read: not a regular file")
         if check_size:
-            check_size(path.stat().st_size)
+            check_size(status.st_size)
         return path.read_bytes()
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error

@@ -57,11 +57,13 @@ def entries(folder: Path) -> list[Entry]:
     """All entries in a cache folder, least recently used first; none if there is no folder. Raises FileError."""
     found = []
     try:
-        for path in folder.iterdir() if folder.exists() else ():
+        for path in folder.iterdir():
             if match := _NAME.fullmatch(path.name):
                 with suppress(FileNotFoundError):  # another bake has just removed it
                     status = path.stat()
                     found.append(Entry(path, match[1], status.st_size, status.st_mtime))
+    except FileNotFoundError:
+        return []
     except OSError as error:
         raise FileError(f"{folder}: cannot read: {error.strerror or error}") from None
     return sorted(found, key=lambda entry: (entry.used, entry.path))

@@ -5,12 +5,14 @@ import os
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
 from gsgi.runtime import atomic
 from gsgi.runtime.atomic import check_writable, remove_leftovers, replacing, write_atomic, write_together
 from gsgi.runtime.errors import FileError
+from gsgi.runtime.files import read_file
 
 
 def names(folder) -> list[str]:
@@ -38,6 +40,37 @@ def test_a_block_that_raises_leaves_the_old_file(tmp_path):
         fail()
     assert path.read_bytes() == b"old"
     assert names(tmp_path) == ["a.bin"]
+
+
+def remove_after(looks: int, path: Path, monkeypatch) -> None:
+    """Remove `path` as soon as its status has been read `looks` times, as another process might."""
+    look, left = Path.stat, [looks]
+
+    def look_and_remove(self, **how):
+        status = look(self, **how)
+        left[0] -= self == path
+        if not left[0]:
+            path.unlink(missing_ok=True)
+        return status
+
+    monkeypatch.setattr(Path, "stat", look_and_remove)
+
+
+@pytest.mark.parametrize("looks", [1, 2, 3])
+def test_a_file_that_another_process_removes_is_written_all_the_same(tmp_path, monkeypatch, looks):
+    path = tmp_path / "a.bin"
+    path.write_bytes(b"old")
+    remove_after(looks, path, monkeypatch)
+    write_atomic(path, b"new")
+    assert path.read_bytes() == b"new"
+
+
+def test_a_file_that_vanishes_before_it_is_read_is_named_as_absent(tmp_path, monkeypatch):
+    path = tmp_path / "a.bin"
+    path.write_bytes(b"old")
+    remove_after(1, path, monkeypatch)
+    with pytest.raises(FileError, match="a.bin: cannot read: No such file or directory"):
+        read_file(path)
 
 
 def test_of_files_that_belong_together_the_first_is_last(tmp_path, monkeypatch):

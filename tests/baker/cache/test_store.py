@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -157,6 +158,11 @@ def test_several_processes_share_a_folder(tmp_path):
     logs = [run.communicate()[1] for run in runs]
     assert [run.returncode for run in runs] == [0, 0, 0], logs
     assert 0 < sum(entry.bytes for entry in entries(tmp_path)) <= 40_000
+
+
+def test_a_folder_that_another_process_removes_has_no_entries(tmp_path, monkeypatch):
+    monkeypatch.setattr(Path, "exists", lambda self: True)  # what a look had found, a moment ago
+    assert entries(tmp_path / "absent") == []
 
 
 def test_the_folder_is_where_the_environment_says(monkeypatch):
