@@ -2,6 +2,10 @@
 
 import errno
 import os
+import tempfile
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +16,8 @@ from .errors import FileError, UsageError
 MAX_IMAGE_PIXELS = 2**28  # 16384 x 16384, 4 GiB as RGBA float; anything larger is a mistake or an attack
 SUFFIXES = (".exr", ".png")
 _PNG_END = b"IEND\xaeB`\x82"
+_STDERR = 2  # the file descriptor
+_stderr_lock = threading.RLock()
 
 
 def read_image(path: str | Path) -> np.ndarray:
@@ -21,12 +27,12 @@ def read_image(path: str | Path) -> np.ndarray:
     """
     check_image_path(path)
     try:
-        with open(path, "rb"):
+        with open(path, "rb"), silent_libpng():
             source = open_image(Path(path))
-        spec = source.spec()
-        if spec.width * spec.height > MAX_IMAGE_PIXELS:
-            raise ValueError(f"{spec.width} x {spec.height} pixels where {MAX_IMAGE_PIXELS} are allowed")
-        pixels = read_pixels(source, "float")
+            spec = source.spec()
+            if spec.width * spec.height > MAX_IMAGE_PIXELS:
+                raise ValueError(f"{spec.width} x {spec.height} pixels where {MAX_IMAGE_PIXELS} are allowed")
+            pixels = read_pixels(source, "float")
     except OSError as error:
         raise FileError(f"{path}: cannot read: {error.strerror or error}") from None
     except ValueError as error:
@@ -77,6 +83,29 @@ def read_pixels(source, dtype: str) -> np.ndarray:
     if pixels is None:
         raise ValueError(one_line(source.geterror()))
     return pixels
+
+
+@contextmanager
+def silent_libpng() -> Iterator[None]:
+    """Keep the lines of libpng from stderr: the exceptions of this module repeat them.
+
+    What other threads write to stderr meanwhile appears at the end of the block.
+    """
+    with _stderr_lock, tempfile.TemporaryFile() as written:
+        try:
+            stderr = os.dup(_STDERR)
+        except OSError:  # the process has no stderr
+            yield
+            return
+        os.dup2(written.fileno(), _STDERR)
+        try:
+            yield
+        finally:
+            os.dup2(stderr, _STDERR)
+            os.close(stderr)
+            written.seek(0)
+            others = b"".join(line for line in written if not line.startswith(b"libpng "))
+            os.write(_STDERR, others)
 
 
 def rgba(pixels: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gsgi.runtime.errors import SceneError
-from gsgi.runtime.image import open_image, read_pixels, rgba
+from gsgi.runtime.image import open_image, read_pixels, rgba, silent_libpng
 
 from .limits import Limits
 from .problems import Code
@@ -37,7 +37,11 @@ def decode_textures(files: Sequence[Encoded], limits: Limits) -> list[np.ndarray
     The declared sizes are checked against the limit before any pixel is decoded. Raises SceneError.
     """
     # The Python module of OpenImageIO can only read files.
-    with tempfile.TemporaryDirectory(prefix="gsgi-") as folder, ThreadPoolExecutor(os.cpu_count()) as pool:
+    with (
+        silent_libpng(),
+        tempfile.TemporaryDirectory(prefix="gsgi-") as folder,
+        ThreadPoolExecutor(os.cpu_count()) as pool,
+    ):
         paths = [Path(folder, f"{number}.{_kind(file)}") for number, file in enumerate(files)]
         texels = 0
         for file, path in zip(files, paths, strict=True):

@@ -69,7 +69,7 @@ def test_a_file_that_vanishes_before_it_is_read_is_named_as_absent(tmp_path, mon
     path = tmp_path / "a.bin"
     path.write_bytes(b"old")
     remove_after(1, path, monkeypatch)
-    with pytest.raises(FileError, match="a.bin: cannot read: No such file or directory"):
+    with pytest.raises(FileError, match=r"a\.bin: cannot read: No such file or directory"):
         read_file(path)
 
 

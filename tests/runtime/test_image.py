@@ -1,5 +1,8 @@
 """Image files: exact round trips, stable bytes, and refusals that name the file."""
 
+import os
+import subprocess
+import sys
 import time
 
 import numpy as np
@@ -7,7 +10,7 @@ import pytest
 
 from gsgi.runtime.atomic import replacing, write_atomic
 from gsgi.runtime.errors import FileError, UsageError
-from gsgi.runtime.image import read_image, write_image
+from gsgi.runtime.image import read_image, silent_libpng, write_image
 
 RNG = np.random.default_rng(3)
 COLOR = RNG.integers(0, 256, (5, 7, 3), dtype=np.uint8)
@@ -92,3 +95,17 @@ def test_a_full_disk_is_named_and_the_old_image_stays(small_disk, name):
     with pytest.raises(FileError, match=r"a\.\w+: cannot write: "):
         write_image(small_disk / name, pixels if name == "a.png" else pixels.astype(np.float32))
     assert [(path.name, path.read_bytes()) for path in small_disk.iterdir()] == [(name, b"old")]
+
+
+def test_libpng_is_silenced_and_nobody_else(capfd):
+    with silent_libpng():
+        os.write(2, b"libpng error: IDAT: CRC error\nfrom another thread\n")
+        os.write(2, b"libpng warning: iCCP: known incorrect sRGB profile\n")
+    os.write(2, b"after\n")
+    assert capfd.readouterr().err == "from another thread\nafter\n"
+
+
+def test_libpng_is_silenced_without_a_stderr():
+    code = "import os; os.close(2)\nfrom gsgi.runtime.image import silent_libpng\nwith silent_libpng(): print('in')"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout == "in\n"

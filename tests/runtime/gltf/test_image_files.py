@@ -6,7 +6,7 @@ import zlib
 import numpy as np
 import pytest
 
-from gsgi.runtime.errors import SceneError
+from gsgi.runtime.errors import FileError, SceneError
 from gsgi.runtime.gltf.image_files import Encoded, decode_textures
 from gsgi.runtime.gltf.limits import Limits
 from gsgi.runtime.image import read_image, write_image
@@ -92,3 +92,13 @@ def test_webp_is_not_multiplied_by_alpha(tmp_path):
     assert output.write_image(pixels)
     output.close()
     np.testing.assert_allclose(decode_texture((tmp_path / "a.webp").read_bytes()), pixels, atol=1)
+
+
+@pytest.mark.parametrize("data", [png(9, 9, bytes(9 * 28))[:50], png(20, 10, b"\0")], ids=["cut", "short"])
+def test_the_error_alone_tells_of_a_broken_png(tmp_path, capfd, data):
+    (tmp_path / "a.png").write_bytes(data)
+    with pytest.raises(SceneError, match=r"^x: expected an image"):
+        decode_texture(data)
+    with pytest.raises(FileError, match=r"a\.png: cannot read"):
+        read_image(tmp_path / "a.png")
+    assert capfd.readouterr() == ("", "")
