@@ -17,6 +17,7 @@ from .indirect_light import IndirectLight
 from .primary import Primary
 from .profile import Profile, measured
 from .shadow import Shadow
+from .surface_splat import SCALES
 from .view import View
 
 
@@ -26,14 +27,17 @@ class DeferredRenderer:
     Only what the scene needs is created: without a bake there are no splats and no composite, without lights no
     shadows, without an environment no background. A bake of the `surface` operator is read once per `splat_scale` x
     `splat_scale` pixels (1 to 4) and upsampled; a bake of `over` is always drawn at full resolution. The framebuffer,
-    blending, depth test and culling of `ctx` are left changed. Raises UnsupportedError for textures or Gaussians that
-    the driver cannot hold.
+    blending, depth test and culling of `ctx` are left changed. Raises ValueError for another `splat_scale`, and
+    UnsupportedError for textures or Gaussians that the driver cannot hold. Its methods raise RuntimeError after
+    release().
     """
 
     def __init__(
         self, ctx: moderngl.Context, scene: Scene, bake: Bake | None, width: int, height: int, splat_scale: int = 1
     ):
         self._ctx, self._origin = ctx, origin_of(scene)
+        self._splat_scale = self._next_splat_scale = _checked(splat_scale)
+        self._released = False
         if self._origin.any():
             scene = local_scene(scene, self._origin)
         self._scene, self._bake = scene, bake
@@ -47,18 +51,24 @@ class DeferredRenderer:
 
     def resize(self, width: int, height: int) -> None:
         """Draw at another size from the next frame on. Uploaded data is kept."""
+        self._check_in_use()
         if self.gbuffer.size != (width, height):
             self._release_targets()
             self._make_targets((width, height))
 
     def set_splat_scale(self, splat_scale: int) -> None:
-        """Read the Gaussians once per `splat_scale` x `splat_scale` pixels (1 to 4) from the next frame on."""
-        if self.splats:
-            self.splats.release()
-            self.splats = IndirectLight(self._ctx, self._bake, splat_scale=splat_scale)
+        """Read the Gaussians once per `splat_scale` x `splat_scale` pixels from the next frame on.
+
+        Raises ValueError unless it is 1 to 4.
+        """
+        self._check_in_use()
+        self._next_splat_scale = _checked(splat_scale)
 
     def render(self, camera: Camera, profile: Profile | None = None) -> None:
         """Draw one frame. A `profile`, which must belong to `ctx`, measures its passes."""
+        self._check_in_use()
+        self._apply_splat_scale()
+        self._ctx.depth_func = "<"
         near_origin = local_camera(camera, self._origin)
         with measured(profile, "frame/gbuffer"):
             self.gbuffer.draw(near_origin)
@@ -72,15 +82,17 @@ class DeferredRenderer:
             self.splats.draw_view(view, self.gbuffer.depth, self.gbuffer.interpolated, profile=profile)
             with measured(profile, "frame/composite"):
                 self.composite.draw(self.splats.indirect)
+        self._drawn = True
 
     def read(self, layer: str) -> np.ndarray:
         """A layer of the last frame, row 0 on top, float32: "depth" (H, W), the others (H, W, 3).
 
         "final" and "primary" are radiance, and hold the environment's radiance where there is no surface. The others
         are 0 there. "indirect": B; "albedo"; "normal": shading normal as bent by the normal map, world space, unit;
-        "depth": distance along the view axis, m.
+        "depth": distance along the view axis, m. Raises RuntimeError before the first frame of this size.
         """
         assert layer in LAYERS, layer
+        self._check_drawn()
         depth = pixels(self.gbuffer.depth)[..., 0]
         if layer == "depth":
             return depth
@@ -96,26 +108,50 @@ class DeferredRenderer:
         """Texture of a layer of the last frame, RGBA16F, valid until the next frame or a resize.
 
         `layer` is "final", "primary", "albedo" or "indirect". "indirect" needs a bake; with the `over` operator it may
-        contain light where there is no surface.
+        contain light where there is no surface. Raises RuntimeError before the first frame of this size.
         """
+        self._check_drawn()
         textures = {"final": self._final, "primary": self.gbuffer.emission, "albedo": self.gbuffer.albedo}
         return self.splats.indirect if layer == "indirect" else textures[layer]
 
     def display(self, exposure: float) -> np.ndarray:
-        """The last frame under `exposure` and the tone curve: (H, W, 3) uint8 sRGB, row 0 on top."""
+        """The last frame under `exposure` and the tone curve: (H, W, 3) uint8 sRGB, row 0 on top.
+
+        Raises RuntimeError before the first frame of this size.
+        """
+        self._check_drawn()
         self._display.draw(exposure)
         return pixels(self._display.color)[..., :3]
 
     def release(self) -> None:
-        """Free the GPU memory."""
+        """Free the GPU memory. A second call does nothing."""
+        if self._released:
+            return
+        self._released = True
         self._release_targets()
         for part in (self.shadow, self.splats, self.geometry):
             if part is not None:
                 part.release()
 
+    def _check_in_use(self) -> None:
+        if self._released:
+            raise RuntimeError("this DeferredRenderer was released")
+
+    def _check_drawn(self) -> None:
+        self._check_in_use()
+        if not self._drawn:
+            raise RuntimeError("no frame of this size was drawn: call render() first")
+
+    def _apply_splat_scale(self) -> None:
+        if self.splats and self._splat_scale != self._next_splat_scale:
+            self.splats.release()
+            self.splats = IndirectLight(self._ctx, self._bake, splat_scale=self._next_splat_scale)
+        self._splat_scale = self._next_splat_scale
+
     def _make_targets(self, size: tuple[int, int]) -> None:
         """Create the passes that draw into textures of the frame's size."""
         ctx, scene = self._ctx, self._scene
+        self._drawn = False
         self.gbuffer = GBuffer(ctx, self.geometry, size)
         self.background = self.primary = self.composite = None
         if scene.environment is not None:
@@ -132,6 +168,13 @@ class DeferredRenderer:
         for part in (self._display, self.background, self.primary, self.composite, self.gbuffer):
             if part is not None:
                 part.release()
+
+
+def _checked(splat_scale: int) -> int:
+    """Return `splat_scale`. Raises ValueError if it is impossible."""
+    if splat_scale not in SCALES:
+        raise ValueError(f"splat_scale: expected one of {SCALES}, got {splat_scale!r}")
+    return splat_scale
 
 
 def pixels(texture: moderngl.Texture) -> np.ndarray:

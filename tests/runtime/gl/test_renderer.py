@@ -1,5 +1,6 @@
 """The whole deferred frame."""
 
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -9,10 +10,12 @@ import oracle
 import pytest
 import scenes
 from frames import HEIGHT, WIDTH, bake, full_scene, render, surface_bake
+from gl_objects import alive
 from repository import TESTS
 
 from gsgi.runtime.constants import HALF_MAX
 from gsgi.runtime.display import to_uint8, tone_map
+from gsgi.runtime.gaussians import Bake
 from gsgi.runtime.gl.renderer import LAYERS, DeferredRenderer
 from gsgi.runtime.scene import Material, Scene
 
@@ -129,3 +132,79 @@ def test_egl_and_osmesa_draw_the_same_bytes(backends, tmp_path, what):
         frames.append(np.load(tmp_path / f"{name}.npz"))
     for layer in frames[0].files:
         assert np.array_equal(frames[0][layer], frames[1][layer]), layer
+
+
+def behind_the_camera(baked: Bake) -> Bake:
+    """A bake of which inside_camera() sees nothing."""
+    levels = {name: getattr(baked, name) for name in ("gaussians", "coarse")}
+    away = {name: replace(level, position=level.position + np.float32([0, 0, 500])) for name, level in levels.items()}
+    return replace(baked, **away)
+
+
+def test_a_second_frame_is_the_same_if_no_gaussian_is_in_view(gl):
+    renderer = DeferredRenderer(gl, full_scene(), behind_the_camera(surface_bake()), WIDTH, HEIGHT)
+    renderer.render(scenes.inside_camera())
+    first = renderer.read("depth")
+    renderer.render(scenes.inside_camera())
+    assert np.array_equal(renderer.read("depth"), first)
+    renderer.release()
+
+
+@pytest.mark.parametrize("make", [bake, surface_bake])
+def test_a_new_splat_scale_leaves_the_last_frame(gl, make):
+    renderer = DeferredRenderer(gl, full_scene(), make(), WIDTH, HEIGHT)
+    renderer.render(scenes.inside_camera())
+    before = renderer.read("indirect")
+    renderer.set_splat_scale(2)
+    assert np.array_equal(renderer.read("indirect"), before)
+    renderer.release()
+
+
+@pytest.mark.parametrize("splat_scale", [0, 5, -1, 1.5, "2", None])
+def test_an_impossible_splat_scale_is_refused(gl, splat_scale):
+    message = re.escape(f"splat_scale: expected one of (1, 2, 3, 4), got {splat_scale!r}")
+    before = alive(gl)
+    with pytest.raises(ValueError, match=message):
+        DeferredRenderer(gl, scenes.furnace(), surface_bake(), 8, 8, splat_scale)
+    renderer = DeferredRenderer(gl, scenes.furnace(), None, 8, 8)
+    with pytest.raises(ValueError, match=message):
+        renderer.set_splat_scale(splat_scale)
+    renderer.release()
+    assert alive(gl) == before
+
+
+def test_without_a_frame_there_is_nothing_to_read(gl):
+    renderer = DeferredRenderer(gl, full_scene(), bake(), WIDTH, HEIGHT)
+    for _ in range(2):
+        for ask in (lambda: renderer.read("indirect"), lambda: renderer.texture("final"), lambda: renderer.display(1)):
+            with pytest.raises(RuntimeError, match="no frame of this size was drawn"):
+                ask()
+        renderer.render(scenes.inside_camera())
+        renderer.read("indirect")
+        renderer.resize(WIDTH // 2, HEIGHT)
+    renderer.release()
+
+
+def test_release_frees_everything_and_ends_its_use(gl):
+    render(gl, full_scene(), surface_bake())
+    before = alive(gl)
+    renderer = DeferredRenderer(gl, full_scene(), surface_bake(), WIDTH, HEIGHT)
+    for splat_scale in (1, 2):
+        renderer.set_splat_scale(splat_scale)
+        renderer.resize(WIDTH // splat_scale, HEIGHT)
+        renderer.render(scenes.inside_camera())
+        renderer.display(1.0)
+    renderer.release()
+    renderer.release()
+    assert alive(gl) == before
+    for use in (
+        lambda: renderer.render(scenes.inside_camera()),
+        lambda: renderer.resize(8, 8),
+        lambda: renderer.set_splat_scale(2),
+        lambda: renderer.read("final"),
+        lambda: renderer.texture("final"),
+        lambda: renderer.display(1.0),
+    ):
+        with pytest.raises(RuntimeError, match="this DeferredRenderer was released"):
+            use()
+    assert alive(gl) == before
