@@ -20,45 +20,48 @@ class DracoMesh:
         self._document = document
         self._ids = compressed.get("attributes")
         self._json = compressed
-        count = self._count(primitive.get("indices"))
         data = bytes(document.view(compressed.get("bufferView")))
         vertices, faces = self._declared(data)
-        if 3 * faces != count:
-            raise compressed.refuse(f"{count} indices, as the accessor's", str(3 * faces), Code.COUNT_MISMATCH)
-        most = self._count(primitive.get("attributes").get("POSITION"))
-        if vertices > most:
-            raise compressed.refuse(f"at most {most} vertices, as POSITION", str(vertices), Code.COUNT_MISMATCH)
+        document.limits.check("elements", max(vertices, 3 * faces), compressed.where(), compressed.pointer)
         mesh = self._decoded(data)
         self.index = mesh.faces.reshape(-1)
-        if len(self.index) != count:
-            raise compressed.refuse(f"{faces} triangles", str(len(self.index) // 3), Code.DECODE)
+        if len(self.index) != 3 * faces or not faces:
+            raise compressed.refuse(f"{max(faces, 1)} triangles", str(len(self.index) // 3), Code.DECODE)
+        self._compare_count(document.lookup("accessors", primitive.get("indices")), 3 * faces)
         self._attributes = {attribute["unique_id"]: attribute["data"] for attribute in mesh.attributes}
 
     def __contains__(self, name: str) -> bool:
         return name in self._ids
 
     def elements(self, name: str, accessor: Json, dtype: np.dtype, width: int) -> np.ndarray:
-        """An attribute (count, width) in the component type of the accessor. Raises SceneError."""
+        """An attribute (V, width) in the component type of the accessor. Raises SceneError.
+
+        V is Draco's own number of vertices: the accessor's count does not matter.
+        """
         unique_id = self._ids.get(name)
         values = self._attributes.get(unique_id.integer())
         if values is None:
             raise unique_id.refuse(f"an id among {sorted(self._attributes)}", code=Code.INDEX_RANGE)
         values = values.reshape(len(values), -1)
-        shape = accessor.get("count").integer(low=1), width
-        if values.shape != shape:
-            raise accessor.refuse(f"{values.shape} values, as Draco's", str(shape), Code.COUNT_MISMATCH)
-        # DracoPy widens integers. A cast back that changes values would destroy their meaning and is refused.
+        if values.shape[1] != width:
+            raise unique_id.refuse(f"an attribute of width {width}", str(values.shape[1]), Code.COUNT_MISMATCH)
+        self._compare_count(accessor, len(values))
+        # DracoPy widens integers, signed ones to floats. A cast back that changes values would destroy their meaning.
         with np.errstate(invalid="ignore"):
             cast = values.astype(dtype)
-        if values.dtype.kind == "f" != dtype.kind or (dtype.kind != "f" and not np.array_equal(cast, values)):
-            raise accessor.refuse(f"components as Draco's {values.dtype}", code=Code.COUNT_MISMATCH)
+        if dtype.kind != "f" and not np.array_equal(cast, values):
+            raise unique_id.refuse(
+                f"values that {dtype} holds, as the accessor's", f"{values.dtype}", Code.COUNT_MISMATCH
+            )
         return cast
 
-    def _count(self, index: Json) -> int:
-        accessor = self._document.lookup("accessors", index)
-        count = accessor.get("count").integer(low=1)
-        self._document.limits.check("elements", count, accessor.where(), accessor.pointer)
-        return count
+    def _compare_count(self, accessor: Json, count: int) -> None:
+        """Warn if the accessor states another count than the compressed mesh has."""
+        stated = accessor.get("count").integer(low=1)
+        self._document.limits.check("elements", stated, accessor.where(), accessor.pointer)
+        if stated != count:
+            text = f"{stated} elements, but the compressed mesh has {count}, which count"
+            self._document.warn(accessor.get("count"), Code.COUNT_MISMATCH, text)
 
     def _declared(self, data: bytes) -> tuple[int, int]:
         """Number of vertices and triangles that the stream declares, read before the decoder allocates memory for them.
