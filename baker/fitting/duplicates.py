@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from gsgi.runtime import constants
 from gsgi.runtime.gaussians import Gaussians
 
 from .rotations import axes
@@ -16,8 +17,8 @@ def duplicates(gaussians: Gaussians, tone_scale: float) -> np.ndarray:
 
     The two are each other's nearest neighbour, closer than DISTANCE times the longest standard deviation of the smaller
     one. The logarithms of their scales differ by less than LOG_SCALE on each axis, and the cosine between their normals
-    is above COSINE. Their constant SH coefficients differ by less than COLOUR after the tone curve
-    x / (x + tone_scale).
+    is above COSINE. The light of their constant SH bands differs by less than COLOUR after the tone curve
+    x / (x + tone_scale), with tone_scale in radiance.
     """
     from scipy.spatial import cKDTree
 
@@ -28,7 +29,8 @@ def duplicates(gaussians: Gaussians, tone_scale: float) -> np.ndarray:
     # If several lie at one point, a Gaussian's own index can come second.
     other = np.where(nearest[:, 0] == first, nearest[:, 1], nearest[:, 0])
     size = gaussians.scale.max(axis=1)
-    tone = gaussians.sh[:, 0] / (np.abs(gaussians.sh[:, 0]) + tone_scale)
+    light = np.float32(constants.SH_C0) * gaussians.sh[:, 0]
+    tone = light / (np.abs(light) + tone_scale)
     alike = np.abs(tone - tone[other]).max(axis=1) < COLOUR
     near = distance[:, 1] < DISTANCE * np.minimum(size, size[other])
     log_scale = np.log(np.maximum(gaussians.scale, np.finfo(np.float32).tiny))

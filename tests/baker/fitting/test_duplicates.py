@@ -1,6 +1,7 @@
 """Pairs of Gaussians of which one is superfluous: on small arrays whose answer is plain."""
 
 import numpy as np
+import oracle
 import pytest
 
 from gsgi.baker.fitting.duplicates import COLOUR, DISTANCE, duplicates
@@ -18,9 +19,9 @@ def row_of(count: int, spacing: float = 100.0) -> Gaussians:
     return Gaussians(position, rotation, ones, 0.5 * ones[:, 0], 0.5 * ones[:, None])
 
 
-def colour_at_tone(tone: float) -> float:
-    """The colour that the tone curve takes there."""
-    return TONE_SCALE * tone / (1 - tone)
+def coefficient_at_tone(tone: float) -> float:
+    """The constant SH coefficient of light, in radiance, that the tone curve takes there."""
+    return TONE_SCALE * tone / (1 - tone) / oracle.sh_basis(np.array([[0.0, 0.0, 1.0]]), 0)[0, 0]
 
 
 def test_twins_merge():
@@ -46,10 +47,10 @@ def test_distance_counts_in_sizes_of_the_smaller():
 @pytest.mark.parametrize("tone", [0.1, 0.9])
 def test_another_colour_stays_as_the_tone_curve_shows_it(channel, tone):
     gaussians = row_of(2, spacing=0)
-    gaussians.sh[:] = colour_at_tone(tone)
-    gaussians.sh[1, 0, channel] = colour_at_tone(tone + 0.9 * COLOUR)
+    gaussians.sh[:] = coefficient_at_tone(tone)
+    gaussians.sh[1, 0, channel] = coefficient_at_tone(tone + 0.9 * COLOUR)
     assert len(duplicates(gaussians, TONE_SCALE)) == 1
-    gaussians.sh[1, 0, channel] = colour_at_tone(tone + 1.1 * COLOUR)
+    gaussians.sh[1, 0, channel] = coefficient_at_tone(tone + 1.1 * COLOUR)
     assert len(duplicates(gaussians, TONE_SCALE)) == 0
 
 
