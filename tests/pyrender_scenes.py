@@ -179,6 +179,43 @@ def points():
     return scene
 
 
+def every_primitive():
+    """A row for each set of vertex attributes, a column for each mode, in front of a wall that takes their shadows."""
+    import pyrender
+
+    corners = np.array([[0, 1], [0, 0], [1, 1], [1, 0], [2, 1], [2, 0]]) / [2, 1]
+    normals = np.tile([0.3, 0.2, 0.93], (6, 1)) / np.linalg.norm([0.3, 0.2, 0.93])
+    tangents = np.tile([1.0, 0, 0, 1], (6, 1))
+    colors = np.random.default_rng(6).uniform(0.2, 1, (6, 4)) ** [1, 1, 1, 0]
+    plain, picture = material(), material(baseColorTexture=image(3, 7))
+    bumpy = material(baseColorTexture=image(3, 7), normalTexture=image(3, 8) // 4 + np.array([96, 96, 191], np.uint8))
+    every = {"normals": normals, "tangents": tangents, "texcoord_0": corners, "texcoord_1": corners, "color_0": colors}
+    rows = [
+        {},
+        {"normals": normals},
+        {"tangents": tangents},
+        {"normals": normals, "tangents": tangents},
+        {"texcoord_0": corners, "material": picture},
+        {"color_0": colors},
+        {"color_0": colors * [1, 1, 1, 0.5], "material": material(alphaMode="BLEND")},
+        {**every, "material": bumpy},
+        {**every, "indices": [5, 4, 3, 2, 1, 0], "material": bumpy},
+        {**every, "poses": np.stack([np.eye(4), translation(0.05, -0.2, 0.1)]), "material": bumpy},
+    ]
+    scene = empty(eye=(0, 0, 3.8))
+    for row, attributes in enumerate(rows):
+        for mode in range(7):  # glTF's: points, lines, line loop, line strip, triangles, strip, fan
+            positions = np.column_stack([corners * [0.3, 0.2], 0.1 * corners[:, 0]])
+            settings = {"mode": mode, "material": plain} | attributes
+            mesh = pyrender.Mesh([pyrender.Primitive(positions, **settings)])
+            place = translation(0.42 * (mode - 3) - 0.15, 0.3 * (4.5 - row) - 0.1, 0)
+            scene.add(mesh, pose=place, name=f"cell {row} {mode}")
+    wall = translation(0, 0, -0.3) @ np.diag([2, 2, 1, 1])
+    scene.add(quad(material=material((0.9, 0.9, 0.9, 1))), pose=wall, name="wall")
+    add_lights(scene)
+    return scene
+
+
 def from_behind():
     """A square that faces away from the camera."""
     scene = empty(eye=(0.5, 0.6, -2.5))
@@ -199,8 +236,11 @@ def cameras() -> dict:
     }
 
 
-# Scene and pyrender's flags: 1 DEPTH_ONLY, 8 ALL_WIREFRAME, 4 FLIP_WIREFRAME, 160 directional and spot shadows,
-# 1024 SKIP_CULL_FACES, 2048 RGBA, 4096 FLAT, 8192 SEG.
+# All of pyrender's flags that the drop-in draws, and some combinations: 1 DEPTH_ONLY, 2 OFFSCREEN, 4 FLIP_WIREFRAME,
+# 8 ALL_WIREFRAME, 16 ALL_SOLID, 32 directional, 128 spot shadows, 1024 SKIP_CULL_FACES, 2048 RGBA, 4096 FLAT, 8192 SEG.
+FLAGS = 0, 1, 2, 4, 8, 16, 32, 128, 160, 1024, 2048, 4096, 8192, 1 | 1024, 32 | 8, 128 | 2048, 4096 | 1024, 8192 | 2048
+
+# Scene and flags.
 CASES = {
     "solids": (solids, 0),
     "rgba": (solids, 2048),
@@ -224,14 +264,16 @@ CASES = {
     "lines_flipped": (lines, 4),
     "points": (points, 0),
     "nothing": (empty, 2048),
+    **{f"every_primitive_{flags}": (every_primitive, flags) for flags in FLAGS},
     **{f"camera_{name}": (lambda name=name: solids(cameras()[name]), 0) for name in
        ("far", "aspect", "intrinsics", "orthographic")},
 }  # fmt: skip
 
 
 def segments(scene) -> dict:
-    """Colours of nodes for RenderFlags.SEG: one for all channels, and one per channel; the floor has none."""
-    colors = {"ball": 200, "box": (10, 20, 30)}
+    """Colours of nodes for RenderFlags.SEG: one for all channels, and one per channel; floor and wall have none."""
+    cells = {f"cell {row} {mode}": (10 * row + 100, 20 * mode + 100, 7) for row in range(10) for mode in range(7)}
+    colors = {"ball": 200, "box": (10, 20, 30)} | cells
     return {node: colors[node.name] for node in scene.mesh_nodes if node.name in colors}
 
 

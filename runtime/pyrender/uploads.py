@@ -26,7 +26,8 @@ class UploadedPrimitive:
     def render(self, program: moderngl.Program) -> None:
         """Draw all instances."""
         if program not in self._vertex_arrays:
-            read = [name for name in self.attributes if name in program]
+            # A uniform may have the name of an attribute that the program does not read.
+            read = [name for name in self.attributes if isinstance(program.get(name, None), moderngl.Attribute)]
             content = [(self.attributes[name], f"{program[name].dimension}f", name) for name in read]
             content.append((self._poses, "16f/i", "node_from_instance"))
             vertex_array = self.ctx.vertex_array(program, content, self._indices, index_element_size=4)

@@ -51,7 +51,8 @@ def test_color_and_depth_are_those_of_pyrender(renderer, theirs, name):
 
 def test_cases_draw_something(theirs):
     empty = theirs["nothing/color"]
-    for name in set(CASES) - {"nothing", "depth_only", "instances_depth", "culled"}:
+    colored = [name for name, (_, flags) in CASES.items() if not flags & RenderFlags.DEPTH_ONLY]
+    for name in set(colored) - {"nothing", "culled"}:
         color = theirs[f"{name}/color"]
         assert (color[..., :3] != empty[..., :3]).any(axis=-1).mean() > 0.01, name
 
