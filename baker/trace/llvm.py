@@ -1,5 +1,6 @@
 """Find a working LLVM for Mitsuba to compile its kernels with. An unsuitable one aborts the process."""
 
+import logging
 import os
 import re
 import subprocess
@@ -12,8 +13,14 @@ from gsgi.runtime.errors import UnsupportedError
 # LLVM 14 is refused, 15 and 16 abort in code generation (fmaximum), and 17 and 18 are untested.
 VERSION_MIN = 19
 
+# s; a probe takes about one. A machine where it takes longer than SLOW is busy, which is said. A probe without an answer
+# after GIVE_UP more proves nothing: an unsuitable LLVM aborts at once.
+SLOW, GIVE_UP = 60.0, 600.0
+
 _FOLDERS = ("/usr/lib/x86_64-linux-gnu", "/usr/lib/aarch64-linux-gnu", "/usr/lib64", "/usr/lib", "/usr/local/lib")
 _NAME = re.compile(r"libLLVM(?:-(\d+)\.so(?:\.\d+)?|\.so\.(\d+)(?:\.\d+)*)$")
+_log = logging.getLogger(__name__)
+
 _PROBE = "import drjit as dr; from drjit.llvm import Float; print(dr.sum(dr.maximum(Float(1, 2), 0))[0])"
 
 
@@ -28,13 +35,21 @@ def libraries() -> list[tuple[int, Path]]:
 
 
 def works(path: Path) -> bool:
-    """Whether a child process can compile and run a kernel with this libLLVM."""
+    """Whether a child process can compile and run a kernel with this libLLVM; True too if it never answers."""
     environment = os.environ | {"DRJIT_LIBLLVM_PATH": str(path)}
-    try:
-        run = subprocess.run([sys.executable, "-c", _PROBE], env=environment, capture_output=True, timeout=60)
-    except subprocess.TimeoutExpired:
-        return False
-    return run.returncode == 0 and run.stdout.strip() == b"3.0"
+    command = [sys.executable, "-c", _PROBE]
+    with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as child:
+        try:
+            for patience, next_step in ((SLOW, "waiting on"), (GIVE_UP, "going on untested")):
+                try:
+                    output, _ = child.communicate(timeout=patience)
+                except subprocess.TimeoutExpired:
+                    _log.warning("this machine is slow: %s has not compiled a kernel yet; %s", path, next_step)
+                else:
+                    return child.returncode == 0 and output.strip() == b"3.0"
+            return True
+        finally:
+            child.kill()
 
 
 def select() -> Path:

@@ -27,3 +27,21 @@ def test_old_versions_are_never_tried(monkeypatch):
     monkeypatch.setattr(llvm, "works", lambda path: pytest.fail(f"{path} would abort the process"))
     with pytest.raises(UnsupportedError, match="libllvm19"):
         llvm.select()
+
+
+@pytest.mark.parametrize(("answer", "expected"), [("3.0", True), ("2.0", False)])
+def test_a_slow_machine_is_told_and_waited_for(monkeypatch, caplog, answer, expected):
+    monkeypatch.setattr(llvm, "SLOW", 0.01)
+    monkeypatch.setattr(llvm, "_PROBE", f"print({answer})")
+    assert llvm.works(Path("/lib/libLLVM-19.so")) is expected
+    (message,) = caplog.messages
+    assert message == "this machine is slow: /lib/libLLVM-19.so has not compiled a kernel yet; waiting on"
+
+
+def test_no_answer_is_no_refusal(monkeypatch, caplog):
+    monkeypatch.setattr(llvm, "SLOW", 0.01)
+    monkeypatch.setattr(llvm, "GIVE_UP", 0.01)
+    monkeypatch.setattr(llvm, "_PROBE", "while True: pass")
+    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/lib/libLLVM-19.so")
+    assert llvm.select() == Path("/lib/libLLVM-19.so")
+    assert [message.rpartition("; ")[2] for message in caplog.messages] == ["waiting on", "going on untested"]
