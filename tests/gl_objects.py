@@ -10,9 +10,10 @@ HIGHEST_NAME = 4096  # Mesa gives out the lowest free names
 
 def alive(ctx: moderngl.Context) -> dict[str, int]:
     """Number of objects of each kind; asks the driver, since moderngl can lose an object without deleting it."""
-    return {kind: sum(map(_predicate(ctx, f"glIs{kind}"), range(1, HIGHEST_NAME))) for kind in KINDS}
+    _function(ctx, "glUseProgram", None)(0)  # a program that is in use lives on after its deletion
+    is_alive = {kind: _function(ctx, f"glIs{kind}", ctypes.c_ubyte) for kind in KINDS}
+    return {kind: sum(map(is_alive[kind], range(1, HIGHEST_NAME))) for kind in KINDS}
 
 
-def _predicate(ctx: moderngl.Context, name: str):
-    address = ctx.mglo._context.load_opengl_function(name)
-    return ctypes.CFUNCTYPE(ctypes.c_ubyte, ctypes.c_uint)(address)
+def _function(ctx: moderngl.Context, name: str, result: type | None):
+    return ctypes.CFUNCTYPE(result, ctypes.c_uint)(ctx.mglo._context.load_opengl_function(name))

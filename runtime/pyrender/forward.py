@@ -57,7 +57,6 @@ class Forward:
             set_uniforms(shader, **frame, world_from_node=item.pose, **uniforms, **lit_uniforms)
             self._set_state(material, flags)
             self._primitives[primitive].render(shader)
-        self.ctx.wireframe = False
 
     def release(self) -> None:
         """Free the GPU memory."""

@@ -42,7 +42,7 @@ class FrameRenderer:
         shadowed = [light for light in placed if lights.casts_shadows(light, flags)]
         self._primitives.keep(primitive for node in scene.mesh_nodes for primitive in node.mesh.primitives)
         self._resize(size)
-        self.ctx.depth_func = "<"
+        self.ctx.depth_func, self.ctx.wireframe = "<", False
         frame = camera_uniforms(lens, point_size)
         if flags & (RenderFlags.SEG | RenderFlags.DEPTH_ONLY):
             self._draw_silhouettes(frame, items, flags, colors)
@@ -93,7 +93,7 @@ class FrameRenderer:
         if self._bake is not None:
             if lens.orthographic:
                 raise UnsupportedError("indirect light with an OrthographicCamera is not supported")
-            self._indirect = self._indirect or BakedLight(self.ctx, self._bake, self._targets.size)
+            self._indirect = self._indirect or BakedLight(self.ctx, self._bake)
             self._indirect.draw(lens, items, self._primitives, flags)
         return FrameLight(
             scene.ambient_light, placed, [maps.get(id(light)) for light in placed],
@@ -103,10 +103,10 @@ class FrameRenderer:
     def _resize(self, size: tuple[int, int]) -> None:
         if self._targets is not None and self._targets.size == size:
             return
-        for part in (self._targets, self._indirect):
-            if part is not None:
-                part.release()
-        self._targets, self._indirect = Targets(self.ctx, size), None
+        if self._targets is not None:
+            self._targets.release()
+            self._targets = None
+        self._targets = Targets(self.ctx, size)
 
     def _clear(self, target: moderngl.Framebuffer, color: tuple) -> None:
         target.use()

@@ -21,17 +21,15 @@ def receives(primitive, flags: int) -> bool:
 
 
 class VisibleSurfaces:
-    """Inputs of the passes that read Gaussians, for one frame; targets of (width, height) px:
+    """Inputs of the passes that read Gaussians, for one frame; targets of the image's size:
 
     interpolated  RG16F  octahedral, world space: the interpolated normal, on the camera's side
     depth         R32F   distance along the view axis, m; 0 = no surface
     """
 
-    def __init__(self, ctx: moderngl.Context, size: tuple[int, int]):
-        self.ctx, self.size = ctx, size
-        self.interpolated, self.depth = ctx.texture(size, 2, dtype="f2"), ctx.texture(size, 1, dtype="f4")
-        self._nearest = ctx.depth_renderbuffer(size)
-        self._target = ctx.framebuffer([self.interpolated, self.depth], self._nearest)
+    def __init__(self, ctx: moderngl.Context):
+        self.ctx = ctx
+        self.interpolated = self.depth = self._nearest = self._target = None
         looks = {normals: Primitive((), normals, False) for normals in (False, True)}
         self._programs = {
             normals: program(ctx, "pyrender/visible", **defines("pyrender/visible", look))
@@ -40,6 +38,7 @@ class VisibleSurfaces:
 
     def draw(self, lens: Lens, items: list[Draw], uploads: Uploads, flags: int) -> None:
         """Fill both targets with the surfaces that receive indirect light."""
+        self._resize(lens.size)
         self._target.use()
         self._target.clear()
         camera = {"clip_from_view": lens.projection, "view_from_world": lens.view_from_world, "eye": lens.position}
@@ -54,28 +53,45 @@ class VisibleSurfaces:
 
     def release(self) -> None:
         """Free the GPU memory."""
-        resources = self._target, self._nearest, self.interpolated, self.depth
-        for resource in (*self._programs.values(), *resources):
+        for resource in self._programs.values():
             resource.release()
+        self._release_targets()
+
+    def _resize(self, size: tuple[int, int]) -> None:
+        if self._target is not None and self._target.size == size:
+            return
+        self._release_targets()
+        self.interpolated, self.depth = self.ctx.texture(size, 2, dtype="f2"), self.ctx.texture(size, 1, dtype="f4")
+        self._nearest = self.ctx.depth_renderbuffer(size)
+        self._target = self.ctx.framebuffer([self.interpolated, self.depth], self._nearest)
+
+    def _release_targets(self) -> None:
+        for resource in (self._target, self._nearest, self.interpolated, self.depth):
+            if resource is not None:
+                resource.release()
 
 
 class BakedLight:
-    """B of `bake` for images of `size` px in the texture `light` (rgb), and the `depth` (m) of the lit surfaces."""
+    """B of `bake` in the texture `light` (rgb), and the `depth` (m) of the lit surfaces; both of the image's size."""
 
-    def __init__(self, ctx: moderngl.Context, bake: Bake, size: tuple[int, int]):
-        self._surfaces, self._pass = VisibleSurfaces(ctx, size), IndirectLight(ctx, bake, splat_scale=1)
-        self.depth = self._surfaces.depth
+    def __init__(self, ctx: moderngl.Context, bake: Bake):
+        self._pass, self._surfaces = IndirectLight(ctx, bake, splat_scale=1), VisibleSurfaces(ctx)
 
     @property
     def light(self) -> moderngl.Texture:
         """Texture of the last draw()."""
         return self._pass.indirect
 
+    @property
+    def depth(self) -> moderngl.Texture:
+        """Texture of the last draw()."""
+        return self._surfaces.depth
+
     def draw(self, lens: Lens, items: list[Draw], uploads: Uploads, flags: int) -> None:
         """Fill both textures."""
         self._surfaces.draw(lens, items, uploads, flags)
         view = View(lens.pinhole(), lens.world_from_view, lens.znear)
-        self._pass.draw_view(view, self.depth, self._surfaces.interpolated)
+        self._pass.draw_view(view, self._surfaces.depth, self._surfaces.interpolated)
 
     def release(self) -> None:
         """Free the GPU memory."""

@@ -5,6 +5,8 @@ from collections.abc import Callable, Iterable
 import moderngl
 import numpy as np
 
+from gsgi.runtime.gl.geometry import texture_size
+
 _MIRROR, _REPEAT = 33648, 10497  # wrap modes of glTF and OpenGL
 ATTRIBUTES = {"position": "positions", "normal": "normals", "uv": "texcoord_0", "color": "color_0"}
 
@@ -44,13 +46,15 @@ class UploadedPrimitive:
 class UploadedTexture:
     """A Texture with its Sampler, set as in pyrender: 8 bits, not decoded, mip-mapped by default.
 
-    `mirror` (2,): 1 for each axis that the shader folds (glsl/lib/texture.glsl).
+    `mirror` (2,): 1 for each axis that the shader folds (glsl/lib/texture.glsl). Raises UnsupportedError for a texture
+    that the driver cannot hold.
     """
 
     def __init__(self, ctx: moderngl.Context, texture):
         pixels = texture.source if texture.source.ndim == 3 else texture.source[..., None]
-        height, width, channels = pixels.shape
-        self.texture = ctx.texture((width, height), channels, np.ascontiguousarray(pixels[::-1]), alignment=1)
+        self.texture = ctx.texture(
+            texture_size(ctx, pixels), pixels.shape[2], np.ascontiguousarray(pixels[::-1]), alignment=1
+        )
         self.texture.build_mipmaps()
         sampler = texture.sampler
         self.texture.filter = (
@@ -80,18 +84,20 @@ class Uploads:
     def keep(self, items: Iterable) -> None:
         """Upload those of `items` that are missing or stale, and free everything else."""
         held, self._held = self._held, {}
-        for item in items:
-            if id(item) in self._held:
-                continue
-            sources = self._sources(item)
-            _, before, uploaded = held.pop(id(item), (None, (), None))
-            if uploaded and not _same(before, sources):
+        try:
+            for item in items:
+                if id(item) in self._held:
+                    continue
+                sources = self._sources(item)
+                _, before, uploaded = held.pop(id(item), (None, (), None))
+                if uploaded and not _same(before, sources):
+                    uploaded.release()
+                    uploaded = None
+                # Holding `item` ensures that no other object takes its id.
+                self._held[id(item)] = item, sources, uploaded or self._upload(self.ctx, item)
+        finally:
+            for *_, uploaded in held.values():
                 uploaded.release()
-                uploaded = None
-            # Holding `item` ensures that no other object takes its id.
-            self._held[id(item)] = item, sources, uploaded or self._upload(self.ctx, item)
-        for *_, uploaded in held.values():
-            uploaded.release()
 
     def __getitem__(self, item):
         return self._held[id(item)][2]

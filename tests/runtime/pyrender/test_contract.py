@@ -3,12 +3,18 @@
 import subprocess
 import sys
 
+import moderngl
 import numpy as np
 import pytest
+from gl_objects import alive
+from gsgi_files import constant
 from pyrender_scenes import SIZE, empty, from_behind, material, quad, solids, textured, translation
 
 from gsgi.runtime.errors import FileError, FormatError, UnsupportedError
+from gsgi.runtime.gl.context import create_context
 from gsgi.runtime.pyrender import OffscreenRenderer, RenderFlags, frame, uploads
+
+SHADOWS = RenderFlags.SHADOWS_DIRECTIONAL | RenderFlags.SHADOWS_SPOT
 
 
 @pytest.fixture
@@ -145,3 +151,60 @@ def test_what_is_invisible_is_not_drawn(pyrender, renderer):
     assert renderer.render(scene, RenderFlags.DEPTH_ONLY).any()
     mesh.is_visible = False
     assert not renderer.render(scene, RenderFlags.DEPTH_ONLY).any()
+
+
+def gl_objects(renderer) -> dict[str, int]:
+    with renderer._ctx:
+        return alive(renderer._ctx)
+
+
+@pytest.fixture
+def lit_renderer(pyrender, current_again):
+    """With baked light."""
+    result = OffscreenRenderer(*SIZE, gi=constant(np.array([0.2, 0.3, 0.4])))
+    yield result
+    result.delete()
+
+
+def test_another_size_leaves_nothing_behind(lit_renderer):
+    scene = solids()
+    lit_renderer.render(scene, SHADOWS)
+    before = gl_objects(lit_renderer)
+    for width in (40, 50, SIZE[0]):
+        lit_renderer.viewport_width = width
+        lit_renderer.render(scene, SHADOWS)
+    assert gl_objects(lit_renderer) == before
+
+
+def test_release_frees_everything(pyrender, current_again):
+    ctx = create_context("egl")
+    before = alive(ctx)
+    drawn = frame.FrameRenderer(ctx, constant(np.array([0.2, 0.3, 0.4])))
+    drawn.render(textured(), SHADOWS, SIZE, 1.0, {})
+    drawn.release()
+    assert alive(ctx) == before
+    ctx.release()
+
+
+def test_a_size_that_the_driver_refuses_is_not_kept(renderer):
+    scene = solids()
+    expected, _ = renderer.render(scene)
+    renderer.viewport_width = 10**6
+    with pytest.raises(moderngl.Error):
+        renderer.render(scene)
+    renderer.viewport_width = SIZE[0]
+    assert np.array_equal(renderer.render(scene)[0], expected)
+
+
+def test_a_failed_upload_leaves_nothing_behind(renderer):
+    renderer.render(empty())
+    before = gl_objects(renderer)
+    scene = textured()
+    renderer.render(scene)
+    material = next(iter(scene.mesh_nodes)).mesh.primitives[0].material
+    material.emissiveTexture.source = np.zeros((1, 10**5, 3), np.uint8)
+    with pytest.raises(UnsupportedError, match="texture of 100000 x 1 px: this driver's limit is"):
+        renderer.render(scene)
+    renderer.render(empty())
+    after = gl_objects(renderer)
+    assert after | {"Program": before["Program"]} == before  # programs are kept for the next scene
