@@ -124,6 +124,56 @@ def lit(light: dict, **node) -> tuple[dict, bytes]:
     return with_nodes(parent, use, extensions={"KHR_lights_punctual": {"lights": [light]}})
 
 
+def rich_scene() -> tuple[dict, bytes]:
+    """One small file with nearly everything in it that the reader reads."""
+    scene = quad_scene()
+    arrays = {
+        "TEXCOORD_1": (UV * 255).astype(np.uint8), "COLOR_0": np.full((4, 4), 99, np.uint8),
+        "TANGENT": np.tile(np.float32([1, 0, 0, 1]), (4, 1)),
+        "JOINTS_0": np.zeros((4, 4), np.uint8), "WEIGHTS_0": np.tile(np.float32([1, 0, 0, 0]), (4, 1)),
+        "target": NORMAL, "bind": np.eye(4, dtype=np.float32).reshape(1, 16), "TRANSLATION": POSITION,
+        "index": np.uint8([1, 2]), "value": POSITION[1:3],
+    }  # fmt: skip
+    index = {}
+    for name, values in arrays.items():
+        normalized = name in ("TEXCOORD_1", "COLOR_0")
+        scene, index[name] = add(scene, values, **({"normalized": True} if normalized else {}))
+    document, data = scene
+    views = {name: document["accessors"][index[name]]["bufferView"] for name in ("index", "value")}
+    document["accessors"][0]["sparse"] = {
+        "count": 2,
+        "indices": {"bufferView": views["index"], "componentType": 5121},
+        "values": {"bufferView": views["value"]},
+    }
+    primitive = document["meshes"][0]["primitives"][0]
+    primitive["attributes"] |= {name: index[name] for name in index if name.isupper() and name != "TRANSLATION"}
+    primitive["targets"] = [{"POSITION": index["target"], "NORMAL": index["target"]}]
+    document["meshes"][0]["weights"] = [0.5]
+    document["meshes"].append({"primitives": [{"attributes": {"POSITION": 0}, "indices": 3, "mode": 5, "material": 1}]})
+    transform = {"KHR_texture_transform": {"offset": [0.5, 0], "rotation": 1, "scale": [2, 2], "texCoord": 1}}
+    document["materials"][0] |= {
+        "normalTexture": {"index": 0, "scale": 2, "extensions": transform},
+        "emissiveFactor": [1, 1, 1],
+        "emissiveTexture": {"index": 0, "texCoord": 1},
+        "alphaMode": "MASK",
+        "alphaCutoff": 0.01,
+    }
+    glass = {"KHR_materials_transmission": {"transmissionFactor": 0.25}, "KHR_materials_unlit": {}}
+    document["materials"].append({"name": "glass", "alphaMode": "BLEND", "extensions": glass})
+    document["skins"] = [{"joints": [1], "inverseBindMatrices": index["bind"]}]
+    instancing = {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": index["TRANSLATION"]}}}
+    document["nodes"] = [
+        {"mesh": 0, "skin": 0, "children": [1, 2]},
+        {"rotation": [0, 0, 0, 1], "camera": 0, "extensions": {"KHR_lights_punctual": {"light": 0}}},
+        {"mesh": 1, "scale": [-1, 1, 1], "extensions": instancing},
+    ]
+    light = {"type": "spot", "intensity": 2, "range": 3, "spot": {"outerConeAngle": 1}}
+    document["extensions"] = {"KHR_lights_punctual": {"lights": [light]}}
+    document["cameras"] = [{"type": "perspective", "perspective": {"yfov": 1, "znear": 0.1, "zfar": 9}}]
+    document["animations"] = [{}]
+    return document, data
+
+
 def write(path: Path, document: dict | bytes, data: bytes = b"") -> Path:
     """Write JSON and BIN chunk as a GLB, or write bytes as they are; return the path."""
     path.write_bytes(document if isinstance(document, bytes) else encode(document, data))

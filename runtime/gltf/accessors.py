@@ -1,6 +1,7 @@
 """Read accessors of a glTF file as numpy arrays. Every length is checked before an array is allocated."""
 
 import json
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,11 +38,11 @@ def floats(document: Document, index: Json, layout: Layout, draco: tuple[DracoMe
     UnsupportedError.
     """
     accessor = document.lookup("accessors", index)
-    accessor.get("type").choice(*layout.kinds)
-    component = accessor.get("componentType").choice(FLOAT, *sorted({*layout.plain, *layout.normalized}))
+    _check_use(index, accessor, layout.kinds, {FLOAT, *layout.plain, *layout.normalized})
+    component = accessor.get("componentType").data
     normalized = accessor.get("normalized", False).boolean()
     if component != FLOAT and component not in (layout.normalized if normalized else layout.plain):
-        raise accessor.get("normalized", False).refuse(json.dumps(not normalized), json.dumps(normalized))
+        raise index.refuse(f"{accessor.pointer} with normalized {json.dumps(not normalized)}", json.dumps(normalized))
     values = elements(document, accessor) if draco is None else draco_elements(accessor, *draco)
     if component == FLOAT:
         check_finite(accessor, values)
@@ -56,21 +57,19 @@ def floats(document: Document, index: Json, layout: Layout, draco: tuple[DracoMe
 def integers(document: Document, index: Json, kind: str, draco: tuple[DracoMesh, str] | None = None) -> np.ndarray:
     """An accessor of plain 8-bit or 16-bit unsigned integers as (count, width). Raises SceneError."""
     accessor = document.lookup("accessors", index)
-    accessor.get("type").choice(kind)
-    accessor.get("componentType").choice(*UNSIGNED)
+    _check_use(index, accessor, (kind,), UNSIGNED)
     return elements(document, accessor) if draco is None else draco_elements(accessor, *draco)
 
 
 def indices(document: Document, index: Json, vertex_count: int) -> np.ndarray:
     """Vertex indices (count,) uint32, all below `vertex_count`. Raises SceneError."""
     accessor = document.lookup("accessors", index)
-    accessor.get("type").choice("SCALAR")
-    accessor.get("componentType").choice(*INDEX)
+    _check_use(index, accessor, ("SCALAR",), INDEX)
     values = elements(document, accessor)[:, 0]
     # The largest value of the type means primitive restart and is never a vertex index.
     limit = min(vertex_count, np.iinfo(values.dtype).max)
     if values.max() >= limit:
-        raise accessor.refuse(f"indices below {limit}", str(values.max()), Code.INDEX_RANGE)
+        raise index.refuse(f"indices below {limit}", str(values.max()), Code.INDEX_RANGE)
     return values.astype(np.uint32)
 
 
@@ -97,6 +96,16 @@ def draco_elements(accessor: Json, mesh: DracoMesh, name: str) -> np.ndarray:
     return mesh.elements(name, accessor, dtype, shape[1])
 
 
+def _check_use(index: Json, accessor: Json, kinds: Collection[str], components: Collection[int]) -> None:
+    """Refuse the reference `index` if its accessor, valid in itself, is of another type than its use demands."""
+    demands = ("type", WIDTH, kinds), ("componentType", COMPONENT, components)
+    for key, known, allowed in demands:
+        value = accessor.get(key).choice(*known)
+        if value not in allowed:
+            text = f"{accessor.pointer} of {key} {' or '.join(map(str, sorted(allowed)))}"
+            raise index.refuse(text, str(value))
+
+
 def _type(accessor: Json) -> tuple[np.dtype, tuple[int, int]]:
     dtype = COMPONENT[accessor.get("componentType").choice(*COMPONENT)]
     return dtype, (accessor.get("count").integer(low=1), WIDTH[accessor.get("type").choice(*WIDTH)])
@@ -106,13 +115,18 @@ def _strided(document: Document, place: Json, dtype: np.dtype, shape: tuple[int,
     """A view (count, width) of the bytes at the bufferView and byteOffset of `place`."""
     element = shape[1] * dtype.itemsize
     view = document.view(place.get("bufferView"))
-    stride = document.lookup("bufferViews", place.get("bufferView")).get("byteStride", element)
-    stride = stride.integer(low=element, high=max(element, MAX_STRIDE))
-    offset = place.get("byteOffset", 0).integer()
-    if offset % dtype.itemsize or stride % dtype.itemsize:
-        raise place.refuse(f"elements aligned to {dtype.itemsize} bytes", f"{offset} and {stride}", Code.ALIGNMENT)
+    byte_stride = document.lookup("bufferViews", place.get("bufferView")).get("byteStride", element)
+    stride = byte_stride.integer(low=1, high=max(element, MAX_STRIDE))
+    byte_offset = place.get("byteOffset", 0)
+    offset = byte_offset.integer()
+    for value in (byte_stride, byte_offset):
+        if value.data % dtype.itemsize:
+            raise value.refuse(f"a multiple of {dtype.itemsize} bytes", code=Code.ALIGNMENT)
+    if element > stride:
+        raise place.refuse(f"elements of at most {stride} bytes, the byteStride", str(element))
     end = offset + (shape[0] - 1) * stride + element
     if end > len(view):
+        place = place if offset < len(view) else byte_offset
         raise place.refuse(f"elements within a bufferView of {len(view)} bytes", f"{end} bytes", Code.BOUNDS)
     return np.ndarray(shape, dtype, view, offset, (stride, dtype.itemsize))
 
@@ -123,8 +137,10 @@ def _substituted(document: Document, sparse: Json, values: np.ndarray) -> np.nda
     where = sparse.get("indices")
     dtype = COMPONENT[where.get("componentType").choice(*INDEX)]
     index = _strided(document, where, dtype, (count, 1))[:, 0].astype(np.int64)
-    if index[-1] >= len(values) or (np.diff(index) <= 0).any():
-        raise where.refuse(f"rising indices below {len(values)}", "others", Code.INDEX_RANGE)
+    if (np.diff(index) <= 0).any():
+        raise where.refuse("rising indices", "some that do not rise", Code.INDEX_RANGE)
+    if index[-1] >= len(values):
+        raise where.refuse(f"indices below {len(values)}", str(index[-1]), Code.INDEX_RANGE)
     values = values.copy()
     values[index] = _strided(document, sparse.get("values"), values.dtype, (count, values.shape[1]))
     return values

@@ -24,19 +24,30 @@ def cameras(document: Document, nodes: list[Node]) -> dict[str, Camera]:
 
 
 def placed(document: Document, entry: Json, node: Node) -> Camera | None:
-    """An entry of /cameras with the pose of a node; None if it is orthographic. Raises SceneError."""
+    """An entry of /cameras with the pose of a node; None, with a warning, if it cannot be used. Raises SceneError."""
     if entry.get("type").choice("perspective", "orthographic") == "orthographic":
         document.warn(entry, Code.CAMERA_IGNORED, "orthographic cameras are left out")
         return None
     perspective = entry.get("perspective")
-    yfov = perspective.get("yfov").number(0, np.pi)
-    znear = perspective.get("znear").number(low=0)
-    zfar = perspective.get("zfar").number(low=0) if "zfar" in perspective else np.inf
-    if not 0 < yfov < np.pi:
-        raise perspective.get("yfov").refuse("an angle between 0 and pi")
-    if not 0 < znear < zfar:
-        raise perspective.refuse("0 < znear < zfar", f"{znear:g} and {zfar:g}")
-    return Camera(rigid(node), yfov, znear, zfar)
+    yfov, znear = (_positive(perspective.get(key)) for key in ("yfov", "znear"))
+    zfar = _positive(perspective.get("zfar")) if "zfar" in perspective else np.inf
+    if znear >= zfar:
+        raise perspective.refuse("znear < zfar", f"{znear:g} and {zfar:g}")
+    if yfov >= np.pi:
+        text = f"the camera is left out: its field of view of {yfov:g} rad is not below pi"
+        document.warn(perspective.get("yfov"), Code.CAMERA_IGNORED, text)
+        return None
+    pose = rigid(node)
+    if pose is None:
+        document.warn(node.json, Code.CAMERA_IGNORED, "the camera is left out: its node has a scale of 0")
+        return None
+    return Camera(pose, yfov, znear, zfar)
+
+
+def _positive(value: Json) -> float:
+    if value.number(low=0) == 0:
+        raise value.refuse("a number above 0")
+    return value.number()
 
 
 def _name(entry: Json, node: Node) -> str:

@@ -56,23 +56,25 @@ class Document:
         length = place.get("byteLength").integer(low=1)
         if start + length > len(data):
             got = f"bytes {start} to {start + length}"
-            raise place.refuse(f"bytes within a buffer of {len(data)}", got, Code.BOUNDS)
+            key = "byteLength" if start < len(data) else "byteOffset"
+            raise place.get(key).refuse(f"bytes within a buffer of {len(data)}", got, Code.BOUNDS)
         return data[start : start + length]
 
     def uri(self, uri: Json) -> bytes:
         """The bytes that a URI refers to. Raises SceneError, FileError."""
         return self.files.read(uri)
 
+    def has_data(self, buffer: Json) -> bool:
+        """Whether an entry of /buffers has bytes: a URI, or the BIN chunk."""
+        return "uri" in buffer or (self.binary is not None and buffer.pointer == "/buffers/0")
+
     def buffer(self, index: Json) -> memoryview:
         """The bytes of a buffer. Raises SceneError, FileError."""
         buffer = self.lookup("buffers", index)
         length = buffer.get("byteLength").integer(low=1)
-        if "uri" in buffer:
-            data = self.uri(buffer.get("uri"))
-        elif self.binary is not None and buffer.pointer == "/buffers/0":
-            data = self.binary
-        else:
+        if not self.has_data(buffer):
             raise buffer.refuse("a uri, or the first buffer of a GLB with a BIN chunk", "neither", Code.MISSING)
+        data = self.uri(buffer.get("uri")) if "uri" in buffer else self.binary
         if length > len(data):
             raise buffer.refuse(f"{length} bytes", f"{len(data)}", Code.BOUNDS)
         return memoryview(data)[:length]

@@ -19,12 +19,6 @@ def extension(view: Json) -> Json | None:
     return next((compressed for compressed in found if compressed is not None), None)
 
 
-def is_fallback(buffer: Json) -> bool:
-    """Whether a buffer is a placeholder for bytes that are compressed elsewhere, and needs no data of its own."""
-    found = (buffer.extension(name) for name in NAMES)
-    return any(mark.get("fallback", False).boolean() for mark in found if mark is not None)
-
-
 def decode(view: Json, compressed: Json, data: bytes, limits: Limits) -> np.ndarray:
     """Decompress `data` to the bytes of a bufferView, (byteLength,) uint8.
 

@@ -60,28 +60,45 @@ def _children(document: Document) -> list[list[int]]:
     for index in reached:
         reached += children[index]
     if len(reached) < len(nodes):
-        cycle = min(set(range(len(nodes))) - set(reached))
-        raise nodes[cycle].refuse("a tree of nodes", "a cycle", Code.NODE_CYCLE)
+        index, passed = min(set(range(len(nodes))) - set(reached)), set()
+        while index not in passed:  # upwards, until the way closes
+            passed.add(index)
+            index = parent[index]
+        raise nodes[index].refuse("a tree of nodes", "a cycle", Code.NODE_CYCLE)
     return children
 
 
 def _roots(document: Document, children: list[list[int]]) -> list[int]:
-    """Root nodes of the default scene, else of the first scene, else all nodes without a parent."""
-    inner = {child for node in children for child in node}
+    """Root nodes of the default scene, else of the first scene, else all nodes without a parent.
+
+    Warns about nodes that the scene lists though they have a parent, or twice. They are read once: below their parent
+    if the scene has it, else as roots.
+    """
+    parent = {child: index for index, node in enumerate(children) for child in node}
     root = document.root
     if "scene" in root:
         scene = document.lookup("scenes", root.get("scene"))
     elif root.get("scenes", []).array():
         scene = root.get("scenes").item(0)
     else:
-        return [index for index in range(len(children)) if index not in inner]
-    roots = []
+        return [index for index in range(len(children)) if index not in parent]
+    listed: dict[int, None] = {}
     for value in scene.get("nodes", []).items():
         document.lookup("nodes", value)
-        if value.integer() in inner or value.integer() in roots:
-            raise value.refuse("a root node, named once", f"node {value.integer()}", Code.NODE_PARENT)
-        roots.append(value.integer())
-    return roots
+        index = value.integer()
+        if index in listed:
+            document.warn(value, Code.NODE_PARENT, f"/nodes/{index} is listed twice and read once")
+        elif index in parent:
+            text = f"/nodes/{index} is no root but a child of /nodes/{parent[index]}: it is read once"
+            document.warn(value, Code.NODE_PARENT, text)
+        listed[index] = None
+    return [index for index in listed if not any(above in listed for above in _ancestors(index, parent))]
+
+
+def _ancestors(index: int, parent: dict[int, int]) -> Iterator[int]:
+    while index in parent:
+        index = parent[index]
+        yield index
 
 
 def local_matrix(node: Json) -> np.ndarray:
@@ -89,7 +106,7 @@ def local_matrix(node: Json) -> np.ndarray:
     if "matrix" in node:
         matrix = node.get("matrix").vector(16).reshape(4, 4, order="F")
         if any(key in node for key in ("translation", "rotation", "scale")):
-            raise node.refuse("a matrix or translation, rotation and scale", "both")
+            raise node.get("matrix").refuse("a matrix or translation, rotation and scale", "both")
         if not np.array_equal(matrix[3], (0, 0, 0, 1)):
             raise node.get("matrix").refuse("an affine matrix", f"the last row {matrix[3].tolist()}")
         return matrix
@@ -114,15 +131,15 @@ def compose(translation: np.ndarray, quaternion: np.ndarray, scale: np.ndarray) 
     return matrix
 
 
-def rigid(node: Node) -> np.ndarray:
-    """The pose (4, 4) of a node without scale and shear. Raises SceneError if it has no orientation.
+def rigid(node: Node) -> np.ndarray | None:
+    """The pose (4, 4) of a node without scale and shear; None if a scale of 0 leaves it no orientation.
 
     The view axis -Z keeps its direction; the up axis is made perpendicular to it.
     """
     _, up, back = node.world_from_node[:3, :3].T
     right = np.cross(unit(up), unit(back)) if up.any() and back.any() else np.zeros(3)
     if not right.any():
-        raise node.json.refuse("a node with an orientation", "a scale of 0")
+        return None
     right, back = unit(right), unit(back)
     pose = np.eye(4)
     pose[:3, :4] = np.stack([right, np.cross(back, right), back, node.world_from_node[:3, 3]], axis=1)

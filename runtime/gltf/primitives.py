@@ -87,11 +87,16 @@ class Attributes:
 
 
 def has_triangles(document: Document, primitive: Json) -> bool:
-    """Whether the primitive consists of triangles. Warns about points and lines."""
+    """Whether the primitive consists of triangles. Warns about points, lines and what has no positions."""
     mode = _mode(primitive)
     if mode < TRIANGLES:
         document.warn(primitive, Code.NOT_TRIANGLES, f"{MODES[mode]} are left out")
-    return mode >= TRIANGLES
+        return False
+    attributes = primitive.get("attributes")
+    if "POSITION" not in attributes:
+        document.warn(attributes, Code.NO_POSITION, "a primitive without POSITION is left out")
+        return False
+    return True
 
 
 def decode(document: Document, primitive: Json, paint: Paint, weights: tuple[float, ...]) -> Primitive:
@@ -130,7 +135,8 @@ def _triangles(document: Document, primitive: Json, attributes: Attributes) -> n
             raise primitive.get("mode").unsupported(f"{MODES[mode]} compressed by Draco are not supported")
         index = attributes.draco.index
         if index.max() >= attributes.count:
-            raise primitive.refuse(f"indices below {attributes.count}", str(index.max()), Code.INDEX_RANGE)
+            place = primitive.extension(draco.NAME)
+            raise place.refuse(f"indices below {attributes.count}", str(index.max()), Code.INDEX_RANGE)
     elif "indices" in primitive:
         index = accessors.indices(document, primitive.get("indices"), attributes.count)
     else:

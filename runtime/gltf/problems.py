@@ -5,7 +5,10 @@ from enum import StrEnum
 
 
 class Code(StrEnum):
-    """The kind of an error or warning. Programs may rely on these codes; their meaning never changes."""
+    """The kind of an error or warning. Programs may rely on these codes; their meaning never changes.
+
+    `validate` also gives the codes of errors to warnings: about parts that the default scene does not use.
+    """
 
     # Errors: the file is broken.
     FILE = "FILE"  # a file cannot be read
@@ -15,9 +18,9 @@ class Code(StrEnum):
     MISSING = "MISSING"  # a required member or element is absent
     VALUE_RANGE = "VALUE_RANGE"  # a value of the right type that is not allowed
     INDEX_RANGE = "INDEX_RANGE"  # an index beyond what it points into
-    COUNT_MISMATCH = "COUNT_MISMATCH"  # two counts that do not match
+    COUNT_MISMATCH = "COUNT_MISMATCH"  # two counts that do not match; a warning where one of them is known to count
     NODE_CYCLE = "NODE_CYCLE"  # a node that is its own descendant
-    NODE_PARENT = "NODE_PARENT"  # a node with two parents, or a root that has a parent or is listed twice
+    NODE_PARENT = "NODE_PARENT"  # a node with two parents; a warning for a root that has a parent or is listed twice
     BOUNDS = "BOUNDS"  # an accessor, view or buffer that exceeds its bytes
     ALIGNMENT = "ALIGNMENT"
     NON_FINITE = "NON_FINITE"  # NaN or infinity where finite numbers are expected
@@ -34,6 +37,7 @@ class Code(StrEnum):
     UNSUPPORTED = "UNSUPPORTED"
     NOT_INSTALLED = "NOT_INSTALLED"  # the Python package of a decoder
     # Warnings.
+    TRAILING_BYTES = "TRAILING_BYTES"  # bytes after the last chunk of a GLB
     EXTENSION_IGNORED = "EXTENSION_IGNORED"
     SIMPLIFIED = "SIMPLIFIED"  # a material that is read with less than it defines
     TRANSPARENT = "TRANSPARENT"  # a partly transparent material that becomes a hole or opaque or is left out
@@ -41,7 +45,10 @@ class Code(StrEnum):
     NOT_TRIANGLES = "NOT_TRIANGLES"  # points and lines, which are left out
     INCOMPLETE = "INCOMPLETE"  # indices after the last whole triangle
     NO_UV = "NO_UV"  # a texture on a primitive without texture coordinates
+    NO_POSITION = "NO_POSITION"  # a primitive without positions, which is left out
+    NO_SOURCE = "NO_SOURCE"  # a texture without an image, which is left out
     CAMERA_IGNORED = "CAMERA_IGNORED"
+    LIGHT_IGNORED = "LIGHT_IGNORED"
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,7 @@ from .skins import joint_matrices
 from .transparency import MODES
 from .world_space import finished, placed, skinned
 
+LEFT_OUT = {Code.TRANSPARENT, Code.NOT_TRIANGLES, Code.NO_POSITION}  # warnings about surfaces
 MAX_WEIGHT = 1e6  # of a morph target; anything larger is a mistake
 
 
@@ -62,8 +63,9 @@ def read_document(document: Document, transparency: str) -> Scene:
     )
     scene = prune(scene)
     if not scene.meshes:
-        # All surfaces may have been transparent. The error says so, since the scene's warnings are lost.
-        got = f"none that can be seen: {scene.transparent[0]}" if scene.transparent else "none"
+        # All surfaces may have been left out. The error says why, since the scene's warnings are lost.
+        why = next((f": {problem.message}" for problem in document.problems if problem.code in LEFT_OUT), "")
+        got = f"none that can be seen{why}" if why else "none"
         raise SceneError(f"{document.path}: expected a scene with triangles, got {got}", Code.NO_TRIANGLES)
     return scene
 
@@ -92,7 +94,7 @@ def _meshes(document: Document, nodes: list[Node], materials: Materials) -> Iter
                 decoded[key] = primitives.decode(document, primitive, paint, weights)
             element_count += len(decoded[key]) * len(places)
             document.limits.check("elements", element_count, *where)
-            meshes = (finished(place(decoded[key]), paint) for place in places)
+            meshes = (finished(place(decoded[key]), paint, node.json) for place in places)
             yield from (mesh for mesh in meshes if mesh is not None)
 
 
@@ -132,6 +134,10 @@ def morph_weights(document: Document, primitive: Json, mesh: Json, node: Json) -
         return (0.0,) * count
     weights = owner.get("weights")
     if len(weights.array()) != count:
+        first = len(mesh.get("primitives").item(0).get("targets", []).array())
+        if first != count:
+            text = f"{first} morph targets, as the first primitive"
+            raise primitive.get("targets").refuse(text, str(count), Code.COUNT_MISMATCH)
         text = f"{count} weights, one for each morph target"
         raise weights.refuse(text, str(len(weights.array())), Code.COUNT_MISMATCH)
     return tuple(weight.number(-MAX_WEIGHT, MAX_WEIGHT) for weight in weights.items())

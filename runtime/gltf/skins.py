@@ -22,7 +22,7 @@ def joint_matrices(document: Document, index: Json, world_from_node: dict[str, n
     for joint in skin.get("joints").items():
         node = document.lookup("nodes", joint)
         if node.pointer not in world_from_node:
-            raise joint.refuse("a joint within the scene", code=Code.MISSING)
+            raise index.refuse("a skin with joints within the scene", f"{joint.pointer} outside it", Code.MISSING)
         joints.append(world_from_node[node.pointer])
     if not joints:
         raise skin.get("joints").refuse("a joint", code=Code.MISSING)

@@ -38,15 +38,20 @@ class Textures:
         self._index: dict[tuple, int] = {}  # by image, wrap and filter
         self._sources: dict[str, Json] = {}
 
-    def slot(self, info: Json, channels: list[UvChannel]) -> TextureSlot:
-        """The slot of a textureInfo; new texture coordinates are appended to the `channels` of the material."""
+    def slot(self, info: Json, channels: list[UvChannel]) -> TextureSlot | None:
+        """The slot of a textureInfo; None, with a warning, if its texture has no image.
+
+        New texture coordinates are appended to the `channels` of the material.
+        """
         texture = self._document.lookup("textures", info.get("index"))
-        source = self._source(texture)
+        source, sampler, channel = self._source(texture), self._sampler(texture), _channel(info)
+        if source is None:
+            self._document.warn(texture, Code.NO_SOURCE, "a texture without an image is left out")
+            return None
         self._sources[source.pointer] = source
-        channel = _channel(info)
         if channel not in channels:
             channels.append(channel)
-        key = (source.pointer, *self._sampler(texture))
+        key = (source.pointer, *sampler)
         return TextureSlot(self._index.setdefault(key, len(self._index)), channels.index(channel))
 
     def decode(self) -> tuple[Texture, ...]:
@@ -55,13 +60,15 @@ class Textures:
         pixels = dict(zip(self._sources, decode_images(self._document, sources), strict=True))
         return tuple(Texture(pixels[pointer], wrap, nearest) for pointer, wrap, nearest in self._index)
 
-    def _source(self, texture: Json) -> Json:
-        """The image of a texture: the WebP image if it has one, else the PNG or JPEG image."""
+    def _source(self, texture: Json) -> Json | None:
+        """The image of a texture: the WebP image if it has one, else the PNG or JPEG image, else None."""
         webp = texture.extension(WEBP)
         if webp is not None and "source" in webp:
             return self._document.lookup("images", webp.get("source"))
         if "source" not in texture:
-            raise texture.unsupported("a texture without a PNG, JPEG or WebP source is not supported")
+            if texture.get("extensions", {}).object():
+                raise texture.unsupported("a texture without a PNG, JPEG or WebP source is not supported")
+            return None
         if texture.extension(BASISU) is not None:
             self._document.warn(texture, Code.EXTENSION_IGNORED, f"{BASISU} is ignored: the plain image is used")
         return self._document.lookup("images", texture.get("source"))
@@ -76,6 +83,8 @@ def decode_images(document: Document, sources: list[Json]) -> list[np.ndarray]:
     """Decode entries of /images to pixels (H, W, 4) uint8. Raises SceneError, FileError."""
     files = []
     for source in sources:
+        if not ("uri" in source or "bufferView" in source):
+            raise source.refuse("a uri or a bufferView", "neither", Code.MISSING)
         data = document.uri(source.get("uri")) if "uri" in source else bytes(document.view(source.get("bufferView")))
         files.append(Encoded(data, source.where(), source.pointer))
     return decode_textures(files, document.limits)

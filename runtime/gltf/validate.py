@@ -1,13 +1,15 @@
 """Find all problems of a glTF file, not only the first one."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from gsgi.runtime.errors import GsgiError
 
-from . import accessors, cameras, extensions, instancing, lights, meshopt, primitives, reader, textures
+from . import accessors, cameras, extensions, instancing, lights, primitives, reader, textures
 from .document import Document
 from .glb import open_document
 from .json_value import Json
@@ -18,30 +20,34 @@ from .problems import Problem
 from .skins import joint_matrices
 
 Examine = Callable[[Document, Json], object]
+UNUSED = "the default scene does not use it"
 
 
 def validate(path: str | Path, limits: Limits = Limits()) -> list[Problem]:  # noqa: B008 (frozen)
     """All errors of all parts of the file, including unused parts, then the warnings of the reader; each once.
 
-    A broken part does not hide the errors of other parts. Within one part, only the first error is reported.
+    A broken part does not hide the errors of other parts. Within one part, only the first error is reported. If the
+    reader accepts the file, only parts that its scene does not use can be broken, and their errors become warnings.
     """
     try:
         document = open_document(Path(path), limits)
     except GsgiError as error:
         return [_problem(error, path)]
-    errors: dict[Problem, None] = {}
-    for examine, value in _parts(document.root):
-        _collect(lambda: examine(document, value), path, errors)  # noqa: B023 (called at once)
-    if not errors:
-        _collect(lambda: reader.read_document(document, "cutout"), path, errors)
+    found = [_error(partial(examine, document, value), path) for examine, value in _parts(document.root)]
+    refusal = _error(partial(reader.read_document, document, "cutout"), path)
+    errors = dict.fromkeys(error for error in (*found, refusal) if error is not None)
+    if refusal is None:
+        errors = [replace(error, severity="warning", message=f"{error.message} ({UNUSED})") for error in errors]
     return [*errors, *document.problems]
 
 
-def _collect(examine: Callable[[], object], path: str | Path, errors: dict[Problem, None]) -> None:
+def _error(examine: Callable[[], object], path: str | Path) -> Problem | None:
+    """The error that `examine` raises, or None."""
     try:
         examine()
     except GsgiError as error:
-        errors[_problem(error, path)] = None
+        return _problem(error, path)
+    return None
 
 
 def _problem(error: GsgiError, path: str | Path) -> Problem:
@@ -77,14 +83,15 @@ def _index(entry: Json) -> Json:
 
 
 def _buffer(document: Document, buffer: Json) -> None:
-    if not meshopt.is_fallback(buffer):
+    """A buffer without data is a placeholder, as of meshopt, and broken only where a bufferView reads it."""
+    buffer.get("byteLength").integer(low=1)
+    if document.has_data(buffer):
         document.buffer(_index(buffer))
 
 
 def _accessor(document: Document, accessor: Json) -> None:
     values = accessors.elements(document, accessor)
-    # Without a bufferView the values are 0, however many; sparse ones are not checked.
-    if values.dtype.kind == "f" and "bufferView" in accessor:
+    if values.dtype.kind == "f":
         accessors.check_finite(accessor, values)
 
 
@@ -100,7 +107,7 @@ def _primitive(document: Document, primitive: Json) -> None:
 
 
 def _light(document: Document, light: Json) -> None:
-    lights.placed(light, _at_origin(light))
+    lights.placed(document, light, _at_origin(light))
 
 
 def _skin(document: Document, skin: Json) -> None:

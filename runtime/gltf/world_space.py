@@ -7,10 +7,13 @@ import numpy as np
 from gsgi.runtime.scene import Mesh
 from gsgi.runtime.vectors import unit
 
+from .json_value import Json
 from .materials import Paint
 from .primitives import Primitive
 from .problems import Code
 from .tangents import orthonormal, tangents
+
+JOINTS_PER_SET = 4
 
 
 @np.errstate(over="ignore", invalid="ignore")  # finished() refuses overflows
@@ -53,13 +56,13 @@ def skinned(primitive: Primitive, world_from_joint: np.ndarray) -> Primitive:
     return replace(primitive, position=position, normal=normal, tangent=tangent, triangle=triangle)
 
 
-def finished(primitive: Primitive, paint: Paint) -> Mesh | None:
+def finished(primitive: Primitive, paint: Paint, node: Json) -> Mesh | None:
     """The mesh of a primitive in world space without zero-area triangles, or None if no triangle remains.
 
-    Raises SceneError.
+    Raises SceneError, at the `node` that has placed it.
     """
     if not np.isfinite(primitive.position).all():
-        raise primitive.json.refuse("positions that float32 holds", "an overflow in world space", Code.OVERFLOW)
+        raise node.refuse("positions that float32 holds", "an overflow in world space", Code.OVERFLOW)
     face = face_vectors(primitive.position, primitive.triangle)
     keep = face.any(axis=1)
     triangle, face = np.ascontiguousarray(primitive.triangle[keep]), face[keep]
@@ -114,14 +117,16 @@ def _color(color: np.ndarray | None, alpha: bool) -> np.ndarray | None:
 def _blended(primitive: Primitive, world_from_joint: np.ndarray) -> np.ndarray:
     """The matrix (V, 3, 4) of each vertex. Weights are normalised; all-zero weights select the first joint."""
     joints, weights = primitive.joints, primitive.weights.astype(np.float64)
-    used = joints[weights != 0]
-    if used.size and used.max() >= len(world_from_joint):
+    attributes = primitive.json.get("attributes")
+    absent = (joints >= len(world_from_joint)) & (weights != 0)
+    if absent.any():
+        number = absent.any(axis=0).argmax() // JOINTS_PER_SET
         text = f"joints below {len(world_from_joint)}"
-        raise primitive.json.get("attributes").refuse(text, str(used.max()), Code.INDEX_RANGE)
+        raise attributes.get(f"JOINTS_{number}").refuse(text, str(joints[absent][0]), Code.INDEX_RANGE)
     weights[~weights.any(axis=1), 0] = 1
     total = weights.sum(axis=1, keepdims=True)
     if not (total > 0).all():
-        raise primitive.json.get("attributes").refuse("weights of joints above 0", "others")
+        raise attributes.get("WEIGHTS_0").refuse("weights with a sum above 0", f"{total.min():g}")
     weights /= total
     joints = np.minimum(joints, len(world_from_joint) - 1)
     matrix = np.zeros((len(joints), 3, 4))

@@ -37,7 +37,7 @@ def test_quantized_normals(read, dtype, lowest):
     (mesh,) = read(*scene).meshes
     np.testing.assert_array_equal(mesh.normal, NORMAL)
     np.testing.assert_array_equal(mesh.position, 2 * (POSITION > 0) - 1)  # the lowest integer is -1, no less
-    with pytest.raises(SceneError, match="/accessors/4/normalized: expected true, got false"):
+    with pytest.raises(SceneError, match="/attributes/NORMAL: expected /accessors/4 with normalized true, got false"):
         read(*with_attributes({"NORMAL": normal}))
 
 
@@ -61,7 +61,9 @@ def test_sparse_accessors(read, dtype):
 
 @pytest.mark.parametrize("index", [[1, 2, 4], [2, 1, 3], [1, 1, 2]])
 def test_sparse_indices_rise_within_the_accessor(read, index):
-    with pytest.raises(SceneError, match="/accessors/0/sparse/indices: expected rising indices below 4"):
+    with pytest.raises(
+        SceneError, match=r"/accessors/0/sparse/indices: expected (rising indices|indices below 4), got"
+    ):
         read(*sparse_quad(np.uint8(index), 2))
 
 

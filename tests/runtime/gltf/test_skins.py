@@ -85,8 +85,12 @@ def test_normals_and_winding_of_mirrored_joints(read):
     [
         ("/skins/0/joints", [], "/skins/0/joints: expected a joint"),
         ("/skins/0/joints", [1, 7], "/skins/0/joints/1: expected an index into 3 nodes"),
-        ("/scenes/0/nodes", [0, 1], "/skins/0/joints/1: expected a joint within the scene"),
-        ("/skins/0/joints", [1], "/attributes: expected joints below 1, got 1"),
+        (
+            "/scenes/0/nodes",
+            [0, 1],
+            "/nodes/0/skin: expected a skin with joints within the scene, got /skins/0/joints/1",
+        ),
+        ("/skins/0/joints", [1], "/attributes/JOINTS_0: expected joints below 1, got 1"),
         ("/nodes/0/skin", 3, "/nodes/0/skin: expected an index into 1 skins"),
     ],
 )

@@ -7,8 +7,8 @@ import time
 
 import numpy as np
 import pytest
-from compressed_files import draco_quad, meshopt_quad
-from gltf_files import JUNK, NORMAL, POSITION, UV, add, encode, is_refused, pointers, put, quad_scene, write
+from compressed_files import MESHOPT, draco_quad, meshopt_quad
+from gltf_files import JUNK, encode, is_refused, pointers, put, quad_scene, rich_scene, write
 
 from gsgi.baker.cli.commands import validate as validate_command
 from gsgi.runtime.gltf.limits import Limits
@@ -22,56 +22,6 @@ FUZZ_SECONDS = 2.5
 def found(path, severity: str = "error") -> dict[str, str]:
     """Codes by pointer."""
     return {problem.pointer: problem.code for problem in validate(path) if problem.severity == severity}
-
-
-def rich_scene() -> tuple[dict, bytes]:
-    """One small file with nearly everything in it that the reader reads."""
-    scene = quad_scene()
-    arrays = {
-        "TEXCOORD_1": (UV * 255).astype(np.uint8), "COLOR_0": np.full((4, 4), 99, np.uint8),
-        "TANGENT": np.tile(np.float32([1, 0, 0, 1]), (4, 1)),
-        "JOINTS_0": np.zeros((4, 4), np.uint8), "WEIGHTS_0": np.tile(np.float32([1, 0, 0, 0]), (4, 1)),
-        "target": NORMAL, "bind": np.eye(4, dtype=np.float32).reshape(1, 16), "TRANSLATION": POSITION,
-        "index": np.uint8([1, 2]), "value": POSITION[1:3],
-    }  # fmt: skip
-    index = {}
-    for name, values in arrays.items():
-        normalized = name in ("TEXCOORD_1", "COLOR_0")
-        scene, index[name] = add(scene, values, **({"normalized": True} if normalized else {}))
-    document, data = scene
-    views = {name: document["accessors"][index[name]]["bufferView"] for name in ("index", "value")}
-    document["accessors"][0]["sparse"] = {
-        "count": 2,
-        "indices": {"bufferView": views["index"], "componentType": 5121},
-        "values": {"bufferView": views["value"]},
-    }
-    primitive = document["meshes"][0]["primitives"][0]
-    primitive["attributes"] |= {name: index[name] for name in index if name.isupper() and name != "TRANSLATION"}
-    primitive["targets"] = [{"POSITION": index["target"], "NORMAL": index["target"]}]
-    document["meshes"][0]["weights"] = [0.5]
-    document["meshes"].append({"primitives": [{"attributes": {"POSITION": 0}, "indices": 3, "mode": 5, "material": 1}]})
-    transform = {"KHR_texture_transform": {"offset": [0.5, 0], "rotation": 1, "scale": [2, 2], "texCoord": 1}}
-    document["materials"][0] |= {
-        "normalTexture": {"index": 0, "scale": 2, "extensions": transform},
-        "emissiveFactor": [1, 1, 1],
-        "emissiveTexture": {"index": 0, "texCoord": 1},
-        "alphaMode": "MASK",
-        "alphaCutoff": 0.01,
-    }
-    glass = {"KHR_materials_transmission": {"transmissionFactor": 0.25}, "KHR_materials_unlit": {}}
-    document["materials"].append({"name": "glass", "alphaMode": "BLEND", "extensions": glass})
-    document["skins"] = [{"joints": [1], "inverseBindMatrices": index["bind"]}]
-    instancing = {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": index["TRANSLATION"]}}}
-    document["nodes"] = [
-        {"mesh": 0, "skin": 0, "children": [1, 2]},
-        {"rotation": [0, 0, 0, 1], "camera": 0, "extensions": {"KHR_lights_punctual": {"light": 0}}},
-        {"mesh": 1, "scale": [-1, 1, 1], "extensions": instancing},
-    ]
-    light = {"type": "spot", "intensity": 2, "range": 3, "spot": {"outerConeAngle": 1}}
-    document["extensions"] = {"KHR_lights_punctual": {"lights": [light]}}
-    document["cameras"] = [{"type": "perspective", "perspective": {"yfov": 1, "znear": 0.1, "zfar": 9}}]
-    document["animations"] = [{}]
-    return document, data
 
 
 def test_a_good_file_has_no_errors(tmp_path):
@@ -109,7 +59,7 @@ def test_all_problems_at_once(tmp_path):
     expected = {pointer: code for pointer, (_, code) in broken.items() if code is not None} | {
         "/extensionsRequired/0": Code.UNSUPPORTED_EXTENSION,
         "/accessors/1": Code.BOUNDS,
-        "/bufferViews/2": Code.BOUNDS,
+        "/bufferViews/2/byteOffset": Code.BOUNDS,
         "/images/0": Code.IMAGE,
         "/scenes/0/nodes/1": Code.INDEX_RANGE,
     }
@@ -129,7 +79,42 @@ def test_parts_that_no_mesh_uses_count_too(tmp_path):
     document["materials"].append({"alphaMode": 7})
     path = write(tmp_path / "a.glb", document, data)
     read_gltf(path)
-    assert found(path) == {"/materials/1/alphaMode": Code.JSON_TYPE}
+    assert found(path) == {}
+    assert found(path, "warning") == {"/materials/1/alphaMode": Code.JSON_TYPE}
+    assert validate(path)[0].message.endswith("got 7 (the default scene does not use it)")
+    assert found(write(path, put(document, "/scene", 9), data)) == {
+        "/scene": Code.INDEX_RANGE,
+        "/materials/1/alphaMode": Code.JSON_TYPE,
+    }
+
+
+@pytest.mark.parametrize("extensions", [{}, {MESHOPT: {"fallback": True}}, {MESHOPT: {}}])
+def test_buffers_without_data_are_placeholders(tmp_path, extensions):
+    document, data = quad_scene()
+    document["buffers"].append({"byteLength": 99, "extensions": extensions})
+    assert validate(write(tmp_path / "a.glb", document, data)) == []
+    read = put(document, "/bufferViews/0/buffer", 1)
+    assert found(write(tmp_path / "b.glb", read, data)) == {"/buffers/1": Code.MISSING}
+
+
+def test_a_glb_of_placeholders_alone(tmp_path):
+    document = {"asset": {"version": "2.0"}, "buffers": [{"byteLength": 1}]}
+    assert found(write(tmp_path / "a.gltf", json.dumps(document).encode())) == {"": Code.NO_TRIANGLES}
+
+
+@pytest.mark.parametrize("dense", [True, False])
+def test_sparse_values_are_finite(tmp_path, dense):
+    document, data = rich_scene()
+    values = document["accessors"][0]["sparse"]["values"]["bufferView"]
+    if not dense:
+        del document["accessors"][0]["bufferView"]
+    start = document["bufferViews"][values]["byteOffset"]
+    data = data[:start] + np.float32(np.nan).tobytes() + data[start + 4 :]
+    document["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = 1
+    document["meshes"][1]["primitives"][0]["attributes"]["POSITION"] = 1
+    document["meshes"][0]["primitives"][0]["targets"][0]["POSITION"] = 1
+    path = write(tmp_path / "a.glb", document, data)
+    assert found(path)["/accessors/0"] == Code.NON_FINITE  # though no mesh uses it
 
 
 @pytest.mark.parametrize(
@@ -209,8 +194,7 @@ def test_mutants_are_read_exactly_if_they_validate(tmp_path, scene):
                 mutant = put(mutant, place, rng.choice(JUNK))
         write(path, mutant, data)
         broken = is_refused(read_gltf, path)
-        errors = found(path)
-        assert errors or not broken, json.dumps(mutant)
+        assert bool(found(path)) == broken, json.dumps(mutant)
         refused += broken
     assert refused > 20
 
@@ -223,5 +207,4 @@ def test_damaged_bytes(tmp_path):
         for _ in range(rng.randint(1, 4)):
             data[rng.randrange(len(data))] = rng.randrange(256)
         path.write_bytes(data)
-        broken = is_refused(read_gltf, path)
-        assert found(path) or not broken
+        assert bool(found(path)) == is_refused(read_gltf, path)
