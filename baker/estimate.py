@@ -18,12 +18,10 @@ def estimate(plan: Plan) -> dict[str, float]:
     With a target loss, only the fit with the whole budget is counted, which takes the longest.
     """
     path = _seconds_per_path(plan)
-    step = _seconds_per_step(plan)
-    evaluation = held_out.points(plan) * held_out.SAMPLES / 2
     return {
-        "irradiance": path * plan.points * plan.samples,
-        "fit": step * plan.settings.iterations,
-        "references": path * evaluation,
+        "irradiance": path * plan.paths,
+        "fit": _seconds_of_fit(plan),
+        "references": path * held_out.points(plan) * held_out.SAMPLES / 2,
     }
 
 
@@ -40,14 +38,13 @@ def _seconds_per_path(plan: Plan) -> float:
     return _second_run(lambda seed: tracer.indirect(*points, sampling, seed)) / (POINTS * SAMPLES)
 
 
-def _seconds_per_step(plan: Plan) -> float:
-    """Seconds of one step of the fit with the whole budget of Gaussians, on grey light."""
+def _seconds_of_fit(plan: Plan) -> float:
+    """Seconds of the fit with the whole budget of Gaussians, of both levels."""
     if plan.settings.operator == "surface":
-        from .surface.fits import steps_on_grey_light
+        from .surface.fits import parts_on_grey_light
     else:
-        from .over.fits import steps_on_grey_light
-    run, steps = steps_on_grey_light(plan, STEPS)
-    return _second_run(lambda seed: run()) / steps
+        from .over.fits import parts_on_grey_light
+    return sum(times * _second_run(lambda seed, run=run: run()) for run, times in parts_on_grey_light(plan, STEPS))
 
 
 def _second_run(run: Callable[[int], object]) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 from gsgi.baker.cache.store import Cache
 from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.baker.trace.pilot import Pilot
-from gsgi.baker.trace.tracer import Sampling
+from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling
 from gsgi.baker.views.coverage import sample_seen
 from gsgi.baker.views.dark_views import dark_views
 from gsgi.baker.views.placement import Placement, place
@@ -25,6 +25,7 @@ from .over.fits import SH_DEGREE
 from .progress import Progress
 from .settings import BUDGET_MAX, QUALITIES, SAMPLES, Settings
 from .surface import budget as surface_budget
+from .surface.samples import free_layers, path_count, point_count, surface_layers
 from .surface_detail import gaussians_for
 from .trace import pilot
 
@@ -68,9 +69,10 @@ class Plan:
 
     @property
     def sampling(self) -> Sampling:
-        """How the pixels of a view are traced."""
+        """How the pixels of a view are traced; the most paths are whole passes."""
         s = self.settings
-        return Sampling(s.samples, s.bounces, s.error, self.pilot.mean or 1.0)
+        samples = -(-s.samples // PASS_SAMPLES) * PASS_SAMPLES
+        return Sampling(samples, s.bounces, s.error, self.pilot.mean or 1.0)
 
     @property
     def blend(self) -> OverBlend | SurfaceBlend:
@@ -91,17 +93,32 @@ class Plan:
 
     @property
     def points(self) -> int:
-        """Number of points at which B is traced: pixels of all fitted views, or surface samples of the whole budget."""
+        """Number of pixels of all fitted views, or of surface samples of the whole budget."""
         if self.settings.operator == "surface":
-            return surface_budget.sample_count(self.settings.budget)
+            return point_count(surface_layers(self.settings.budget, self.settings.samples))
         return len(self.placement.fitted) * self.settings.size**2
 
     @property
     def samples(self) -> float:
-        """Expected number of paths per point, on average."""
+        """Expected number of paths per pixel or surface sample, on average."""
         if self.settings.operator == "surface":
-            return self.settings.samples
+            return path_count(surface_layers(self.settings.budget, self.settings.samples)) / self.points
         return self.pilot.samples(self.sampling)
+
+    @property
+    def free_paths(self) -> int:
+        """Number of paths at the points in free space to which the coarse level is fitted; 0 with `over`."""
+        if self.settings.operator == "surface":
+            return path_count(free_layers(self.settings.budget, self.settings.samples))
+        return 0
+
+    @property
+    def paths(self) -> float:
+        """Expected number of all paths that a fit with the whole budget is traced for.
+
+        Pixels that show no surface are counted and take none.
+        """
+        return self.points * self.samples + self.free_paths
 
     @property
     def memory(self) -> int:

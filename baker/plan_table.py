@@ -55,12 +55,12 @@ def _over_rows(plan: Plan, fine: str) -> list[tuple[str, str, str]]:
     """The decisions that concern only the `over` operator."""
     s = plan.settings
     until = f"until the standard error is below {s.error:.0%} of B plus its mean" if s.error else "all of them"
-    least = PASS_SAMPLES if s.error else s.samples
+    least = PASS_SAMPLES if s.error else plan.sampling.samples
     visits = s.iterations / max(len(plan.placement.fitted), 1)
     return [
         ("SH degree", f"{SH_DEGREE}", "surfaces are Lambertian: B is the same from all directions"),
         ("view size", f"{s.size} px", fine),
-        ("samples", f"{least} to {s.samples}", f"{until}: {plan.samples:.0f} on average"),
+        ("samples", f"{least} to {plan.sampling.samples}", f"{until}: {plan.samples:.0f} on average"),
         ("fit", f"{s.iterations} steps", f"each view is used {visits:.0f} times{_search(plan)}"),
     ]
 
@@ -72,7 +72,8 @@ def _surface_rows(plan: Plan) -> list[tuple[str, str, str]]:
     return [
         ("SH degree", f"{FINE_DEGREE}", f"{COARSE_DEGREE} in the coarse level, which lights moving objects"),
         ("levels", f"{s.budget - coarse} + {coarse}", "Gaussians on surfaces, and in free space"),
-        ("samples", f"{plan.points}", f"points on the surfaces that the views see, {s.samples} paths each"),
+        ("samples", f"{plan.points}", f"points on the surfaces that the views see, {plan.samples:.0f} paths each"),
+        ("free space", f"{plan.free_paths / 1e6:.1f} M", "paths from points in free space, for the coarse level"),
         ("fit", f"{s.iterations} steps", f"each step uses all samples{_search(plan)}"),
     ]
 
@@ -88,7 +89,7 @@ def summary(plan: Plan) -> str:
     views = len(plan.placement.fitted)
     traced = f"{views} views of {s.size} px, about {plan.samples:.0f} paths per pixel"
     if s.operator == "surface":
-        traced = f"{plan.points} surface points in {views} views, {s.samples} paths each"
+        traced = f"{plan.points} surface points in {views} views, {plan.samples:.0f} paths each"
     return (
         f"plan: {s.operator}, {s.bounces} bounces, {traced}, {s.budget} Gaussians at most, {s.iterations} fit "
         f"steps, {plan.memory / 1e9:.1f} GB"

@@ -77,7 +77,7 @@ class BakeReport:
             "views": len(plan.placement.fitted),
             "view_size": settings.size,
             "samples": round(plan.samples, 1),
-            "paths": round(plan.points * plan.samples),
+            "paths": round(plan.paths),
             "coverage": [round(share, 4) for share in coverage.seen],
             "texel_limit": coverage.texel_limit,
             "hidden_area": sum(hidden.area for hidden in coverage.hidden),

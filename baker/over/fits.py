@@ -101,8 +101,8 @@ def _visible(gaussians: Gaussians) -> Gaussians:
     return Gaussians(*(getattr(gaussians, name)[keep] for name in fields))
 
 
-def steps_on_grey_light(plan: "Plan", most: int) -> tuple[Callable[[], object], int]:
-    """A function that takes up to `most` steps of the plan's fit on grey images, and their number; for timing."""
+def parts_on_grey_light(plan: "Plan", steps: int) -> list[tuple[Callable[[], object], float]]:
+    """Up to `steps` steps of the plan's fit on grey images, and how often they make the whole; for timing."""
     from gsgi.baker.fitting.target import Target
 
     from .fit import RATES
@@ -117,6 +117,7 @@ def steps_on_grey_light(plan: "Plan", most: int) -> tuple[Callable[[], object], 
     state = State.fresh(RawGaussians.from_gaussians(start))
     optimiser = optimiser_class()(state.raw, state.adam, plan.blend)
     grey = Target.of(np.ones((size, size, 3), np.float32), np.ones((size, size), bool), 1.0)
-    pinholes = [camera.pinhole(size, size) for camera in plan.cameras[:: -(-len(plan.cameras) // most)]]
+    pinholes = [camera.pinhole(size, size) for camera in plan.cameras[:: -(-len(plan.cameras) // steps)]]
     still = dict.fromkeys(RATES, 0.0)
-    return lambda: [optimiser.iterate(pinhole, grey, still) for pinhole in pinholes], len(pinholes)
+    run = lambda: [optimiser.iterate(pinhole, grey, still) for pinhole in pinholes]  # noqa: E731
+    return [(run, plan.settings.iterations / len(pinholes))]

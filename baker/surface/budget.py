@@ -2,6 +2,7 @@
 
 import math
 
+from gsgi.baker.trace.tracer import PASS_SAMPLES
 from gsgi.runtime.file import codec
 
 FINE_DEGREE = 0  # B hardly depends on the normal on the surface of one Gaussian
@@ -16,7 +17,8 @@ FREE_PER_GAUSSIAN = 256  # samples in free space per coarse Gaussian: nine coeff
 
 # Relative noise of the mean light over the samples of one Gaussian: a fit follows larger noise.
 NOISE = 0.007
-PATHS_STEP, PATHS_MOST = 64, 1024  # per sample, both halves together
+PATHS_STEP = 2 * PASS_SAMPLES  # per sample: one pass of each half
+PATHS_MOST = 1024  # per sample, both halves together
 
 
 def coarse_count(budget: int) -> int:

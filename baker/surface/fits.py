@@ -10,16 +10,17 @@ from gsgi.baker.cache.code_version import code_version
 from gsgi.baker.fitting.schedule import Schedule
 from gsgi.baker.fitting.task import FitResult, MakeMonitor, run_or_resume
 from gsgi.baker.progress import Progress
-from gsgi.baker.trace.tracer import Sampling
 from gsgi.runtime.gaussians import Effects, Gaussians
 
-from .budget import coarse_count, free_count, sample_count
-from .samples import CHUNK, Sampler, SurfaceSamples, chunk_count
+from .budget import coarse_count
+from .samples import CHUNK, Sampler, SurfaceSamples, free_layers, path_count, point_count, surface_layers
 
 if TYPE_CHECKING:
     from gsgi.baker.plan import Plan
 
 FREE_SHARE = 1 / 16  # free samples per surface sample; they keep fine Gaussians from reaching space with other light
+
+COARSE_TIMED = 8  # the coarse level is timed with one free sample in this many; it takes as much longer with all
 
 FIT_PACKAGES = ("numpy", "scipy")  # a fit depends on their versions
 
@@ -33,9 +34,8 @@ class SurfaceFits:
         self.plan, self.progress = plan, progress
         self.tone_scale = plan.pilot.mean or 1.0
         settings = plan.settings
-        half = Sampling(-(-settings.samples // 2), settings.bounces)
         dark = [name in plan.dark for name in plan.placement.fitted]
-        self.sampler = Sampler(plan.tracer, plan.cameras, half, settings.seed + 1, dark)
+        self.sampler = Sampler(plan.tracer, plan.cameras, settings.bounces, settings.seed + 1, dark)
 
     def fit(self, budget: int, make_monitor: MakeMonitor) -> FitResult:
         """Fit both levels.
@@ -46,7 +46,7 @@ class SurfaceFits:
         from .lookup import look_up
 
         plan = self.plan
-        surface, free = self._samples(sample_count(budget), free_count(budget))
+        surface, free = self._samples(budget)
         start = time.perf_counter()
         with self.progress.stage("fit", plan.settings.iterations, "iterations") as advance:
             coarse = coarse_level(free, coarse_count(budget), plan.blend, self.tone_scale, plan.settings.seed)
@@ -59,14 +59,15 @@ class SurfaceFits:
         coverage = float((weight >= plan.blend.floor).mean()) if len(weight) else 1.0
         return FitResult(gaussians, coarse, history, seconds, coverage)
 
-    def _samples(self, count: int, free_count: int) -> tuple[SurfaceSamples, SurfaceSamples]:
+    def _samples(self, budget: int) -> tuple[SurfaceSamples, SurfaceSamples]:
         """Samples on the surfaces and in free space."""
-        points = 2 * (chunk_count(count) + chunk_count(free_count)) * CHUNK
-        with self.progress.stage("irradiance", points, "points") as advance:
-            free = self.sampler.free(free_count, advance)
-            surface = self.sampler.surface(count, advance)
-        if paths := surface.invalid + free.invalid:
-            self.progress.warn(f"{paths} paths gave no finite number and were left out")
+        paths = self.plan.settings.samples
+        on_surfaces, in_free_space = surface_layers(budget, paths), free_layers(budget, paths)
+        with self.progress.stage("irradiance", path_count(on_surfaces + in_free_space), "paths") as advance:
+            free = self.sampler.free(in_free_space, advance)
+            surface = self.sampler.surface(on_surfaces, advance)
+        if invalid := surface.invalid + free.invalid:
+            self.progress.warn(f"{invalid} paths gave no finite number and were left out")
         return surface, free
 
     def _fitted(
@@ -86,19 +87,28 @@ class SurfaceFits:
         return gaussians, history or ()
 
 
-def steps_on_grey_light(plan: "Plan", steps: int) -> tuple[Callable[[], object], int]:
-    """A function that takes `steps` steps of the plan's fit on grey samples, and their number; for timing."""
+def parts_on_grey_light(plan: "Plan", steps: int) -> list[tuple[Callable[[], object], float]]:
+    """Parts of the plan's fit, on grey samples, each with how often it would have to run for the whole; for timing.
+
+    The parts are `steps` steps of the fine level, a solution for its colours, and the coarse level with few samples.
+    """
     from .coarse import coarse_level
-    from .fit import RATES, start
+    from .fit import GROWTH, RATES, SOLVE_AGAIN, SOLVE_FIRST, SOLVE_LAST, start
     from .optimiser import SurfaceOptimiser
     from .state import SurfaceState
 
-    rng = np.random.default_rng(plan.settings.seed)
+    settings, rng = plan.settings, np.random.default_rng(plan.settings.seed)
     points = plan.triangles.draw(plan.points, rng)
     grey = np.ones_like(points.position)
     samples = SurfaceSamples(points.position, points.normal, grey, grey, 0)
-    coarse = coarse_level(samples, 1, plan.blend, 1.0, plan.settings.seed)
-    optimiser = SurfaceOptimiser(samples, coarse, plan.blend, 1.0)
-    state = SurfaceState.fresh(start(samples, plan.settings.budget, rng))
+    optimiser = SurfaceOptimiser(samples, coarse_level(samples[:1], 1, plan.blend, 1.0, 0), plan.blend, 1.0)
+    state = SurfaceState.fresh(start(samples, settings.budget, rng))
     still = dict.fromkeys(RATES, 0.0)
-    return lambda: [optimiser.step(state, still, 1 + i) for i in range(steps)], steps
+    solved = (SOLVE_FIRST + len(GROWTH) * SOLVE_AGAIN + SOLVE_LAST) / SOLVE_AGAIN
+    free = point_count(free_layers(settings.budget, settings.samples))
+    few = samples[: free // COARSE_TIMED]
+    return [
+        (lambda: [optimiser.step(state, still, 1 + i) for i in range(steps)], settings.iterations / steps),
+        (lambda: optimiser.solve(state.gaussians, SOLVE_AGAIN), solved),
+        (lambda: coarse_level(few, coarse_count(settings.budget), plan.blend, 1.0, 0), COARSE_TIMED),
+    ]

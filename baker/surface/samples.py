@@ -1,15 +1,19 @@
 """The samples of the `surface` operator: points at which B is traced in two independent halves."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
+from gsgi.baker.cache.digest import digest
 from gsgi.baker.trace.cached_tracer import CachedTracer
-from gsgi.baker.trace.tracer import Sampling, Tracer
+from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling, Tracer
 from gsgi.runtime.camera import Camera
 
-CHUNK = 1 << 16  # points that are traced together and form one entry of the cache
+from .budget import PATHS_STEP, free_count, sample_count
+
+CHUNK = 1 << 16  # points that are drawn together
 LOOK_SIZE = 64  # px, edge of the images that find surface points
 DARK_STEP = 4  # a camera that sees no light uses only every DARK_STEP-th pixel: enough to learn this
 
@@ -56,65 +60,138 @@ def joined(parts: list[SurfaceSamples]) -> SurfaceSamples:
     return SurfaceSamples(*arrays, sum(part.invalid for part in parts))
 
 
-def chunk_count(samples: int) -> int:
-    """Number of chunks that hold this many samples; at least one."""
-    return max(-(-samples // CHUNK), 1)
+def surface_layers(budget: int, paths: int) -> list[int]:
+    """Layers of each chunk of surface samples for a budget of Gaussians, with at least `paths` paths per sample.
+
+    A layer is PATHS_STEP paths from each point of a chunk, half of them for each half of B.
+    """
+    return [_layer_count(paths)] * _chunk_count(sample_count(budget))
+
+
+def free_layers(budget: int, paths: int) -> list[int]:
+    """The same for the samples in free space.
+
+    All chunks together have as many layers as one chunk of surface samples, but at least one each: more places gain
+    more than fewer paths lose.
+    """
+    chunks = _chunk_count(free_count(budget))
+    return [max(len(range(chunk, _layer_count(paths), chunks)), 1) for chunk in range(chunks)]
+
+
+def point_count(layers: list[int]) -> int:
+    """Number of points of chunks with so many layers."""
+    return CHUNK * len(layers)
+
+
+def path_count(layers: list[int]) -> int:
+    """Number of paths of chunks with so many layers."""
+    return CHUNK * PATHS_STEP * sum(layers)
+
+
+def _chunk_count(count: int) -> int:
+    return max(-(-count // CHUNK), 1)
+
+
+def _layer_count(paths: int) -> int:
+    return max(-(-paths // PATHS_STEP), 1)
 
 
 class Sampler:
     """Draws and traces samples of a scene's light.
 
-    The points of the n-th chunk do not depend on how many chunks are asked for.
+    The points of the n-th chunk and the light of its k-th layer depend neither on the number of chunks nor on that of
+    layers, and each is kept in the cache: whoever asks for more traces only the rest.
     """
 
-    def __init__(
-        self, tracer: CachedTracer, cameras: list[Camera], sampling: Sampling, seed: int, dark: Sequence[bool] = ()
-    ):
-        """`sampling` is per half. `dark` marks the cameras that see no light; if it is empty, all of them see light."""
-        self._tracer, self._cameras, self._sampling, self._seed = tracer, cameras, sampling, seed
+    def __init__(self, tracer: CachedTracer, cameras: list[Camera], bounces: int, seed: int, dark: Sequence[bool] = ()):
+        """`dark` marks the cameras that see no light; if it is empty, all of them see light."""
+        self._tracer, self._cameras, self._seed = tracer, cameras, seed
+        self._sampling = Sampling(PASS_SAMPLES, bounces)
         self._steps = [DARK_STEP if is_dark else 1 for is_dark in dark or [False] * len(cameras)]
-        self._seen: _SeenSurface | None = None
+        self._views = digest({"cameras": cameras, "steps": self._steps})
 
-    def surface(self, count: int, advance: Callable[..., None]) -> SurfaceSamples:
-        """At least `count` samples on the surfaces that the cameras see, evenly spread over each camera's visible area.
+    def surface(self, layers: list[int], advance: Callable[..., None]) -> SurfaceSamples:
+        """Samples on the surfaces that the cameras see, evenly spread over each camera's visible area.
 
-        They come in whole chunks; points without a finite path in each half are left out. `advance(points)` is called
-        with a total of 2 per point.
+        The n-th chunk has `layers[n]` layers. Points without a finite path in each half are left out. `advance(paths)`
+        is called with a total of `path_count(layers)`.
         """
-        return self._chunks("surface", count, self._sampling, advance, lambda seen, rng: seen.surface(CHUNK, rng))
+        return self._chunks("surface", layers, advance, lambda rng: self._seen.surface(CHUNK, rng))
 
-    def free(self, count: int, advance: Callable[..., None]) -> SurfaceSamples:
-        """The same in the free space in front of the cameras, with normals uniform over all directions.
+    def free(self, layers: list[int], advance: Callable[..., None]) -> SurfaceSamples:
+        """The same in the free space in front of the cameras, with normals uniform over all directions."""
+        return self._chunks("free", layers, advance, lambda rng: self._seen.free(CHUNK, rng))
 
-        All chunks together take as many paths as one chunk of surface samples: more places gain more than fewer paths
-        lose.
-        """
-        sampling = replace(self._sampling, samples=-(-self._sampling.samples // chunk_count(count)))
-        return self._chunks("free", count, sampling, advance, lambda seen, rng: seen.free(CHUNK, rng))
+    def _chunks(self, stage: str, layers: list[int], advance, draw) -> SurfaceSamples:
+        return joined([self._chunk(stage, chunk, count, advance, draw) for chunk, count in enumerate(layers)])
 
-    def _chunks(self, stage: str, count: int, sampling: Sampling, advance, draw) -> SurfaceSamples:
-        return joined([self._chunk(stage, i, sampling, advance, draw) for i in range(chunk_count(count))])
+    def _chunk(self, stage: str, chunk: int, layers: int, advance, draw) -> SurfaceSamples:
+        seed = self._seed, chunk, int(stage == "free")
+        key = self._tracer.key(stage, __name__, views=self._views, seed=seed)
+        rng = np.random.default_rng(np.random.SeedSequence(seed))
+        points, _ = self._tracer.once(key, _Points, lambda: _Points(*draw(rng)))
+        return _combined(points, [self._layer(key, points, (*seed, layer), advance) for layer in range(layers)])
 
-    def _chunk(self, stage: str, index: int, sampling: Sampling, advance, draw) -> SurfaceSamples:
-        def trace() -> SurfaceSamples:
-            if self._seen is None:
-                self._seen = _look(self._tracer.tracer, self._cameras, self._steps)
-            seeds = np.random.SeedSequence((self._seed, index, stage == "free"))
-            points = draw(self._seen, np.random.default_rng(seeds))
-            return _trace(self._tracer.tracer, points, sampling, seeds.generate_state(2).tolist(), advance)
-
-        inputs = {"cameras": self._cameras, "steps": self._steps, "sampling": sampling, "seed": (self._seed, index)}
-        samples, found = self._tracer.once(self._tracer.key(stage, __name__, **inputs), SurfaceSamples, trace)
+    def _layer(self, points_key: str, points: "_Points", seed: tuple[int, ...], advance) -> "_Layer":
+        key = self._tracer.key("layer", __name__, points=points_key, sampling=self._sampling, seed=seed)
+        layer, found = self._tracer.once(
+            key, _Layer, lambda: _traced(self._tracer.tracer, points, self._sampling, seed, advance)
+        )
         if found:
-            advance(2 * CHUNK, "from the cache")
-        return samples
+            advance(CHUNK * PATHS_STEP, "from the cache")
+        return layer
+
+    @cached_property
+    def _seen(self) -> "_SeenSurface":
+        return _look(self._tracer.tracer, self._cameras, self._steps)
 
 
-def _trace(tracer: Tracer, points, sampling: Sampling, seeds: list[int], advance) -> SurfaceSamples:
-    a, b = (tracer.indirect(*points, sampling, seed, advance) for seed in seeds)
-    both = (a.samples > 0) & (b.samples > 0)
-    position, normal, _ = points
-    return SurfaceSamples(position[both], normal[both], a.mean[both], b.mean[both], a.invalid + b.invalid)
+@dataclass(frozen=True)
+class _Points:
+    """The points of a chunk, (P, 3) float32 in world space: position, m, normal and geometric normal, unit."""
+
+    position: np.ndarray
+    normal: np.ndarray
+    geometric_normal: np.ndarray
+
+
+@dataclass(frozen=True)
+class _Layer:
+    """Both halves of B at the points of a chunk, from PATHS_STEP paths per point.
+
+    indirect_a and indirect_b (P, 3) float32 are means over finite_a and finite_b (P,) uint8 paths, those that gave a
+    finite number; invalid is the number of all others.
+    """
+
+    indirect_a: np.ndarray
+    indirect_b: np.ndarray
+    finite_a: np.ndarray
+    finite_b: np.ndarray
+    invalid: int
+
+
+def _traced(tracer: Tracer, points: _Points, sampling: Sampling, seed: tuple[int, ...], advance) -> _Layer:
+    seeds = np.random.SeedSequence(seed).generate_state(2).tolist()
+    where = points.position, points.normal, points.geometric_normal
+    a, b = (tracer.indirect(*where, sampling, half, lambda count: advance(count * PASS_SAMPLES)) for half in seeds)
+    finite = (light.samples.astype(np.uint8) for light in (a, b))
+    return _Layer(a.mean, b.mean, *finite, a.invalid + b.invalid)
+
+
+def _combined(points: _Points, layers: list[_Layer]) -> SurfaceSamples:
+    """The mean of the layers over their paths, where both halves have one."""
+    halves = [_mean(layers, half) for half in "ab"]
+    both = np.all([np.isfinite(half).all(axis=1) for half in halves], axis=0)
+    arrays = points.position, points.normal, *halves
+    return SurfaceSamples(*(array[both] for array in arrays), sum(layer.invalid for layer in layers))
+
+
+def _mean(layers: list[_Layer], half: str) -> np.ndarray:
+    """B (P, 3) float32 of the half "a" or "b"; NaN where no path gave a finite number."""
+    counts = [getattr(layer, f"finite_{half}").astype(np.float64)[:, None] for layer in layers]
+    total = sum(getattr(layer, f"indirect_{half}") * count for layer, count in zip(layers, counts, strict=True))
+    paths = sum(counts)
+    return np.divide(total, paths, out=np.full(total.shape, np.nan), where=paths > 0).astype(np.float32)
 
 
 @dataclass(frozen=True)

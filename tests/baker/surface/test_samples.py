@@ -1,21 +1,20 @@
 """Where the `surface` operator is fitted: on what cameras see, by area, in two halves that are independent."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import scenes
 
 from gsgi.baker.cache.store import Cache, entries
-from gsgi.baker.surface import samples
-from gsgi.baker.surface.samples import Sampler, SurfaceSamples, joined
+from gsgi.baker.surface import budget, samples
+from gsgi.baker.surface.budget import COARSE_MOST, COARSE_SHARE, FREE_PER_GAUSSIAN, PATHS_STEP
+from gsgi.baker.surface.samples import Sampler, SurfaceSamples, free_layers, joined, path_count, surface_layers
 from gsgi.baker.trace.cached_tracer import CachedTracer
-from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling
+from gsgi.baker.trace.tracer import BOUNCES_MAX, Tracer
 from gsgi.runtime.camera import Camera, look_at
 from gsgi.runtime.scene import Environment, Material, Scene
 
 CHUNK = 4096
-FEW = Sampling(PASS_SAMPLES, bounces=2)
+BOUNCES = 2
 ARRAYS = samples.ARRAYS
 UP = np.array([0.0, 0.0, -1.0])
 
@@ -29,8 +28,22 @@ def ignore(*_):
     """Progress."""
 
 
-def sampler(scene: Scene, cameras=(), cache=None, sampling=FEW, seed=0) -> Sampler:
-    return Sampler(CachedTracer(scene, cache or Cache()), [*(cameras or [scenes.inside_camera()])], sampling, seed)
+def sampler(scene: Scene, cameras=(), cache=None, bounces=BOUNCES, seed=0) -> Sampler:
+    return Sampler(CachedTracer(scene, cache or Cache()), [*(cameras or [scenes.inside_camera()])], bounces, seed)
+
+
+@pytest.fixture
+def traced(monkeypatch) -> list[int]:
+    """The number of paths of each call of a tracer."""
+    counts, trace = [], Tracer.indirect
+
+    def counting(*arguments):
+        light = trace(*arguments)
+        counts.append(int(light.samples.sum()) + light.invalid)
+        return light
+
+    monkeypatch.setattr(Tracer, "indirect", counting)
+    return counts
 
 
 def above(eye, yfov: float) -> Camera:
@@ -45,52 +58,109 @@ def assert_same(a: SurfaceSamples, b: SurfaceSamples):
 
 def test_a_chunk_is_the_same_whatever_else_is_asked_for():
     one, two = sampler(scenes.furnace()), sampler(scenes.furnace())
-    first = one.surface(CHUNK, ignore)
-    free = two.free(1, ignore)
-    both = two.surface(CHUNK + 1, ignore)
+    first = one.surface([1], ignore)
+    free = two.free([1], ignore)
+    both = two.surface([1, 1], ignore)
     assert (len(first), len(both)) == (CHUNK, 2 * CHUNK)
     assert_same(both[:CHUNK], first)
-    assert_same(one.free(1, ignore), free)
+    assert_same(one.free([1], ignore), free)
     assert (both.position[CHUNK:] != first.position).any()
     assert (both.indirect_a[CHUNK:] != first.indirect_a).mean() > 0.9
-    other = sampler(scenes.furnace(), seed=1).surface(1, ignore)
+    other = sampler(scenes.furnace(), seed=1).surface([1], ignore)
     assert (other.position != first.position).any()
     assert (other.indirect_a != first.indirect_a).mean() > 0.9
 
 
-def test_more_samples_in_free_space_take_no_more_paths(monkeypatch):
-    taken, trace = [], samples._trace
-    monkeypatch.setattr(samples, "_trace", lambda *args: (taken.append(args[2]), trace(*args))[1])
+def test_layers_are_new_paths_from_the_same_points():
+    """In a closed box that emits 1 at albedo 1/2, four times the paths have half the noise around their mean."""
+    one, four = (sampler(scenes.furnace()).surface([layers], ignore) for layers in (1, 4))
+    np.testing.assert_array_equal(four.position, one.position)
+    assert four.indirect_a[:, 0].std() == pytest.approx(one.indirect_a[:, 0].std() / 2, rel=0.1)
+    assert abs(np.corrcoef(four.indirect_a[:, 0], four.indirect_b[:, 0])[0, 1]) < 0.06  # standard error 0.016
+
+
+def test_free_space_takes_the_paths_of_one_chunk_or_one_layer_of_each(traced):
     for chunks in (1, 2, 4):
-        assert len(sampler(scenes.furnace()).free(chunks * CHUNK, ignore)) == chunks * CHUNK
-    assert taken == [replace(FEW, samples=FEW.samples // chunks) for chunks in (1, 2, 2, 4, 4, 4, 4)]
+        gaussians = chunks * CHUNK // FREE_PER_GAUSSIAN * COARSE_SHARE
+        for layers in (1, 2, 3, 5):
+            shared = free_layers(gaussians, layers * PATHS_STEP)
+            assert len(shared) == chunks
+            assert sum(shared) == max(layers, chunks)
+            assert max(shared) - min(shared) <= 1
+    traced.clear()
+    shared = free_layers(2 * CHUNK // FREE_PER_GAUSSIAN * COARSE_SHARE, 3 * PATHS_STEP)
+    assert len(sampler(scenes.furnace()).free(shared, ignore)) == 2 * CHUNK
+    assert sum(traced) == path_count(shared) == 3 * CHUNK * PATHS_STEP
+
+
+def test_every_surface_sample_takes_whole_layers(traced, monkeypatch):
+    monkeypatch.setattr(budget, "SAMPLES_FEWEST", CHUNK + 1)
+    layers = surface_layers(1, PATHS_STEP + 1)
+    assert layers == [2, 2]
+    assert len(sampler(scenes.furnace()).surface(layers, ignore)) == 2 * CHUNK
+    assert sum(traced) == path_count(layers) == 2 * CHUNK * 2 * PATHS_STEP
+    assert surface_layers(1, 1) == [1, 1]
+    assert len(free_layers(COARSE_SHARE * COARSE_MOST, 1)) == FREE_PER_GAUSSIAN * COARSE_MOST // CHUNK
 
 
 def test_what_the_cache_holds_is_not_traced_again(tmp_path):
     scene, cache = scenes.furnace(), Cache(tmp_path)
     done = []
-    first = sampler(scene, cache=cache).surface(2 * CHUNK, lambda *args: done.append(args[0]))
-    assert sum(done) == pytest.approx(4 * CHUNK)
-    assert len(entries(tmp_path)) == 2
+    first = sampler(scene, cache=cache).surface([1, 2], lambda *args: done.append(args[0]))
+    assert sum(done) == pytest.approx(path_count([1, 2]))
+    assert len(entries(tmp_path)) == 2 + 3  # the points of each chunk, and layers
     light, done = CachedTracer(scene, cache), []
     light.__dict__["tracer"] = None  # whoever asks it for anything fails
-    again = Sampler(light, [scenes.inside_camera()], FEW, 0)
-    assert_same(again.surface(2 * CHUNK, lambda *args: done.append(args[0])), first)
-    assert sum(done) == 4 * CHUNK
+    again = Sampler(light, [scenes.inside_camera()], BOUNCES, 0)
+    assert_same(again.surface([1, 2], lambda *args: done.append(args[0])), first)
+    assert sum(done) == path_count([1, 2])
     for other in (
-        Sampler(light, [above([0.0, 0.5, 0.0], 1.0)], FEW, 0),
-        Sampler(light, [scenes.inside_camera()], replace(FEW, bounces=3), 0),
-        Sampler(light, [scenes.inside_camera()], FEW, 1),
+        Sampler(light, [above([0.0, 0.5, 0.0], 1.0)], BOUNCES, 0),
+        Sampler(light, [scenes.inside_camera()], BOUNCES + 1, 0),
+        Sampler(light, [scenes.inside_camera()], BOUNCES, 1),
+        Sampler(light, [scenes.inside_camera()], BOUNCES, 0, [True]),
     ):
         with pytest.raises(AttributeError):
-            other.surface(1, ignore)
+            other.surface([1], ignore)
+    for layers in ([2], [1, 2, 1]):
+        with pytest.raises(AttributeError):
+            again.surface(layers, ignore)
     with pytest.raises(AttributeError):
-        again.free(1, ignore)
+        again.free([1], ignore)
+
+
+def test_more_samples_trace_only_the_difference(tmp_path, traced):
+    scene, cache = scenes.furnace(), Cache(tmp_path)
+    sampler(scene, cache=cache).surface([1, 1], ignore)
+    traced.clear()
+    more = sampler(scene, cache=cache).surface([2, 2, 2], ignore)
+    assert sum(traced) == path_count([1, 1, 2])
+    traced.clear()
+    sampler(scene, cache=cache).surface([1], ignore)
+    assert not traced
+    assert_same(more, sampler(scene).surface([2, 2, 2], ignore))
+
+
+def test_where_no_path_gives_a_number_there_is_no_sample(monkeypatch):
+    """One layer of one half at point 0; both layers of that half at point 1."""
+    trace, call = Tracer.indirect, iter(range(4))
+
+    def broken(*arguments):
+        light, layer, half = trace(*arguments), *divmod(next(call), 2)
+        if not half:
+            light.samples[:2], light.mean[:2] = 0, 0
+            light.samples[0], light.mean[0] = 16 * layer, 3 * layer
+        return light
+
+    monkeypatch.setattr(Tracer, "indirect", broken)
+    found = sampler(scenes.furnace()).surface([2], ignore)
+    assert len(found) == CHUNK - 1
+    np.testing.assert_array_equal(found.indirect_a[0], 3)
 
 
 def test_samples_lie_on_the_surfaces_that_a_camera_sees():
     camera = scenes.inside_camera()
-    samples = sampler(scenes.furnace()).surface(1, ignore)
+    samples = sampler(scenes.furnace()).surface([1], ignore)
     np.testing.assert_allclose(np.abs(samples.position).max(axis=1), 1, atol=1e-5)
     np.testing.assert_allclose(np.linalg.norm(samples.normal, axis=1), 1, rtol=1e-5)
     wall = np.abs(samples.position).argmax(axis=1)
@@ -105,7 +175,7 @@ def test_samples_lie_on_the_surfaces_that_a_camera_sees():
 def test_a_floor_is_sampled_evenly_also_at_the_edges_of_a_wide_image():
     """The camera sees 3.1 m of it from 1 m above: at the corners a pixel covers as much as in the middle."""
     camera = above([0.0, 1.0, 0.0], 2.0)
-    samples = sampler(Scene((scenes.floor(5.0),), (scenes.WHITE,)), [camera]).surface(1, ignore)
+    samples = sampler(Scene((scenes.floor(5.0),), (scenes.WHITE,)), [camera]).surface([1], ignore)
     half = np.tan(1.0)
     distance = np.abs(samples.position[:, [0, 2]]).max(axis=1)
     assert distance.max() < half
@@ -123,7 +193,7 @@ def test_a_wall_of_twice_the_area_gets_twice_the_samples():
         [(0.3, 2, 0.5), (0.3 + run, 2 - slope * run, 0.5), (0.3 + run, 2 - slope * run, -0.5), (0.3, 2, -0.5)]
     )
     eye = [0.0, 4.0, 0.0]
-    samples = sampler(Scene((level, steep), (scenes.WHITE,)), [above(eye, 1.1)]).surface(1, ignore)
+    samples = sampler(Scene((level, steep), (scenes.WHITE,)), [above(eye, 1.1)]).surface([1], ignore)
     on_level = samples.position[:, 1] < 1e-3
     # Edges fall between the pixels of an image of 64 px, in which the smaller wall is some 6 px wide.
     assert on_level.sum() / (~on_level).sum() == pytest.approx(2, rel=0.12)
@@ -132,14 +202,14 @@ def test_a_wall_of_twice_the_area_gets_twice_the_samples():
 def test_what_two_cameras_see_gets_twice_the_samples():
     floor = Scene((scenes.floor(5.0),), (scenes.WHITE,))
     eyes = [0.0, 1.0, 0.0], [0.0, 1.0, 0.0], [4.0, 1.0, 0.0]
-    samples = sampler(floor, [above(eye, 0.8) for eye in eyes]).surface(1, ignore)
+    samples = sampler(floor, [above(eye, 0.8) for eye in eyes]).surface([1], ignore)
     assert (samples.position[:, 0] < 2).mean() == pytest.approx(2 / 3, abs=0.01)
 
 
 def test_free_samples_lie_in_free_space_and_face_every_way():
     solid = scenes.box(0.3, inward=False)
     camera = scenes.inside_camera()
-    samples = sampler(Scene((*scenes.box(), *solid), (scenes.WHITE,)), [camera]).free(1, ignore)
+    samples = sampler(Scene((*scenes.box(), *solid), (scenes.WHITE,)), [camera]).free([1], ignore)
     assert len(samples) == CHUNK
     assert np.abs(samples.position).max() < 1
     assert np.abs(samples.position).max(axis=1).min() > 0.3  # not inside the solid one
@@ -156,8 +226,8 @@ def test_free_samples_lie_in_free_space_and_face_every_way():
 @pytest.mark.parametrize("kind", ["surface", "free"])
 def test_halves_are_independent_and_right_on_average(kind):
     """In a closed box that emits 1 at albedo 1/2 there is B = 2 everywhere, for every normal."""
-    asked = sampler(scenes.furnace(), sampling=Sampling(PASS_SAMPLES))
-    samples = asked.surface(1, ignore) if kind == "surface" else asked.free(1, ignore)
+    asked = sampler(scenes.furnace(), bounces=BOUNCES_MAX)
+    samples = asked.surface([1], ignore) if kind == "surface" else asked.free([1], ignore)
     a, b = (half[:, 0] - 2.0 for half in (samples.indirect_a, samples.indirect_b))
     assert min(a.std(), b.std()) > 0.02
     assert abs(np.corrcoef(a, b)[0, 1]) < 0.06  # standard error 0.016
@@ -172,7 +242,7 @@ def test_light_in_free_space_depends_on_the_normal():
     """Over a floor that emits 1, under a black sky: a normal with cosine c to it sees (1 - c) / 2 of B = 1."""
     lamp = Material("lamp", (0.0, 0.0, 0.0, 1.0), emission=(1.0, 1.0, 1.0))
     scene = Scene((scenes.floor(1000.0),), (lamp,))
-    samples = sampler(scene, [above([0.0, 3.0, 0.0], 0.5)], sampling=Sampling(256)).free(1, ignore)
+    samples = sampler(scene, [above([0.0, 3.0, 0.0], 0.5)], bounces=BOUNCES_MAX).free([8], ignore)
     expected = (1 - samples.normal[:, 1]) / 2
     np.testing.assert_allclose(samples.indirect[:, 0], expected, atol=0.15)
     assert abs((samples.indirect[:, 0] - expected).mean()) < 0.005
@@ -182,9 +252,9 @@ def test_cameras_that_see_no_surface_give_no_samples():
     sky = Scene((scenes.floor(),), (scenes.WHITE,), environment=Environment(np.ones((1, 1, 3), np.float32)))
     up = look_at(np.array([0.0, 1.0, 0.0]), np.array([0.0, 2.0, 0.0]), UP, 0.8, 0.01)
     asked = sampler(sky, [up])
-    assert len(asked.surface(1, ignore)) == len(asked.free(1, ignore)) == 0
+    assert len(asked.surface([1], ignore)) == len(asked.free([1], ignore)) == 0
     unlit = Scene((scenes.floor(),), (Material(unlit=True),))
-    assert len(sampler(unlit, [above([0.0, 1.0, 0.0], 0.8)]).surface(1, ignore)) == 0
+    assert len(sampler(unlit, [above([0.0, 1.0, 0.0], 0.8)]).surface([1], ignore)) == 0
 
 
 def test_parts_of_samples_and_sets_together():

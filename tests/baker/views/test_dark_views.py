@@ -76,11 +76,10 @@ def test_without_any_light_no_view_is_darker_than_the_others():
 
 def test_fewer_samples_are_taken_in_the_dark(light, monkeypatch):
     monkeypatch.setattr(samples, "CHUNK", 4096)
-    sampling = Sampling(PASS_SAMPLES, 2)
     cameras = list(CAMERAS.values())
     for dark, expected in (((), 0.5), ((False, True), 1 / (1 + samples.DARK_STEP))):
-        sampler = Sampler(light, cameras, sampling, 0, dark)
-        for drawn in (sampler.surface(1, print), sampler.free(1, print)):
+        sampler = Sampler(light, cameras, 2, 0, dark)
+        for drawn in (sampler.surface([1], print), sampler.free([1], print)):
             assert (drawn.position[:, 0] > APART / 2).mean() == pytest.approx(expected, abs=0.03)
 
 

@@ -1,0 +1,96 @@
+"""The estimate and the report: they count all paths that a bake traces, and all parts of its fit."""
+
+from dataclasses import replace
+
+import pytest
+import scenes
+
+from gsgi.baker import estimate as estimating
+from gsgi.baker import job
+from gsgi.baker.cache.store import Cache
+from gsgi.baker.estimate import estimate
+from gsgi.baker.evaluation import held_out
+from gsgi.baker.plan import Plan, make_plan
+from gsgi.baker.plan_table import decisions
+from gsgi.baker.progress import Progress
+from gsgi.baker.settings import OPERATORS, Settings
+from gsgi.baker.surface import budget, fits, samples
+from gsgi.baker.surface.budget import COARSE_SHARE, FREE_PER_GAUSSIAN
+from gsgi.baker.trace.tracer import PASS_SAMPLES, Tracer
+
+CHUNK = 1 << 10
+# Two chunks in free space; no whole number of passes; and no pixel is done before the others.
+SETTINGS = Settings(
+    budget=CHUNK // FREE_PER_GAUSSIAN * COARSE_SHARE + COARSE_SHARE,
+    views=3,
+    size=24,
+    samples=2 * PASS_SAMPLES + 1,
+    error=0.0,
+    bounces=1,
+    iterations=4,
+)
+
+
+@pytest.fixture(autouse=True)
+def few_samples(monkeypatch):
+    monkeypatch.setattr(budget, "SAMPLES_FEWEST", CHUNK + 1)
+    for module in (samples, fits):
+        monkeypatch.setattr(module, "CHUNK", CHUNK)
+    monkeypatch.setattr(held_out, "SIZE", 16)
+    monkeypatch.setattr(held_out, "SAMPLES", 2 * PASS_SAMPLES)
+
+
+@pytest.fixture(scope="module")
+def closed() -> Plan:
+    """A plan of a closed box whose walls emit: every pixel shows a surface."""
+    return make_plan(scenes.furnace(), SETTINGS, Progress(), Cache())
+
+
+@pytest.fixture
+def traced(monkeypatch) -> list[int]:
+    """The number of paths of each call of a tracer."""
+    counts, trace = [], Tracer.indirect
+
+    def counting(*arguments):
+        light = trace(*arguments)
+        counts.append(int(light.samples.sum()) + light.invalid)
+        return light
+
+    monkeypatch.setattr(Tracer, "indirect", counting)
+    return counts
+
+
+@pytest.mark.parametrize("operator", OPERATORS)
+def test_a_bake_traces_the_paths_that_were_announced(closed, traced, monkeypatch, operator):
+    plan = replace(closed, settings=replace(closed.settings, operator=operator))
+    monkeypatch.setattr(estimating, "_seconds_per_path", lambda plan: 1.0)
+    announced = estimate(plan)
+    report = job.run(plan, Progress(), lambda data, count: None).as_dict()
+    assert sum(traced) == announced["irradiance"] + announced["references"]
+    assert report["paths"] == announced["irradiance"]
+    traced.clear()
+    job.run(plan, Progress(), lambda data, count: None, evaluate=False)
+    assert sum(traced) == announced["irradiance"]
+    assert report["samples"] == (3 if operator == "over" else 4) * PASS_SAMPLES
+
+
+def test_the_table_says_how_many_paths_there_are(closed):
+    rows = {row.what: row for row in decisions(closed)}
+    assert f"{4 * PASS_SAMPLES} paths each" in rows["samples"].why
+    # Two layers of one pass per half: one for each of two chunks.
+    assert closed.free_paths == 2 * CHUNK * 2 * PASS_SAMPLES
+    assert rows["free space"].decision == "0.1 M"
+
+
+@pytest.mark.parametrize(("operator", "parts"), [("over", 1), ("surface", 3)])
+def test_all_parts_of_a_fit_are_timed(closed, monkeypatch, operator, parts):
+    """Steps, and with `surface` the solutions for the colours and the coarse level: each with its number of runs."""
+    plan = replace(closed, settings=replace(closed.settings, operator=operator))
+    runs = []
+    monkeypatch.setattr(estimating, "_seconds_per_path", lambda plan: 0.0)
+    monkeypatch.setattr(estimating, "_second_run", lambda run: (run(0), runs.append(run), 10.0 ** len(runs))[2])
+    fit = estimate(plan)["fit"]
+    assert len(runs) == parts
+    steps = SETTINGS.iterations / (3 if operator == "over" else estimating.STEPS)
+    # 10 + 3 * 5 + 10 iterations of the solver are timed as 5; one sample in 8 of the coarse level.
+    assert fit == pytest.approx(10 * steps + (0 if operator == "over" else 100 * 7 + 1000 * 8))
