@@ -12,7 +12,7 @@ pixel, and `pow(1 / 2.2)`. With `gi`, `base colour * (1 - metallic) * B` is adde
 - Shadows do not need `np.infty`, which numpy 2 lacks, and SHADOWS_ALL works if the scene has no point light.
 - A mesh is lit by the four nearest lights of each kind, with shadows too.
 - UnsupportedError: the flags VERTEX_NORMALS and FACE_NORMALS, SpecularGlossinessMaterial (pyrender draws it undefined),
-  and `gi` with an OrthographicCamera.
+  a texture that the driver cannot hold, and `gi` with an OrthographicCamera.
 
 As in pyrender, alphaMode MASK cuts no holes, a light's `range` is ignored, and the emissive factor counts twice.
 Indirect light falls on triangles with an alpha of 1, but not on points, lines, wireframes or blended surfaces.

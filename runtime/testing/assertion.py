@@ -53,14 +53,15 @@ class ScreenshotAssertion:
         expected = None if used is None else _read(used)
         if expected is not None and pixel_hash(actual) == pixel_hash(expected):
             return self._record(golden, used, "equal")
-        difference = None
+        difference, figures = None, {}
         if expected is not None and expected.shape == actual.shape:
             difference = compare(actual, expected, max_difference)
             tolerance = Tolerance(max_flip, max_difference, max_ratio)
+            figures = difference.figures(tolerance)
             if difference.passes(tolerance):
-                return self._record(golden, used, "close")
+                return self._record(golden, used, "close", figures)
         if self.update:
-            return self._record(golden, self._write(actual, golden, used), "written")
+            return self._record(golden, self._write(actual, golden, used), "written", figures)
         if used is None:
             text = missing(name, [self._told(p) for p in golden.candidates(self.driver.key, self.driver.family)])
         elif difference is None:
@@ -69,7 +70,7 @@ class ScreenshotAssertion:
             text = differs(name, self._told(used), self.driver, actual, expected, difference, tolerance)
         pictures = self._save(name, actual, expected, difference)
         text = "\n".join([text, *self._places(pictures)])
-        self._record(golden, used, "failed", text, pictures)
+        self._record(golden, used, "failed", figures, text, pictures)
         raise AssertionError(text)
 
     def _write(self, actual: np.ndarray, golden: Golden, used: Path | None) -> Path:
@@ -109,9 +110,11 @@ class ScreenshotAssertion:
         advice = "If this is as it should be: run again with --gsgi-update, look at the golden image, and commit it."
         return [*(f"  {what:<16} {path}" for what, path in places.items()), advice]
 
-    def _record(self, golden: Golden, used: Path | None, outcome: str, text: str = "", pictures=None) -> None:
-        told = self._told(used) if used else ""
-        record = Record(self.test, golden.name, outcome, self._told(golden.path()), told, text, pictures or {})
+    def _record(
+        self, golden: Golden, used: Path | None, outcome: str, figures=None, text: str = "", pictures=None
+    ) -> None:
+        paths = self._told(golden.path()), self._told(used) if used else ""
+        record = Record(self.test, golden.name, outcome, *paths, figures or {}, text, pictures or {})
         self.properties.append((PROPERTY, json.dumps(record._asdict())))
 
     def _told(self, path: Path) -> str:

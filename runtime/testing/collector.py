@@ -46,7 +46,7 @@ class Collector:
             if path.name == REPORT or (_PICTURE.fullmatch(path.name) and path.name not in kept):
                 path.unlink()
         if failed:
-            (self.output / REPORT).write_text(html(failed, self.root), encoding="utf-8")
+            (self.output / REPORT).write_text(html(self.records, self.root), encoding="utf-8")
 
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
         written, failed, idle = self._of("written"), self._of("failed"), self._unused()

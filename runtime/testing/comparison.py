@@ -36,9 +36,13 @@ class Difference:
     tile_flip: float
     heat: np.ndarray
 
+    def figures(self, tolerance: Tolerance) -> dict[str, tuple[float, float]]:
+        """The figures that decide, by name (see record.FIGURES), each with its limit."""
+        return {"FLIP mean": (self.flip, tolerance.flip), "pixels off": (self.ratio, tolerance.ratio)}
+
     def passes(self, tolerance: Tolerance) -> bool:
         """Whether the difference is within the tolerance."""
-        return self.flip <= tolerance.flip and self.ratio <= tolerance.ratio
+        return all(value <= limit for value, limit in self.figures(tolerance).values())
 
 
 def as_image(image) -> np.ndarray:

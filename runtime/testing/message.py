@@ -6,6 +6,7 @@ import numpy as np
 
 from .comparison import TILE, Difference, Tolerance, pixel_hash
 from .driver import Driver
+from .record import number, percent
 
 HASH_LENGTH = 16  # hexadecimal digits shown; enough to tell two images apart
 
@@ -37,11 +38,11 @@ def differs(
     hashes = " / ".join(pixel_hash(image)[:HASH_LENGTH] for image in (actual, expected))
     rows = {
         "driver": driver.key,
-        "difference": f"max {_percent(difference.largest)}, mean {_percent(difference.mean)} {unit}",
-        "pixels off": f"{_percent(difference.ratio)} by more than {_percent(tolerance.difference)}"
-        f" ({_verdict(difference.ratio, tolerance.ratio, _percent)})",
-        "FLIP": f"mean {_number(difference.flip)} ({_verdict(difference.flip, tolerance.flip, _number)})",
-        "worst tile": f"x {x} to {right}, y {y} to {bottom}: FLIP mean {_number(difference.tile_flip)}",
+        "difference": f"max {percent(difference.largest)}, mean {percent(difference.mean)} {unit}",
+        "pixels off": f"{percent(difference.ratio)} by more than {percent(tolerance.difference)}"
+        f" ({_verdict(difference.ratio, tolerance.ratio, percent)})",
+        "FLIP": f"mean {number(difference.flip)} ({_verdict(difference.flip, tolerance.flip, number)})",
+        "worst tile": f"x {x} to {right}, y {y} to {bottom}: FLIP mean {number(difference.tile_flip)}",
         "sha256": f"{hashes} (actual / golden)",
     }
     lines = (f"  {label:<16} {text}" for label, text in rows.items())
@@ -50,11 +51,3 @@ def differs(
 
 def _verdict(value: float, limit: float, spelled) -> str:
     return f"allowed {spelled(limit)}{': too much' if value > limit else ''}"
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.4g} %"
-
-
-def _number(value: float) -> str:
-    return f"{value:.4g}"
