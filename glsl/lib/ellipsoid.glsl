@@ -73,7 +73,7 @@ vec2 outline_corner(
     float longer = length(e.axes[0]);
     // An ellipsoid that reaches the eye's plane has no ellipse; one that nearly reaches it has a huge one.
     bool whole = -t.z - extent.z > near && longer < length(size);
-    bool placed = dot(focal, abs(t.xy) + extent.xy) < near * OUTLINE_FARTHEST;
+    bool placed = dot(abs(focal), abs(t.xy) + extent.xy) < near * OUTLINE_FARTHEST;
 
     int corners = whole && longer < OUTLINE_SMALL ? 4 : OUTLINE_CORNERS, last = min(vertex, corners - 1);
     int corner = (last & 1) == 1 ? (last + 1) / 2 : (corners - last / 2) % corners;

@@ -17,11 +17,11 @@ struct Footprint {
 };
 
 // Footprint of a Gaussian. `t`: centre in view space; `axes`: columns are the ellipsoid's axes in view space, each as
-// long as its standard deviation; `focal` and `size` of the image in px; `dilation` in px^2.
+// long as its standard deviation; `focal` (negative: mirrored) and `size` of the image in px; `dilation` in px^2.
 Footprint project_covariance(vec3 t, mat3 axes, vec2 focal, vec2 size, float dilation) {
     // Zwicker et al. 2002, "EWA Splatting", eq. 29: linearised at the centre, clamped to the frustum
     float depth = -t.z;
-    vec2 limit = FRUSTUM_CLAMP * 0.5 * size / focal;
+    vec2 limit = FRUSTUM_CLAMP * 0.5 * size / abs(focal);
     vec2 slope = clamp(t.xy / depth, -limit, limit);
     vec3 row_x = focal.x / depth * vec3(1.0, 0.0, slope.x);
     vec3 row_y = focal.y / depth * vec3(0.0, -1.0, -slope.y);

@@ -6,38 +6,34 @@ from contextlib import contextmanager
 
 import moderngl
 
-# Names of OpenGL 3.3 with their numbers in its headers.
-_SWITCHES = {
-    "CULL_FACE": 0x0B44, "DEPTH_TEST": 0x0B71, "STENCIL_TEST": 0x0B90, "SCISSOR_TEST": 0x0C11, "COLOR_LOGIC_OP": 0x0BF2,
-    "POLYGON_OFFSET_FILL": 0x8037, "SAMPLE_ALPHA_TO_COVERAGE": 0x809E, "SAMPLE_COVERAGE": 0x80A0,
-    "PROGRAM_POINT_SIZE": 0x8642, "DEPTH_CLAMP": 0x864F, "RASTERIZER_DISCARD": 0x8C89, "PRIMITIVE_RESTART": 0x8F9D,
-}  # fmt: skip
-_INTEGERS = {
-    "VIEWPORT": (0x0BA2, 4), "SCISSOR_BOX": (0x0C10, 4), "POLYGON_MODE": (0x0B40, 2), "DEPTH_FUNC": (0x0B74, 1),
-    "DEPTH_WRITEMASK": (0x0B72, 1), "UNPACK_ALIGNMENT": (0x0CF5, 1), "PIXEL_UNPACK_BUFFER": (0x88EF, 1),
-    "BLEND_SRC_RGB": (0x80C9, 1), "BLEND_DST_RGB": (0x80C8, 1), "BLEND_SRC_ALPHA": (0x80CB, 1),
-    "BLEND_DST_ALPHA": (0x80CA, 1), "BLEND_EQUATION_RGB": (0x8009, 1), "BLEND_EQUATION_ALPHA": (0x883D, 1),
-    "CURRENT_PROGRAM": (0x8B8D, 1), "VERTEX_ARRAY": (0x85B5, 1), "ARRAY_BUFFER": (0x8894, 1),
-    "RENDERBUFFER": (0x8CA7, 1), "DRAW_FRAMEBUFFER": (0x8CA6, 1), "READ_FRAMEBUFFER": (0x8CAA, 1),
-    "ACTIVE_TEXTURE": (0x84E0, 1),
-}  # fmt: skip
-_FLOATS = {"COLOR_CLEAR": (0x0C22, 4), "DEPTH_CLEAR": (0x0B73, 1), "DEPTH_RANGE": (0x0B70, 2)}
-_BLEND, _COLOR_WRITEMASK, _TEXTURE_0, _TEXTURE_2D, _FILL, _ADD = 0x0BE2, 0x0C23, 0x84C0, 0x0DE1, 0x1B02, 0x8006
-_TEXTURE_BINDING, _SAMPLER_BINDING, _FRONT_AND_BACK = 0x8069, 0x8919, 0x0408
-DRAW_BUFFERS, UNITS = 8, 5  # state that is kept: all that our passes use; moderngl's upload unit comes on top
+from .gl_functions import Functions
+from .gl_values import DRAW_BUFFERS, PIXEL_STORE, indexed_switches, switches, values
 
+UNITS = 5  # texture units that our passes use; moderngl's upload unit comes on top
 State = dict[str, tuple]
+
+# Numbers of OpenGL's headers.
+_TEXTURE_2D, _TEXTURE_BINDING, _SAMPLER_BINDING, _TEXTURE_0 = 0x0DE1, 0x8069, 0x8919, 0x84C0
+_BASE_LEVEL, _DEPTH_STENCIL_MODE, _DEPTH_COMPONENT = 0x813C, 0x90EA, 0x1902
+_DRAW_FRAMEBUFFER, _DRAW_BUFFER_0 = 0x8CA9, 0x8825
+_POLYGON_MODE, _FRONT, _BACK, _FRONT_AND_BACK, _FILL = 0x0B40, 0x0404, 0x0405, 0x0408, 0x1B02
+_PACK_BUFFER, _UNPACK_BUFFER, _ADD, _CLAMP_FRAGMENT_COLOR = 0x88EB, 0x88EC, 0x8006, 0x891B
+_LOWER_LEFT, _NEGATIVE_ONE_TO_ONE, _ZERO_TO_ONE = 0x8CA1, 0x935E, 0x935F
 
 
 class HostState:
-    """Reads and sets the state of `ctx` that our passes change.
+    """Reads and sets the state of `ctx` that our passes change, or that would change what they draw.
 
-    It calls the driver's own functions, since a host may have set the state without moderngl's knowledge.
+    It calls the driver's own functions, since a host may have set the state without moderngl's knowledge. State that
+    the driver does not have is left out.
     """
 
     def __init__(self, ctx: moderngl.Context):
-        self._ctx = ctx
-        self._functions: dict[str, ctypes._CFuncPtr] = {}
+        self._ctx, self.gl = ctx, Functions(ctx)
+        views = ctx.info["GL_MAX_VIEWPORTS"] if self.gl.has(410, "viewport_array") else 1
+        self._switches, self._indexed = switches(self.gl), indexed_switches(views)
+        self._values = values(self.gl, views)
+        self._stencil_textures = self.gl.has(430, "stencil_texturing")
         self._units = *range(UNITS), ctx.default_texture_unit
         before = self.read()
         self._scope_target = ctx.framebuffer(ctx.texture((1, 1), 1))
@@ -49,86 +45,113 @@ class HostState:
         before, bound = self.read(), (self._ctx.fbo, self._ctx.mglo.fbo)
         try:
             with self._ctx.scope(self._scope_target, 0):
-                self._set_plain()
+                self.set_plain()
                 yield
         finally:
             self._ctx.fbo, self._ctx.mglo.fbo = bound
             self.write(before)
 
+    def set_plain(self) -> None:
+        """Set what our passes assume and do not set themselves."""
+        gl = self.gl
+        for number in self._switches.values():
+            gl.call("Disable", number)
+        for name, number in PIXEL_STORE.items():
+            gl.call("PixelStorei", number, int(name.endswith("ALIGNMENT")))
+        gl.call("BindBuffer", _PACK_BUFFER, 0)
+        gl.call("BindBuffer", _UNPACK_BUFFER, 0)
+        gl.call("PolygonMode", _FRONT_AND_BACK, _FILL)
+        gl.call("BlendEquationSeparate", _ADD, _ADD)
+        gl.call("DepthRange", ctypes.c_double(0), ctypes.c_double(1))
+        if "CLIP_CONTROL" in self._values:
+            gl.call("ClipControl", _LOWER_LEFT, _NEGATIVE_ONE_TO_ONE)
+        if gl.compatible:
+            gl.call("ClampColor", _CLAMP_FRAGMENT_COLOR, 0)
+
+    @contextmanager
+    def readable(self, *textures: moderngl.Texture) -> Iterator[None]:
+        """Let shaders read level 0 of a host's textures, and depth of those that have stencil, too."""
+        plain = {_BASE_LEVEL: 0} | ({_DEPTH_STENCIL_MODE: _DEPTH_COMPONENT} if self._stencil_textures else {})
+        changed = []
+        for texture in textures:
+            texture.use(0)
+            for name, needed in plain.items():
+                (found,) = self.gl.integers("GetTexParameteriv", _TEXTURE_2D, name)
+                if found != needed:
+                    self.gl.call("TexParameteri", _TEXTURE_2D, name, needed)
+                    changed.append((texture, name, found))
+        try:
+            yield
+        finally:
+            for texture, name, found in changed:
+                texture.use(0)
+                self.gl.call("TexParameteri", _TEXTURE_2D, name, found)
+
+    @contextmanager
+    def first_attachment(self, target: moderngl.Framebuffer) -> Iterator[None]:
+        """Let passes write to the first colour attachment of a host's framebuffer alone, and keep its settings."""
+        masks, several = target.color_mask, isinstance(target.color_mask[0], tuple)
+        self.gl.call("BindFramebuffer", _DRAW_FRAMEBUFFER, target.glo)
+        buffers = (ctypes.c_int * DRAW_BUFFERS)()
+        for i in range(DRAW_BUFFERS):
+            buffers[i] = self.gl.integers("GetIntegerv", _DRAW_BUFFER_0 + i)[0]
+        if several:
+            target.color_mask = (masks[0], *[(False,) * 4] * (len(masks) - 1))
+        try:
+            yield
+        finally:
+            target.color_mask = masks
+            if target.glo:
+                self.gl.call("BindFramebuffer", _DRAW_FRAMEBUFFER, target.glo)
+                self.gl.call("DrawBuffers", DRAW_BUFFERS, buffers)
+
+    @property
+    def clip_control(self) -> tuple[bool, bool]:
+        """Whether the context's origin is the upper left corner, and whether its clip space is 0 <= z <= w."""
+        if "CLIP_CONTROL" not in self._values:
+            return False, False
+        origin, depth = self._values["CLIP_CONTROL"].read()
+        return origin != _LOWER_LEFT, depth == _ZERO_TO_ONE
+
     def read(self) -> State:
         """Return all values by name."""
-        state: State = {name: (self._call("IsEnabled", number, result=True),) for name, number in _SWITCHES.items()}
-        for table, function, kind in ((_INTEGERS, "GetIntegerv", ctypes.c_int), (_FLOATS, "GetFloatv", ctypes.c_float)):
-            for name, (number, count) in table.items():
-                state[name] = self._get(function, number, count, kind)
-        for i in range(DRAW_BUFFERS):
-            state[f"BLEND {i}"] = (self._call("IsEnabledi", _BLEND, i, result=True),)
-            state[f"COLOR_WRITEMASK {i}"] = self._get("GetBooleani_v", _COLOR_WRITEMASK, 4, ctypes.c_ubyte, i)
+        gl = self.gl
+        state: State = {name: (gl.call("IsEnabled", number),) for name, number in self._switches.items()}
+        state |= {name: (gl.call("IsEnabledi", *which),) for name, which in self._indexed.items()}
+        state |= {name: value.read() for name, value in self._values.items()}
+        state["POLYGON_MODE"] = gl.integers("GetIntegerv", _POLYGON_MODE, count=2)
+        state["CURRENT_PROGRAM"] = gl.integers("GetIntegerv", 0x8B8D)
         for unit in self._units:
-            self._call("ActiveTexture", _TEXTURE_0 + unit)
-            state[f"TEXTURE {unit}"] = self._get("GetIntegerv", _TEXTURE_BINDING, 1, ctypes.c_int)
-            state[f"SAMPLER {unit}"] = self._get("GetIntegerv", _SAMPLER_BINDING, 1, ctypes.c_int)
-        self._call("ActiveTexture", state["ACTIVE_TEXTURE"][0])
+            gl.call("ActiveTexture", _TEXTURE_0 + unit)
+            state[f"TEXTURE {unit}"] = gl.integers("GetIntegerv", _TEXTURE_BINDING)
+            state[f"SAMPLER {unit}"] = gl.integers("GetIntegerv", _SAMPLER_BINDING)
+        gl.call("ActiveTexture", *state["ACTIVE_TEXTURE"])
         return state
 
     def write(self, state: State) -> None:
         """Set all values that read() returned."""
-        for name, number in _SWITCHES.items():
-            self._call("Enable" if state[name][0] else "Disable", number)
-        for i in range(DRAW_BUFFERS):
-            self._call("Enablei" if state[f"BLEND {i}"][0] else "Disablei", _BLEND, i)
-            self._call("ColorMaski", i, *state[f"COLOR_WRITEMASK {i}"])
+        gl = self.gl
+        for name, number in self._switches.items():
+            gl.call("Enable" if state[name][0] else "Disable", number)
+        for name, which in self._indexed.items():
+            gl.call("Enablei" if state[name][0] else "Disablei", *which)
         for unit in self._units:
-            self._call("ActiveTexture", _TEXTURE_0 + unit)
-            self._call("BindTexture", _TEXTURE_2D, *state[f"TEXTURE {unit}"])
-            self._call("BindSampler", unit, *state[f"SAMPLER {unit}"])
-        value = state.__getitem__
-        self._call("ActiveTexture", *value("ACTIVE_TEXTURE"))
-        self._call("BindFramebuffer", 0x8CA9, *value("DRAW_FRAMEBUFFER"))
-        self._call("BindFramebuffer", 0x8CA8, *value("READ_FRAMEBUFFER"))
-        self._call("BindRenderbuffer", 0x8D41, *value("RENDERBUFFER"))
+            gl.call("ActiveTexture", _TEXTURE_0 + unit)
+            gl.call("BindTexture", _TEXTURE_2D, *state[f"TEXTURE {unit}"])
+            gl.call("BindSampler", unit, *state[f"SAMPLER {unit}"])
+        for name, value in self._values.items():
+            value.set(state[name])
+        # Only the compatibility profile lets the two sides of triangles differ.
+        front, back = state["POLYGON_MODE"]
+        for side, mode in ((_FRONT, front), (_BACK, back)) if gl.compatible else ((_FRONT_AND_BACK, front),):
+            gl.call("PolygonMode", side, mode)
         # A program that was deleted while in use ceases to exist once another is used.
-        if self._call("IsProgram", *value("CURRENT_PROGRAM"), result=True):
-            self._call("UseProgram", *value("CURRENT_PROGRAM"))
-        self._call("BindVertexArray", *value("VERTEX_ARRAY"))
-        self._call("BindBuffer", 0x8892, *value("ARRAY_BUFFER"))
-        self._call("BindBuffer", 0x88EC, *value("PIXEL_UNPACK_BUFFER"))
-        self._call("PixelStorei", 0x0CF5, *value("UNPACK_ALIGNMENT"))
-        self._call("PolygonMode", _FRONT_AND_BACK, value("POLYGON_MODE")[0])
-        self._call("DepthFunc", *value("DEPTH_FUNC"))
-        self._call("DepthMask", *value("DEPTH_WRITEMASK"))
-        factors = ("BLEND_SRC_RGB", "BLEND_DST_RGB", "BLEND_SRC_ALPHA", "BLEND_DST_ALPHA")
-        self._call("BlendFuncSeparate", *(state[name][0] for name in factors))
-        self._call("BlendEquationSeparate", *value("BLEND_EQUATION_RGB"), *value("BLEND_EQUATION_ALPHA"))
-        self._call("Viewport", *value("VIEWPORT"))
-        self._call("Scissor", *value("SCISSOR_BOX"))
-        self._call("ClearColor", *map(ctypes.c_float, value("COLOR_CLEAR")))
-        self._call("ClearDepth", *map(ctypes.c_double, value("DEPTH_CLEAR")))
-        self._call("DepthRange", *map(ctypes.c_double, value("DEPTH_RANGE")))
+        (program,) = state["CURRENT_PROGRAM"]
+        if program == 0 or gl.call("IsProgram", program):
+            gl.call("UseProgram", program)
 
     def release(self) -> None:
         """Free the GPU memory."""
         for texture in self._scope_target.color_attachments:
             texture.release()
         self._scope_target.release()
-
-    def _set_plain(self) -> None:
-        """Set what our passes assume. Framebuffers set viewport, scissor and masks; moderngl sets the switches."""
-        for name in ("STENCIL_TEST", "COLOR_LOGIC_OP", "POLYGON_OFFSET_FILL", "SAMPLE_ALPHA_TO_COVERAGE",
-                     "SAMPLE_COVERAGE", "DEPTH_CLAMP", "PRIMITIVE_RESTART"):  # fmt: skip
-            self._call("Disable", _SWITCHES[name])
-        self._call("PolygonMode", _FRONT_AND_BACK, _FILL)
-        self._call("BlendEquationSeparate", _ADD, _ADD)
-        self._call("DepthRange", ctypes.c_double(0), ctypes.c_double(1))
-        self._call("BindBuffer", 0x88EC, 0)
-
-    def _get(self, function: str, number: int, count: int, kind: type, *index: int) -> tuple:
-        found = (kind * count)()
-        self._call(function, number, *index, found)
-        return tuple(found)
-
-    def _call(self, name: str, *arguments, result: bool = False):
-        if name not in self._functions:
-            address = self._ctx.mglo._context.load_opengl_function(f"gl{name}")
-            self._functions[name] = ctypes.CFUNCTYPE(ctypes.c_ubyte if result else None)(address)
-        return self._functions[name](*arguments)

@@ -1,5 +1,9 @@
 """Indirect light of a bake as a pass in the frame of any moderngl host."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from weakref import WeakKeyDictionary
+
 import moderngl
 import numpy as np
 
@@ -8,15 +12,23 @@ from gsgi.runtime.rebase import local_bake, origin_of_bake
 
 from .fullscreen import FullScreenPass
 from .gl_state import UNITS, HostState
+from .host_checks import (
+    Format,
+    Viewport,
+    check_albedo,
+    check_projection,
+    check_surfaces,
+    check_target,
+    texture_format,
+)
 from .host_textures import OURS, Encoding
 from .permutations import defines
 from .profile import Profile
 from .splat import Splats
-from .surface_splat import Box, SurfaceSplats
+from .surface_splat import SCALES, Box, SurfaceSplats
 from .view import View
 
 DEFAULT_SCALE = 2
-Viewport = tuple[int, int, int, int]  # x, y of the lower left corner, width, height; px
 
 
 class IndirectLight:
@@ -26,30 +38,36 @@ class IndirectLight:
         light.draw(depth, normal, view_from_world, clip_from_view)  # each frame and camera
         light.add(target, albedo)
 
-    `ctx` is the host's context. In it, only the target of the added light and the textures created here change.
+    `ctx` is the host's context. In it, only the target of the added light and the textures created here change: state
+    of OpenGL 4.6 is found as it was left, whether it was set through moderngl or not. With `keep_state` False draw()
+    and add() leave it changed, for a host that sets all state in each pass.
+
     `encoding` says how the host's textures are encoded. A file of the `surface` operator is read once per `splat_scale`
     x `splat_scale` pixels (1 to 4) and upsampled along surfaces. It lights nothing outside `box`, which is two corners
     (3,), world space, m; the box is meant for files of one room each. A file of the `over` operator is drawn at full
-    resolution, and its light ends where its Gaussians end. Raises ValueError for an unknown encoding, and
+    resolution, and its light ends where its Gaussians end. Raises ValueError for an unknown encoding or scale, and
     UnsupportedError for more Gaussians than the driver's textures can hold.
     """
 
     def __init__(
         self, ctx: moderngl.Context, bake: Bake, encoding: Encoding = OURS, splat_scale: int = DEFAULT_SCALE,
-        box: Box | None = None,
+        box: Box | None = None, keep_state: bool = True,
     ):  # fmt: skip
-        self.ctx, self.encoding = ctx, encoding
+        if splat_scale not in SCALES:
+            raise ValueError(f"splat_scale: {splat_scale!r} is none of {', '.join(map(str, SCALES))}")
+        self.ctx, self.encoding, self._keep_state = ctx, encoding, keep_state
         self._origin = origin_of_bake(bake)
         bake = local_bake(bake, self._origin)
-        self._state = HostState(ctx)
-        self._corner = (0, 0)
+        self._state: HostState | None = HostState(ctx)  # None after release()
+        self._formats: WeakKeyDictionary[moderngl.Texture, Format] = WeakKeyDictionary()
+        self._corner, self._size = (0, 0), None  # of the last draw()
         with self._state.kept():
             self._sampler = ctx.sampler(filter=(moderngl.NEAREST, moderngl.NEAREST), compare_func="")
             if isinstance(bake.blend, OverBlend):
                 self._splats = Splats(ctx, bake)
             else:
                 local_box = None if box is None else tuple(np.asarray(corner) - self._origin for corner in box)
-                self._splats = SurfaceSplats(ctx, bake, splat_scale, encoding, local_box)
+                self._splats = SurfaceSplats(ctx, bake, int(splat_scale), encoding, local_box)
             features = defines("surface/add_light", encoding)
             self._add_light = FullScreenPass(ctx, "surface/add_light", ("albedo", "indirect"), **features)
 
@@ -59,23 +77,30 @@ class IndirectLight:
     ) -> moderngl.Texture:  # fmt: skip
         """B for one camera: RGBA16F of the size of `viewport`, valid until the next call.
 
-        `viewport` is the part of the textures that shows the camera's view, by default all of `depth`. Both matrices
-        are (4, 4) as numpy prints them, for column vectors. Raises ValueError if they are not a rigid pose and a
-        perspective projection.
+        `viewport` is the part of the textures that shows the camera's view, by default all of it. Both matrices are
+        (4, 4) as numpy prints them, for column vectors. Textures are taken to be drawn under the glClipControl that is
+        set now. Raises ValueError, which names the argument, for textures that cannot be what the encoding says, and
+        for matrices that are not a rigid pose and a perspective projection.
         """
-        x, y, *size = viewport or (0, 0, *depth.size)
-        reversed_depth = self.encoding.depth == "reversed"
-        view = View.of_matrices(view_from_world, clip_from_view, tuple(size), reversed_depth)
-        z_to_clip = np.asarray(clip_from_view)[2, 2:]
-        with self._state.kept():
-            self.draw_view(view, depth, normal, (x, y), tuple(z_to_clip))
+        self._check_not_released()
+        flipped, zero_to_one = self._state.clip_control
+        with self._drawing():
+            found = self._format("depth", depth), self._format("normal", normal)
+            x, y, *size = viewport = viewport or (0, 0, *found[0].size)
+            check_surfaces(*found, self.encoding, viewport)
+            mirror = np.diag([1.0, -1.0 if flipped else 1.0, 1.0, 1.0])
+            view = View.of_matrices(view_from_world, mirror @ clip_from_view, tuple(size))
+            check_projection(clip_from_view, self.encoding)
+            with self._state.readable(depth, normal):
+                self.draw_view(view, depth, normal, (x, y), self._z_to_clip(clip_from_view, zero_to_one))
+        self._size = found[0].size
         return self.indirect
 
     def draw_view(
         self, view: View, depth: moderngl.Texture, normal: moderngl.Texture, corner: tuple[int, int] = (0, 0),
         z_to_clip: tuple[float, float] = (0.0, 0.0), profile: Profile | None = None,
     ) -> None:  # fmt: skip
-        """Draw as draw() does without restoring the state of `ctx`: for a host that sets all state in each pass."""
+        """Draw as draw() does without checks, in the state in which `ctx` is, for a renderer of our own."""
         self._corner, view = corner, view.moved(self._origin)
         if isinstance(self._splats, Splats):
             self._splats.draw(view, profile)
@@ -89,25 +114,63 @@ class IndirectLight:
     @property
     def indirect(self) -> moderngl.Texture:
         """Texture of the last draw()."""
+        self._check_not_released()
+        if self._splats.indirect is None:
+            raise RuntimeError("IndirectLight: call draw() first, nothing is drawn yet")
         return self._splats.indirect
 
     def add(self, target: moderngl.Framebuffer, albedo: moderngl.Texture) -> None:
         """Add albedo * B of the last draw() to the first colour attachment of `target`, in the viewport of that draw.
 
-        The attachment holds linear radiance. `target` and `albedo` are as large as the textures of the draw. Alpha does
-        not change.
+        The attachment holds linear radiance. `target` and `albedo` are as large as the textures of the draw. Alpha and
+        other attachments do not change. Raises ValueError, which names the argument, for others.
         """
-        with self._state.kept():
+        indirect = self.indirect
+        with self._drawing():
+            check_target(self._state.gl, target, (albedo.glo, indirect.glo), self._size or indirect.size)
+            check_albedo(self._format("albedo", albedo), self.encoding, self._size or indirect.size)
             self.ctx.enable_only(moderngl.BLEND)
             self.ctx.blend_func = moderngl.ONE, moderngl.ONE
             for unit in range(2):
                 self._sampler.use(unit)
-            viewport = (*self._corner, *self.indirect.size)
-            self._add_light.draw(target, albedo, self.indirect, viewport=viewport, corner=self._corner)
+            viewport = (*self._corner, *indirect.size)
+            with self._state.readable(albedo), self._state.first_attachment(target):
+                self._add_light.draw(target, albedo, indirect, viewport=viewport, corner=self._corner)
+            for unit in range(2):
+                self._sampler.clear(unit)
 
     def release(self) -> None:
-        """Free the GPU memory. The host's own textures are kept."""
+        """Free the GPU memory. The host's own textures are kept. Calling it twice is harmless."""
+        if self._state is None:
+            return
         with self._state.kept():
             for resource in (self._add_light, self._splats, self._sampler):
                 resource.release()
         self._state.release()
+        self._state = None
+
+    @contextmanager
+    def _drawing(self) -> Iterator[None]:
+        """Set the state that our passes assume; restore the host's if that is wanted."""
+        if self._keep_state:
+            with self._state.kept():
+                yield
+        else:
+            self._state.set_plain()
+            yield
+
+    def _format(self, name: str, texture: moderngl.Texture) -> Format:
+        if texture not in self._formats:
+            self._formats[texture] = texture_format(self._state.gl, name, texture)
+        return self._formats[texture]
+
+    def _z_to_clip(self, clip_from_view: np.ndarray, zero_to_one: bool) -> tuple[float, float]:
+        """Columns of z and 1 of the projection's third row, as glsl/surface/host.glsl needs them."""
+        z, one = np.asarray(clip_from_view)[2, 2:]
+        if self.encoding.depth == "window" and zero_to_one:  # the same depth buffer with -w <= z <= w
+            z, one = 2 * z + 1, 2 * one
+        return float(z), float(one)
+
+    def _check_not_released(self) -> None:
+        if self._state is None:
+            raise RuntimeError("IndirectLight: it was released")

@@ -43,11 +43,11 @@ def _overlaps_image(
     """
     stretch = np.float32(1)
     for slope, size, focal in ((x, pinhole.width, pinhole.fx), (y, pinhole.height, pinhole.fy)):
-        limit = np.float32(constants.FRUSTUM_CLAMP * size / (2 * focal))
+        limit = np.float32(constants.FRUSTUM_CLAMP * size / abs(2 * focal))
         stretch = stretch + np.clip(slope, -limit, limit) ** 2
     # Upper bound, in px, on how far dilation widens a splat: sqrt(2 log(1 / alpha_min)) deviations, if it is opaque.
     widest = np.float32(np.sqrt(2 * np.log(1 / blend.alpha_min) * blend.dilation))
-    reach = radius * np.float32(max(pinhole.fx, pinhole.fy)) / depth * np.sqrt(stretch) + widest
+    reach = radius * np.float32(max(abs(pinhole.fx), abs(pinhole.fy))) / depth * np.sqrt(stretch) + widest
     column = np.float32(pinhole.cx) + np.float32(pinhole.fx) * x
     row = np.float32(pinhole.cy) - np.float32(pinhole.fy) * y
     across = (column + reach >= 0) & (column - reach <= pinhole.width)

@@ -56,9 +56,9 @@ class SurfaceSplats:
                 part.set(weight_floor=blend.floor)
 
     @property
-    def indirect(self) -> moderngl.Texture:
+    def indirect(self) -> moderngl.Texture | None:
         """RGBA16F of the last view's size: B (linear Rec.709 radiance for albedo 1), 0 where there is no surface."""
-        return self.targets.indirect
+        return self.targets and self.targets.indirect
 
     def draw(
         self, view: View, depth: moderngl.Texture, normal: moderngl.Texture, corner: tuple[int, int] = (0, 0),

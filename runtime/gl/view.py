@@ -6,6 +6,9 @@ import numpy as np
 
 from gsgi.runtime.camera import Camera, Pinhole
 
+# Elements of a perspective projection that are not 0.
+_PERSPECTIVE = np.array([[1, 0, 1, 0], [0, 1, 1, 0], [0, 0, 1, 1], [0, 0, 1, 0]], bool)
+
 
 class View(NamedTuple):
     """A camera at one image size. `world_from_view` (4, 4) float64 is rigid; nothing nearer than `near` (m) is seen."""
@@ -20,22 +23,27 @@ class View(NamedTuple):
         return View(camera.pinhole(*size), camera.world_from_view, camera.znear)
 
     @staticmethod
-    def of_matrices(
-        view_from_world: np.ndarray, clip_from_view: np.ndarray, size: tuple[int, int], reversed_depth: bool = False
-    ) -> "View":
-        """View of a host's camera: both matrices (4, 4), for column vectors; OpenGL's clip space, -w <= z <= w.
+    def of_matrices(view_from_world: np.ndarray, clip_from_view: np.ndarray, size: tuple[int, int]) -> "View":
+        """View of a host's camera: both matrices (4, 4), for column vectors.
 
-        With `reversed_depth`, 0 <= z <= w and the near plane is at z = w. The frustum may be off-axis. Raises
-        ValueError if a matrix is not finite, `view_from_world` is not rigid, or `clip_from_view` is not a perspective
-        projection.
+        The near plane has z = -w, or z = w if it has the largest z. If it has z = 0 instead, `near` is less than its
+        distance. The frustum may be off-axis, and the image mirrored. Raises ValueError if
+        `view_from_world` is not a rigid pose, or `clip_from_view` not a perspective projection.
         """
         rigid, p = np.asarray(view_from_world, float), np.asarray(clip_from_view, float)
         if rigid.shape != (4, 4) or not np.allclose(rigid @ _inverse_of_rigid(rigid), np.eye(4), atol=1e-4):
             raise ValueError("view_from_world: a rigid (4, 4) matrix is needed, without scale or shear")
+        if np.linalg.det(rigid[:3, :3]) < 0:
+            raise ValueError("view_from_world: a rigid matrix is needed, this one mirrors: its determinant is -1")
+        if p.shape != (4, 4) or not np.allclose(p[~_PERSPECTIVE], 0) or not np.isclose(p[3, 2], -1):
+            raise ValueError(
+                "clip_from_view: a perspective (4, 4) projection that looks down -z is needed: element 32 is -1, "
+                "only 00, 02, 11, 12, 22 and 23 may vary, and all others are 0"
+            )
         with np.errstate(divide="ignore", invalid="ignore"):
-            near = p[2, 3] / (p[2, 2] + 1) if reversed_depth else p[2, 3] / (p[2, 2] - 1)
-        if not (np.isfinite(p).all() and np.allclose(p[3], [0, 0, -1, 0]) and near > 0):
-            raise ValueError("clip_from_view: a perspective projection that looks down -z is needed")
+            near = p[2, 3] / (p[2, 2] + np.copysign(1, p[2, 3]))
+        if not (np.isfinite(p).all() and p[0, 0] * p[1, 1] != 0 and near > 0):
+            raise ValueError("clip_from_view: a near plane in front of the eye and angles of view above 0 are needed")
         return View(projected_pinhole(rigid, p, size), _inverse_of_rigid(rigid), float(near))
 
     def moved(self, origin: np.ndarray) -> "View":
@@ -60,7 +68,10 @@ class View(NamedTuple):
 
 
 def projected_pinhole(view_from_world: np.ndarray, clip_from_view: np.ndarray, size: tuple[int, int]) -> Pinhole:
-    """Pinhole of a perspective projection (4, 4), which may be off-axis, at `size` (width, height) px."""
+    """Pinhole of a perspective projection (4, 4), which may be off-axis, at `size` (width, height) px.
+
+    A mirrored image has a negative focal length.
+    """
     (width, height), p = size, clip_from_view
     focal = p[0, 0] * width / 2, p[1, 1] * height / 2
     centre = (1 - p[0, 2]) * width / 2, (1 + p[1, 2]) * height / 2

@@ -4,84 +4,13 @@ import itertools
 
 import moderngl
 import numpy as np
-import oracle
 import pytest
-import scenes
+from host import CAMERA, SIZE, Host, bake, drawn, pixels, projection, texture
 
-from gsgi.baker.over.initialise import from_surface
-from gsgi.baker.views.surface_points import Triangles
-from gsgi.runtime.gaussians import Bake, OverBlend, SurfaceBlend
+from gsgi.runtime.gaussians import Bake
 from gsgi.runtime.gl.context import create_context
-from gsgi.runtime.gl.gl_state import HostState
 from gsgi.runtime.gl.host_textures import ALBEDOS, DEPTHS, NORMALS, SPACES, Encoding
 from gsgi.runtime.gl.indirect_light import IndirectLight
-from gsgi.runtime.gl.renderer import DeferredRenderer
-from gsgi.runtime.scene import Scene
-
-SIZE = 96, 64
-CAMERA = scenes.inside_camera()
-ROOM = Scene(tuple(scenes.box()), (scenes.WHITE,))
-NEAR, FAR = 0.05, 20.0
-
-
-def bake(seed=0, offset=(0.0, 0.0, 0.0)) -> Bake:
-    points = Triangles(ROOM).sample(600, seed)
-    light = np.random.default_rng(seed).uniform(0, 1, points.position.shape).astype(np.float32)
-    fine, coarse = from_surface(points.position, points.normal, light, 0), oracle.random_gaussians(20, 2, seed=seed)
-    for level in (fine, coarse):
-        level.position[...] += np.float32(offset)
-    return Bake(fine, SurfaceBlend(), coarse=coarse)
-
-
-def projection(reversed_depth=False, size=SIZE, part=None) -> np.ndarray:
-    """(4, 4) of CAMERA; `part` (x, y, width, height) px, y up: the frustum through that part of the image alone."""
-    x, y, width, height = part or (0, 0, *size)
-    top = NEAR * np.tan(CAMERA.yfov / 2)
-    pixel = 2 * top / size[1]
-    left, bottom = pixel * (x - size[0] / 2), pixel * (y - size[1] / 2)
-    right, top = left + pixel * width, bottom + pixel * height
-    p = np.zeros((4, 4))
-    p[0, [0, 2]] = 2 * NEAR / (right - left), (right + left) / (right - left)
-    p[1, [1, 2]] = 2 * NEAR / (top - bottom), (top + bottom) / (top - bottom)
-    p[2, 2:] = (0, NEAR) if reversed_depth else (-(FAR + NEAR) / (FAR - NEAR), -2 * FAR * NEAR / (FAR - NEAR))
-    p[3, 2] = -1
-    return p
-
-
-class Host:
-    """What a host has drawn of ROOM at SIZE: numpy arrays, row 0 below as in GL."""
-
-    def __init__(self, gl):
-        renderer = DeferredRenderer(gl, ROOM, bake(), *SIZE)
-        renderer.render(CAMERA)
-        self.depth, self.normal, self.indirect = (
-            np.ascontiguousarray(renderer.read(layer)[::-1]) for layer in ("depth", "normal", "indirect")
-        )
-        renderer.release()
-
-    def textures(self, gl, encoding: Encoding):
-        p, z = projection(encoding.depth == "reversed"), self.depth.astype(float)
-        depth = {"linear": z, "window": ((-p[2, 2] * z + p[2, 3]) / z + 1) / 2, "reversed": -p[2, 2] + p[2, 3] / z}
-        n = self.normal if encoding.normal_space == "world" else self.normal @ CAMERA.world_from_view[:3, :3]
-        normal = {"octahedral": _octahedral(n), "signed": 2.5 * n, "unsigned": (n + 1) / 2}[encoding.normal]
-        normal = np.concatenate([normal, np.full((*z.shape, 4 - normal.shape[-1]), 7)], axis=-1)
-        return texture(gl, depth[encoding.depth]), texture(gl, normal)
-
-
-def _octahedral(n: np.ndarray) -> np.ndarray:
-    p = n[..., :2] / np.abs(n).sum(axis=-1, keepdims=True)
-    folded = (1 - np.abs(p[..., ::-1])) * np.where(p >= 0, 1, -1)
-    return np.where(n[..., 2:] < 0, folded, p)
-
-
-def texture(gl, array: np.ndarray) -> moderngl.Texture:
-    height, width, *components = array.shape
-    return gl.texture((width, height), *(components or [1]), np.float32(array).tobytes(), dtype="f4")
-
-
-def pixels(source: moderngl.Texture) -> np.ndarray:
-    dtype = np.float16 if source.dtype == "f2" else np.float32
-    return np.frombuffer(source.read(), dtype).reshape(source.height, source.width, 4).astype(np.float32)
 
 
 @pytest.fixture
@@ -94,12 +23,6 @@ def light(gl):
     made = IndirectLight(gl, bake(), splat_scale=1)
     yield made
     made.release()
-
-
-def drawn(light, gl, host, **how) -> np.ndarray:
-    textures = host.textures(gl, light.encoding)
-    clip_from_view = projection(light.encoding.depth == "reversed", part=how.get("viewport"))
-    return pixels(light.draw(*textures, CAMERA.view_from_world, clip_from_view, **how))[..., :3]
 
 
 @pytest.mark.parametrize(("depth", "normal", "space"), list(itertools.product(DEPTHS, NORMALS, SPACES)))
@@ -148,64 +71,6 @@ def test_a_broken_albedo_adds_nothing(gl, host, light):
     target = gl.framebuffer(colour := texture(gl, np.ones((SIZE[1], SIZE[0], 4))))
     light.add(target, texture(gl, np.full((SIZE[1], SIZE[0], 4), np.nan)))
     np.testing.assert_array_equal(pixels(colour), 1)
-
-
-@pytest.fixture
-def fresh_gl(gl):
-    """A context whose state may stay as it is."""
-    made = create_context()
-    yield made
-    made.release()
-    gl.__enter__()
-
-
-@pytest.mark.parametrize("kind", ["surface", "over"])
-def test_the_host_finds_its_state_as_it_left_it(fresh_gl, kind):
-    """Both what it set through moderngl and what it set behind moderngl's back."""
-    gl, host = fresh_gl, Host(fresh_gl)
-    state = HostState(gl)
-    own = gl.framebuffer(texture(gl, np.zeros((7, 9, 4))), gl.depth_renderbuffer((9, 7)))
-    bound, sampler = texture(gl, np.zeros((3, 3, 4))), gl.sampler()
-    given = bake()
-    given = given if kind == "surface" else Bake(given.gaussians, OverBlend(near=0.05))
-    plain = IndirectLight(gl, given, splat_scale=1)
-    textures = host.textures(gl, plain.encoding)
-    frame = *textures, CAMERA.view_from_world, projection()
-    expected = pixels(plain.draw(*frame))
-    target = gl.framebuffer(colour := texture(gl, np.zeros((SIZE[1], SIZE[0], 4))))
-    albedo = texture(gl, np.ones((SIZE[1], SIZE[0], 4)))
-
-    own.use()
-    gl.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
-    gl.depth_func, gl.blend_func = ">=", (moderngl.DST_COLOR, moderngl.ZERO)
-    for unit in range(5):
-        bound.use(unit)
-        sampler.use(unit)
-    odd = state.read() | {
-        "VIEWPORT": (1, 2, 3, 4), "SCISSOR_TEST": (1,), "SCISSOR_BOX": (2, 1, 2, 3), "STENCIL_TEST": (1,),
-        "BLEND 1": (1,), "COLOR_WRITEMASK 0": (1, 0, 1, 0), "DEPTH_WRITEMASK": (0,), "POLYGON_MODE": (0x1B01, 0x1B01),
-        "COLOR_CLEAR": (0.25, 0.5, 0.75, 1.0), "DEPTH_CLEAR": (0.5,), "DEPTH_RANGE": (0.25, 0.75),
-        "BLEND_EQUATION_RGB": (0x8007,), "ACTIVE_TEXTURE": (0x84C3,), "RASTERIZER_DISCARD": (1,), "DEPTH_CLAMP": (1,),
-    }  # fmt: skip
-    state.write(odd)
-    assert state.read() == odd
-    light = IndirectLight(gl, given, splat_scale=1)
-    assert state.read() == odd
-    made = light.draw(*frame)
-    assert state.read() == odd
-    light.add(target, albedo)
-    assert state.read() == odd
-    result, added = pixels(made), pixels(colour)[..., :3]
-    state.write(odd)
-    light.release()
-    assert state.read() == odd
-    np.testing.assert_array_equal(result, expected)
-    np.testing.assert_array_equal(added, expected[..., :3])
-    assert gl.fbo.glo == own.glo
-    with gl.scope(own, moderngl.BLEND):
-        pass
-    found = state.read()  # what moderngl remembers
-    assert [found[name] for name in ("DEPTH_TEST", "CULL_FACE", "BLEND 0")] == [(1,), (1,), (0,)]
 
 
 def test_files_of_one_room_each_light_their_rooms(gl, host):
@@ -278,7 +143,10 @@ def test_an_unknown_encoding_is_named(gl, field):
         ("view_from_world", np.full((4, 4), np.nan), projection()),
         ("clip_from_view", np.eye(4), np.eye(4)),
         ("clip_from_view", np.eye(4), projection() * np.nan),
-        ("clip_from_view", np.eye(4), projection(reversed_depth=True)),
+        ("view_from_world: .* mirrors", np.diag([-1.0, 1, 1, 1]), projection()),
+        ("clip_from_view", np.eye(4), projection() * [0, 1, 1, 1]),
+        ("clip_from_view", np.eye(4), projection() + np.eye(4)[[1, 0, 2, 3]]),
+        ("clip_from_view", np.eye(4), projection() + 0.1 * np.eye(4)[[2, 1, 0, 3]]),
     ],
 )
 def test_matrices_that_are_no_camera_are_named(gl, host, light, name, view, clip):
@@ -288,6 +156,8 @@ def test_matrices_that_are_no_camera_are_named(gl, host, light, name, view, clip
 
 def test_a_context_that_a_window_made_will_do(gl, host):
     """moderngl attached to a current context, as in a host's window, finds OpenGL's functions in another way."""
+    create_context().release()  # glXGetCurrentContext finds a context of EGL only after it has been switched
+    gl.__enter__()
     attached = moderngl.create_context()
     light = IndirectLight(attached, bake(), splat_scale=1)
     textures = host.textures(attached, light.encoding)

@@ -1,0 +1,263 @@
+"""The light pass in a context whose state is a host's: nothing of it changes, and none of it changes the light."""
+
+import ctypes
+
+import moderngl
+import numpy as np
+import pytest
+from compatibility import create_compatibility_context
+from host import (
+    CAMERA,
+    LOWER_LEFT,
+    NEGATIVE_ONE_TO_ONE,
+    SIZE,
+    UPPER_LEFT,
+    ZERO_TO_ONE,
+    Host,
+    bake,
+    call,
+    drawn,
+    pixels,
+    projection,
+    rasterised,
+    texture,
+)
+
+from gsgi.runtime.gaussians import Bake, OverBlend
+from gsgi.runtime.gl.context import create_context
+from gsgi.runtime.gl.gl_state import HostState
+from gsgi.runtime.gl.host_textures import Encoding
+from gsgi.runtime.gl.indirect_light import IndirectLight
+
+OVER = Bake(bake().gaussians, OverBlend(near=0.05))
+
+
+@pytest.fixture
+def fresh_gl(gl):
+    """A context whose state may stay as it is."""
+    made = create_context()
+    yield made
+    made.release()
+    gl.__enter__()
+
+
+@pytest.fixture
+def old_gl(gl):
+    """Likewise, of the compatibility profile."""
+    try:
+        made = create_compatibility_context()
+    except OSError as error:
+        pytest.skip(str(error))
+    yield made
+    made.release()
+    gl.__enter__()
+
+
+# State that a host may leave set and that would change the light: a call, and what undoes it in a fresh context.
+SET = {
+    "clip control": ("ClipControl", 0x8CA1, 0x935F),
+    "viewports": ("ViewportIndexedf", 3, 1.0, 2.0, 3.0, 4.0),
+    "first viewport": ("ViewportIndexedf", 0, 1.5, 2.5, 3.5, 4.5),
+    "scissors": ("ScissorIndexed", 3, 1, 2, 3, 4),
+    "scissor test": ("Enablei", 0x0C11, 0),
+    "last scissor test": ("Enablei", 0x0C11, 3),
+    "blend functions": ("BlendFunci", 3, 0x0306, 0x0300),
+    "first blend function": ("BlendFunci", 0, 0x0306, 0x0300),
+    "blend equations": ("BlendEquationi", 2, 0x8007),
+    "first blend equation": ("BlendEquationi", 0, 0x8007),
+    "pack alignment": ("PixelStorei", 0x0D05, 8),
+    "pack rows": ("PixelStorei", 0x0D02, 7),
+    "unpack alignment": ("PixelStorei", 0x0CF5, 8),
+    "unpack row length": ("PixelStorei", 0x0CF2, 5),
+    "unpack rows": ("PixelStorei", 0x0CF3, 1),
+    "unpack pixels": ("PixelStorei", 0x0CF4, 3),
+    "unpack swap": ("PixelStorei", 0x0CF0, 1),
+    "unpack images": ("PixelStorei", 0x806D, 1),
+    "clip distances": ("Enable", 0x3002),
+    "sample mask": ("Enable", 0x8E51),
+    "smooth polygons": ("Enable", 0x0B41),
+    "restart": ("Disable", 0x8F9D),
+    "point size": ("Enable", 0x8642),
+}
+OLD = {
+    "alpha test": (("Enable", 0x0BC0), ("AlphaFunc", 0x0204, 0.9)),
+    "stipple": (("Enable", 0x0B42), ("PolygonStipple", bytes(128))),
+    "clamp": (("ClampColor", 0x891B, 1),),
+    "clip plane": (("Enable", 0x3000), ("ClipPlane", 0x3000, (ctypes.c_double * 4)(0, 0, 0, -1))),
+    "front polygons": (("PolygonMode", 0x0404, 0x1B01),),
+}
+
+
+def light_of(gl, given, host, setting=()) -> tuple[np.ndarray, np.ndarray]:
+    """What draw() gives and add() adds if the host made these calls before it created the light."""
+    textures = host.textures(gl, Encoding())
+    albedo = texture(gl, np.ones((SIZE[1], SIZE[0], 4)))
+    target = gl.framebuffer(colour := texture(gl, np.zeros((SIZE[1], SIZE[0], 4))))
+    state = HostState(gl)
+    call(gl, "UseProgram", 0)
+    fresh = state.read()
+    for name, *arguments in setting:
+        call(gl, name, *arguments)
+    before = state.read()
+    assert (before == fresh) == (not setting)
+    light = IndirectLight(gl, given, splat_scale=2)
+    made = light.draw(*textures, CAMERA.view_from_world, projection())
+    light.add(target, albedo)
+    after = state.read()
+    with state.kept():  # or else reading would obey the host's state, too
+        result = pixels(made), pixels(colour)
+    light.release()
+    assert after == before
+    return result
+
+
+@pytest.mark.parametrize("name", SET)
+def test_a_hosts_state_changes_no_light_and_is_kept(fresh_gl, name):
+    host = Host(fresh_gl)
+    expected = light_of(fresh_gl, bake(), host)
+    np.testing.assert_array_equal(light_of(fresh_gl, bake(), host, [SET[name]]), expected)
+
+
+def test_a_hosts_state_changes_no_light_of_the_other_operator(fresh_gl):
+    host = Host(fresh_gl)
+    expected = light_of(fresh_gl, OVER, host)
+    np.testing.assert_array_equal(light_of(fresh_gl, OVER, host, SET.values()), expected)
+
+
+@pytest.mark.parametrize("name", OLD)
+def test_state_of_the_compatibility_profile_changes_no_light_and_is_kept(old_gl, name):
+    host = Host(old_gl)
+    expected = light_of(old_gl, bake(), host)
+    np.testing.assert_array_equal(light_of(old_gl, bake(), host, OLD[name]), expected)
+
+
+@pytest.mark.parametrize("given", [bake(), OVER], ids=["surface", "over"])
+def test_the_host_finds_its_state_as_it_left_it(fresh_gl, given):
+    """Both what it set through moderngl and what it set behind moderngl's back."""
+    gl, host = fresh_gl, Host(fresh_gl)
+    state = HostState(gl)
+    own = gl.framebuffer(texture(gl, np.zeros((7, 9, 4))), gl.depth_renderbuffer((9, 7)))
+    bound, sampler = texture(gl, np.zeros((3, 3, 4))), gl.sampler()
+    plain = IndirectLight(gl, given, splat_scale=1)
+    textures = host.textures(gl, plain.encoding)
+    frame = *textures, CAMERA.view_from_world, projection()
+    expected = pixels(plain.draw(*frame))
+    target = gl.framebuffer(colour := texture(gl, np.zeros((SIZE[1], SIZE[0], 4))))
+    albedo = texture(gl, np.ones((SIZE[1], SIZE[0], 4)))
+
+    own.use()
+    gl.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+    gl.depth_func, gl.blend_func = ">=", (moderngl.DST_COLOR, moderngl.ZERO)
+    for unit in range(5):
+        bound.use(unit)
+        sampler.use(unit)
+    odd = state.read() | {
+        "VIEWPORT 0": (1.0, 2.0, 3.0, 4.0), "SCISSOR_TEST 0": (1,), "SCISSOR_BOX 0": (2, 1, 2, 3), "STENCIL_TEST": (1,),
+        "BLEND 1": (1,), "COLOR_WRITEMASK 0": (1, 0, 1, 0), "DEPTH_WRITEMASK": (0,), "POLYGON_MODE": (0x1B01, 0x1B01),
+        "COLOR_CLEAR": (0.25, 0.5, 0.75, 1.0), "DEPTH_CLEAR": (0.5,), "DEPTH_RANGE 0": (0.25, 0.75),
+        "BLEND_EQUATION 0": (0x8007, 0x8006), "ACTIVE_TEXTURE": (0x84C3,), "RASTERIZER_DISCARD": (1,),
+        "DEPTH_CLAMP": (1,),
+    }  # fmt: skip
+    state.write(odd)
+    assert state.read() == odd
+    light = IndirectLight(gl, given, splat_scale=1)
+    assert state.read() == odd
+    made = light.draw(*frame)
+    assert state.read() == odd
+    light.add(target, albedo)
+    assert state.read() == odd
+    result, added = pixels(made), pixels(colour)[..., :3]
+    state.write(odd)
+    light.release()
+    assert state.read() == odd
+    np.testing.assert_array_equal(result, expected)
+    np.testing.assert_array_equal(added, expected[..., :3])
+    assert gl.fbo.glo == own.glo
+    with gl.scope(own, moderngl.BLEND):
+        pass
+    found = state.read()  # what moderngl remembers
+    assert [found[name] for name in ("DEPTH_TEST", "CULL_FACE", "BLEND 0")] == [(1,), (1,), (0,)]
+
+
+@pytest.mark.parametrize("splat_scale", [1, 2])
+@pytest.mark.parametrize("given", [bake(), OVER], ids=["surface", "over"])
+@pytest.mark.parametrize(
+    ("origin", "z", "kind"),
+    [
+        (LOWER_LEFT, ZERO_TO_ONE, "reversed"),
+        (LOWER_LEFT, ZERO_TO_ONE, "reversed, far"),
+        (LOWER_LEFT, ZERO_TO_ONE, "zero to one"),
+        (LOWER_LEFT, NEGATIVE_ONE_TO_ONE, "window"),
+        (UPPER_LEFT, NEGATIVE_ONE_TO_ONE, "window"),
+        (UPPER_LEFT, ZERO_TO_ONE, "reversed"),
+    ],
+)
+def test_a_host_draws_under_its_own_clip_control(fresh_gl, origin, z, kind, given, splat_scale):
+    """Its depth buffer and normals are drawn under it, the upper left origin with the first row on top."""
+    gl, backward = fresh_gl, kind.startswith("reversed")
+    if "GL_ARB_clip_control" not in gl.extensions:
+        pytest.skip("the driver has no glClipControl")
+    plain = rasterised(gl, projection(), False)
+    encoding = Encoding("window", "signed")
+    light = IndirectLight(gl, given, encoding, splat_scale=splat_scale)
+    expected = pixels(light.draw(*plain, CAMERA.view_from_world, projection()))
+    light.release()
+
+    call(gl, "ClipControl", origin, z)
+    encoding = Encoding("reversed" if backward else "window", "signed")
+    textures = rasterised(gl, projection(kind), backward)
+    light = IndirectLight(gl, given, encoding, splat_scale=splat_scale)
+    found = pixels(light.draw(*textures, CAMERA.view_from_world, projection(kind)))
+    light.release()
+    assert expected[..., :3].mean() > 0.1
+    rows = found[::-1] if origin == UPPER_LEFT else found
+    if splat_scale == 1 or origin == LOWER_LEFT:  # blocks begin at the first row
+        # 24 bits of depth are 2e-5 m on the farthest wall; halves have 11 bits
+        np.testing.assert_allclose(rows, expected, rtol=2e-3, atol=2e-3)
+    else:
+        assert np.abs(rows - expected).mean() < 0.01 * expected.mean()
+
+
+def test_a_mirrored_projection_is_a_mirrored_image(gl):
+    """As engines draw that share projections with Vulkan."""
+    host, mirror = Host(gl), np.diag([1.0, -1, 1, 1])
+    light = IndirectLight(gl, bake(), splat_scale=1)
+    expected = drawn(light, gl, host)
+    host.depth, host.normal = host.depth[::-1], host.normal[::-1]
+    textures = host.textures(gl, light.encoding)
+    found = pixels(light.draw(*textures, CAMERA.view_from_world, mirror @ projection()))[..., :3]
+    np.testing.assert_allclose(found[::-1], expected, rtol=2e-3, atol=1e-4)
+    light.release()
+
+
+def test_levels_and_stencil_of_a_hosts_textures_are_kept_and_not_read(fresh_gl):
+    gl, base_level, mode, stencil = fresh_gl, 0x813C, 0x90EA, 0x1901
+    depth, normal = rasterised(gl, projection(), False)
+    light = IndirectLight(gl, bake(), Encoding("window", "signed"), splat_scale=1)
+    expected = pixels(light.draw(depth, normal, CAMERA.view_from_world, projection()))
+    normal.build_mipmaps()
+    normal.use()
+    call(gl, "TexParameteri", 0x0DE1, base_level, 2)
+    depth.use()
+    call(gl, "TexParameteri", 0x0DE1, mode, stencil)
+    found = pixels(light.draw(depth, normal, CAMERA.view_from_world, projection()))
+    np.testing.assert_array_equal(found, expected)
+    for source, name, value in ((normal, base_level, 2), (depth, mode, stencil)):
+        source.use()
+        kept = (ctypes.c_int * 1)()
+        call(gl, "GetTexParameteriv", 0x0DE1, name, kept)
+        assert kept[0] == value
+    light.release()
+
+
+def test_a_host_that_sets_all_state_may_forgo_that_it_is_kept(fresh_gl):
+    host = Host(fresh_gl)
+    light = IndirectLight(fresh_gl, bake(), splat_scale=1)
+    expected = drawn(light, fresh_gl, host)
+    careless = IndirectLight(fresh_gl, bake(), splat_scale=1, keep_state=False)
+    textures = host.textures(fresh_gl, careless.encoding)
+    for name, *arguments in SET.values():
+        call(fresh_gl, name, *arguments)
+    made = careless.draw(*textures, CAMERA.view_from_world, projection())
+    np.testing.assert_array_equal(pixels(made)[..., :3], expected)
+    assert HostState(fresh_gl).read()["POLYGON_SMOOTH"] == (0,)

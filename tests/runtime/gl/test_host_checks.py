@@ -1,0 +1,178 @@
+"""What a host may hand to the light pass, and the errors that name what it may not."""
+
+import ctypes
+from types import SimpleNamespace
+
+import moderngl
+import numpy as np
+import pytest
+from host import CAMERA, SIZE, Host, bake, call, pixels, projection, texture
+
+from gsgi.runtime.gl.host_textures import Encoding
+from gsgi.runtime.gl.indirect_light import IndirectLight
+
+HALF = SIZE[0] // 2, SIZE[1] // 2
+
+
+def made(gl, channels=4, dtype="f4", size=SIZE, **how) -> moderngl.Texture:
+    return gl.texture(size, channels, dtype=dtype, **how)
+
+
+DRAWS = {
+    "half-size normals": ("window", "signed", lambda gl: (gl.depth_texture(SIZE), made(gl, size=HALF)), "normal: 48 x 32 px"),
+    "one-channel normals": ("linear", "signed", lambda gl: (made(gl, 1), made(gl, 1)), "normal: .* 1 channel of 32 bits"),
+    "two-channel normals": ("linear", "signed", lambda gl: (made(gl, 1), made(gl, 2)), "normal: .* 2 channels .* needs 3"),
+    "integer normals": ("linear", "signed", lambda gl: (made(gl, 1), made(gl, 4, "i2")), "normal: integer texels with 4"),
+    "signed normals without signs": ("linear", "signed", lambda gl: (made(gl, 1), made(gl, 4, "f1")), 'normal: .* "unsigned"'),
+    "octahedral normals without signs": ("linear", "octahedral", lambda gl: (made(gl, 1), made(gl, 2, "f1")), "normal: "),
+    "sRGB normals": (
+        "linear", "unsigned", lambda gl: (made(gl, 1), made(gl, 4, "f1", internal_format=0x8C43)), "normal: .* sRGB"
+    ),
+    "depth and normal swapped": ("window", "signed", lambda gl: (made(gl), gl.depth_texture(SIZE)), "normal: .* swapped"),
+    "multisampled depth": ("window", "signed", lambda gl: (gl.depth_texture(SIZE, samples=4), made(gl)), "depth: has 4 samples"),
+    "layers of depth": ("linear", "signed", lambda gl: (gl.texture_array((*SIZE, 2), 1, dtype="f4"), made(gl)), "depth: .* TextureArray"),
+    "a depth buffer as metres": ("linear", "signed", lambda gl: (gl.depth_texture(SIZE), made(gl)), 'depth: .* "window"'),
+    "colours as depth": ("window", "signed", lambda gl: (made(gl, 4, "f1"), made(gl)), "depth: .* 8 bits"),
+    "integers as depth": ("window", "signed", lambda gl: (made(gl, 1, "u4"), made(gl)), "depth: integer"),
+    "no texture": ("window", "signed", lambda gl: (gl.depth_renderbuffer(SIZE), made(gl)), "depth: .* Renderbuffer"),
+    "a name that is no 2D texture": (
+        "linear", "signed",
+        lambda gl: (gl.external_texture(gl.texture_array((*SIZE, 2), 1, dtype="f4").glo, SIZE, 1, 0, "f4"), made(gl)),
+        "depth: .* no 2D texture",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", DRAWS)
+def test_textures_that_cannot_be_what_the_encoding_says_are_named(gl, name):
+    depth, normal, textures, message = DRAWS[name]
+    light = IndirectLight(gl, bake(), Encoding(depth, normal), splat_scale=1)
+    with pytest.raises(ValueError, match=f"^{message}"):
+        light.draw(*textures(gl), CAMERA.view_from_world, projection())
+    assert gl.error == "GL_NO_ERROR"
+    light.release()
+
+
+@pytest.mark.parametrize(
+    "part", [(0, 0, 97, 64), (1, 0, 96, 64), (0, -1, 9, 9), (0, 0, 0, 9), (0, 0, 9), (0, 0, 9.5, 9)]
+)
+def test_a_viewport_outside_the_textures_is_named(gl, part):
+    light = IndirectLight(gl, bake(), splat_scale=1)
+    with pytest.raises(ValueError, match="^viewport: .* within textures of 96 x 64 px"):
+        light.draw(made(gl, 1), made(gl), CAMERA.view_from_world, projection(), viewport=part)
+    light.release()
+
+
+@pytest.mark.parametrize(
+    ("depth", "kind"),
+    [
+        ("window", "reversed"),
+        ("window", "reversed, far"),
+        ("window", "reversed, one to minus one"),
+        ("reversed", "window"),
+        ("reversed", "zero to one"),
+        ("reversed", "reversed, one to minus one"),
+    ],
+)
+def test_an_encoding_that_contradicts_the_projection_is_named(gl, depth, kind):
+    light = IndirectLight(gl, bake(), Encoding(depth), splat_scale=1)
+    with pytest.raises(ValueError, match=f'^clip_from_view: .*Encoding.depth .*"{depth}"'):
+        light.draw(gl.depth_texture(SIZE), made(gl), CAMERA.view_from_world, projection(kind))
+    light.release()
+
+
+@pytest.mark.parametrize("kind", ["reversed", "reversed, far", "zero to one", "reversed, one to minus one"])
+def test_metres_need_no_certain_projection(gl, kind):
+    host, light = Host(gl), IndirectLight(gl, bake(), splat_scale=1)
+    textures = host.textures(gl, light.encoding)
+    found = pixels(light.draw(*textures, CAMERA.view_from_world, projection(kind)))
+    np.testing.assert_allclose(found[..., :3], host.indirect, rtol=2e-3, atol=1e-4)
+    light.release()
+
+
+@pytest.fixture
+def ready(gl):
+    """A light that has drawn, and what it can be added to."""
+    host, light = Host(gl), IndirectLight(gl, bake(), splat_scale=1)
+    light.draw(*host.textures(gl, light.encoding), CAMERA.view_from_world, projection())
+    yield SimpleNamespace(light=light, target=gl.framebuffer(made(gl)), albedo=made(gl))
+    light.release()
+
+
+def test_light_is_added_to_the_first_attachment_alone(gl, ready):
+    """Its masks and draw buffers are kept."""
+    first, others = made(gl), [texture(gl, np.full((SIZE[1], SIZE[0], 4), 0.25)) for _ in range(3)]
+    white = texture(gl, np.ones((SIZE[1], SIZE[0], 4)))
+    target = gl.framebuffer([first, *others])
+    masks = (True, True, False, True), (True,) * 4, (False,) * 4, (True,) * 4
+    target.color_mask = masks
+    target.use()
+    call(gl, "DrawBuffers", 1, (ctypes.c_int * 1)(0x8CE2))
+    ready.light.add(target, white)
+    call(gl, "GetIntegerv", 0x8825, drawn := (ctypes.c_int * 1)())
+    assert drawn[0] == 0x8CE2
+    added, light = pixels(first)[..., :3], pixels(ready.light.indirect)[..., :3]
+    np.testing.assert_array_equal(added[..., :2], light[..., :2])
+    assert not added[..., 2].any()
+    assert all((pixels(other) == 0.25).all() for other in others)
+    assert target.color_mask == masks
+
+
+def test_an_attachment_that_is_read_is_named(gl, ready):
+    gbuffer = gl.framebuffer([made(gl), ready.albedo])
+    for target in (gbuffer, gl.detect_framebuffer(gbuffer.glo)):
+        with pytest.raises(ValueError, match="^target: albedo is one of its attachments"):
+            ready.light.add(target, ready.albedo)
+    with pytest.raises(ValueError, match="^target: "):
+        ready.light.add(gl.framebuffer(ready.light.indirect), ready.albedo)
+
+
+def test_what_light_cannot_be_added_to_or_with_is_named(gl, ready):
+    light, target, albedo = ready.light, ready.target, ready.albedo
+    for other, message in (
+        (gl.framebuffer(made(gl, size=HALF)), "target: 48 x 32 px, needed are the 96 x 64 px"),
+        (gl.framebuffer(depth_attachment=gl.depth_texture(SIZE)), "target: has no colour attachment"),
+        (made(gl), "target: a moderngl.Framebuffer is needed, got Texture"),
+    ):
+        with pytest.raises(ValueError, match=f"^{message}"):
+            light.add(other, albedo)
+    for other, message in (
+        (made(gl, size=HALF), "albedo: 48 x 32 px"),
+        (made(gl, 1), "albedo: .* 1 channel"),
+        (made(gl, 4, "u1"), "albedo: integer"),
+        (gl.depth_texture(SIZE), "albedo: depth"),
+        (made(gl, samples=4), "albedo: has 4 samples"),
+    ):
+        with pytest.raises(ValueError, match=f"^{message}"):
+            light.add(target, other)
+
+
+def test_an_albedo_is_decoded_once(gl):
+    host, light = Host(gl), IndirectLight(gl, bake(), Encoding(albedo="srgb"), splat_scale=1)
+    light.draw(*host.textures(gl, light.encoding), CAMERA.view_from_world, projection())
+    with pytest.raises(ValueError, match="^albedo: .* sRGB already"):
+        light.add(gl.framebuffer(made(gl)), made(gl, 4, "f1", internal_format=0x8C43))
+    light.release()
+
+
+@pytest.mark.parametrize("scale", [0, 5, 1.5, "2", None])
+def test_an_unknown_scale_is_named(gl, scale):
+    with pytest.raises(ValueError, match="^splat_scale: .* is none of 1, 2, 3, 4$"):
+        IndirectLight(gl, bake(), splat_scale=scale)
+
+
+def test_use_out_of_order_is_named(gl, ready):
+    light = IndirectLight(gl, bake())
+    with pytest.raises(RuntimeError, match="draw"):
+        light.add(ready.target, ready.albedo)
+    with pytest.raises(RuntimeError, match="draw"):
+        _ = light.indirect
+    light.release()
+    light.release()
+    for use in (
+        lambda: light.draw(made(gl, 1), made(gl), CAMERA.view_from_world, projection()),
+        lambda: light.add(ready.target, ready.albedo),
+        lambda: light.indirect,
+    ):
+        with pytest.raises(RuntimeError, match="released"):
+            use()
