@@ -135,12 +135,12 @@ class DeferredRenderer:
 
     def _check_in_use(self) -> None:
         if self._released:
-            raise RuntimeError("this DeferredRenderer was released")
+            raise RuntimeError("DeferredRenderer: it was released")
 
     def _check_drawn(self) -> None:
         self._check_in_use()
         if not self._drawn:
-            raise RuntimeError("no frame of this size was drawn: call render() first")
+            raise RuntimeError("DeferredRenderer: call render() first, no frame of this size is drawn yet")
 
     def _apply_splat_scale(self) -> None:
         if self.splats and self._splat_scale != self._next_splat_scale:
@@ -173,7 +173,7 @@ class DeferredRenderer:
 def _checked(splat_scale: int) -> int:
     """Return `splat_scale`. Raises ValueError if it is impossible."""
     if splat_scale not in SCALES:
-        raise ValueError(f"splat_scale: expected one of {SCALES}, got {splat_scale!r}")
+        raise ValueError(f"splat_scale: {splat_scale!r} is none of {', '.join(map(str, SCALES))}")
     return splat_scale
 
 
