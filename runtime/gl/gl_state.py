@@ -43,6 +43,8 @@ class HostState:
     def kept(self) -> Iterator[None]:
         """Restore the context on exit, including the framebuffer and the switches that moderngl remembers."""
         before, bound = self.read(), (self._ctx.fbo, self._ctx.mglo.fbo)
+        # The scope ends by using the framebuffer that moderngl remembers, which would set that one's draw buffers.
+        self._ctx.mglo.fbo = self._scope_target.mglo
         try:
             with self._ctx.scope(self._scope_target, 0):
                 self.set_plain()

@@ -18,26 +18,32 @@ def made(gl, channels=4, dtype="f4", size=SIZE, **how) -> moderngl.Texture:
     return gl.texture(size, channels, dtype=dtype, **how)
 
 
+def srgb(gl) -> moderngl.Texture:
+    return made(gl, 4, "f1", internal_format=0x8C43)
+
+
+def layers(gl) -> moderngl.TextureArray:
+    return gl.texture_array((*SIZE, 2), 1, dtype="f4")
+
+
+# Encodings of depth and normal, what makes the two textures, what the error says.
 DRAWS = {
-    "half-size normals": ("window", "signed", lambda gl: (gl.depth_texture(SIZE), made(gl, size=HALF)), "normal: 48 x 32 px"),
-    "one-channel normals": ("linear", "signed", lambda gl: (made(gl, 1), made(gl, 1)), "normal: .* 1 channel of 32 bits"),
-    "two-channel normals": ("linear", "signed", lambda gl: (made(gl, 1), made(gl, 2)), "normal: .* 2 channels .* needs 3"),
-    "integer normals": ("linear", "signed", lambda gl: (made(gl, 1), made(gl, 4, "i2")), "normal: integer texels with 4"),
-    "signed normals without signs": ("linear", "signed", lambda gl: (made(gl, 1), made(gl, 4, "f1")), 'normal: .* "unsigned"'),
-    "octahedral normals without signs": ("linear", "octahedral", lambda gl: (made(gl, 1), made(gl, 2, "f1")), "normal: "),
-    "sRGB normals": (
-        "linear", "unsigned", lambda gl: (made(gl, 1), made(gl, 4, "f1", internal_format=0x8C43)), "normal: .* sRGB"
-    ),
-    "depth and normal swapped": ("window", "signed", lambda gl: (made(gl), gl.depth_texture(SIZE)), "normal: .* swapped"),
-    "multisampled depth": ("window", "signed", lambda gl: (gl.depth_texture(SIZE, samples=4), made(gl)), "depth: has 4 samples"),
-    "layers of depth": ("linear", "signed", lambda gl: (gl.texture_array((*SIZE, 2), 1, dtype="f4"), made(gl)), "depth: .* TextureArray"),
-    "a depth buffer as metres": ("linear", "signed", lambda gl: (gl.depth_texture(SIZE), made(gl)), 'depth: .* "window"'),
+    "half-size normals": ("linear", "signed", lambda gl: (made(gl, 1), made(gl, size=HALF)), "normal: 48 x 32 px"),
+    "one channel": ("linear", "signed", lambda gl: (made(gl, 1), made(gl, 1)), "normal: .* 1 channel of 32 bits"),
+    "two channels": ("linear", "signed", lambda gl: (made(gl, 1), made(gl, 2)), "normal: .* 2 channels .* needs 3"),
+    "integers": ("linear", "signed", lambda gl: (made(gl, 1), made(gl, 4, "i2")), "normal: integer texels with 4"),
+    "no signs": ("linear", "signed", lambda gl: (made(gl, 1), made(gl, 4, "f1")), 'normal: .* "unsigned"'),
+    "no signs of two": ("linear", "octahedral", lambda gl: (made(gl, 1), made(gl, 2, "f1")), 'normal: .* "unsigned"'),
+    "sRGB": ("linear", "unsigned", lambda gl: (made(gl, 1), srgb(gl)), "normal: .* sRGB"),
+    "swapped": ("window", "signed", lambda gl: (made(gl), gl.depth_texture(SIZE)), "normal: .* swapped"),
+    "multisampled": ("window", "signed", lambda gl: (gl.depth_texture(SIZE, samples=4), made(gl)), "depth: has 4 samp"),
+    "layers": ("linear", "signed", lambda gl: (layers(gl), made(gl)), "depth: .* TextureArray"),
+    "a depth buffer as metres": ("linear", "signed", lambda gl: (gl.depth_texture(SIZE), made(gl)), "depth: .* metres"),
     "colours as depth": ("window", "signed", lambda gl: (made(gl, 4, "f1"), made(gl)), "depth: .* 8 bits"),
     "integers as depth": ("window", "signed", lambda gl: (made(gl, 1, "u4"), made(gl)), "depth: integer"),
     "no texture": ("window", "signed", lambda gl: (gl.depth_renderbuffer(SIZE), made(gl)), "depth: .* Renderbuffer"),
-    "a name that is no 2D texture": (
-        "linear", "signed",
-        lambda gl: (gl.external_texture(gl.texture_array((*SIZE, 2), 1, dtype="f4").glo, SIZE, 1, 0, "f4"), made(gl)),
+    "another target": (
+        "linear", "signed", lambda gl: (gl.external_texture(layers(gl).glo, SIZE, 1, 0, "f4"), made(gl)),
         "depth: .* no 2D texture",
     ),
 }  # fmt: skip
@@ -58,7 +64,7 @@ def test_textures_that_cannot_be_what_the_encoding_says_are_named(gl, name):
 )
 def test_a_viewport_outside_the_textures_is_named(gl, part):
     light = IndirectLight(gl, bake(), splat_scale=1)
-    with pytest.raises(ValueError, match="^viewport: .* within textures of 96 x 64 px"):
+    with pytest.raises(ValueError, match=r"^viewport: .* within textures of 96 x 64 px"):
         light.draw(made(gl, 1), made(gl), CAMERA.view_from_world, projection(), viewport=part)
     light.release()
 
@@ -121,9 +127,9 @@ def test_light_is_added_to_the_first_attachment_alone(gl, ready):
 def test_an_attachment_that_is_read_is_named(gl, ready):
     gbuffer = gl.framebuffer([made(gl), ready.albedo])
     for target in (gbuffer, gl.detect_framebuffer(gbuffer.glo)):
-        with pytest.raises(ValueError, match="^target: albedo is one of its attachments"):
+        with pytest.raises(ValueError, match=r"^target: albedo is one of its attachments"):
             ready.light.add(target, ready.albedo)
-    with pytest.raises(ValueError, match="^target: "):
+    with pytest.raises(ValueError, match=r"^target: "):
         ready.light.add(gl.framebuffer(ready.light.indirect), ready.albedo)
 
 
@@ -150,14 +156,14 @@ def test_what_light_cannot_be_added_to_or_with_is_named(gl, ready):
 def test_an_albedo_is_decoded_once(gl):
     host, light = Host(gl), IndirectLight(gl, bake(), Encoding(albedo="srgb"), splat_scale=1)
     light.draw(*host.textures(gl, light.encoding), CAMERA.view_from_world, projection())
-    with pytest.raises(ValueError, match="^albedo: .* sRGB already"):
-        light.add(gl.framebuffer(made(gl)), made(gl, 4, "f1", internal_format=0x8C43))
+    with pytest.raises(ValueError, match=r"^albedo: .* sRGB already"):
+        light.add(gl.framebuffer(made(gl)), srgb(gl))
     light.release()
 
 
 @pytest.mark.parametrize("scale", [0, 5, 1.5, "2", None])
 def test_an_unknown_scale_is_named(gl, scale):
-    with pytest.raises(ValueError, match="^splat_scale: .* is none of 1, 2, 3, 4$"):
+    with pytest.raises(ValueError, match=r"^splat_scale: .* is none of 1, 2, 3, 4$"):
         IndirectLight(gl, bake(), splat_scale=scale)
 
 
