@@ -1,5 +1,9 @@
-"""Estimate the peak memory of a bake from the amount of data that it holds."""
+"""Estimate the peak memory of a bake or a picture from the data that it holds, and find out how much there is."""
 
+from contextlib import suppress
+from pathlib import Path
+
+from gsgi.runtime.errors import GsgiError
 from gsgi.runtime.scene import Scene
 
 # Bytes, from `./dev bench scenes`.
@@ -9,6 +13,10 @@ PER_TEXEL = 12  # decoded textures and the path tracer's copy
 PER_PIXEL = 80  # the images of a view: traced, denoised and as the target of the fit
 PER_GAUSSIAN = 600  # with its gradients and moments
 
+# Bytes per pixel of a picture, from 1024 x 1024 to 4096 x 4096 pixels of a Cornell box.
+PER_DRAWN_PIXEL = 150  # the targets of a software renderer, and the layer that is written
+PER_TRACED_PIXEL = 300  # of a reference: surfaces, and the sums of both halves
+
 
 def peak_memory(scene: Scene, pixels: int, gaussians: int) -> int:
     """Expected peak of a bake's resident memory, bytes. `pixels` are those of all its views, or its surface samples."""
@@ -16,3 +24,30 @@ def peak_memory(scene: Scene, pixels: int, gaussians: int) -> int:
     texels = sum(texture.pixels.size // 4 for texture in scene.textures)
     held = PER_TRIANGLE * triangles + PER_TEXEL * texels
     return PROCESS + held + PER_PIXEL * pixels + PER_GAUSSIAN * gaussians
+
+
+def check_picture(size: tuple[int, int], per_pixel: int) -> str:
+    """How much memory a picture of `size` (width, height) px takes, as text. Raises GsgiError if there is less."""
+    needed, there = per_pixel * size[0] * size[1], available()
+    told = f"a picture of {size[0]} x {size[1]} px takes about {needed / 1e9:.1f} GB of memory"
+    if there is not None and needed > there:
+        raise GsgiError(f"{told}, and {there / 1e9:.1f} GB are available: ask for a smaller --size")
+    return told
+
+
+def available() -> int | None:
+    """Memory that this process can still take, bytes; None where the system, as other than Linux, does not say."""
+    limits = []
+    with suppress(OSError, ValueError, StopIteration):
+        lines = Path("/proc/meminfo").read_text().splitlines()
+        limits.append(1024 * int(next(line.split()[1] for line in lines if line.startswith("MemAvailable:"))))
+    with suppress(OSError, ValueError):  # of a container; "max" without a limit
+        limits.append(int(Path("/sys/fs/cgroup/memory.max").read_text()))
+    with suppress(ImportError, OSError, ValueError):  # ulimit -v
+        import resource
+
+        limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+        if limit != resource.RLIM_INFINITY:
+            pages = int(Path("/proc/self/statm").read_text().split()[0])
+            limits.append(max(limit - pages * resource.getpagesize(), 0))
+    return min(limits, default=None)

@@ -1,11 +1,20 @@
 """Progress of a command on stderr: a bar per stage on a terminal, plain lines elsewhere."""
 
+import os
 import sys
 import time
 
 from gsgi.baker.progress import Bar, Silent
 
 LINE_INTERVAL = 60.0  # s between plain lines of one stage; few lines, because a log is read afterwards
+
+
+def tell(line: str) -> None:
+    """Print a line on stderr. A reader that has closed it (`2>&1 | head`) misses the rest, but ends no bake."""
+    try:
+        print(line, file=sys.stderr, flush=True)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stderr.fileno())
 
 
 class Console:
@@ -27,7 +36,7 @@ class Console:
 
     def warn(self, line: str) -> None:
         """Print a warning, quiet or not."""
-        print(f"warning: {line}", file=sys.stderr, flush=True)
+        tell(f"warning: {line}")
 
     def close(self, line: str) -> None:
         """Print the line that says what was done, quiet or not."""
@@ -36,7 +45,7 @@ class Console:
 
             tqdm.write(line, file=sys.stderr)
         else:
-            print(line, file=sys.stderr, flush=True)
+            tell(line)
 
 
 class _Terminal:
@@ -75,7 +84,7 @@ class _Lines:
         if time.perf_counter() - self.last >= LINE_INTERVAL:
             self.last = time.perf_counter()
             of = f"{self.done:.0f}/{self.total:.0f} {self.unit}{self._left()}" if self.total else ""
-            print(f"{self.name:<11} {of} {self.note}".rstrip(), file=sys.stderr, flush=True)
+            tell(f"{self.name:<11} {of} {self.note}".rstrip())
 
     def _left(self) -> str:
         """Remaining time at the pace so far, as text; empty if unknown."""
@@ -89,4 +98,4 @@ class _Lines:
 
     def finish(self, seconds: float) -> None:
         what = f"{self.total:.0f} {self.unit}, " if self.total else ""
-        print(f"{self.name:<11} {what}{seconds:.1f} s {self.note}".rstrip(), file=sys.stderr, flush=True)
+        tell(f"{self.name:<11} {what}{seconds:.1f} s {self.note}".rstrip())

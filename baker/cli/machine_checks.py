@@ -72,7 +72,9 @@ def _check(name: str, code: str, needed_for: str, advice: str) -> Check:
     try:
         run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=TIMEOUT)
     except subprocess.TimeoutExpired:
-        return Check(name, False, needed_for, f"no answer within {TIMEOUT} s", "try again when this machine is less busy")
+        return Check(
+            name, False, needed_for, f"no answer within {TIMEOUT} s", "try again when this machine is less busy"
+        )
     if run.returncode == 0:
         return Check(name, True, needed_for, run.stdout.strip().splitlines()[-1])
     lines = run.stderr.strip().splitlines()

@@ -6,20 +6,26 @@ import signal
 import sys
 import threading
 import time
+import traceback
 from typing import NoReturn
 
 from gsgi.runtime.atomic import discard_unfinished
 from gsgi.runtime.errors import GsgiError
 
 from .commands import COMMANDS
+from .console import tell
 from .options import EXIT_CODES
 
-INTERRUPTED = 130
+FAILED, INTERRUPTED = 4, 130
 PATIENCE = 1.0  # s after Ctrl-C until the process ends without the main thread's help
+
+# What libraries say, in errors of many types, where there is not enough memory.
+OUT_OF_MEMORY = ("failed to map segment", "cannot allocate", "unable to allocate", "bad_alloc", "out of memory")
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line and exit with its code."""
+    _open_streams()
     interrupts = []
 
     def interrupt(*_):
@@ -32,11 +38,20 @@ def main(arguments: list[str] | None = None) -> None:
         code = run(arguments)
     except Exception:
         if not interrupts:
-            raise
+            traceback.print_exc()
+            code = FAILED
     # A library can turn the interrupt into its own error, as Open3D's import does, or lose it, as numpy.dtype does.
     if interrupts:
         _end()
     sys.exit(code)
+
+
+def _open_streams() -> None:
+    """Make stdout and stderr exist even where they are closed (`2>&-`), and print names that their encoding lacks."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
+        getattr(sys, name).reconfigure(errors="backslashreplace")
 
 
 def _interrupts() -> int:
@@ -58,7 +73,7 @@ def _end_when_interrupted(signals: int) -> None:
 def _end() -> NoReturn:
     """Exit as interrupted without the interpreter's shutdown, which can turn the exit code into a death by SIGINT."""
     discard_unfinished()
-    print("gsgi: interrupted", file=sys.stderr, flush=True)
+    tell("gsgi: interrupted")
     os._exit(INTERRUPTED)
 
 
@@ -69,25 +84,35 @@ def run(arguments: list[str] | None = None) -> int:
         code = options.run(options) or 0
         sys.stdout.flush()
         return code
-    except GsgiError as error:
-        print(f"gsgi: {error}", file=sys.stderr)
-        return error.exit_code
+    except KeyboardInterrupt:
+        return INTERRUPTED
     except BrokenPipeError:
         # The reader of stdout has closed it (`gsgi inspect FILE | head`), which is not an error.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except OSError as error:
+    except Exception as error:
+        line, code = _explained(error)
+        tell(f"gsgi: {line}")
+        return code
+
+
+def _explained(error: Exception) -> tuple[str, int]:
+    """One line and the exit code for an error that a user can fix. Raises any other."""
+    text = " ".join(str(error).split())
+    if isinstance(error, GsgiError):
+        return str(error), error.exit_code
+    if isinstance(error, MemoryError) or any(phrase in text.lower() for phrase in OUT_OF_MEMORY):
+        return "out of memory" + (f": {text}" if text else ""), FAILED
+    if isinstance(error, FloatingPointError):
+        return text, FAILED
+    if isinstance(error, ModuleNotFoundError):
+        return f"{error.name} is not installed: install gsgi with its extra 'bake'", 5
+    if isinstance(error, ImportError):
+        return f"{text}: `gsgi doctor` says what is missing", 5
+    if isinstance(error, OSError):
         # Files that a command names raise FileError, so this is stdout, such as a full disk behind `> FILE`.
-        print(f"gsgi: cannot write the output: {error.strerror or error}", file=sys.stderr)
-        return 2
-    except FloatingPointError as error:
-        print(f"gsgi: {error}", file=sys.stderr)
-        return 4
-    except ModuleNotFoundError as error:
-        print(f"gsgi: {error.name} is not installed: install gsgi with its extra 'bake'", file=sys.stderr)
-        return 5
-    except KeyboardInterrupt:
-        return INTERRUPTED
+        return f"cannot write the output: {error.strerror or error}", 2
+    raise error
 
 
 class _Version(argparse.Action):

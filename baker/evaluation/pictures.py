@@ -9,6 +9,8 @@ from gsgi.runtime.image import write_image
 
 MARGIN = 6  # px between panels
 CAPTION = 22  # px above a panel
+LIGHT = ("final", "primary", "indirect")  # layers that are exposed and tone-mapped
+BAND = 256  # rows that are tone-mapped at once, in double precision
 
 
 def write_layer(path: str, layer: str, values: np.ndarray, exposure: float | None) -> None:
@@ -18,7 +20,11 @@ def write_layer(path: str, layer: str, values: np.ndarray, exposure: float | Non
     shifted by 1/2, and depth is divided by the largest depth. Other files, such as .exr, get the values unchanged.
     """
     if Path(path).suffix.lower() == ".png":
-        write_image(path, to_uint8(_visible(layer, values, exposure)))
+        if layer in LIGHT and exposure is None:
+            exposure = auto_exposure(values)
+        bands = np.split(values, range(BAND, len(values), BAND))
+        largest = float(values.max())
+        write_image(path, np.concatenate([to_uint8(_visible(layer, band, exposure, largest)) for band in bands]))
     else:
         write_image(path, values if values.ndim == 3 else values[..., None])
 
@@ -37,13 +43,12 @@ def panels(images: dict[str, np.ndarray]) -> np.ndarray:
     return np.asarray(canvas)
 
 
-def _visible(layer: str, values: np.ndarray, exposure: float | None) -> np.ndarray:
-    """A layer as display-referred values in [0, 1], (H, W, 3)."""
+def _visible(layer: str, values: np.ndarray, exposure: float | None, largest: float) -> np.ndarray:
+    """Rows of a layer as display-referred values in [0, 1], (H, W, 3); `largest` is the largest value of the layer."""
     if layer == "depth":
-        far = float(values.max()) or 1.0
-        return np.repeat((values / far)[..., None], 3, axis=2)
+        return np.repeat((values / (largest or 1.0))[..., None], 3, axis=2)
     if layer == "normal":
         return np.where(values.any(axis=2, keepdims=True), values * 0.5 + 0.5, 0)
     if layer == "albedo":
         return encode_srgb(np.clip(values, 0, 1))
-    return tone_map(values, auto_exposure(values) if exposure is None else exposure)
+    return tone_map(values, exposure)

@@ -13,8 +13,8 @@ from gsgi.runtime.errors import UnsupportedError
 # LLVM 14 is refused, 15 and 16 abort in code generation (fmaximum), and 17 and 18 are untested.
 VERSION_MIN = 19
 
-# s; a probe takes about one. A machine where it takes longer than SLOW is busy, which is said. A probe without an answer
-# after GIVE_UP more proves nothing: an unsuitable LLVM aborts at once.
+# s; a probe takes about one. A machine where it takes longer than SLOW is busy, which is said. No answer after GIVE_UP
+# more proves nothing: an unsuitable LLVM aborts at once.
 SLOW, GIVE_UP = 60.0, 600.0
 
 _FOLDERS = ("/usr/lib/x86_64-linux-gnu", "/usr/lib/aarch64-linux-gnu", "/usr/lib64", "/usr/lib", "/usr/local/lib")

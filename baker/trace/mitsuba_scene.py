@@ -1,5 +1,6 @@
 """Mitsuba as a ray caster: load the module with our variant, and build a Mitsuba scene from triangles."""
 
+import os
 import sys
 
 import numpy as np
@@ -14,7 +15,10 @@ def load_mitsuba():
     import mitsuba as mi
 
     if mi.variant() is None:
-        mi.set_variant("llvm_ad_rgb")
+        try:
+            mi.set_variant("llvm_ad_rgb")
+        except ImportError as error:  # LLVM has just worked in a process of its own, which held nothing else
+            raise MemoryError(f"cannot load {os.environ['DRJIT_LIBLLVM_PATH']}") from error
     return mi
 
 

@@ -1,9 +1,10 @@
 """One deferred frame: all its layers, and the costs of its passes."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 from gsgi.runtime.camera import Camera
+from gsgi.runtime.errors import GsgiError
 from gsgi.runtime.gaussians import Bake
 from gsgi.runtime.layers import LAYERS
 from gsgi.runtime.scene import Scene
@@ -18,14 +19,15 @@ def draw(
     backend: str,
     device: int | None = None,
     say: Callable[[str], None] | None = None,
+    layers: Sequence[str] = LAYERS,
 ) -> dict:
-    """Draw one deferred frame; return all layers by name: (H, W, 3) float32, depth (H, W).
+    """Draw one deferred frame; return `layers` by name: (H, W, 3) float32, depth (H, W).
 
     `say` is called with a line that names the OpenGL driver.
     """
     with _renderer(scene, baked, width, height, backend, device, say) as renderer:
         renderer.render(camera)
-        return {layer: renderer.read(layer) for layer in LAYERS}
+        return {layer: renderer.read(layer) for layer in layers}
 
 
 def costs(
@@ -51,12 +53,17 @@ def _renderer(
     device: int | None,
     say: Callable[[str], None] | None = None,
 ) -> Iterator:
-    """Renderer in a context of its own; both are released on exit."""
+    """Renderer in a context of its own; both are released on exit. Raises GsgiError where the driver fails."""
+    import moderngl
+
     from .context import create_context
     from .renderer import DeferredRenderer
 
     context = create_context(backend, device, say)
-    renderer = DeferredRenderer(context, scene, baked, width, height)
+    try:
+        renderer = DeferredRenderer(context, scene, baked, width, height)
+    except moderngl.Error as error:
+        raise GsgiError(f"OpenGL has no memory for a frame of {width} x {height} px: {error}") from error
     try:
         yield renderer
     finally:

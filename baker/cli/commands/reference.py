@@ -29,6 +29,7 @@ def run(options: argparse.Namespace) -> None:
     from gsgi.baker.cli.console import Console
     from gsgi.baker.cli.inputs import choose_camera, read_scene
     from gsgi.baker.evaluation.pictures import write_layer
+    from gsgi.baker.memory import PER_TRACED_PIXEL, check_picture
     from gsgi.baker.progress import Progress
     from gsgi.baker.trace import reference
     from gsgi.baker.trace.tracer import Tracer
@@ -38,6 +39,7 @@ def run(options: argparse.Namespace) -> None:
     check_image_path(options.output)
     check_writable(options.output)
     progress = Progress(Console(options.quiet))
+    progress.say(check_picture(options.size, PER_TRACED_PIXEL))
     with progress.stage("scene"):
         scene = read_scene(options, progress)
         camera = choose_camera(scene, options)

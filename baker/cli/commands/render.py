@@ -32,6 +32,7 @@ def run(options: argparse.Namespace) -> None:
     from gsgi.baker.cli.console import Console
     from gsgi.baker.cli.inputs import choose_camera, read_light, read_scene
     from gsgi.baker.evaluation.pictures import write_layer
+    from gsgi.baker.memory import PER_DRAWN_PIXEL, check_picture
     from gsgi.baker.progress import Progress
     from gsgi.runtime.atomic import check_writable
     from gsgi.runtime.errors import UsageError
@@ -43,16 +44,18 @@ def run(options: argparse.Namespace) -> None:
     if options.gi is None and options.layer == "indirect":
         raise UsageError("--layer indirect needs baked light: --gi FILE")
     progress = Progress(Console(options.quiet))
+    progress.say(check_picture(options.size, PER_DRAWN_PIXEL))
     scene = read_scene(options, progress)
     baked = read_light(options, scene, progress)
     frame = scene, baked, choose_camera(scene, options), *options.size, options.backend, options.device
-    write_layer(options.output, options.layer, draw(*frame, progress.say)[options.layer], options.exposure)
+    layer = draw(*frame, progress.say, [options.layer])[options.layer]
+    write_layer(options.output, options.layer, layer, options.exposure)
     if options.profile:
         print_costs(*costs(*frame))
 
 
 def print_costs(driver: str, rows: list[dict]) -> None:
-    """Print the driver, and a table whose last row is the sum of all passes."""
+    """Print the driver, and a table of medians whose last row is the sum of all passes."""
     everything = {"name": "all", **{column: sum(row[column] for row in rows) for column in ("gpu_ms", "cpu_ms")}}
     print(driver)
     print(f"{'pass':<28}{'gpu ms':>9}{'cpu ms':>9}{'quads':>9}{'fragments':>12}")
