@@ -224,6 +224,21 @@ def from_behind():
     return scene
 
 
+def with_empty_primitives():
+    """A square, and primitives without vertices, indices or poses."""
+    import pyrender
+
+    scene = from_behind()
+    for nothing in (
+        {"positions": np.zeros((0, 3)), "mode": 0},
+        {"positions": np.zeros((0, 3)), "indices": np.zeros((0, 3))},
+        {"positions": np.eye(3), "indices": np.zeros((0, 3))},
+        {"positions": np.eye(3), "poses": np.zeros((0, 4, 4))},
+    ):
+        scene.add(pyrender.Mesh([pyrender.Primitive(**nothing)]))
+    return scene
+
+
 def cameras() -> dict:
     """Cameras by name."""
     import pyrender
@@ -256,6 +271,8 @@ CASES = {
     "vertex_colors_flat": (vertex_colors, 4096),
     "culled": (from_behind, 0),
     "not_culled": (from_behind, 1024),
+    "with_empty_primitives": (with_empty_primitives, 1024),
+    "with_empty_primitives_depth": (with_empty_primitives, 1),
     "blended": (blended, 2048),
     "instances": (instances, 0),
     "instances_depth": (instances, 1),

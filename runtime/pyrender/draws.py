@@ -25,7 +25,17 @@ def draws(scene, eye: np.ndarray) -> list[Draw]:
     nodes = [(node, scene.get_pose(node)) for node in scene.mesh_nodes if node.mesh.is_visible]
     nodes.sort(key=lambda item: -np.linalg.norm(item[1][:3, 3] - eye))
     nodes.sort(key=lambda item: item[0].mesh.is_transparent)
-    return [Draw(node, pose, primitive) for node, pose in nodes for primitive in node.mesh.primitives]
+    return [Draw(node, pose, primitive) for node, pose in nodes for primitive in primitives(node.mesh)]
+
+
+def primitives(mesh) -> list:
+    """Primitives of a pyrender mesh, without those that have no vertices, indices or poses."""
+
+    def full(primitive) -> bool:
+        arrays = primitive.positions, primitive.indices, primitive.poses
+        return all(array is None or len(array) for array in arrays)
+
+    return [primitive for primitive in mesh.primitives if full(primitive)]
 
 
 def wireframe(material, flags: int) -> bool:
@@ -42,7 +52,7 @@ def bounds(scene) -> np.ndarray:
     """
     corners = []
     for node in scene.mesh_nodes:
-        pose, boxes = scene.get_pose(node), np.array([primitive.bounds for primitive in node.mesh.primitives])
+        pose, boxes = scene.get_pose(node), np.array([primitive.bounds for primitive in primitives(node.mesh)])
         if len(boxes):
             low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
             box = np.stack(np.meshgrid(*np.transpose([low, high])), axis=-1).reshape(8, 3)

@@ -9,7 +9,7 @@ from gsgi.runtime.errors import UnsupportedError
 from gsgi.runtime.gaussians import Bake
 
 from . import lights, materials
-from .draws import Draw, bounds, draws
+from .draws import Draw, bounds, draws, primitives
 from .flags import NORMALS, RenderFlags
 from .forward import Forward, FrameLight, camera_uniforms
 from .indirect import BakedLight
@@ -40,7 +40,7 @@ class FrameRenderer:
         items = draws(scene, lens.position)
         placed = lights.lights(scene)
         shadowed = [light for light in placed if lights.casts_shadows(light, flags)]
-        self._primitives.keep(primitive for node in scene.mesh_nodes for primitive in node.mesh.primitives)
+        self._primitives.keep(primitive for node in scene.mesh_nodes for primitive in primitives(node.mesh))
         self._resize(size)
         self.ctx.depth_func, self.ctx.wireframe = "<", False
         frame = camera_uniforms(lens, point_size)

@@ -8,7 +8,17 @@ import numpy as np
 import pytest
 from gl_objects import alive
 from gsgi_files import constant
-from pyrender_scenes import SIZE, empty, from_behind, material, quad, solids, textured, translation
+from pyrender_scenes import (
+    SIZE,
+    empty,
+    from_behind,
+    material,
+    quad,
+    solids,
+    textured,
+    translation,
+    with_empty_primitives,
+)
 
 from gsgi.runtime.errors import FileError, FormatError, UnsupportedError
 from gsgi.runtime.gl.context import create_context
@@ -142,6 +152,12 @@ def test_two_renderers_do_not_disturb_each_other(renderer):
     assert np.array_equal(other.render(solids())[0], small)
     other.delete()
     assert np.array_equal(renderer.render(solids())[0], expected)
+
+
+def test_empty_primitives_cast_no_shadow(renderer):
+    """pyrender's own shadows fail there: nothing has no bounds."""
+    full, _ = renderer.render(with_empty_primitives(), SHADOWS | RenderFlags.SKIP_CULL_FACES)
+    assert np.array_equal(full, renderer.render(from_behind(), SHADOWS | RenderFlags.SKIP_CULL_FACES)[0])
 
 
 def test_what_is_invisible_is_not_drawn(pyrender, renderer):
