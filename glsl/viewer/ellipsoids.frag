@@ -23,7 +23,7 @@ void main() {
     float square = dot(d, d), rest = square - dot(apart, apart);
     if (!(rest >= 0.0)) discard;
     float depth = (-dot(v_eye, d) - sqrt(rest)) / square;
-    if (!(depth >= near)) discard;  // the eye is inside the ellipsoid
+    if (!(depth >= near)) discard;  // the near side is cut by the near plane, or lies behind the eye
     vec3 normal = normalize(v_whiten * (v_eye + depth * d));
     out_color = vec4(v_color * mix(EDGE, 1.0, abs(dot(normal, normalize(ray)))), 1.0);
     gl_FragDepth = window_depth(depth, near);

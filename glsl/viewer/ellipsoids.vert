@@ -1,21 +1,21 @@
-// Gaussians as solid ellipsoids: one polygon each, around its image. Draw a strip of OUTLINE_CORNERS vertices per
-// instance.
+// Gaussians as solid ellipsoids: one polygon each, around the image of its part beyond the near plane. Draw a strip of
+// OUTLINE_CORNERS vertices per instance.
 #include "lib/ellipsoid.glsl"
 #include "lib/gaussian.glsl"
 
 uniform highp sampler2D shape_data;
 uniform highp sampler2D sh_data;
 uniform mat4 view_from_world;
-uniform vec3 eye;
+uniform vec3 eye;     // world space, m
 uniform vec2 focal;   // px
 uniform vec2 centre;  // px
 uniform vec2 size;    // px
-uniform float near;    // m
+uniform float near;    // m; nothing nearer is drawn
 uniform float radius;  // standard deviations at which the ellipsoid ends
 
-flat out vec3 v_eye;     // in the frame of the ellipsoid's axes, in which the ellipsoid is the unit sphere
+flat out vec3 v_eye;     // the eye in the ellipsoid's frame, in which it is the unit sphere
 flat out mat3 v_whiten;  // columns: the ellipsoid's unit axes, view space, over their lengths
-flat out vec3 v_color;   // light
+flat out vec3 v_color;   // linear radiance: towards the eye (`over`), or of the Gaussian's normal (`surface`)
 
 // Of the longest axis: thinner axes are drawn this thick, so that float32 can tell front from back.
 #define THINNEST 0.01

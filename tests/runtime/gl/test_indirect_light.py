@@ -27,11 +27,14 @@ def light(gl):
 
 @pytest.mark.parametrize(("depth", "normal", "space"), list(itertools.product(DEPTHS, NORMALS, SPACES)))
 def test_every_encoding_gives_the_same_light(gl, host, depth, normal, space):
-    """As far as a depth buffer tells depth: 1 in 2^24 of 0..1, which far away is 1e-4 of the depth."""
+    """In every pixel, to one step of the halves in which B is stored.
+
+    Depth in 0 ... 1 is rounded to 2^-24, which is 5e-6 m on the farthest wall: far less than such a step of light.
+    """
     light = IndirectLight(gl, bake(), Encoding(depth, normal, space), splat_scale=1)
     assert host.indirect.mean() > 0.2
-    difference = np.abs(drawn(light, gl, host) - host.indirect)
-    assert np.quantile(difference, 0.99) < 2e-3
+    assert host.indirect.max() < 1
+    assert np.abs(drawn(light, gl, host) - host.indirect).max() <= 2**-11
     light.release()
 
 

@@ -19,6 +19,8 @@ from gsgi.runtime.gltf.reader import read_gltf
 from gsgi.runtime.scene import Environment, Light, Material, Mesh, Scene, Texture, TextureSlot
 
 SIZE = 128, 96
+HALVES = 2**-10  # albedo, normal and the sum of the lights are rounded to the 11 bits of a half, each by half a step
+TEXELS = 1 / 255  # software filters 8-bit textures in 8 bits
 UP = np.array([0.0, 1.0, 0.0])
 LAMP = np.array([-0.9, 1.8, 0.7])
 
@@ -91,8 +93,8 @@ def noise(low=(60, 60, 60, 60), high=(240, 240, 240, 240)) -> np.ndarray:
 def assert_equal_light(gl, scene: Scene, camera: str = "camera", size=SIZE):
     error = primary_error(gl, scene, scene.cameras[camera], *size)
     assert error.lit.sum() > 300
-    assert error.mean < 0.02
-    assert error.total < 0.02
+    assert error.total < HALVES + (TEXELS if scene.textures else 0)
+    assert error.mean < 2 * TEXELS  # relative: the dim edges of cones and dark texels count as much as the rest
     assert error.wrong < 0.002
     return error
 
