@@ -4,6 +4,7 @@ import moderngl
 import numpy as np
 
 from gsgi.runtime.camera import Camera
+from gsgi.runtime.errors import UnsupportedError
 from gsgi.runtime.gaussians import Bake
 from gsgi.runtime.layers import LAYERS
 from gsgi.runtime.rebase import local_camera, local_scene, origin_of
@@ -28,14 +29,15 @@ class DeferredRenderer:
     shadows, without an environment no background. A bake of the `surface` operator is read once per `splat_scale` x
     `splat_scale` pixels (1 to 4) and upsampled; a bake of `over` is always drawn at full resolution. The framebuffer,
     blending, depth test and culling of `ctx` are left changed. Raises ValueError for another `splat_scale`, and
-    UnsupportedError for textures or Gaussians that the driver cannot hold. Its methods raise RuntimeError after
-    release().
+    UnsupportedError for textures, Gaussians or a size that the driver cannot hold. Its methods raise RuntimeError
+    after release().
     """
 
     def __init__(
         self, ctx: moderngl.Context, scene: Scene, bake: Bake | None, width: int, height: int, splat_scale: int = 1
     ):
         self._ctx, self._origin = ctx, origin_of(scene)
+        _check_size(ctx, width, height)
         self._splat_scale = self._next_splat_scale = _checked(splat_scale)
         self._released = False
         if self._origin.any():
@@ -50,8 +52,12 @@ class DeferredRenderer:
         self._make_targets((width, height))
 
     def resize(self, width: int, height: int) -> None:
-        """Draw at another size from the next frame on. Uploaded data is kept."""
+        """Draw at another size from the next frame on. Uploaded data is kept.
+
+        Raises UnsupportedError for a size that the driver cannot hold.
+        """
         self._check_in_use()
+        _check_size(self._ctx, width, height)
         if self.gbuffer.size != (width, height):
             self._release_targets()
             self._make_targets((width, height))
@@ -175,6 +181,12 @@ def _checked(splat_scale: int) -> int:
     if splat_scale not in SCALES:
         raise ValueError(f"splat_scale: {splat_scale!r} is none of {', '.join(map(str, SCALES))}")
     return splat_scale
+
+
+def _check_size(ctx: moderngl.Context, width: int, height: int) -> None:
+    limit = ctx.info["GL_MAX_TEXTURE_SIZE"]
+    if not 1 <= min(width, height) <= max(width, height) <= limit:
+        raise UnsupportedError(f"frame of {width} x {height} px: this driver draws 1 to {limit} px an edge")
 
 
 def pixels(texture: moderngl.Texture) -> np.ndarray:

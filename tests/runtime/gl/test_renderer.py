@@ -15,6 +15,7 @@ from repository import TESTS
 
 from gsgi.runtime.constants import HALF_MAX
 from gsgi.runtime.display import to_uint8, tone_map
+from gsgi.runtime.errors import UnsupportedError
 from gsgi.runtime.gaussians import Bake
 from gsgi.runtime.gl.renderer import LAYERS, DeferredRenderer
 from gsgi.runtime.scene import Material, Scene
@@ -208,3 +209,18 @@ def test_release_frees_everything_and_ends_its_use(gl):
         with pytest.raises(RuntimeError, match="DeferredRenderer: it was released"):
             use()
     assert alive(gl) == before
+
+
+@pytest.mark.parametrize("size", [(0, 8), (8, -1), (10**6, 8)])
+def test_an_impossible_size_is_refused_and_the_frame_kept(gl, size):
+    message = f"frame of {size[0]} x {size[1]} px: this driver draws 1 to {gl.info['GL_MAX_TEXTURE_SIZE']} px an edge"
+    before = alive(gl)
+    with pytest.raises(UnsupportedError, match=message):
+        DeferredRenderer(gl, scenes.furnace(), None, *size)
+    assert alive(gl) == before
+    renderer = DeferredRenderer(gl, scenes.furnace(), None, 8, 8)
+    renderer.render(scenes.inside_camera())
+    with pytest.raises(UnsupportedError, match=message):
+        renderer.resize(*size)
+    assert (renderer.read("final") == 1).all()
+    renderer.release()
