@@ -9,9 +9,10 @@ from gsgi.baker.cache.store import Cache
 from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.baker.trace.pilot import Pilot
 from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling
+from gsgi.baker.views.cached_placement import place_once
 from gsgi.baker.views.coverage import sample_seen
 from gsgi.baker.views.dark_views import dark_views
-from gsgi.baker.views.placement import Placement, place
+from gsgi.baker.views.placement import Placement
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.errors import SceneError
@@ -144,15 +145,18 @@ def make_plan(
             "the scene has no light: neither a punctual light (KHR_lights_punctual) nor an emissive surface nor an "
             "environment; light it with --sun or --env"
         )
-    with progress.stage("views"):
+    tracer = CachedTracer(scene, cache)
+    with progress.stage("views") as advance:
         triangles = Triangles(scene)
         given = scene.cameras | dict(path or {})
-        placement = place(triangles, given, settings.size or PLACED_SIZE, settings.seed, settings.views)
+        at_size = settings.size or PLACED_SIZE
+        placement, found = place_once(tracer, triangles, given, at_size, settings.seed, settings.views)
+        if found:
+            advance(0, "from the cache")
         size = settings.size or _size(len(placement.fitted))
-        placement = _at_size(placement, size / (settings.size or PLACED_SIZE))
+        placement = _at_size(placement, size / at_size)
     with progress.stage("plan"):
         points = sample_seen(triangles, list(placement.fitted.values()), pilot.POINTS, settings.seed)
-        tracer = CachedTracer(scene, cache)
         probe = pilot.run(tracer.at_points, points.position, points.normal, settings.seed)
         bounces = probe.bounces(settings.bounce_fraction) if settings.bounces is None else settings.bounces
         dark = dark_views(triangles, placement.fitted | placement.held_out, tracer.at_points, bounces, settings.seed)

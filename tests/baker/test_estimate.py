@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 import scenes
+from traced_paths import counted
 
 from gsgi.baker import estimate as estimating
 from gsgi.baker import job
@@ -16,7 +17,7 @@ from gsgi.baker.progress import Progress
 from gsgi.baker.settings import OPERATORS, Settings
 from gsgi.baker.surface import budget, fits, samples
 from gsgi.baker.surface.budget import COARSE_SHARE, FREE_PER_GAUSSIAN
-from gsgi.baker.trace.tracer import PASS_SAMPLES, Tracer
+from gsgi.baker.trace.tracer import PASS_SAMPLES
 
 CHUNK = 1 << 10
 # Two chunks in free space; no whole number of passes; and no pixel is done before the others.
@@ -49,15 +50,7 @@ def closed() -> Plan:
 @pytest.fixture
 def traced(monkeypatch) -> list[int]:
     """The number of paths of each call of a tracer."""
-    counts, trace = [], Tracer.indirect
-
-    def counting(*arguments):
-        light = trace(*arguments)
-        counts.append(int(light.samples.sum()) + light.invalid)
-        return light
-
-    monkeypatch.setattr(Tracer, "indirect", counting)
-    return counts
+    return counted(monkeypatch)
 
 
 @pytest.mark.parametrize("operator", OPERATORS)

@@ -23,6 +23,7 @@ from gsgi.baker.cli.commands import COMMANDS
 from gsgi.baker.evaluation import held_out
 from gsgi.baker.settings import OPERATORS
 from gsgi.baker.surface import budget, samples
+from gsgi.baker.trace.tracer import Tracer
 from gsgi.baker.views.placement import HELD_OUT
 from gsgi.runtime.file import codec
 from gsgi.runtime.image import read_image, write_image
@@ -324,11 +325,14 @@ def test_render_says_what_each_pass_costs(bakes, tmp_path, gl, capsys):
 
 def test_render_says_when_the_light_is_of_another_scene(baked, tmp_path, gl):
     size = ["--gi", baked / "c.gsgi", "-o", tmp_path / "frame.png", "--size", "16x16"]
-    assert not gsgi("render", CORNELL, *size, "--quiet").stderr
+    said = gsgi("render", CORNELL, *size, "--quiet").stderr
+    assert said.startswith(f"wrote {tmp_path / 'frame.png'}: final, 16 x 16 px, ")
+    assert said.count("\n") == 1
     other = gsgi("render", SCENES / "two_rooms.glb", *size, "--quiet")
     assert other.returncode == 0
-    assert "other geometry" in other.stderr
-    assert other.stderr.count("\n") == 1
+    warning, closing = other.stderr.splitlines()
+    assert "other geometry" in warning
+    assert closing.startswith("wrote ")
 
 
 @pytest.mark.parametrize("layer", ["primary", "albedo", "normal", "depth"])  # those that no fit changes
@@ -341,6 +345,14 @@ def test_render_and_reference_agree_on_layers(baked, tmp_path, gl, layer):
     assert drawn.shape == traced.shape
     # A pixel on an edge may see either side of it, and a shadow map blurs shadow edges.
     assert np.quantile(np.abs(drawn - traced), 0.9) < 0.01 * max(1, np.abs(traced).max())
+
+
+@pytest.mark.parametrize("layer", ["primary", "albedo", "normal", "depth"])
+def test_a_reference_traces_no_more_than_its_layer_needs(monkeypatch, tmp_path, layer):
+    monkeypatch.setattr(Tracer, "indirect", lambda *_: pytest.fail(f"{layer} has no B in it"))
+    command = ["reference", CORNELL, "-o", str(tmp_path / "x.exr"), "--size", "16x16", "--layer", layer]
+    assert main.run(command) == 0
+    assert read_image(tmp_path / "x.exr").any()
 
 
 def test_render_and_reference_write_the_normal_that_a_map_bends(tmp_path, gl):
@@ -665,7 +677,9 @@ def test_another_fit_takes_the_views_from_the_cache(baked, tmp_path):
     assert 32 < len(codec.decode((tmp_path / "x.gsgi").read_bytes()).gaussians) <= 65
 
 
-@pytest.mark.parametrize(("operator", "traced"), [("over", {"view": 2}), ("surface", {"surface": 2, "free": 1})])
+@pytest.mark.parametrize(
+    ("operator", "traced"), [("over", {"view": 2}), ("surface", {"surface": 2, "free": 1, "layer": 3})]
+)
 def test_the_cache_says_what_it_holds_and_can_be_emptied(bakes, capsys, tmp_path, operator, traced):
     folder = tmp_path / "cache"
     shutil.copytree(bakes[operator] / "cache", folder)
@@ -677,7 +691,7 @@ def test_the_cache_says_what_it_holds_and_can_be_emptied(bakes, capsys, tmp_path
     assert facts["limit"] == 4 << 30
     stages = {stage: sums["entries"] for stage, sums in facts["stages"].items()}
     assert stages.pop("points") >= 1  # the pilot's
-    assert stages == {"fit": 1, "reference": HELD_OUT, **traced}
+    assert stages == {"fit": 1, "placement": 1, "reference": HELD_OUT, **traced}
     assert main.run(["cache", "--cache", str(folder), "--clear"]) == 0
     assert "entries     0" in capsys.readouterr().out
     assert list(folder.iterdir()) == []

@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 import scenes
+from traced_paths import counted
 
 from gsgi.baker.cache.store import Cache, entries
 from gsgi.baker.surface import budget, samples
 from gsgi.baker.surface.budget import COARSE_MOST, COARSE_SHARE, FREE_PER_GAUSSIAN, PATHS_STEP
 from gsgi.baker.surface.samples import Sampler, SurfaceSamples, free_layers, joined, path_count, surface_layers
+from gsgi.baker.trace import cached_tracer
 from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.baker.trace.tracer import BOUNCES_MAX, Tracer
 from gsgi.runtime.camera import Camera, look_at
@@ -35,15 +37,7 @@ def sampler(scene: Scene, cameras=(), cache=None, bounces=BOUNCES, seed=0) -> Sa
 @pytest.fixture
 def traced(monkeypatch) -> list[int]:
     """The number of paths of each call of a tracer."""
-    counts, trace = [], Tracer.indirect
-
-    def counting(*arguments):
-        light = trace(*arguments)
-        counts.append(int(light.samples.sum()) + light.invalid)
-        return light
-
-    monkeypatch.setattr(Tracer, "indirect", counting)
-    return counts
+    return counted(monkeypatch)
 
 
 def above(eye, yfov: float) -> Camera:
@@ -139,6 +133,17 @@ def test_more_samples_trace_only_the_difference(tmp_path, traced):
     sampler(scene, cache=cache).surface([1], ignore)
     assert not traced
     assert_same(more, sampler(scene).surface([2, 2, 2], ignore))
+
+
+def test_scene_and_cameras_are_hashed_once(tmp_path, monkeypatch):
+    hashed = []
+    for module, name in ((cached_tracer, "scene_digest"), (samples, "digest")):
+        original = getattr(module, name)
+        monkeypatch.setattr(module, name, lambda value, f=original, name=name: (hashed.append(name), f(value))[1])
+    asked = sampler(scenes.furnace(), cache=Cache(tmp_path))
+    asked.surface([1, 2], ignore)
+    asked.free([1], ignore)
+    assert sorted(hashed) == ["digest", "scene_digest"]
 
 
 def test_where_no_path_gives_a_number_there_is_no_sample(monkeypatch):

@@ -1,0 +1,49 @@
+"""The placement of views as a cached task: where nothing it depends on has changed, no view is placed again."""
+
+import dataclasses
+import json
+
+import numpy as np
+
+from gsgi.baker.cache.code_version import code_version
+from gsgi.baker.trace.cached_tracer import CachedTracer
+from gsgi.runtime.camera import Camera
+
+from .coverage import Coverage, Hidden
+from .placement import Placement, place
+from .surface_points import Triangles
+
+PACKAGES = ("open3d", "numpy")
+
+
+def place_once(
+    tracer: CachedTracer, triangles: Triangles, given: dict[str, Camera], size: int, seed: int, count: int | None
+) -> tuple[Placement, bool]:
+    """The result of `place` for the `triangles` of the tracer's scene, and whether it was in the tracer's cache."""
+    inputs = {"names": list(given), "given": given, "size": size, "seed": seed, "count": count}
+    key = tracer.key("placement", __name__, placed_by=code_version(__name__, PACKAGES), **inputs)
+    if found := tracer.cache.get(key):
+        return _from_arrays(found), True
+    placement = place(triangles, given, size, seed, count)
+    tracer.cache.put(key, _to_arrays(placement))
+    return placement, False
+
+
+def _to_arrays(placement: Placement) -> dict[str, np.ndarray]:
+    """The placement as JSON, in which float64 keeps all its bits."""
+    text = json.dumps(dataclasses.asdict(placement), default=lambda array: array.tolist())
+    return {"json": np.frombuffer(text.encode(), np.uint8)}
+
+
+def _from_arrays(arrays: dict[str, np.ndarray]) -> Placement:
+    read = json.loads(arrays["json"].tobytes())
+    coverage = read["coverage"]
+    coverage |= {"seen": tuple(coverage["seen"]), "hidden": tuple(Hidden(**hidden) for hidden in coverage["hidden"])}
+    return Placement(_cameras(read["fitted"]), _cameras(read["held_out"]), Coverage(**coverage))
+
+
+def _cameras(read: dict[str, dict]) -> dict[str, Camera]:
+    return {
+        name: Camera(**camera | {"world_from_view": np.array(camera["world_from_view"])})
+        for name, camera in read.items()
+    }
