@@ -29,9 +29,9 @@ def peak_memory(scene: Scene, pixels: int, gaussians: int) -> int:
 def check_picture(size: tuple[int, int], per_pixel: int) -> str:
     """How much memory a picture of `size` (width, height) px takes, as text. Raises GsgiError if there is less."""
     needed, there = per_pixel * size[0] * size[1], available()
-    told = f"a picture of {size[0]} x {size[1]} px takes about {needed / 1e9:.1f} GB of memory"
+    told = f"a picture of {size[0]} x {size[1]} px takes about {_told(needed)} of memory"
     if there is not None and needed > there:
-        raise GsgiError(f"{told}, and {there / 1e9:.1f} GB are available: ask for a smaller --size")
+        raise GsgiError(f"{told}, and {_told(there)} are available: ask for a smaller --size")
     return told
 
 
@@ -51,3 +51,7 @@ def available() -> int | None:
             pages = int(Path("/proc/self/statm").read_text().split()[0])
             limits.append(max(limit - pages * resource.getpagesize(), 0))
     return min(limits, default=None)
+
+
+def _told(size: int) -> str:
+    return f"{size / 1e9:.1f} GB" if size >= 1e9 else f"{size / 1e6:.0f} MB"

@@ -147,3 +147,9 @@ def read_light(options: argparse.Namespace, scene: Scene, progress: Progress) ->
     if baked.scene not in (0, fingerprint(scene)):
         progress.warn(f"{options.gi}: was baked for other geometry than {options.scene}; its light may not fit")
     return baked
+
+
+def wrote(options: argparse.Namespace, progress: Progress) -> str:
+    """The closing line of a command that has written a picture."""
+    width, height = options.size
+    return f"wrote {options.output}: {options.layer}, {width} x {height} px, {sum(progress.seconds.values()):.1f} s"

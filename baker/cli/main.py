@@ -6,7 +6,6 @@ import signal
 import sys
 import threading
 import time
-import traceback
 from typing import NoReturn
 
 from gsgi.runtime.atomic import discard_unfinished
@@ -38,7 +37,7 @@ def main(arguments: list[str] | None = None) -> None:
         code = run(arguments)
     except Exception:
         if not interrupts:
-            traceback.print_exc()
+            sys.excepthook(*sys.exc_info())
             code = FAILED
     # A library can turn the interrupt into its own error, as Open3D's import does, or lose it, as numpy.dtype does.
     if interrupts:

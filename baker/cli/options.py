@@ -151,7 +151,8 @@ def add_gi(parser: argparse.ArgumentParser) -> None:
 
 def add_verbosity(parser: argparse.ArgumentParser) -> None:
     """Add --quiet."""
-    parser.add_argument("-q", "--quiet", action="store_true", help="show no progress on stderr, only warnings")
+    parser.add_argument("-q", "--quiet", action="store_true",
+                        help="on stderr, only warnings and one line for the file that was written")  # fmt: skip
 
 
 def add_json(parser: argparse.ArgumentParser, what: str = "print JSON") -> None:

@@ -56,13 +56,18 @@ class Reference:
         return denoise.denoise(indirect, self.surface.normal, self.valid)
 
 
+def primary(tracer: Tracer, surface: Surface) -> np.ndarray:
+    """The `primary` of a Reference of these surfaces."""
+    direct = surface.image(tracer.direct(*surface.shading_points()))
+    return surface.emission + surface.albedo * direct
+
+
 def trace(tracer: Tracer, camera: Camera, width: int, height: int, samples: int, seed: int, advance=None) -> Reference:
     """Trace a reference of `samples` paths per pixel, half of them for each half.
 
     `advance(points)` is called as pixels are done, with `2 * width * height` points in all.
     """
     surface = tracer.surface(camera, width, height)
-    direct = surface.image(tracer.direct(*surface.shading_points()))
     half = Sampling(-(-samples // 2))
     # Hash the seed, so that a reference shares no random numbers with a view of a bake, whose seed is small as well.
     seeds = np.random.SeedSequence(seed).generate_state(2).tolist()
@@ -70,5 +75,4 @@ def trace(tracer: Tracer, camera: Camera, width: int, height: int, samples: int,
     if advance:
         advance(2 * float((~surface.diffuse).sum()))
     valid = surface.image((a.samples > 0) & (b.samples > 0))
-    primary = surface.emission + surface.albedo * direct
-    return Reference(surface, primary, surface.image(a.mean), surface.image(b.mean), valid)
+    return Reference(surface, primary(tracer, surface), surface.image(a.mean), surface.image(b.mean), valid)

@@ -11,7 +11,7 @@ from gsgi.runtime.errors import GsgiError
 
 def test_a_picture_that_does_not_fit_is_refused(monkeypatch):
     monkeypatch.setattr(memory, "available", lambda: 10**9)
-    assert memory.check_picture((1000, 1000), 150) == "a picture of 1000 x 1000 px takes about 0.1 GB of memory"
+    assert memory.check_picture((1000, 1000), 150) == "a picture of 1000 x 1000 px takes about 150 MB of memory"
     with pytest.raises(GsgiError, match=r"8192 x 8192 px takes about 10\.1 GB of memory, and 1\.0 GB are available"):
         memory.check_picture((8192, 8192), 150)
     assert GsgiError.exit_code == 4

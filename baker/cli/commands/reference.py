@@ -27,32 +27,44 @@ def add(commands) -> None:
 def run(options: argparse.Namespace) -> None:
     """Trace and write the layer."""
     from gsgi.baker.cli.console import Console
-    from gsgi.baker.cli.inputs import choose_camera, read_scene
+    from gsgi.baker.cli.inputs import choose_camera, read_scene, wrote
     from gsgi.baker.evaluation.pictures import write_layer
     from gsgi.baker.memory import PER_TRACED_PIXEL, check_picture
     from gsgi.baker.progress import Progress
-    from gsgi.baker.trace import reference
-    from gsgi.baker.trace.tracer import Tracer
     from gsgi.runtime.atomic import check_writable
     from gsgi.runtime.image import check_image_path
 
     check_image_path(options.output)
     check_writable(options.output)
-    progress = Progress(Console(options.quiet))
+    console = Console(options.quiet)
+    progress = Progress(console)
     progress.say(check_picture(options.size, PER_TRACED_PIXEL))
     with progress.stage("scene"):
         scene = read_scene(options, progress)
         camera = choose_camera(scene, options)
+    with progress.stage("trace", _points(options), "points") as advance:
+        layer = _traced(options, scene, camera, advance)
+    write_layer(options.output, options.layer, layer, options.exposure)
+    console.close(wrote(options, progress))
+
+
+def _points(options: argparse.Namespace) -> int:
+    """Number of points at which B is traced."""
     width, height = options.size
-    with progress.stage("trace", 2 * width * height, "points") as advance:
-        truth = reference.trace(Tracer(scene), camera, width, height, options.samples, options.seed, advance)
-    indirect = truth.clean if options.denoise else truth.indirect
-    layers = {
-        "final": truth.lit(indirect),
-        "primary": truth.primary,
-        "indirect": indirect,
-        "albedo": truth.surface.albedo,
-        "normal": truth.surface.shading_normal,
-        "depth": truth.surface.depth,
-    }
-    write_layer(options.output, options.layer, layers[options.layer], options.exposure)
+    return 2 * width * height if options.layer in ("final", "indirect") else 0
+
+
+def _traced(options: argparse.Namespace, scene, camera, advance):
+    """Trace what the layer needs, and no more: (H, W, 3) float32, depth (H, W)."""
+    from gsgi.baker.trace import reference
+    from gsgi.baker.trace.tracer import Tracer
+
+    tracer = Tracer(scene)
+    if _points(options):
+        truth = reference.trace(tracer, camera, *options.size, options.samples, options.seed, advance)
+        indirect = truth.clean if options.denoise else truth.indirect
+        return indirect if options.layer == "indirect" else truth.lit(indirect)
+    surface = tracer.surface(camera, *options.size)
+    if options.layer == "primary":
+        return reference.primary(tracer, surface)
+    return {"albedo": surface.albedo, "normal": surface.shading_normal, "depth": surface.depth}[options.layer]

@@ -30,7 +30,7 @@ def add(commands) -> None:
 def run(options: argparse.Namespace) -> None:
     """Draw and write the layer."""
     from gsgi.baker.cli.console import Console
-    from gsgi.baker.cli.inputs import choose_camera, read_light, read_scene
+    from gsgi.baker.cli.inputs import choose_camera, read_light, read_scene, wrote
     from gsgi.baker.evaluation.pictures import write_layer
     from gsgi.baker.memory import PER_DRAWN_PIXEL, check_picture
     from gsgi.baker.progress import Progress
@@ -43,13 +43,18 @@ def run(options: argparse.Namespace) -> None:
     check_writable(options.output)
     if options.gi is None and options.layer == "indirect":
         raise UsageError("--layer indirect needs baked light: --gi FILE")
-    progress = Progress(Console(options.quiet))
+    console = Console(options.quiet)
+    progress = Progress(console)
     progress.say(check_picture(options.size, PER_DRAWN_PIXEL))
-    scene = read_scene(options, progress)
-    baked = read_light(options, scene, progress)
-    frame = scene, baked, choose_camera(scene, options), *options.size, options.backend, options.device
-    layer = draw(*frame, progress.say, [options.layer])[options.layer]
+    with progress.stage("scene"):
+        scene = read_scene(options, progress)
+        baked = read_light(options, scene, progress)
+        camera = choose_camera(scene, options)
+    frame = scene, baked, camera, *options.size, options.backend, options.device
+    with progress.stage("draw"):
+        layer = draw(*frame, progress.say, [options.layer])[options.layer]
     write_layer(options.output, options.layer, layer, options.exposure)
+    console.close(wrote(options, progress))
     if options.profile:
         print_costs(*costs(*frame))
 
