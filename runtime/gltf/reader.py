@@ -1,6 +1,7 @@
 """Read a glTF 2.0 scene as arrays in world space."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from .lights import light
 from .limits import Limits
 from .materials import Materials, Paint
 from .nodes import Node, flatten
+from .plausibility import warn_of_metal, warn_of_size
 from .primitives import Primitive
 from .problems import Code
 from .prune import prune
@@ -57,8 +59,6 @@ def read_document(document: Document, transparency: str) -> Scene:
         materials.textures.decode(),
         tuple(entry for entry in lights if entry is not None),
         cameras=cameras(document, nodes),
-        warnings=document.warnings(),
-        transparent=tuple(problem.message for problem in document.problems if problem.code == Code.TRANSPARENT),
         files=(document.path, *document.files.names),
     )
     scene = prune(scene)
@@ -67,7 +67,10 @@ def read_document(document: Document, transparency: str) -> Scene:
         why = next((f": {problem.message}" for problem in document.problems if problem.code in LEFT_OUT), "")
         got = f"none that can be seen{why}" if why else "none"
         raise SceneError(f"{document.path}: expected a scene with triangles, got {got}", Code.NO_TRIANGLES)
-    return scene
+    warn_of_metal(document, scene)
+    warn_of_size(document, scene)
+    transparent = tuple(problem.message for problem in document.problems if problem.code == Code.TRANSPARENT)
+    return replace(scene, warnings=document.warnings(), transparent=transparent)
 
 
 def _warn_of_animations(document: Document) -> None:
