@@ -18,6 +18,12 @@ _BASE_LEVEL, _DEPTH_STENCIL_MODE, _DEPTH_COMPONENT = 0x813C, 0x90EA, 0x1902
 _DRAW_FRAMEBUFFER, _DRAW_BUFFER_0 = 0x8CA9, 0x8825
 _POLYGON_MODE, _FRONT, _BACK, _FRONT_AND_BACK, _FILL = 0x0B40, 0x0404, 0x0405, 0x0408, 0x1B02
 _PACK_BUFFER, _UNPACK_BUFFER, _ADD, _CLAMP_FRAGMENT_COLOR = 0x88EB, 0x88EC, 0x8006, 0x891B
+# Bindings, and what tells whether the object exists.
+_OBJECTS = {
+    "ARRAY_BUFFER": "IsBuffer", "PIXEL_PACK_BUFFER": "IsBuffer", "PIXEL_UNPACK_BUFFER": "IsBuffer",
+    "VERTEX_ARRAY": "IsVertexArray", "DRAW_FRAMEBUFFER": "IsFramebuffer", "READ_FRAMEBUFFER": "IsFramebuffer",
+    "RENDERBUFFER": "IsRenderbuffer",
+}  # fmt: skip
 _LOWER_LEFT, _NEGATIVE_ONE_TO_ONE, _ZERO_TO_ONE = 0x8CA1, 0x935E, 0x935F
 
 
@@ -139,10 +145,10 @@ class HostState:
             gl.call("Enablei" if state[name][0] else "Disablei", *which)
         for unit in self._units:
             gl.call("ActiveTexture", _TEXTURE_0 + unit)
-            gl.call("BindTexture", _TEXTURE_2D, *state[f"TEXTURE {unit}"])
-            gl.call("BindSampler", unit, *state[f"SAMPLER {unit}"])
+            gl.call("BindTexture", _TEXTURE_2D, self._existing("IsTexture", *state[f"TEXTURE {unit}"]))
+            gl.call("BindSampler", unit, self._existing("IsSampler", *state[f"SAMPLER {unit}"]))
         for name, value in self._values.items():
-            value.set(state[name])
+            value.set((self._existing(_OBJECTS[name], *state[name]),) if name in _OBJECTS else state[name])
         # Only the compatibility profile lets the two sides of triangles differ.
         front, back = state["POLYGON_MODE"]
         for side, mode in ((_FRONT, front), (_BACK, back)) if gl.compatible else ((_FRONT_AND_BACK, front),):
@@ -151,6 +157,10 @@ class HostState:
         (program,) = state["CURRENT_PROGRAM"]
         if program == 0 or gl.call("IsProgram", program):
             gl.call("UseProgram", program)
+
+    def _existing(self, test: str, name: int) -> int:
+        """The object `name`, or 0 if it was deleted since it was bound."""
+        return name if name and self.gl.call(test, name) else 0
 
     def release(self) -> None:
         """Free the GPU memory."""

@@ -21,6 +21,7 @@ from .host_checks import (
     check_target,
     texture_format,
 )
+from .host_contents import findings, floats, of_albedo
 from .host_textures import OURS, Encoding
 from .permutations import defines
 from .profile import Profile
@@ -60,7 +61,7 @@ class IndirectLight:
         bake = local_bake(bake, self._origin)
         self._state: HostState | None = HostState(ctx)  # None after release()
         self._formats: WeakKeyDictionary[moderngl.Texture, Format] = WeakKeyDictionary()
-        self._corner, self._size = (0, 0), None  # of the last draw()
+        self._corner, self._size, self._view = (0, 0), None, None  # of the last draw()
         with self._state.kept():
             self._sampler = ctx.sampler(filter=(moderngl.NEAREST, moderngl.NEAREST), compare_func="")
             if isinstance(bake.blend, OverBlend):
@@ -96,18 +97,42 @@ class IndirectLight:
         self._size = found[0].size
         return self.indirect
 
+    def check(
+        self, depth: moderngl.Texture, normal: moderngl.Texture, view_from_world: np.ndarray,
+        clip_from_view: np.ndarray, viewport: Viewport | None = None, albedo: moderngl.Texture | None = None,
+    ) -> list[str]:  # fmt: skip
+        """Draw, read back what was drawn, and return what looks wrong in it: one sentence each, none if all is well.
+
+        Each begins with the argument that it is about. For a developer to call once, with a frame in which the camera
+        sees the baked scene. A file of the `over` operator reads neither depth nor normal. Raises what draw() raises.
+        """
+        self.draw(depth, normal, view_from_world, clip_from_view, viewport)
+        found, gl = [], self._state.gl
+        with self._drawing():
+            if isinstance(self._splats, SurfaceSplats):
+                with self._state.readable(normal):
+                    texels = floats(gl, normal, self._format("normal", normal).size)
+                points = self._splats.points_read(gl, texels, self._corner)
+                found += findings(points, self._view, clip_from_view, self.encoding, self._splats.box)
+            if albedo is not None:
+                format_ = self._format("albedo", albedo)
+                check_albedo(format_, self.encoding, self._size)
+                with self._state.readable(albedo):
+                    found += of_albedo(floats(gl, albedo, format_.size))
+        return found
+
     def draw_view(
         self, view: View, depth: moderngl.Texture, normal: moderngl.Texture, corner: tuple[int, int] = (0, 0),
         z_to_clip: tuple[float, float] = (0.0, 0.0), profile: Profile | None = None,
     ) -> None:  # fmt: skip
         """Draw as draw() does without checks, in the state in which `ctx` is, for a renderer of our own."""
-        self._corner, view = corner, view.moved(self._origin)
+        self._corner, self._view = corner, view.moved(self._origin)
         if isinstance(self._splats, Splats):
-            self._splats.draw(view, profile)
+            self._splats.draw(self._view, profile)
             return
         for unit in range(UNITS):
             self._sampler.use(unit)
-        self._splats.draw(view, depth, normal, corner, z_to_clip, profile)
+        self._splats.draw(self._view, depth, normal, corner, z_to_clip, profile)
         for unit in range(UNITS):
             self._sampler.clear(unit)
 

@@ -9,6 +9,8 @@ from gsgi.runtime.gaussians import Bake, Gaussians, SurfaceBlend
 from .cull import in_view
 from .fullscreen import FullScreenPass
 from .gaussian_textures import GaussianTextures
+from .gl_functions import Functions
+from .host_contents import Points, floats
 from .host_textures import OURS, Encoding
 from .permutations import Level, Reading, defines
 from .profile import Profile, measured
@@ -37,6 +39,7 @@ class SurfaceSplats:
         assert splat_scale in SCALES, splat_scale
         self.ctx, self.splat_scale, self._coarse_too = ctx, splat_scale, len(bake.coarse) > 0
         self.targets: SurfaceTargets | None = None
+        self.box = box
         blend, reading = bake.blend, Reading(splat_scale, encoding, self._coarse_too, box is not None)
         self._points = FullScreenPass(ctx, "surface/points", ("normal", "depth"), **defines("surface/points", reading))
         if box is not None:
@@ -97,6 +100,18 @@ class SurfaceSplats:
                 self._resolve.draw(targets.resolved, targets.filled, targets.plane, normal, depth, **host)
             else:
                 self._resolve.draw(targets.resolved, *levels)
+
+    def points_read(self, gl: Functions, texels: np.ndarray, corner: tuple[int, int]) -> Points:
+        """What the last draw() read. `texels` (H, W, 4) are those of the whole normal texture."""
+        targets, scale = self.targets, self.splat_scale
+        position, plane, fine = (
+            floats(gl, texture, targets.read_size) for texture in (targets.position, targets.plane, targets.fine)
+        )
+        rows, columns = (
+            first + np.minimum(np.arange(0, edge, scale) + scale // 2, edge - 1)
+            for first, edge in zip(corner[::-1], targets.size[::-1], strict=True)
+        )
+        return Points(position[..., :3], plane[..., :3], fine[..., 3], texels[rows[:, None], columns])
 
     def release(self) -> None:
         """Free the GPU memory."""
