@@ -10,6 +10,8 @@ import numpy as np
 from gsgi.baker.cli import main
 from gsgi.runtime.viewer import window
 
+STATUS = 20  # px; height of the line that says what is shown
+
 
 class Played(window.Viewer):
     """A viewer that plays the next step of `user` after each frame."""
@@ -49,7 +51,9 @@ def user(viewer: Played):
         viewer.tap(key, "M", "P")
         yield
         assert viewer.controls.view == view
+        assert viewer.overlay.text == f"{view}, exposure {viewer.controls.exposure:.3g}"
         shown[view] = viewer.screen()
+        assert (shown[view][:STATUS].min(axis=2) == 255).sum() > 50, "no letters"
     viewer.tap("NUMBER_4")
     yield
     if baked:
@@ -60,15 +64,16 @@ def user(viewer: Played):
     viewer.tap("NUMBER_1", "C")
     yield from (None, None)
     assert "gpu ms" in viewer.overlay.text
-    corner = viewer.screen()[:60, :60]
+    corner = viewer.screen()[STATUS:60, :60]
     assert (corner.min(axis=2) == 255).sum() > 50, "no letters"
     viewer.tap("C", "M")
     yield
-    assert np.array_equal(viewer.screen(), shown["final"])
+    assert np.array_equal(viewer.screen()[STATUS:], shown["final"][STATUS:])
     viewer.tap("R")
     yield
     assert viewer.picture.splat_scale == (2 if viewer.picture.scalable else 1)
-    change = np.abs(viewer.screen().astype(int) - shown["final"])
+    assert viewer.overlay.text.endswith("at 1/2 resolution") == viewer.picture.scalable
+    change = np.abs(viewer.screen().astype(int) - shown["final"])[STATUS:]
     assert change.any() == viewer.picture.scalable
     assert change.mean() < 4
     viewer.tap(*"RRR")
@@ -89,7 +94,7 @@ def user(viewer: Played):
     yield
     assert not viewer.controls.held
     viewer.event("on_mouse_drag", 100, 50, 40, 10, 1, 0)
-    viewer.tap("UP", "H")
+    viewer.tap("UP", "H", "F")
     yield
     pose = viewer.fly.camera.world_from_view
     assert (start[:3, 3] - pose[:3, 3]) @ start[:3, 2] > 0, "not forward"

@@ -8,10 +8,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from gsgi.baker.cache.store import Cache, default_folder, size_limit
 from gsgi.baker.progress import Progress
 from gsgi.baker.settings import BUDGET_MAX, Settings
-from gsgi.runtime.camera import Camera
+from gsgi.runtime.camera import Camera, look_at
 from gsgi.runtime.errors import SceneError, UsageError
 from gsgi.runtime.gaussians import Bake
 from gsgi.runtime.lighting import KEYS, Lighting, beside, light, read_lights
@@ -120,7 +122,32 @@ def open_cache(options: argparse.Namespace, progress: Progress) -> Cache:
 
 
 def choose_camera(scene: Scene, options: argparse.Namespace) -> Camera:
-    """The camera that is asked for; without a name, the scene's first one, or one placed where it sees much."""
+    """The camera that is asked for; without one, the scene's first, or one placed where it sees much."""
+    if (options.eye is None) != (options.target is None):
+        raise UsageError("--eye and --target need each other")
+    if options.eye is None:
+        camera = _scene_camera(scene, options)
+    elif options.camera is not None:
+        raise UsageError("--camera and --eye exclude each other")
+    else:
+        camera = _camera_at(np.array(options.eye), np.array(options.target), scene.diagonal())
+    return camera if options.fov is None else replace(camera, yfov=np.radians(options.fov))
+
+
+def _camera_at(eye: np.ndarray, target: np.ndarray, diagonal: float) -> Camera:
+    """A camera at `eye` (3,) that looks at `target` (3,), upright; straight down, -Z is on top, straight up, +Z."""
+    from gsgi.baker.views.camera_path import ACROSS_MIN, NEAR
+    from gsgi.baker.views.placement import YFOV
+    from gsgi.runtime.vectors import unit
+
+    if not (target - eye).any():
+        raise UsageError("--target: expected a point other than --eye, got the same")
+    along = unit(target - eye)
+    up = (0.0, 1.0, 0.0) if np.hypot(along[0], along[2]) >= ACROSS_MIN else (0.0, 0.0, along[1])
+    return look_at(eye, eye + along, np.array(up), YFOV, NEAR * diagonal)
+
+
+def _scene_camera(scene: Scene, options: argparse.Namespace) -> Camera:
     if options.camera is not None:
         if options.camera not in scene.cameras:
             known = ", ".join(map(repr, scene.cameras)) or "none"

@@ -2,6 +2,7 @@
 
 import argparse
 import os
+import re
 import signal
 import sys
 import threading
@@ -125,11 +126,14 @@ class _Version(argparse.Action):
 
 
 class _Parser(argparse.ArgumentParser):
-    """An ArgumentParser with our exit code for a wrong command line."""
+    """An ArgumentParser with our exit code for a wrong command line, and with values like -1,2,3."""
+
+    def __init__(self, *arguments, **options):
+        super().__init__(*arguments, **options)
+        self._negative_number_matcher = re.compile(r"-[\d.]")  # what starts like this is a value, not a flag
 
     def error(self, message: str) -> None:
-        self.print_usage(sys.stderr)
-        self.exit(1, f"gsgi: {message}\n")
+        self.exit(1, f"gsgi: {message} (see {self.prog} --help)\n")
 
 
 def parser() -> argparse.ArgumentParser:

@@ -1,6 +1,7 @@
 """Parts of the command line that several commands share: types, groups of options, the format of the help."""
 
 import argparse
+import math
 from pathlib import Path
 
 from gsgi.baker.settings import BUDGET_MAX, EFFECTS, OPERATORS, QUALITIES, Settings
@@ -100,9 +101,9 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
         ("--seed", 0, 2**30, Settings.seed, "N", "random seed; the same seed gives the same bytes"),
     ):
         parser.add_argument(flag, type=whole(lowest, highest), default=default, metavar=unit, help=what)
-    parser.add_argument("--error", type=share, default=Settings.error, metavar="X",
+    parser.add_argument("--error", type=number(0, 1), default=Settings.error, metavar="X",
                         help="over: stop a pixel at a standard error of X * (B + mean B); 0: never")  # fmt: skip
-    parser.add_argument("--bounce-fraction", type=share, default=Settings.bounce_fraction, metavar="X",
+    parser.add_argument("--bounce-fraction", type=number(0, 1), default=Settings.bounce_fraction, metavar="X",
                         help="most that bounces beyond the last may add, as a share of the picture")  # fmt: skip
     parser.add_argument("--denoise", choices=("auto", "off"), default="auto", help="over: denoise the fitted views")
     parser.add_argument("--ignore", choices=EFFECTS, action="append", default=[], metavar="EFFECT",
@@ -139,6 +140,10 @@ def add_picture(parser: argparse.ArgumentParser) -> None:
 def add_camera(parser: argparse.ArgumentParser, default_size: str) -> None:
     """Add options for the camera, size and exposure of a picture."""
     parser.add_argument("--camera", metavar="NAME", help="camera of the scene (default: the first, or a placed one)")
+    parser.add_argument("--eye", type=point, metavar="X,Y,Z", help="stand here instead of at a camera, m")
+    parser.add_argument("--target", type=point, metavar="X,Y,Z", help="with --eye: look at this point; +Y is up")
+    parser.add_argument("--fov", type=number(1, 170), metavar="DEG",
+                        help="vertical field of view (default: that of the camera; 69 with --eye)")  # fmt: skip
     parser.add_argument("--size", type=size, default=default_size, metavar="WxH", help="image size in pixels")
     parser.add_argument("--exposure", type=positive, metavar="X",
                         help="exposure factor for display, not .exr (default: log-average to mid-grey)")  # fmt: skip
@@ -188,15 +193,30 @@ def positive(text: str) -> float:
     return value
 
 
-def share(text: str) -> float:
-    """argparse type: a number from 0 to 1."""
+def number(lowest: float, highest: float):
+    """argparse type: a number in a range."""
+
+    def real(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not lowest <= value <= highest:
+            raise argparse.ArgumentTypeError(f"expected a number from {lowest} to {highest}, got {text!r}")
+        return value
+
+    return real
+
+
+def point(text: str) -> tuple[float, float, float]:
+    """argparse type: X,Y,Z in m."""
     try:
-        value = float(text)
+        x, y, z = map(float, text.split(","))
     except ValueError:
-        value = -1.0
-    if not 0 <= value <= 1:
-        raise argparse.ArgumentTypeError(f"expected a number from 0 to 1, got {text!r}")
-    return value
+        x = y = z = math.nan
+    if not all(map(math.isfinite, (x, y, z))):
+        raise argparse.ArgumentTypeError(f"expected three numbers X,Y,Z, such as 0,1.6,3, got {text!r}")
+    return x, y, z
 
 
 def size(text: str) -> tuple[int, int]:

@@ -21,6 +21,7 @@ M             exposure that `gsgi render` takes for this picture
 C             what each pass costs; waits for the GPU after each
 R             read Gaussians at full, half, quarter resolution
 P             write a .png, as `gsgi render` does, into the current folder
+F             print the flags of `gsgi render` for this place; Esc prints them too
 H             this list
 Esc           quit"""
 
@@ -40,6 +41,7 @@ class Controls:
     costs: bool = False
     help: bool = False
     picture_wanted: bool = False
+    flags_wanted: bool = False
     closing: bool = False
     held: set[str] = field(default_factory=set)
 
@@ -63,6 +65,8 @@ class Controls:
             self.splat_scale = SCALES[(SCALES.index(self.splat_scale) + 1) % len(SCALES)]
         elif key == "P":
             self.picture_wanted = True
+        elif key == "F":
+            self.flags_wanted = True
         elif key == "H":
             self.help = not self.help
             return HELP if self.help else ""
@@ -85,4 +89,4 @@ class Controls:
         return not self.held.isdisjoint(SHIFTS)
 
 
-KEYS = (*MOVES, *SHIFTS, *VIEWS, "UP", "DOWN", "M", "C", "R", "P", "H", "ESCAPE")  # all keys that press() handles
+KEYS = (*MOVES, *SHIFTS, *VIEWS, "UP", "DOWN", "M", "C", "R", "P", "F", "H", "ESCAPE")  # all keys that press() handles

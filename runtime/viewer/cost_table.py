@@ -17,5 +17,6 @@ def cost_table(frames: Sequence[Sequence[PassCost]]) -> str:
             row[1] += cost.cpu_ms
     rows = [(name, gpu / len(frames), cpu / len(frames)) for name, (gpu, cpu) in sums.items()]
     rows.append(("all", sum(gpu for _, gpu, _ in rows), sum(cpu for *_, cpu in rows)))
-    head = f"{'pass':<28}{'gpu ms':>8}{'cpu ms':>8}"
-    return "\n".join([head, *(f"{name:<28}{gpu:>8.2f}{cpu:>8.2f}" for name, gpu, cpu in rows)])
+    width = max(len(name) for name, *_ in rows)
+    head = f"{'pass':<{width}}{'gpu ms':>8}{'cpu ms':>8}"
+    return "\n".join([head, *(f"{name:<{width}}{gpu:>8.2f}{cpu:>8.2f}" for name, gpu, cpu in rows)])

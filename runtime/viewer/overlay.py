@@ -6,7 +6,7 @@ import numpy as np
 from gsgi.runtime.gl.fullscreen import FullScreenPass
 
 MARGIN = 3  # px around the text
-LARGER = 2  # magnification, if the picture has room for it
+LARGER = 2  # magnification, if the text then covers at most half of the picture's width
 SHADE = 150  # of 255; opacity behind the letters
 
 
@@ -32,7 +32,7 @@ class Overlay:
         """Blend the text into `target` of `size` (width, height) px, whose viewport is kept; excess text is cut off."""
         if not self._texture:
             return
-        scale = LARGER if self._texture.width * LARGER <= size[0] else 1
+        scale = LARGER if 2 * LARGER * self._texture.width <= size[0] else 1
         width, height = (scale * edge for edge in self._texture.size)
         corner = 0, size[1] - height
         before = target.viewport

@@ -42,7 +42,7 @@ class Viewer:
         self.controls = Controls(bake is not None, self.picture.scalable, exposure or 0.0)
         self._keys = {getattr(self.window.keys, _KEY_NAMES.get(key, key)): key for key in KEYS}
         self._costs: list[tuple[PassCost, ...]] | None = None
-        self._shown = 0.0  # s; time at which costs were last shown
+        self._table, self._shown = "", 0.0  # of costs, and the time (s) at which it was made
         self.window.key_event_func = self._key
         self.window._window.push_handlers(on_deactivate=self.controls.held.clear)  # without focus no keys are held
         self.window.mouse_drag_event_func = lambda x, y, dx, dy: self.fly.turn(dx, dy)
@@ -56,6 +56,7 @@ class Viewer:
             last = now
             self.frame()
             self.window.swap_buffers()  # handles events too
+        self._say(self.fly.flags())
         self.release()
 
     def frame(self) -> None:
@@ -72,6 +73,9 @@ class Viewer:
         if controls.picture_wanted:
             controls.picture_wanted = False
             self._write_picture()
+        if controls.flags_wanted:
+            controls.flags_wanted = False
+            self._say(self.fly.flags())
         self._write_overlay(profile)
         self.overlay.draw(window.fbo, picture.size)
         self._write_title()
@@ -99,10 +103,14 @@ class Viewer:
             self._say(f"wrote {path}")
 
     def _write_overlay(self, profile: Profile | None) -> None:
-        text = HELP if self.controls.help else ""
+        self._update_costs(profile)
+        parts = self._status(), self._table, HELP if self.controls.help else ""
+        self.overlay.write("\n\n".join(part for part in parts if part))
+
+    def _update_costs(self, profile: Profile | None) -> None:
+        """Make the table of costs anew every COSTS_EVERY."""
         if profile is None:
-            self._costs = None
-            self.overlay.write(text)
+            self._costs, self._table = None, ""
             return
         if self._costs is None:  # skip the first frame: the timers of some drivers start with nonsense
             self._costs = []
@@ -112,14 +120,17 @@ class Viewer:
         self._costs.append(profile.passes)
         now = time.perf_counter()
         if len(self._costs) == 1 or now - self._shown >= COSTS_EVERY:
-            table = cost_table(self._costs)
-            self.overlay.write(f"{table}\n\n{text}" if text else table)
+            self._table = cost_table(self._costs)
             self._costs, self._shown = self._costs[-1:], now
 
-    def _write_title(self) -> None:
+    def _status(self) -> str:
+        """What is shown, as one line."""
         controls = self.controls
         scale = f", Gaussians at 1/{controls.splat_scale} resolution" if controls.splat_scale > 1 else ""
-        title = f"{self._name}: {controls.view}, exposure {controls.exposure:.3g}{scale} (H: help)"
+        return f"{controls.view}, exposure {controls.exposure:.3g}{scale}"
+
+    def _write_title(self) -> None:
+        title = f"{self._name}: {self._status()} (H: help)"
         if self.window.title != title:
             self.window.title = title
 

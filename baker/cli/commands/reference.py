@@ -13,7 +13,8 @@ def add(commands) -> None:
         run,
         "Path-trace with Mitsuba what `gsgi render` approximates: the same cameras, sizes and layers.",
         "  gsgi reference room.glb -o truth.exr --samples 4096\n"
-        "  gsgi reference room.glb -o truth.png --camera kitchen --size 1280x720",
+        "  gsgi reference room.glb -o truth.png --camera kitchen --size 1280x720\n"
+        "  gsgi reference room.glb -o truth.png --eye 0,1.6,3 --target 0,1,0 --fov 50",
     )
     shared.add_scene(parser)
     shared.add_light(parser)

@@ -14,6 +14,7 @@ def add(commands) -> None:
         "Draw a scene with its baked light, headless, by a deferred OpenGL renderer.",
         "  gsgi render room.glb --gi room.gsgi -o room.png\n"
         "  gsgi render room.glb --gi room.gsgi -o b.exr --layer indirect --camera kitchen --size 1280x720\n"
+        "  gsgi render room.glb --gi room.gsgi -o room.png --eye 0,1.6,3 --target 0,1,0 --fov 50\n"
         "  gsgi render room.glb --gi room.gsgi -o room.png --profile",
     )
     shared.add_scene(parser)

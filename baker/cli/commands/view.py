@@ -16,6 +16,7 @@ def add(commands) -> None:
         "Fly through a scene with its baked light, in a window.",
         "  gsgi view room.glb --gi room.gsgi\n"
         "  gsgi view room.glb --gi room.gsgi --camera kitchen --size 1920x1080\n"
+        "  gsgi view room.glb --eye 0,1.6,3 --target 0,1,0        # the flags that F prints\n"
         f"  gsgi view room.glb --sun 140,35\n\nkeys:\n{keys}",
     )
     shared.add_scene(parser)

@@ -43,6 +43,8 @@ def test_switches():
     controls.press("P")
     assert controls.costs
     assert controls.picture_wanted
+    controls.press("F")
+    assert controls.flags_wanted
     assert controls.press("H") == HELP
     assert controls.press("H") == ""
     controls.press("C")
