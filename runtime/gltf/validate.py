@@ -33,12 +33,14 @@ def validate(path: str | Path, limits: Limits = Limits()) -> list[Problem]:  # n
         document = open_document(Path(path), limits)
     except GsgiError as error:
         return [_problem(error, path)]
+    used = replace(document, problems=dict(document.problems))
     found = [_error(partial(examine, document, value), path) for examine, value in _parts(document.root)]
-    refusal = _error(partial(reader.read_document, document, "cutout"), path)
+    refusal = _error(partial(reader.read_document, used, "cutout"), path)
     errors = dict.fromkeys(error for error in (*found, refusal) if error is not None)
-    if refusal is None:
-        errors = [replace(error, severity="warning", message=f"{error.message} ({UNUSED})") for error in errors]
-    return [*errors, *document.problems]
+    if refusal is not None:
+        return [*errors, *(document.problems | used.problems)]
+    unused = (replace(error, severity="warning", message=f"{error.message} ({UNUSED})") for error in errors)
+    return [*unused, *used.problems]
 
 
 def _error(examine: Callable[[], object], path: str | Path) -> Problem | None:

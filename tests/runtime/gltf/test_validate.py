@@ -148,8 +148,16 @@ def test_limits_reach_validation(tmp_path):
 
 def test_scenes_without_triangles(tmp_path):
     document, data = quad_scene()
+    document["materials"].append({"alphaMode": "BLEND"})  # which nothing uses
     path = write(tmp_path / "a.glb", put(document, "/scenes/0/nodes", []), data)
     assert found(path) == {"": Code.NO_TRIANGLES}
+    assert validate(path)[0].message == "expected a scene with triangles, got none"
+
+
+def test_only_what_is_used_is_warned_of(tmp_path):
+    document, data = quad_scene()
+    document["materials"].append({"alphaMode": "BLEND"})
+    assert validate(write(tmp_path / "a.glb", document, data)) == []
 
 
 # The command
