@@ -2,12 +2,21 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from statistics import median
+
+import moderngl
 
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.errors import GsgiError
 from gsgi.runtime.gaussians import Bake
 from gsgi.runtime.layers import LAYERS
 from gsgi.runtime.scene import Scene
+
+from .context import create_context, renderer_string
+from .profile import PassCost, Profile
+from .renderer import DeferredRenderer
+
+FRAMES = 9  # that costs are medians of
 
 
 def draw(
@@ -33,14 +42,20 @@ def draw(
 def costs(
     scene: Scene, baked: Bake | None, camera: Camera, width: int, height: int, backend: str, device: int | None = None
 ) -> tuple[str, list[dict]]:
-    """Return the driver, and one row per pass of a frame that is drawn after everything is compiled and uploaded."""
-    from .context import renderer_string
-    from .profile import Profile
-
+    """Return the driver, and one row per pass: medians over FRAMES frames after everything is compiled and uploaded."""
     with _renderer(scene, baked, width, height, backend, device) as renderer:
         renderer.render(camera)
-        renderer.render(camera, profile := Profile(renderer.gbuffer.ctx))
-        return renderer_string(renderer.gbuffer.ctx), [vars(cost) for cost in profile.passes]
+        profiles = [Profile(renderer.gbuffer.ctx) for _ in range(FRAMES)]
+        for profile in profiles:
+            renderer.render(camera, profile)
+        passes = zip(*(profile.passes for profile in profiles), strict=True)
+        return renderer_string(renderer.gbuffer.ctx), [_median(frames) for frames in passes]
+
+
+def _median(frames: Sequence[PassCost]) -> dict:
+    """The costs of one pass in several frames, which differ in time alone, as one row."""
+    times = {name: median(getattr(cost, name) for cost in frames) for name in ("gpu_ms", "cpu_ms")}
+    return vars(frames[-1]) | times
 
 
 @contextmanager
@@ -54,11 +69,6 @@ def _renderer(
     say: Callable[[str], None] | None = None,
 ) -> Iterator:
     """Renderer in a context of its own; both are released on exit. Raises GsgiError where the driver fails."""
-    import moderngl
-
-    from .context import create_context
-    from .renderer import DeferredRenderer
-
     context = create_context(backend, device, say)
     try:
         renderer = DeferredRenderer(context, scene, baked, width, height)
