@@ -11,6 +11,7 @@ from benches.dial import dial
 from benches.fit import fit
 from benches.frame_costs import frame_costs, frame_passes
 from benches.front import front
+from benches.host_state import host_state
 from benches.leak import leak
 from benches.operator_motion import operator_motion
 from benches.operator_pictures import operator_pictures
@@ -28,10 +29,11 @@ from repository import ROOT
 from gsgi.runtime.atomic import check_writable, write_atomic
 
 FRAMES = frame_costs, frame_passes
+PASSES = splats, order, host_state
 OPERATOR = operator_bakes, operator_equal, operator_scales, operator_motion, operator_sphere, operator_pictures
 BENCHES = {
     bench.__name__: bench
-    for bench in (fit, stages, trace, scenes, splats, order, triangles, dial, quality, leak, front, *FRAMES, *OPERATOR)
+    for bench in (fit, stages, trace, scenes, *PASSES, triangles, dial, quality, leak, front, *FRAMES, *OPERATOR)
 }
 GROUPS = {name: [bench.__name__ for bench in group] for name, group in (("frames", FRAMES), ("operator", OPERATOR))}
 

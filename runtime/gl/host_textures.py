@@ -12,7 +12,8 @@ class Encoding(NamedTuple):
     """How a host's textures are encoded. Each field is a key of a table above.
 
     depth: in the red channel. "linear": m along the view axis, 0 = no surface; "window": an OpenGL depth buffer, 1 = no
-    surface; "reversed": the depth buffer of a reversed projection (0 <= z <= w), 0 = no surface.
+    surface, for 0 <= z <= w where glClipControl says so; "reversed": the depth buffer of a reversed projection
+    (0 <= z <= w), 0 = no surface.
     normal: "octahedral" in xy; "signed": xyz; "unsigned": xyz, mapped from -1..1 to 0..1. It points towards the camera,
     may have any length, and is the normal before any normal map, because B ignores normal maps.
     normal_space: "world" or "view".
