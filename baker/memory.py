@@ -26,13 +26,18 @@ def peak_memory(scene: Scene, pixels: int, gaussians: int) -> int:
     return PROCESS + held + PER_PIXEL * pixels + PER_GAUSSIAN * gaussians
 
 
-def check_picture(size: tuple[int, int], per_pixel: int) -> str:
-    """How much memory a picture of `size` (width, height) px takes, as text. Raises GsgiError if there is less."""
-    needed, there = per_pixel * size[0] * size[1], available()
-    told = f"a picture of {size[0]} x {size[1]} px takes about {_told(needed)} of memory"
+def check(what: str, needed: int) -> str:
+    """How much memory `what` takes, as text. Raises GsgiError if less than `needed` (bytes) is available."""
+    told, there = f"{what} takes about {_told(needed)} of memory", available()
     if there is not None and needed > there:
-        raise GsgiError(f"{told}, and {_told(there)} are available: ask for a smaller --size")
+        raise GsgiError(f"{told}, and {_told(there)} are available")
     return told
+
+
+def check_picture(size: tuple[int, int], per_pixel: int) -> str:
+    """The same for a picture of `size` (width, height) px."""
+    width, height = size
+    return check(f"a picture of {width} x {height} px", per_pixel * width * height)
 
 
 def available() -> int | None:

@@ -20,8 +20,8 @@ from gsgi.runtime.file import codec
 from gsgi.runtime.gaussians import Effects, OverBlend, SurfaceBlend
 from gsgi.runtime.scene import Scene
 
+from . import memory
 from .effects import effects, without
-from .memory import peak_memory
 from .over.fits import SH_DEGREE
 from .progress import Progress
 from .settings import BUDGET_MAX, QUALITIES, SAMPLES, Settings
@@ -124,7 +124,7 @@ class Plan:
     @property
     def memory(self) -> int:
         """Expected peak memory of the process, bytes."""
-        return peak_memory(self.scene, self.points, self.settings.budget)
+        return memory.peak_memory(self.scene, self.points, self.settings.budget)
 
     @property
     def file_bytes(self) -> int:
@@ -137,8 +137,11 @@ def make_plan(
 ) -> Plan:
     """Inspect the scene, place views and trace a pilot. The same arguments give the same plan.
 
-    `path` holds further cameras to fit, by name. Raises SceneError if nothing emits light or no triangle has an area.
+    `path` holds further cameras to fit, by name. Raises SceneError if nothing emits light, no triangle has an area, or
+    the scene is too large; and GsgiError if there is too little memory to begin. Too little to end gives a warning.
     """
+    memory.check("a bake", memory.PROCESS)
+    there = memory.available()
     scene = without(scene, settings.ignore)
     if not effects(scene) & (Effects.PUNCTUAL | Effects.EMISSIVE | Effects.ENVIRONMENT):
         raise SceneError(
@@ -165,7 +168,12 @@ def make_plan(
     settings = replace(settings, budget=_budget(settings, triangles), iterations=_iterations(settings))
     settings = replace(settings, samples=_samples(settings, probe))
     dark &= placement.fitted.keys()
-    return Plan(scene, settings, triangles, tracer, placement, probe, probe.lost.get(bounces), dark)
+    plan = Plan(scene, settings, triangles, tracer, placement, probe, probe.lost.get(bounces), dark)
+    if there is not None and plan.memory > there:
+        progress.warn(
+            f"the bake takes about {plan.memory / 1e9:.1f} GB of memory, and {there / 1e9:.1f} GB are available"
+        )
+    return plan
 
 
 def file_bytes(operator: str, budget: int) -> int:

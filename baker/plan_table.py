@@ -30,9 +30,6 @@ def decisions(plan: Plan) -> list[Decision]:
     """Every decision of a plan, effects first."""
     s, fitted, coverage = plan.settings, plan.placement.fitted, plan.placement.coverage
     placed = sum(name not in plan.scene.cameras and not name.startswith("path ") for name in fitted)
-    bounces = "as requested" if plan.lost is None else f"further bounces add {plan.lost:.2%} of the picture"
-    if s.bounces == BOUNCES_MAX:
-        bounces = "the most that are traced: this scene absorbs little light"
     fine = f"half of the area is seen at {length(coverage.texel_median)} per texel or finer"
     if not np.isfinite(coverage.texel_median):
         fine = f"less than half of the area is seen by {VIEWS} views"
@@ -41,7 +38,7 @@ def decisions(plan: Plan) -> list[Decision]:
     rows = [
         *((f.name, f.found, f.cost) for f in findings(plan.scene)),
         ("operator", s.operator, OPERATOR_REASONS[s.operator]),
-        ("bounces", f"{s.bounces}", bounces),
+        ("bounces", f"{s.bounces}", _bounces(plan)),
         ("views", f"{len(fitted)}", f"{placed} placed; {len(plan.placement.held_out)} more are held out{dark}"),
         ("coverage", f"{coverage.seen[VIEWS - 1]:.1%}", seen),
         *(_surface_rows(plan) if s.operator == "surface" else _over_rows(plan, fine)),
@@ -49,6 +46,16 @@ def decisions(plan: Plan) -> list[Decision]:
         ("file", f"{plan.file_bytes} bytes", f"{s.budget} Gaussians at most"),
     ]
     return [Decision(*row) for row in rows]
+
+
+def _bounces(plan: Plan) -> str:
+    """Why there are so many bounces."""
+    s = plan.settings
+    most = s.bounces == BOUNCES_MAX
+    rest = "the most that are traced" if most else f"further bounces add {plan.lost or 0:.2%} of the picture"
+    if s.bounces == plan.pilot.bounces(s.bounce_fraction):
+        return f"{rest}: this scene absorbs little light" if most else rest
+    return "as requested" if plan.lost is None else f"as requested; {rest}"
 
 
 def _over_rows(plan: Plan, fine: str) -> list[tuple[str, str, str]]:

@@ -11,6 +11,7 @@ from gsgi.runtime.scene import Mesh, Scene
 
 # Random points per point that is kept: Yuksel 2015 finds no gain beyond five.
 OVERSAMPLING = 5
+SIZE_MAX = 1e9  # m; from ten times this on, squares of areas leave the range of single precision
 LIFT = 1e-4  # of the diagonal; points are lifted this far off their surface so that it does not hide them
 DRAWS = 16  # most times to draw random points; if still too few are kept, that surface is too small for `count`
 
@@ -58,9 +59,11 @@ class Triangles:
     """
 
     def __init__(self, scene: Scene):
-        """Raises SceneError if all triangles have area 0."""
+        """Raises SceneError if all triangles have area 0, or if the scene is too large."""
         import open3d as o3d
 
+        if not (size := scene.diagonal()) <= SIZE_MAX:
+            raise SceneError(f"the scene is {size:.3g} m across: expected at most {SIZE_MAX:.0e} m")
         self.materials = scene.materials
         offsets = np.cumsum([0, *(len(mesh.position) for mesh in scene.meshes)])[:-1].astype(np.uint32)
         self._position = np.concatenate([mesh.position for mesh in scene.meshes])

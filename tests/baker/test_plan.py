@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import scenes
 
+from gsgi.baker import memory
 from gsgi.baker import plan as planning
 from gsgi.baker.bake import bake
 from gsgi.baker.cache.store import Cache
@@ -18,11 +19,11 @@ from gsgi.baker.surface import budget, fits, samples
 from gsgi.baker.surface.lookup import look_up
 from gsgi.baker.surface_detail import gaussians_for
 from gsgi.baker.trace.reference import Reference
-from gsgi.baker.trace.tracer import Surface
+from gsgi.baker.trace.tracer import BOUNCES_MAX, Surface
 from gsgi.baker.views.placement import HELD_OUT
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.camera import Camera
-from gsgi.runtime.errors import SceneError
+from gsgi.runtime.errors import GsgiError, SceneError
 from gsgi.runtime.file import codec
 from gsgi.runtime.file.fingerprint import fingerprint
 from gsgi.runtime.gaussians import Effects
@@ -178,6 +179,43 @@ def test_bounces_and_effects_are_taken_out_of_its_hands():
     assert planned(scene, replace(SMALL, bounces=17)).lost is None
     with pytest.raises(SceneError, match="no light"):
         planned(scene, replace(SMALL, ignore=EFFECTS))
+
+
+def reason(plan: Plan, what: str) -> str:
+    (row,) = (row for row in decisions(plan) if row.what == what)
+    return row.why
+
+
+def test_the_table_says_who_chose_the_bounces(small):
+    fraction, chosen = small.settings.bounce_fraction, small.settings.bounces
+    assert chosen == small.pilot.bounces(fraction)
+    added = f"further bounces add {small.lost:.2%} of the picture"
+    assert reason(small, "bounces") == added
+    assert reason(replace(of(small, bounces=17), lost=None), "bounces") == "as requested"
+    fewer, lost = next(iter(small.pilot.lost.items()))
+    told = reason(replace(of(small, bounces=fewer), lost=lost), "bounces")
+    assert told == f"as requested; further bounces add {lost:.2%} of the picture"
+    most = replace(of(small, bounces=BOUNCES_MAX), lost=0.0)
+    assert reason(most, "bounces") == "as requested; the most that are traced"
+    white = replace(most, pilot=replace(small.pilot, lost={BOUNCES_MAX: 0.0}))
+    assert reason(white, "bounces") == "the most that are traced: this scene absorbs little light"
+
+
+def test_a_scene_beyond_single_precision_is_refused():
+    (box, *rest) = scenes.box()
+    huge = replace(box, position=np.float32(1e37) * box.position)
+    with pytest.raises(SceneError, match=r"the scene is \d.*e\+37 m across: expected at most 1e\+09 m"):
+        planned(room(meshes=(huge, *rest)))
+
+
+def test_too_little_memory_is_told_beforehand(monkeypatch):
+    monkeypatch.setattr(memory, "available", lambda: memory.PROCESS - 1)
+    with pytest.raises(GsgiError, match=r"^a bake takes about 1\.0 GB of memory, and 1000 MB are available$"):
+        planned(room())
+    monkeypatch.setattr(memory, "available", lambda: memory.PROCESS)
+    progress = Progress()
+    make_plan(room(), SMALL, progress, Cache())
+    assert progress.warnings == ["the bake takes about 1.0 GB of memory, and 1.0 GB are available"]
 
 
 def test_a_scene_without_light_is_refused():
