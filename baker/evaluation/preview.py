@@ -23,7 +23,10 @@ def make_folder(folder: Path) -> None:
 
 
 class Preview:
-    """Writes `fit-<Gaussians>-<iteration>.png` to a folder: the fit in the upper row, path tracing in the lower row."""
+    """Writes `fit-<Gaussians>-<iteration>.png` to a folder: the fit in the upper row, path tracing in the lower row.
+
+    The Gaussians are those of both levels.
+    """
 
     def __init__(self, folder: Path, references: Mapping[str, Reference], cameras: Mapping[str, Camera]):
         """`folder` must exist. `cameras` holds the cameras of the references, by name."""
@@ -38,5 +41,6 @@ class Preview:
             image = draw(baked, camera, reference)
             pair = (np.where(reference.valid[..., None], b, 0) for b in (image, reference.clean))
             columns.append(np.concatenate([tone_map(b, self._exposure) for b in pair]))
-        name = f"fit-{len(baked.gaussians):06d}-{iteration:06d}.png"
+        count = len(baked.gaussians) + len(baked.coarse or ())
+        name = f"fit-{count:06d}-{iteration:06d}.png"
         write_image(str(self._folder / name), to_uint8(np.concatenate(columns, axis=1)))

@@ -8,7 +8,7 @@ import scenes
 
 from gsgi.baker.evaluation.preview import Preview, make_folder
 from gsgi.runtime.errors import FileError
-from gsgi.runtime.gaussians import Bake, Gaussians, OverBlend
+from gsgi.runtime.gaussians import Bake, Gaussians, OverBlend, SurfaceBlend
 from gsgi.runtime.image import read_image
 
 SIZE = 24
@@ -52,6 +52,12 @@ def test_the_upper_row_is_the_fit_and_the_lower_the_reference(tmp_path):
     assert lower[:, 1 + SIZE :, 0].min() > 0.2
     assert not lower[:, 1 + SIZE :, 1:].any()
     assert not image[:, ~inside].any()  # no B there, and none is shown
+
+
+def test_the_name_counts_the_gaussians_of_both_levels(tmp_path):
+    preview = Preview(tmp_path, {"one": reference(GREY)}, CAMERAS)
+    preview.draw(7, Bake(wall(GREY), SurfaceBlend(), coarse=wall(RED)))
+    assert [path.name for path in tmp_path.iterdir()] == ["fit-000002-000007.png"]
 
 
 def test_one_exposure_for_all_views(tmp_path):
