@@ -24,7 +24,8 @@ def add(commands) -> None:
     parser.add_argument("--backend", choices=("egl", "osmesa", "auto"), default="auto",
                         help="OpenGL without a display; auto uses EGL, else OSMesa, and says which")  # fmt: skip
     parser.add_argument("--device", type=int, metavar="N", help="number of the EGL device to draw on, from 0")
-    parser.add_argument("--profile", action="store_true", help="print the driver and what each pass costs, medians of 9 frames")
+    parser.add_argument("--profile", action="store_true",
+                        help="print the driver and what each pass costs, medians of 9 frames")  # fmt: skip
     shared.add_verbosity(parser)
 
 
