@@ -158,7 +158,10 @@ def _scene_camera(scene: Scene, options: argparse.Namespace) -> Camera:
     from gsgi.baker.views.placement import place
     from gsgi.baker.views.surface_points import Triangles
 
-    triangles = Triangles(scene)
+    try:
+        triangles = Triangles(scene)
+    except SceneError as error:
+        raise SceneError(f"{options.scene}: {error}") from error
     placement = place(triangles, {}, max(options.size), seed=0, count=1, texel_limit=triangles.diagonal)
     return next(iter(placement.fitted.values()))
 

@@ -1,5 +1,6 @@
 """What the options of a command stand for."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,7 +13,7 @@ from gsgi.baker.cli.console import Console
 from gsgi.baker.cli.inputs import WARNINGS, choose_camera, read_scene
 from gsgi.baker.progress import Progress
 from gsgi.runtime.camera import Camera, look_at
-from gsgi.runtime.errors import UsageError
+from gsgi.runtime.errors import SceneError, UsageError
 from gsgi.runtime.scene import Scene
 from gsgi.runtime.viewer.fly_camera import FlyCamera
 
@@ -103,6 +104,13 @@ def test_the_placed_camera_frames_an_object_in_the_open():
     across = np.abs(local[:, :2]) / (-local[:, 2:] * np.tan(camera.yfov / 2))
     assert (local[:, 2] < 0).all()
     assert (across < 1).all(axis=1).mean() > 0.8
+
+
+def test_where_no_camera_can_be_placed_the_scene_is_named():
+    (box, *_) = scenes.box()
+    scene = Scene((replace(box, position=1e37 * box.position),), (scenes.WHITE,))
+    with pytest.raises(SceneError, match=r"^room\.glb: the scene is .* m across"):
+        chosen(scene)
 
 
 def test_many_warnings_of_one_kind_are_counted(tmp_path, capsys):

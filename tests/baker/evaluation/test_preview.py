@@ -54,7 +54,8 @@ def test_the_upper_row_is_the_fit_and_the_lower_the_reference(tmp_path):
     assert not image[:, ~inside].any()  # no B there, and none is shown
 
 
-def test_the_name_counts_the_gaussians_of_both_levels(tmp_path):
+def test_the_name_counts_the_gaussians_of_both_levels(tmp_path, monkeypatch):
+    monkeypatch.setattr("gsgi.baker.evaluation.preview.draw", lambda baked, camera, reference: reference.indirect)
     preview = Preview(tmp_path, {"one": reference(GREY)}, CAMERAS)
     preview.draw(7, Bake(wall(GREY), SurfaceBlend(), coarse=wall(RED)))
     assert [path.name for path in tmp_path.iterdir()] == ["fit-000002-000007.png"]
