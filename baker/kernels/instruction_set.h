@@ -11,9 +11,10 @@ struct InstructionSet {
     SplatKernels<float> splat_float;
     SplatKernels<double> splat_double;
     Project<float>* project_raw;
-    // Takes a step on the raw parameters from the sums (N, MOMENTS) and writes the statistics.
-    void (*step)(const Step&, const Camera&, const Footprint<float>*, const uint32_t* keys, const float* sums,
-        size_t begin, size_t end);
+    // Takes a step on the raw parameters from the sums (N, MOMENTS) and writes the statistics. Returns the
+    // first Gaussian with a gradient that is NaN, which is not stepped, or `end`.
+    size_t (*step)(const Step&, const Camera&, const Footprint<float>*, const uint32_t* keys,
+        const float* sums, size_t begin, size_t end);
     LossBand<float>* loss_float;
     LossBand<double>* loss_double;
     FieldKernels<float> field_float;

@@ -67,8 +67,8 @@ class Workspace:
         `raw` must be what `forward` drew. Each forward allows one step; a second one raises ValueError. `rates` maps
         each name of RawGaussians to a step size. Only Gaussians that were drawn and whose gradient is not all zero are
         stepped, each with the bias correction of its own number of steps; the others stay bitwise unchanged. If the
-        gradient sums of any Gaussian are not finite, nothing is stepped. `error` (H, W) is summed in
-        StepStatistics.error.
+        gradient sums of any Gaussian are not finite, nothing is stepped; neither is a Gaussian whose gradient is NaN
+        though its sums are finite. `error` (H, W) is summed in StepStatistics.error.
         """
         found = self._kernel.step(raw, adam, by_image, [rates[name] for name in NAMES], error)
         return StepStatistics(*found)

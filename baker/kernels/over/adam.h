@@ -53,12 +53,23 @@ ALWAYS_INLINE void step_column(
     store(c.value, group, c.stride, offset, load(c.value, group, c.stride, offset) - step, lanes);
 }
 
-// Takes a step on the Gaussians whose gradient is not all zero.
-inline void step_group(const Step& step, const Group& group, const Wide* g, size_t parameters)
+// The lanes without a gradient that is NaN.
+inline uint32_t numbers(const Wide* g, size_t parameters)
+{
+    uint32_t lanes = 0xff;
+    for (size_t c = 0; c < parameters; ++c)
+        lanes &= bits_of(g[c] <= absolute(g[c]));
+    return lanes;
+}
+
+// Takes a step on the Gaussians of these lanes whose gradient is not all zero.
+inline void step_group(
+    const Step& step, const Group& group, const Wide* g, size_t parameters, uint32_t allowed)
 {
     uint32_t lanes = 0;
     for (size_t c = 0; c < parameters; ++c)
         lanes |= bits_of(Wide(0) < absolute(g[c]));
+    lanes &= allowed;
     for (int lane = 0; lane < group.count; ++lane)
         step.steps[group.index[lane]] += int32_t(lanes >> lane & 1);
 
@@ -101,7 +112,7 @@ inline void write_statistics(const Step& step, const Group& group, const Footpri
     store(step.mean2d_gradient, group, 1, 0, sqrt(by.mean_x * by.mean_x + by.mean_y * by.mean_y));
 }
 
-inline void step(const Step& step, const Camera& camera, const Footprint<float>* footprints,
+inline size_t step(const Step& step, const Camera& camera, const Footprint<float>* footprints,
     const uint32_t* keys, const float* moments, size_t begin, size_t end)
 {
     for (float* statistic : {step.contribution, step.error, step.radius, step.mean2d_gradient})
@@ -109,17 +120,24 @@ inline void step(const Step& step, const Camera& camera, const Footprint<float>*
     const auto& p = step.parameters;
     const GaussianArrays<const float> arrays = {
         p.count, p.degree, p.position, p.rotation, p.scale, p.opacity, p.sh};
+    const size_t parameters = GEOMETRY + 3 * p.coefficients();
+    size_t not_a_number = end;
     for_each_drawn(keys, begin, end, [&](const Group& group) {
         Wide g[PARAMETERS_MAX];
         const Gaussian raw = load_activated(arrays, group), activated = activate(raw);
         const auto by = gradient_of(arrays, activated, group, camera, footprints, moments, g);
         chain_to_raw(raw, activated, g);
-        for (size_t c = 0; c < GEOMETRY + 3 * p.coefficients(); ++c)
+        for (size_t c = 0; c < parameters; ++c)
             g[c] = narrow<float>(g[c]);
+        const uint32_t lanes = numbers(g, parameters);
+        for (int lane = 0; lane < group.count; ++lane)
+            if (!(lanes >> lane & 1) && group.index[lane] < not_a_number)
+                not_a_number = group.index[lane];
         write_statistics(step, group, footprints, moments, by);
         if (step.update)
-            step_group(step, group, g, GEOMETRY + 3 * p.coefficients());
+            step_group(step, group, g, parameters, lanes);
     });
+    return not_a_number;
 }
 
 } // namespace INSTRUCTION_SET

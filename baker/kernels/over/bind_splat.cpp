@@ -61,12 +61,19 @@ static nb::tuple backward(Frame<Real>& frame, Input<Real, -1, 3> position, Input
     auto by_position = allocate<Real>({n, 3}), by_rotation = allocate<Real>({n, 4}),
          by_scale = allocate<Real>({n, 3}), by_opacity = allocate<Real>({n}),
          by_sh = allocate<Real>({n, k, 3});
+    int64_t not_finite;
     {
         nb::gil_scoped_release unlocked;
         frame.sum_moments({by_image.data(), by_transmittance.data(), nullptr});
+        not_finite = frame.first_not_finite();
         frame.gradients(gaussians,
             {n, gaussians.degree, by_position.data(), by_rotation.data(), by_scale.data(), by_opacity.data(),
                 by_sh.data()});
+    }
+    if (not_finite >= 0) {
+        PyErr_Format(PyExc_FloatingPointError, "the gradient of Gaussian %lld is not finite",
+            static_cast<long long>(not_finite));
+        throw nb::python_error();
     }
     return nb::make_tuple(by_position, by_rotation, by_scale, by_opacity, by_sh);
 }
@@ -82,7 +89,8 @@ template <class Real> static void bind_precision(nb::module_& m, const char* fra
     m.def("splat_backward", &backward<Real>, "frame"_a, "position"_a.noconvert(), "rotation"_a.noconvert(),
         "scale"_a.noconvert(), "opacity"_a.noconvert(), "sh"_a.noconvert(), "by_image"_a.noconvert(),
         "by_transmittance"_a.noconvert(),
-        "Return the gradients with respect to position, rotation, scale, opacity and sh.");
+        "Return the gradients with respect to position, rotation, scale, opacity and sh. Raise "
+        "FloatingPointError if a sum over pixels is not finite.");
 }
 
 void bind_splat(nb::module_& m)

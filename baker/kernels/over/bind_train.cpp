@@ -2,6 +2,7 @@
 // optimiser's step.
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <optional>
 
 #include <nanobind/stl/array.h>
@@ -21,29 +22,51 @@ struct Workspace {
     bool stepped = true; // the frame has had its step, or there is no frame
 };
 
-} // namespace
+template <class Value, nb::ssize_t... Shape>
+using Writable = nb::ndarray<Value, nb::shape<Shape...>, nb::c_contig, nb::device::cpu>;
 
 template <class Value, nb::ssize_t... Shape>
-static Value* writable(nb::handle object, const char* name, std::array<int64_t, sizeof...(Shape)> shape)
+Writable<Value, Shape...> writable(
+    nb::handle object, const char* name, std::array<int64_t, sizeof...(Shape)> shape)
 {
-    nb::ndarray<Value, nb::shape<Shape...>, nb::c_contig, nb::device::cpu> array;
+    Writable<Value, Shape...> array;
     if (!nb::try_cast(object.attr(name), array, false))
         throw nb::type_error((std::string(name) + ": wrong dtype, shape or layout").c_str());
     for (size_t i = 0; i < shape.size(); ++i)
         if (int64_t(array.shape(i)) != shape[i])
             throw nb::type_error((std::string(name) + ": wrong shape").c_str());
-    return array.data();
+    return array;
 }
 
-// The arrays of a gsgi.baker.over.raw_gaussians.RawGaussians: N Gaussians with K coefficients each.
-static GaussianArrays<float> arrays_of(nb::handle raw)
-{
-    const int64_t n = nb::cast<int64_t>(raw.attr("position").attr("shape")[0]);
-    const int64_t k = nb::cast<int64_t>(raw.attr("sh").attr("shape")[1]);
-    return {size_t(n), degree_of(size_t(k)), writable<float, -1, 3>(raw, "position", {n, 3}),
-        writable<float, -1, 4>(raw, "rotation", {n, 4}), writable<float, -1, 3>(raw, "log_scale", {n, 3}),
-        writable<float, -1>(raw, "logit_opacity", {n}), writable<float, -1, -1, 3>(raw, "sh", {n, k, 3})};
-}
+// The arrays of a gsgi.baker.over.raw_gaussians.RawGaussians, N Gaussians with K coefficients each. They live
+// as long as this: their attributes can be temporary.
+struct RawInput {
+    int64_t n, k;
+    Writable<float, -1, 3> position;
+    Writable<float, -1, 4> rotation;
+    Writable<float, -1, 3> log_scale;
+    Writable<float, -1> logit_opacity;
+    Writable<float, -1, -1, 3> sh;
+
+    explicit RawInput(nb::handle raw)
+        : n(nb::cast<int64_t>(raw.attr("position").attr("shape")[0]))
+        , k(nb::cast<int64_t>(raw.attr("sh").attr("shape")[1]))
+        , position(writable<float, -1, 3>(raw, "position", {n, 3}))
+        , rotation(writable<float, -1, 4>(raw, "rotation", {n, 4}))
+        , log_scale(writable<float, -1, 3>(raw, "log_scale", {n, 3}))
+        , logit_opacity(writable<float, -1>(raw, "logit_opacity", {n}))
+        , sh(writable<float, -1, -1, 3>(raw, "sh", {n, k, 3}))
+    {
+    }
+
+    GaussianArrays<float> arrays() const
+    {
+        return {size_t(n), degree_of(size_t(k)), position.data(), rotation.data(), log_scale.data(),
+            logit_opacity.data(), sh.data()};
+    }
+};
+
+} // namespace
 
 static GaussianArrays<const float> constant(const GaussianArrays<float>& a)
 {
@@ -52,7 +75,8 @@ static GaussianArrays<const float> constant(const GaussianArrays<float>& a)
 
 static nb::tuple forward(Workspace& workspace, nb::handle raw, nb::handle pinhole, nb::handle blend)
 {
-    const auto gaussians = constant(arrays_of(raw));
+    const RawInput input(raw);
+    const auto gaussians = constant(input.arrays());
     const Camera camera = camera_from(pinhole);
     const Blend operation = blend_from(blend);
     const size_t width = camera.width, height = camera.height;
@@ -72,8 +96,8 @@ static nb::tuple step(Workspace& workspace, nb::handle raw, nb::handle adam, Inp
     std::array<double, 5> rates, std::optional<Input<float, -1, -1>> error)
 {
     Frame<float>& frame = workspace.frame;
-    const GaussianArrays<float> parameters = arrays_of(raw);
-    const GaussianArrays<float> mean = arrays_of(adam.attr("mean")), square = arrays_of(adam.attr("square"));
+    const RawInput raw_input(raw), mean_input(adam.attr("mean")), square_input(adam.attr("square"));
+    const auto parameters = raw_input.arrays(), mean = mean_input.arrays(), square = square_input.arrays();
     const size_t n = parameters.count, height = frame.camera().height, width = frame.camera().width;
     require(!workspace.stepped, "each forward allows one step");
     for (const auto& arrays : {parameters, mean, square})
@@ -84,8 +108,9 @@ static nb::tuple step(Workspace& workspace, nb::handle raw, nb::handle adam, Inp
         throw nb::type_error("by_image and error must have the size of the image");
     auto contribution = allocate<float>({n}), errors = allocate<float>({n}), radius = allocate<float>({n}),
          mean2d_gradient = allocate<float>({n});
-    Step step = {parameters, mean, square, writable<int32_t, -1>(adam, "steps", {int64_t(n)}), {},
-        contribution.data(), errors.data(), radius.data(), mean2d_gradient.data()};
+    const auto steps = writable<int32_t, -1>(adam, "steps", {int64_t(n)});
+    Step step = {parameters, mean, square, steps.data(), {}, contribution.data(), errors.data(),
+        radius.data(), mean2d_gradient.data()};
     std::copy(rates.begin(), rates.end(), step.rates);
     int64_t not_finite;
     {
@@ -93,10 +118,15 @@ static nb::tuple step(Workspace& workspace, nb::handle raw, nb::handle adam, Inp
         frame.sum_moments({by_image.data(), nullptr, error ? error->data() : nullptr});
         not_finite = frame.first_not_finite();
         step.update = not_finite < 0;
+        std::atomic<size_t> first{n};
         parallel_for(n, GRAIN, [&](size_t begin, size_t end) {
-            instruction_set().step(
+            const size_t found = instruction_set().step(
                 step, frame.camera(), frame.footprints(), frame.keys(), frame.sums(), begin, end);
+            if (found < end)
+                lower(first, found);
         });
+        if (step.update && first < n)
+            not_finite = int64_t(first);
         workspace.stepped = true;
     }
     return nb::make_tuple(contribution, errors, radius, mean2d_gradient, not_finite);

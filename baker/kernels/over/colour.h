@@ -24,7 +24,7 @@ inline Vec3 visible_colour(const GaussianArrays<const Real>& arrays, const Group
     Wide basis[SH_MAX];
     sh_basis(1.0 / sqrt(dot(offset, offset)) * offset, arrays.degree, basis);
     const Vec3 colour = raw_colour(arrays, group, basis);
-    const auto visible = [](Wide channel) { return narrow<Real>(max(channel, Wide(0))); };
+    const auto visible = [](Wide channel) { return narrow<Real>(max(Wide(0), channel)); }; // keeps NaN
     return {visible(colour.x), visible(colour.y), visible(colour.z)};
 }
 

@@ -39,11 +39,11 @@ ALWAYS_INLINE Vec3 load3(const Real* array, const Group& group, size_t stride, s
         load(array, group, stride, offset + 2)};
 }
 
-// Clamps to the finite range of Real.
+// Clamps to the finite range of Real. NaN stays NaN.
 template <class Real> ALWAYS_INLINE Wide narrow(Wide value)
 {
     constexpr double LIMIT = sizeof(Real) == 4 ? 3.4028234663852886e38 : 1.7976931348623157e308;
-    return clamp(value, -LIMIT, LIMIT);
+    return min(Wide(LIMIT), max(Wide(-LIMIT), value)); // where a comparison with NaN fails, `value` is taken
 }
 
 // Stores the lanes whose bit is set in `lanes`.

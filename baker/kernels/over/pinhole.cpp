@@ -14,7 +14,7 @@ Camera camera_from(nb::handle pinhole)
             camera.rotation[1][i] * camera.translation[1] + camera.rotation[2][i] * camera.translation[2]);
     const auto number = [&](const char* name) { return nb::cast<double>(pinhole.attr(name)); };
     camera.fx = number("fx"), camera.fy = number("fy"), camera.cx = number("cx"), camera.cy = number("cy");
-    camera.width = nb::cast<int>(pinhole.attr("width")),
+    camera.width = nb::cast<int>(pinhole.attr("width"));
     camera.height = nb::cast<int>(pinhole.attr("height"));
     require(camera.width > 0 && camera.height > 0, "pinhole: width and height must be positive");
     require(camera.fx > 0 && camera.fy > 0, "pinhole: fx and fy must be positive");

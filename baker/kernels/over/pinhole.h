@@ -1,4 +1,4 @@
-// Converts records of gsgi.runtime to those of the kernels.
+// Converts records of gsgi.runtime to those of the kernels, and the shape of SH to its degree.
 #pragma once
 
 #include "arrays.h"

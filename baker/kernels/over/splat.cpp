@@ -136,8 +136,7 @@ template <class Real> int64_t Frame<Real>::first_not_finite() const
             if (keys()[i] == NOT_DRAWN ||
                 std::all_of(sum, sum + MOMENTS, [](Real s) { return std::isfinite(s); }))
                 continue;
-            size_t found = first;
-            while (i < found && !first.compare_exchange_weak(found, i)) { }
+            lower(first, i);
             return;
         }
     });

@@ -4,29 +4,45 @@
 
 using namespace nb::literals;
 
-template <class Real> static FieldArrays<Real> arrays_of(nb::handle gaussians)
-{
-    nb::ndarray<const Real, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu> position, scale;
-    nb::ndarray<const Real, nb::shape<-1, 4>, nb::c_contig, nb::device::cpu> rotation;
-    nb::ndarray<const Real, nb::shape<-1>, nb::c_contig, nb::device::cpu> opacity;
-    nb::ndarray<const Real, nb::shape<-1, -1, 3>, nb::c_contig, nb::device::cpu> sh;
-    if (!nb::try_cast(gaussians.attr("position"), position, false) ||
-        !nb::try_cast(gaussians.attr("rotation"), rotation, false) ||
-        !nb::try_cast(gaussians.attr("scale"), scale, false) ||
-        !nb::try_cast(gaussians.attr("opacity"), opacity, false) ||
-        !nb::try_cast(gaussians.attr("sh"), sh, false))
-        throw nb::type_error("Gaussians: wrong dtype, shape or layout");
-    const size_t n = position.shape(0), k = sh.shape(1);
-    if (rotation.shape(0) != n || scale.shape(0) != n || opacity.shape(0) != n || sh.shape(0) != n)
-        throw nb::type_error("position, rotation, scale, opacity and sh must have the same first dimension");
-    if (k != 1 && k != 4 && k != 9)
-        throw nb::type_error("sh must have 1, 4 or 9 coefficients");
-    return {n, k, position.data(), rotation.data(), scale.data(), opacity.data(), sh.data()};
-}
+namespace {
 
-template <class Real> static FieldArrays<Real> listed(const Field<Real>& field, nb::handle gaussians)
+// The arrays of a gsgi.runtime.gaussians.Gaussians, which live as long as this: their attributes can be
+// temporary.
+template <class Real> struct GaussianInput {
+    Input<Real, -1, 3> position, scale;
+    Input<Real, -1, 4> rotation;
+    Input<Real, -1> opacity;
+    Input<Real, -1, -1, 3> sh;
+
+    explicit GaussianInput(nb::handle gaussians)
+    {
+        if (!nb::try_cast(gaussians.attr("position"), position, false) ||
+            !nb::try_cast(gaussians.attr("rotation"), rotation, false) ||
+            !nb::try_cast(gaussians.attr("scale"), scale, false) ||
+            !nb::try_cast(gaussians.attr("opacity"), opacity, false) ||
+            !nb::try_cast(gaussians.attr("sh"), sh, false))
+            throw nb::type_error("Gaussians: wrong dtype, shape or layout");
+        const size_t n = position.shape(0), k = sh.shape(1);
+        if (rotation.shape(0) != n || scale.shape(0) != n || opacity.shape(0) != n || sh.shape(0) != n)
+            throw nb::type_error(
+                "position, rotation, scale, opacity and sh must have the same first dimension");
+        if (k != 1 && k != 4 && k != 9)
+            throw nb::type_error("sh must have 1, 4 or 9 coefficients");
+    }
+
+    FieldArrays<Real> arrays() const
+    {
+        return {position.shape(0), sh.shape(1), position.data(), rotation.data(), scale.data(),
+            opacity.data(), sh.data()};
+    }
+};
+
+} // namespace
+
+template <class Real>
+static FieldArrays<Real> listed(const Field<Real>& field, const GaussianInput<Real>& input)
 {
-    const auto arrays = arrays_of<Real>(gaussians);
+    const auto arrays = input.arrays();
     require(arrays.count == field.listed(), "the Gaussians are not those that were listed");
     return arrays;
 }
@@ -47,7 +63,8 @@ template <class Real> static void bind_precision(nb::module_& m, const char* nam
         .def(
             "list",
             [](Field<Real>& self, nb::handle gaussians, double cutoff, int sharpness, double margin) {
-                const auto arrays = arrays_of<Real>(gaussians);
+                const GaussianInput<Real> input(gaussians);
+                const auto arrays = input.arrays();
                 require(cutoff > 0 && cutoff < 1, "cutoff must lie between 0 and 1");
                 require(sharpness >= 0, "sharpness must not be negative");
                 require(margin >= 1, "margin must be at least 1");
@@ -58,7 +75,8 @@ template <class Real> static void bind_precision(nb::module_& m, const char* nam
         .def(
             "read",
             [](Field<Real>& self, nb::handle gaussians) {
-                const auto arrays = listed(self, gaussians);
+                const GaussianInput<Real> input(gaussians);
+                const auto arrays = listed(self, input);
                 auto sums = allocate<Real>({self.count(), 4});
                 nb::gil_scoped_release unlocked;
                 self.read(arrays, sums.data());
@@ -69,7 +87,8 @@ template <class Real> static void bind_precision(nb::module_& m, const char* nam
             "backward",
             [](Field<Real>& self, nb::handle gaussians, Vectors light, Vectors by_light,
                 Values inverse_weight, Values error) {
-                const auto arrays = listed(self, gaussians);
+                const GaussianInput<Real> input(gaussians);
+                const auto arrays = listed(self, input);
                 for (size_t n : {light.shape(0), by_light.shape(0), inverse_weight.shape(0), error.shape(0)})
                     require(n == self.count(), "one value per point is needed");
                 auto moments = allocate<Real>({arrays.count, FIELD_MOMENTS});
@@ -83,7 +102,8 @@ template <class Real> static void bind_precision(nb::module_& m, const char* nam
         .def(
             "transposed",
             [](Field<Real>& self, nb::handle gaussians, Vectors values, Values inverse_weight) {
-                const auto arrays = listed(self, gaussians);
+                const GaussianInput<Real> input(gaussians);
+                const auto arrays = listed(self, input);
                 for (size_t n : {values.shape(0), inverse_weight.shape(0)})
                     require(n == self.count(), "one value per point is needed");
                 auto result = allocate<Real>({arrays.count, arrays.coefficients, 3});

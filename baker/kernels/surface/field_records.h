@@ -7,7 +7,8 @@
 constexpr int FIELD_LANES = 16; // points read together
 constexpr int FIELD_SH_MAX = 9; // SH coefficients
 
-// Number of sums over the points that a Gaussian reaches. With G = exp(-q / 2), p = dloss / dw,
+// Number of sums over the points that a Gaussian reaches. With e the offset of the point from the centre
+// along the Gaussian's axes, in standard deviations, n the normal there, G = exp(-e^2 / 2), p = dloss / dw,
 // g = p G dw / dG, h = p dw / d(n . n_i) and share = w / sum w, they are the sums of g e (x, y, z); g e e^T
 // (xx, xy, xz, yy, yz, zz); p w; h n (x, y in the Gaussian's axes); share dloss / dB (red, green, blue);
 // share error.

@@ -10,6 +10,7 @@ import torch
 import torch_splat
 from torch_kernel_splat import splat
 
+from gsgi.baker.native import kernels
 from gsgi.baker.over.rasterise import rasterise
 from gsgi.runtime.constants import ALPHA_MAX, SH_C0
 from gsgi.runtime.gaussians import Gaussians, OverBlend
@@ -280,3 +281,15 @@ def test_splat_rejects_mixed_dtypes():
     parameters = tensors(oracle.random_gaussians(5, 0, seed=1), torch.float32)
     with pytest.raises(TypeError):
         splat(parameters[0].double(), *parameters[1:], PINHOLE, BLEND)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_gradient_of_the_kernels_that_is_not_finite_is_refused(value):
+    given, pinhole = oracle.random_gaussians(50, 0, seed=20), scenes.inside_camera().pinhole(40, 30)
+    arrays = given.position, given.rotation, given.scale, given.opacity, given.sh
+    image, transmittance, frame = kernels.splat(*arrays, pinhole, OverBlend(0.01))
+    by_image = np.ones_like(image)
+    kernels.splat_backward(frame, *arrays, by_image, np.zeros_like(transmittance))
+    by_image[15, 20] = value
+    with pytest.raises(FloatingPointError, match=r"gradient of Gaussian \d+ is not finite"):
+        kernels.splat_backward(frame, *arrays, by_image, np.zeros_like(transmittance))

@@ -326,3 +326,36 @@ def test_a_workspace_serves_images_and_gaussians_of_any_size():
         raw, pinhole = random_raw(count), scenes.inside_camera().pinhole(size, size)
         image, _ = workspace.forward(raw, pinhole, BLEND)
         np.testing.assert_array_equal(image, Workspace().forward(raw, pinhole, BLEND)[0])
+
+
+@pytest.mark.parametrize("degree", [0, 2])
+def test_a_colour_that_is_not_a_number_shows_and_is_named(degree):
+    """Not as black, nor as the least finite number."""
+    raw = random_raw(degree=degree)
+    drawn = Workspace()
+    drawn.forward(raw, PINHOLE, BLEND)
+    seen = int(drawn.step(copy(raw), AdamState.zeros(raw), by_image_of(), RATES).contribution.argmax())
+    raw.sh[seen] = np.nan
+    workspace, adam = Workspace(), AdamState.zeros(raw)
+    image, _ = workspace.forward(raw, PINHOLE, BLEND)
+    assert np.isnan(image).any()
+    before = bits(raw, adam)
+    assert workspace.step(raw, adam, by_image_of(), RATES).not_finite >= 0
+    assert bits(raw, adam) == before
+
+
+def test_a_gradient_that_is_no_number_though_its_sums_are_is_named_and_not_stepped():
+    """The SH of band 1 are infinite where they add up to no light: 0 times infinity."""
+    raw = random_raw(degree=1)
+    drawn = Workspace()
+    drawn.forward(raw, PINHOLE, BLEND)
+    seen = int(drawn.step(copy(raw), AdamState.zeros(raw), by_image_of(), RATES).contribution.argmax())
+    raw.sh[seen] = 0
+    workspace, adam = Workspace(), AdamState.zeros(raw)
+    workspace.forward(raw, PINHOLE, BLEND)
+    raw.sh[seen, 1:] = np.inf  # after the image was drawn: its sums are finite
+    before = raw.sh[seen].copy(), raw.position[seen].copy()
+    found = workspace.step(raw, adam, by_image_of(), RATES)
+    assert found.not_finite == seen
+    assert adam.steps[seen] == 0
+    np.testing.assert_array_equal(raw.position[seen], before[1])
