@@ -12,6 +12,7 @@ def load_mitsuba():
     """The mitsuba module with our variant set. The first call takes about a second."""
     if "mitsuba" not in sys.modules:
         llvm.select()
+        _import_drjit()
     import mitsuba as mi
 
     if mi.variant() is None:
@@ -20,6 +21,22 @@ def load_mitsuba():
         except ImportError as error:  # LLVM has just worked in a process of its own, which held nothing else
             raise MemoryError(f"cannot load {os.environ['DRJIT_LIBLLVM_PATH']}") from error
     return mi
+
+
+def _import_drjit() -> None:
+    """Import Dr.Jit. Where HOME is missing or read-only it keeps no kernels on disk, and would print that on stderr."""
+    if "DRJIT_CACHE_DIR" in os.environ:
+        import drjit
+
+        return
+    stderr = os.dup(2)
+    try:
+        with open(os.devnull, "wb") as nowhere:
+            os.dup2(nowhere.fileno(), 2)
+        import drjit  # noqa: F401
+    finally:
+        os.dup2(stderr, 2)
+        os.close(stderr)
 
 
 def build(position: np.ndarray, triangle: np.ndarray):
