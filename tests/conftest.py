@@ -65,3 +65,12 @@ def current_again(gl):
     """Make the shared context current again after a test whose renderers make their own."""
     yield
     gl.__enter__()
+
+
+@pytest.fixture
+def fresh_gl(gl):
+    """A context whose state may stay as it is."""
+    made = create_context()
+    yield made
+    made.release()
+    gl.__enter__()

@@ -15,7 +15,7 @@ State = dict[str, tuple]
 # Numbers of OpenGL's headers.
 _TEXTURE_2D, _TEXTURE_BINDING, _SAMPLER_BINDING, _TEXTURE_0 = 0x0DE1, 0x8069, 0x8919, 0x84C0
 _BASE_LEVEL, _DEPTH_STENCIL_MODE, _DEPTH_COMPONENT = 0x813C, 0x90EA, 0x1902
-_DRAW_FRAMEBUFFER, _DRAW_BUFFER_0 = 0x8CA9, 0x8825
+_DRAW_FRAMEBUFFER, _DRAW_BUFFER_0, _MAX_VIEWPORTS = 0x8CA9, 0x8825, 0x825B
 _POLYGON_MODE, _FRONT, _BACK, _FRONT_AND_BACK, _FILL = 0x0B40, 0x0404, 0x0405, 0x0408, 0x1B02
 _PACK_BUFFER, _UNPACK_BUFFER, _ADD, _CLAMP_FRAGMENT_COLOR = 0x88EB, 0x88EC, 0x8006, 0x891B
 # Bindings, and what tells whether the object exists.
@@ -36,7 +36,7 @@ class HostState:
 
     def __init__(self, ctx: moderngl.Context):
         self._ctx, self.gl = ctx, Functions(ctx)
-        views = ctx.info["GL_MAX_VIEWPORTS"] if self.gl.has(410, "viewport_array") else 1
+        views = self.gl.integers("GetIntegerv", _MAX_VIEWPORTS)[0] if self.gl.has(410, "viewport_array") else 1
         self._switches, self._indexed = switches(self.gl), indexed_switches(views)
         self._values = values(self.gl, views)
         self._stencil_textures = self.gl.has(430, "stencil_texturing")
