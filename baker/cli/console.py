@@ -10,10 +10,10 @@ LINE_INTERVAL = 60.0  # s between plain lines of one stage; few lines, because a
 
 
 def tell(line: str) -> None:
-    """Print a line on stderr. A reader that has closed it (`2>&1 | head`) misses the rest, but ends no bake."""
+    """Print a line on stderr. Where it cannot be written (`2>&1 | head`, a full disk), the rest is lost, but no bake."""
     try:
         print(line, file=sys.stderr, flush=True)
-    except BrokenPipeError:
+    except OSError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stderr.fileno())
 
 

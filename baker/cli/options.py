@@ -11,6 +11,8 @@ EXIT_CODES = """\
 exit codes: 0 ok, 1 wrong command line, 2 file cannot be read or written, 3 invalid input, 4 failure while running,
             5 not supported here, 6 target loss not met (the best file is written), 130 interrupted"""
 
+FARTHEST = 1e9  # m; the size of the largest scenes
+
 
 def command(commands, name: str, run, summary: str, examples: str) -> argparse.ArgumentParser:
     """Add a parser for one command, which `run(options)` carries out, to argparse's `commands`."""
@@ -214,8 +216,8 @@ def point(text: str) -> tuple[float, float, float]:
         x, y, z = map(float, text.split(","))
     except ValueError:
         x = y = z = math.nan
-    if not all(map(math.isfinite, (x, y, z))):
-        raise argparse.ArgumentTypeError(f"expected three numbers X,Y,Z, such as 0,1.6,3, got {text!r}")
+    if not all(abs(value) <= FARTHEST for value in (x, y, z)):
+        raise argparse.ArgumentTypeError(f"expected X,Y,Z, such as 0,1.6,3, at most {FARTHEST:.0e} m, got {text!r}")
     return x, y, z
 
 

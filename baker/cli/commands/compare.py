@@ -1,7 +1,6 @@
 """`gsgi compare`: the difference between two images."""
 
 import argparse
-from pathlib import Path
 
 from gsgi.baker.cli import options as shared
 
@@ -27,9 +26,9 @@ def run(options: argparse.Namespace) -> None:
     from gsgi.baker.cli.json_output import print_json
     from gsgi.baker.evaluation.metrics import WINDOW, compare_display, compare_linear
     from gsgi.runtime.errors import UsageError
-    from gsgi.runtime.image import read_image
+    from gsgi.runtime.image import check_image_path, read_image
 
-    kinds = {Path(path).suffix.lower() for path in (options.image, options.reference)}
+    kinds = {check_image_path(path) for path in (options.image, options.reference)}
     if len(kinds) > 1:
         raise UsageError(f"cannot compare {' with '.join(sorted(kinds))}: one is linear light, the other a picture")
     image, truth = read_image(options.image), read_image(options.reference)

@@ -45,6 +45,8 @@ def run(options: argparse.Namespace) -> None:
     check_writable(options.output)
     if options.gi is None and options.layer == "indirect":
         raise UsageError("--layer indirect needs baked light: --gi FILE")
+    if options.device is not None and options.backend == "osmesa":
+        raise UsageError("--device chooses among EGL devices: leave out --backend osmesa")
     console = Console(options.quiet)
     progress = Progress(console)
     progress.say(check_picture(options.size, PER_DRAWN_PIXEL))

@@ -512,6 +512,12 @@ def test_images_of_different_size_or_kind_are_not_compared(capsys, tmp_path):
     assert "16x16" in line
     assert "20x16" in line
     refused(capsys, 1, "compare", a, c)
+    assert ".glb" in refused(capsys, 1, "compare", a, CORNELL)
+
+
+def test_osmesa_has_no_devices(capsys, tmp_path):
+    line = refused(capsys, 1, "render", CORNELL, "-o", tmp_path / "x.png", "--backend", "osmesa", "--device", 0)
+    assert "--device" in line
 
 
 WRONG_DIALS = (

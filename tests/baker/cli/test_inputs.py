@@ -80,8 +80,9 @@ def test_flags_of_a_camera_that_make_no_sense(flags, told):
 @pytest.mark.parametrize(
     ("flags", "told"),
     [
-        ("--eye 0,0", "argument --eye: expected three numbers X,Y,Z, such as 0,1.6,3, got '0,0'"),
-        ("--eye 0,inf,0", "argument --eye: expected three numbers"),
+        ("--eye 0,0", "argument --eye: expected X,Y,Z, such as 0,1.6,3, at most 1e+09 m, got '0,0'"),
+        ("--eye 0,inf,0", "argument --eye: expected X,Y,Z"),
+        ("--target 1e300,0,0", "argument --target: expected X,Y,Z"),
         ("--fov 0", "argument --fov: expected a number from 1 to 170, got '0'"),
         ("--fov wide", "argument --fov: expected a number from 1 to 170, got 'wide'"),
     ],
