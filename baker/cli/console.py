@@ -10,7 +10,10 @@ LINE_INTERVAL = 60.0  # s between plain lines of one stage; few lines, because a
 
 
 def tell(line: str) -> None:
-    """Print a line on stderr. Where it cannot be written (`2>&1 | head`, a full disk), the rest is lost, but no bake."""
+    """Print a line on stderr.
+
+    Where that fails (`2>&1 | head`, a full disk) the rest of the log is lost, but no bake.
+    """
     try:
         print(line, file=sys.stderr, flush=True)
     except OSError:

@@ -22,26 +22,22 @@ PATIENCE = 1.0  # s after Ctrl-C until the process ends without the main thread'
 # What libraries say, in errors of many types, where there is not enough memory.
 OUT_OF_MEMORY = ("failed to map segment", "cannot allocate", "unable to allocate", "bad_alloc", "out of memory")
 
+# Grows with each Ctrl-C. A library can turn the interrupt into its own error, as Open3D's import does, or lose it, as
+# numpy.dtype does.
+_interrupts: list[bool] = []
+
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line and exit with its code."""
     _open_streams()
-    interrupts = []
-
-    def interrupt(*_):
-        interrupts.append(True)
-        raise KeyboardInterrupt
-
-    signal.signal(signal.SIGINT, interrupt)
-    threading.Thread(target=_end_when_interrupted, args=(_interrupts(),), daemon=True).start()
+    signal.signal(signal.SIGINT, _interrupt)
+    threading.Thread(target=_end_when_interrupted, args=(_signals(),), daemon=True).start()
     try:
         code = run(arguments)
     except Exception:
-        if not interrupts:
-            sys.excepthook(*sys.exc_info())
-            code = FAILED
-    # A library can turn the interrupt into its own error, as Open3D's import does, or lose it, as numpy.dtype does.
-    if interrupts:
+        sys.excepthook(*sys.exc_info())
+        code = FAILED
+    if _interrupts:
         _end()
     sys.exit(code)
 
@@ -54,7 +50,12 @@ def _open_streams() -> None:
         getattr(sys, name).reconfigure(errors="backslashreplace")
 
 
-def _interrupts() -> int:
+def _interrupt(*_) -> NoReturn:
+    _interrupts.append(True)
+    raise KeyboardInterrupt
+
+
+def _signals() -> int:
     """Return a file descriptor from which the number of each signal can be read as soon as it arrives."""
     read, write = os.pipe()
     os.set_blocking(write, False)
@@ -91,6 +92,8 @@ def run(arguments: list[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except Exception as error:
+        if _interrupts:
+            return INTERRUPTED
         line, code = _explained(error)
         tell(f"gsgi: {line}")
         return code

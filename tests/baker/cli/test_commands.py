@@ -648,15 +648,17 @@ def run(options):
         while True:
             pass
     except BaseException:
+        if sys.argv[2] == "error":
+            raise ImportError("initialization failed") from None
         return int(sys.argv[2])
 doctor.run = run
 main.main([sys.argv[1]])
 """
 
 
-@pytest.mark.parametrize("code", [0, 6])
+@pytest.mark.parametrize("code", ["0", "6", "error"])
 def test_ctrl_c_counts_where_a_library_loses_it(code):
-    command = [sys.executable, "-c", LOST, "doctor", str(code)]
+    command = [sys.executable, "-c", LOST, "doctor", code]
     run = subprocess.run(command, stderr=subprocess.PIPE, text=True, timeout=60, check=False)
     assert (run.returncode, run.stderr) == (130, "gsgi: interrupted\n")
 
