@@ -89,8 +89,10 @@ class IndirectLight:
             found = self._format("depth", depth), self._format("normal", normal)
             x, y, *size = viewport = viewport or (0, 0, *found[0].size)
             check_surfaces(*found, self.encoding, viewport)
-            mirror = np.diag([1.0, -1.0 if flipped else 1.0, 1.0, 1.0])
-            view = View.of_matrices(view_from_world, mirror @ clip_from_view, tuple(size))
+            as_stored = np.array(clip_from_view, float)
+            if flipped:
+                as_stored[1] *= -1
+            view = View.of_matrices(view_from_world, as_stored, tuple(size))
             check_projection(clip_from_view, self.encoding)
             with self._state.readable(depth, normal):
                 self.draw_view(view, depth, normal, (x, y), self._z_to_clip(clip_from_view, zero_to_one))
