@@ -31,9 +31,11 @@ def run(options: argparse.Namespace) -> None:
 
     from gsgi.baker.cli.console import Console
     from gsgi.baker.cli.inputs import choose_camera, read_light, read_scene
+    from gsgi.baker.memory import PER_DRAWN_PIXEL, check_picture
     from gsgi.baker.progress import Progress
     from gsgi.runtime.viewer.window import Viewer
 
+    check_picture(options.size, PER_DRAWN_PIXEL)
     progress = Progress(Console())
     scene = read_scene(options, progress)
     baked = read_light(options, scene, progress)
