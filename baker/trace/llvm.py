@@ -3,6 +3,7 @@
 import logging
 import os
 import re
+import signal
 import subprocess
 import sys
 from importlib.util import find_spec
@@ -35,21 +36,32 @@ def libraries() -> list[tuple[int, Path]]:
 
 
 def works(path: Path) -> bool:
-    """Whether a child process can compile and run a kernel with this libLLVM; True too if it never answers."""
+    """Whether a child process can compile and run a kernel with this libLLVM; True too if it never answers.
+
+    Raises MemoryError if the child ran out of memory, which says nothing about LLVM.
+    """
     environment = os.environ | {"DRJIT_LIBLLVM_PATH": str(path)}
-    command = [sys.executable, "-c", _PROBE]
-    with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as child:
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with subprocess.Popen([sys.executable, "-c", _PROBE], env=environment, **pipes) as probe:
         try:
-            for patience, next_step in ((SLOW, "waiting on"), (GIVE_UP, "going on untested")):
-                try:
-                    output, _ = child.communicate(timeout=patience)
-                except subprocess.TimeoutExpired:
-                    _log.warning("this machine is slow: %s has not compiled a kernel yet; %s", path, next_step)
-                else:
-                    return child.returncode == 0 and output.strip() == b"3.0"
+            output, errors = _outcome(probe, path)
+        except subprocess.TimeoutExpired:
+            _log.warning("this machine is slow: %s has not compiled a kernel yet; going on untested", path)
             return True
         finally:
-            child.kill()
+            probe.kill()
+    if probe.returncode == -signal.SIGKILL or b"failed to map segment" in errors:
+        raise MemoryError(f"cannot load {path}")
+    return probe.returncode == 0 and output.strip() == b"3.0"
+
+
+def _outcome(probe: subprocess.Popen, path: Path) -> tuple[bytes, bytes]:
+    """What a probe printed on stdout and stderr. Raises TimeoutExpired after SLOW + GIVE_UP."""
+    try:
+        return probe.communicate(timeout=SLOW)
+    except subprocess.TimeoutExpired:
+        _log.warning("this machine is slow: %s has not compiled a kernel yet; waiting on", path)
+        return probe.communicate(timeout=GIVE_UP)
 
 
 def select() -> Path:

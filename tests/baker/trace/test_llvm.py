@@ -45,3 +45,10 @@ def test_no_answer_is_no_refusal(monkeypatch, caplog):
     monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/lib/libLLVM-19.so")
     assert llvm.select() == Path("/lib/libLLVM-19.so")
     assert [message.rpartition("; ")[2] for message in caplog.messages] == ["waiting on", "going on untested"]
+
+
+@pytest.mark.parametrize("end", ["os.kill(os.getpid(), 9)", "sys.exit('libz.so: failed to map segment')"])
+def test_too_little_memory_is_no_unsuitable_llvm(monkeypatch, end):
+    monkeypatch.setattr(llvm, "_PROBE", f"import os, sys; {end}")
+    with pytest.raises(MemoryError, match="libLLVM-19"):
+        llvm.works(Path("/lib/libLLVM-19.so"))
