@@ -10,25 +10,26 @@ from . import llvm
 
 def load_mitsuba():
     """The mitsuba module with our variant set. The first call takes about a second."""
-    if "mitsuba" not in sys.modules:
+    ours = "mitsuba" not in sys.modules
+    if ours:
         llvm.select()
-        _import_drjit()
+        if "DRJIT_CACHE_DIR" not in os.environ:
+            _import_drjit_in_silence()
     import mitsuba as mi
 
     if mi.variant() is None:
         try:
             mi.set_variant("llvm_ad_rgb")
-        except ImportError as error:  # LLVM has just worked in a process of its own, which held nothing else
+        except ImportError as error:
+            if not ours:
+                raise
+            # LLVM has just worked in a process of its own, which held nothing else.
             raise MemoryError(f"cannot load {os.environ['DRJIT_LIBLLVM_PATH']}") from error
     return mi
 
 
-def _import_drjit() -> None:
-    """Import Dr.Jit. Where HOME is missing or read-only it keeps no kernels on disk, and would print that on stderr."""
-    if "DRJIT_CACHE_DIR" in os.environ:
-        import drjit
-
-        return
+def _import_drjit_in_silence() -> None:
+    """Where HOME is missing or read-only, Dr.Jit keeps no kernels on disk, and would print that on stderr."""
     stderr = os.dup(2)
     try:
         with open(os.devnull, "wb") as nowhere:
