@@ -348,10 +348,12 @@ def test_render_and_reference_agree_on_layers(baked, tmp_path, gl, layer):
 
 
 @pytest.mark.parametrize("layer", ["primary", "albedo", "normal", "depth"])
-def test_a_reference_traces_no_more_than_its_layer_needs(monkeypatch, tmp_path, layer):
+def test_a_reference_traces_no_more_than_its_layer_needs(monkeypatch, capsys, tmp_path, layer):
     monkeypatch.setattr(Tracer, "indirect", lambda *_: pytest.fail(f"{layer} has no B in it"))
     command = ["reference", CORNELL, "-o", str(tmp_path / "x.exr"), "--size", "16x16", "--layer", layer]
-    assert main.run(command) == 0
+    assert main.run([*command, "-q"]) == 0
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"wrote {tmp_path / 'x.exr'}: {layer}, 16 x 16 px, ")
     assert read_image(tmp_path / "x.exr").any()
 
 
