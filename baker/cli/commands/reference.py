@@ -39,10 +39,11 @@ def run(options: argparse.Namespace) -> None:
     check_writable(options.output)
     console = Console(options.quiet)
     progress = Progress(console)
-    progress.say(check_picture(options.size, PER_TRACED_PIXEL))
+    memory = check_picture(options.size, PER_TRACED_PIXEL)
     with progress.stage("scene"):
         scene = read_scene(options, progress)
         camera = choose_camera(scene, options)
+    progress.say(memory)
     with progress.stage("trace", _points(options), "points") as advance:
         layer = _traced(options, scene, camera, advance)
     write_layer(options.output, options.layer, layer, options.exposure)

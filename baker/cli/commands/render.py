@@ -49,11 +49,12 @@ def run(options: argparse.Namespace) -> None:
         raise UsageError("--device chooses among EGL devices: leave out --backend osmesa")
     console = Console(options.quiet)
     progress = Progress(console)
-    progress.say(check_picture(options.size, PER_DRAWN_PIXEL))
+    memory = check_picture(options.size, PER_DRAWN_PIXEL)
     with progress.stage("scene"):
         scene = read_scene(options, progress)
         baked = read_light(options, scene, progress)
         camera = choose_camera(scene, options)
+    progress.say(memory)
     frame = scene, baked, camera, *options.size, options.backend, options.device
     with progress.stage("draw"):
         layer = draw(*frame, progress.say, [options.layer])[options.layer]
