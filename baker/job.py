@@ -26,10 +26,11 @@ def run(
     evaluation loses nothing. `preview` is an existing folder for pictures of the fit while it runs. Without `evaluate`,
     references are traced only if a target loss or a preview needs them.
     """
-    references = None
+    references, of_scene = {}, {}
     if evaluate or preview or plan.settings.target_loss is not None:
         with progress.stage("references", held_out.points(plan), "points") as advance:
             references = held_out.references(plan, advance)
+            of_scene = held_out.scene_references(plan, advance)
     if plan.settings.target_loss is not None and not references:
         progress.warn("no held-out view shows a surface with indirect light: there is no loss to aim at")
     pictures = Preview(preview, references, plan.placement.held_out) if preview and references else None
@@ -38,6 +39,7 @@ def run(
     evaluation = None
     if evaluate:
         with progress.stage("evaluation"):
-            evaluation = held_out.evaluate(references or {}, plan.placement.held_out, codec.decode(result.data))
+            cameras = held_out.scene_cameras(plan) | plan.placement.held_out
+            evaluation = held_out.evaluate(references, cameras, codec.decode(result.data), of_scene)
     seconds, warnings = dict(progress.seconds), tuple(progress.warnings)
     return BakeReport(plan, result, evaluation, seconds, peak_memory(), warnings)

@@ -7,14 +7,19 @@ from . import constants
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # weights for linear Rec.709 (ITU-R BT.709-6)
 
 
+def luminance(linear: np.ndarray) -> np.ndarray:
+    """Luminance (H, W) float64 of linear light (H, W, 3)."""
+    return linear.astype(np.float64) @ _LUMINANCE
+
+
 def auto_exposure(linear: np.ndarray) -> float:
     """Factor that maps the log-average luminance of an image to mid-grey.
 
     `linear` (H, W, 3) is radiance. Black and non-finite pixels are ignored; if no others exist, the factor is 1.
     Reinhard et al. 2002, "Photographic Tone Reproduction for Digital Images".
     """
-    luminance = linear.astype(np.float64) @ _LUMINANCE
-    lit = luminance[np.isfinite(luminance) & (luminance > 0)]
+    found = luminance(linear)
+    lit = found[np.isfinite(found) & (found > 0)]
     return float(constants.MID_GREY / np.exp(np.log(lit).mean())) if lit.size else 1.0
 
 

@@ -37,10 +37,18 @@ def compare_indirect(indirect: np.ndarray, reference: Reference, exposure: float
     return _compare(np.where(valid[..., None], indirect, 0), reference, lambda b: b, exposure, valid)
 
 
+def indirect_ceiling(reference: Reference) -> float:
+    """The `ssim_ceiling` of B."""
+    return _ceiling(reference, lambda b: b, auto_exposure(reference.indirect), reference.valid)
+
+
 def _compare(image, reference: Reference, lit, exposure: float | None, valid: np.ndarray | None = None) -> Comparison:
     # The exposure is not from the denoised image, because the denoiser leaves traces of light where there is none.
     exposure = auto_exposure(lit(reference.indirect)) if exposure is None else exposure
     clean = lit(reference.clean)
     difference = compare_linear(image, lit(reference.indirect_a), lit(reference.indirect_b), clean, exposure, valid)
-    halves = (tone_map(lit(half), exposure) for half in reference.clean_halves)
-    return Comparison(difference.psnr, difference.ssim, ssim(*halves, valid), difference.flip)
+    return Comparison(difference.psnr, difference.ssim, _ceiling(reference, lit, exposure, valid), difference.flip)
+
+
+def _ceiling(reference: Reference, lit, exposure: float, valid: np.ndarray | None) -> float:
+    return ssim(*(tone_map(lit(half), exposure) for half in reference.clean_halves), valid)

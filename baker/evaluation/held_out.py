@@ -1,7 +1,8 @@
-"""How well a bake matches path tracing in views that were not fitted."""
+"""How well a bake matches path tracing in views that were not fitted, and from the scene's own cameras."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from itertools import islice
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,48 +15,99 @@ from gsgi.runtime.camera import Camera
 from gsgi.runtime.display import auto_exposure
 from gsgi.runtime.gaussians import Bake, OverBlend
 
-from .comparison import Comparison, compare_frame, compare_indirect
+from .comparison import Comparison, compare_frame, compare_indirect, indirect_ceiling
 from .metrics import mean_psnr, psnr, squared_error
+from .mottle import mottle
 
 if TYPE_CHECKING:
     from gsgi.baker.plan import Plan
 
 SIZE = 128  # px, edge of a view
 SAMPLES = 1024  # paths per pixel, in two halves
+SCENE_VIEWS = 4  # most of the scene's own cameras that are evaluated
+SCENE_SEED = 1000  # from the seeds of the held-out views to those of the scene's
+
+SSIM_GOOD = 0.97  # less is a difference that one sees
+
+# Least ceiling of B at which a view tells anything. With a signal of variance v and noise of variance s^2 in each half,
+# SSIM is about v / (v + s^2) between the halves, and v / (v + s^2 / 4) between their mean and the truth. Below this
+# ceiling even the truth would have less than SSIM_GOOD.
+CEILING_MIN = 1 / (1 + 4 * (1 / SSIM_GOOD - 1))
 
 
 @dataclass(frozen=True)
 class ViewEvaluation:
-    """How well one view matches: by the loss of the fit, as B (`indirect`), and as the full frame (`final`)."""
+    """How well one view matches: by the loss of the fit, as B (`indirect`), and as the full frame (`final`).
+
+    Each is compared at the view's own exposure, as an eye there adapts. `mottle` is the share of `mottle.mottle`; None
+    if too little is smooth. `of_scene` marks a camera of the scene, `noisy` a reference too noisy to tell anything:
+    such a view is no part of a mean, except that of the loss, and is not the worst.
+    """
 
     name: str
     loss: float
     indirect: Comparison
     final: Comparison
+    mottle: float | None = None
+    of_scene: bool = False
+    noisy: bool = False
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """The views and their mean, which is None without views. The mean PSNR is that of the mean squared error."""
+    """The held-out `views`, their `mean`, the `scene_views` from the scene's own cameras, and the `worst` of all.
+
+    The mean PSNR is that of the mean squared error. The worst view has the lowest SSIM of the full frame. The scene's
+    views were fitted, so they are no part of the mean. Mean and worst are None if there is no view that is not noisy.
+    """
 
     views: list[ViewEvaluation]
     mean: ViewEvaluation | None
+    scene_views: list[ViewEvaluation]
+    worst: ViewEvaluation | None
 
 
 def references(plan: "Plan", advance: Callable[..., None]) -> dict[str, Reference]:
     """References, by name, of the plan's held-out views, without those in which no B is seen.
 
-    References in the plan's cache are not traced again. `advance(points)` is called with a total of `points(plan)`.
+    References in the plan's cache are not traced again. With those of `scene_references`, `advance(points)` is called
+    with a total of `points(plan)`.
     """
-    traced = {}
-    for i, (name, camera) in enumerate(plan.placement.held_out.items()):
-        traced[name] = plan.tracer.reference(camera, SIZE, SAMPLES, plan.settings.seed + 1000 + i, advance)
-    return {name: reference for name, reference in traced.items() if reference.valid.any()}
+    return _traced(plan, plan.placement.held_out, 1000, advance)
+
+
+def scene_references(plan: "Plan", advance: Callable[..., None]) -> dict[str, Reference]:
+    """References like those of `references`, of the scene's own cameras."""
+    return _traced(plan, scene_cameras(plan), 1000 + SCENE_SEED, advance)
+
+
+def scene_cameras(plan: "Plan") -> dict[str, Camera]:
+    """The scene's own cameras that are evaluated: the first SCENE_VIEWS."""
+    return dict(islice(plan.scene.cameras.items(), SCENE_VIEWS))
 
 
 def points(plan: "Plan") -> int:
-    """Number of points that `references` traces."""
-    return 2 * len(plan.placement.held_out) * SIZE**2
+    """Number of points that `references` and `scene_references` trace."""
+    return 2 * (len(plan.placement.held_out) + len(scene_cameras(plan))) * SIZE**2
+
+
+def noisy(reference: Reference) -> bool:
+    """Whether a reference is too noisy to tell anything at its own exposure.
+
+    Either its ceiling is too low, or it is black but for a few stray paths: most of the pixels that found light found
+    it in one half only. A reference that is wholly black is not noisy.
+    """
+    a, b = (half.any(axis=2) for half in (reference.indirect_a, reference.indirect_b))
+    return 2 * np.count_nonzero(a & b) < np.count_nonzero(a | b) or indirect_ceiling(reference) < CEILING_MIN
+
+
+def exposure(light: np.ndarray, tone_scale: float) -> float:
+    """Exposure of a reference's light (H, W, 3) as an eye there adapts: its log-average becomes mid-grey.
+
+    Black has no level to adapt to and is seen as by an eye that is used to the rest of the scene, whose mean B is
+    `tone_scale`.
+    """
+    return auto_exposure(light) if light.any() else constants.MID_GREY / tone_scale
 
 
 class HeldOutLoss:
@@ -67,50 +119,43 @@ class HeldOutLoss:
     def __init__(self, references: Mapping[str, Reference], cameras: Mapping[str, Camera], tone_scale: float):
         self.references = list(references.values())
         self.cameras = [cameras[name] for name in references]
+        self.exposures = [exposure(reference.indirect, tone_scale) for reference in self.references]
         self.targets = [_target(reference, tone_scale) for reference in self.references]
-        self.exposure = exposure([reference.indirect for reference in self.references])
+        self.measured = [not noisy(reference) for reference in self.references]
+        if not any(self.measured):
+            self.measured = [True] * len(self.references)
 
     def of(self, baked: Bake) -> tuple[float, float]:
-        """Loss and PSNR of B (dB), as means over the views like those of `Evaluation`; (0, 100) if there is no view."""
+        """Loss and PSNR of B (dB), as means over the views like those of `Evaluation`; (0, 100) if there is no view.
+
+        If all views are noisy, the PSNR is of all.
+        """
         if not self.references:
             return 0.0, psnr(0.0)
         images = [draw(baked, *view) for view in zip(self.cameras, self.references, strict=True)]
         losses = [image_loss(image, target).value for image, target in zip(images, self.targets, strict=True)]
         errors = [
-            squared_error(image, r.indirect_a, r.indirect_b, self.exposure, r.valid)
-            for image, r in zip(images, self.references, strict=True)
+            squared_error(image, r.indirect_a, r.indirect_b, exposed, r.valid)
+            for image, r, exposed, measured in zip(images, self.references, self.exposures, self.measured, strict=True)
+            if measured
         ]
         return float(np.mean(losses)), psnr(float(np.mean(errors)))
 
 
-def evaluate(references: Mapping[str, Reference], cameras: Mapping[str, Camera], baked: Bake) -> Evaluation:
-    """Compare a bake with `references`; `cameras` holds their cameras by name.
+def evaluate(
+    references: Mapping[str, Reference],
+    cameras: Mapping[str, Camera],
+    baked: Bake,
+    of_scene: Mapping[str, Reference] | None = None,
+) -> Evaluation:
+    """Compare a bake with `references`, and with those `of_scene`; `cameras` holds the cameras of both by name.
 
     The full frame is the reference's primary light and albedo with the B of the bake.
     """
-    truths = references.values()
-    of_indirect, of_final = (exposure([getattr(t, layer) for t in truths]) for layer in ("indirect", "final"))
-    views = []
-    for name, truth in references.items():
-        image = draw(baked, cameras[name], truth)
-        loss = image_loss(image, _target(truth, baked.tone_scale)).value
-        indirect = compare_indirect(image, truth, of_indirect)
-        final = compare_frame(truth.lit(image), truth, of_final)
-        views.append(ViewEvaluation(name, loss, indirect, final))
-    return Evaluation(views, _mean(views) if views else None)
-
-
-def exposure(images: Sequence[np.ndarray]) -> float:
-    """One exposure for all linear images (H, W, 3) of a scene, which takes their brightness to mid-grey.
-
-    The brightness is the root mean square of the images' log-averages. An exposure per image would amplify the noise of
-    an unlit room, and an invisible error there would count like one in bright light. In a log-average over all images,
-    dark images would weigh as much as bright ones and overexpose them. The exposure is 1 if all images are black or
-    there are none.
-    """
-    averages = [constants.MID_GREY / auto_exposure(image) if image.any() else 0.0 for image in images]
-    brightness = np.linalg.norm(averages) / max(len(averages), 1) ** 0.5
-    return float(constants.MID_GREY / brightness) if brightness > 0 else 1.0
+    views = [_evaluated(name, cameras[name], truth, baked, False) for name, truth in references.items()]
+    own = [_evaluated(name, cameras[name], truth, baked, True) for name, truth in (of_scene or {}).items()]
+    worst = min((v for v in (*views, *own) if not v.noisy), key=lambda view: view.final.ssim, default=None)
+    return Evaluation(views, _mean(views), own, worst)
 
 
 def draw(baked: Bake, camera: Camera, reference: Reference) -> np.ndarray:
@@ -129,14 +174,34 @@ def draw(baked: Bake, camera: Camera, reference: Reference) -> np.ndarray:
     return image
 
 
+def _traced(plan: "Plan", cameras: Mapping[str, Camera], seed: int, advance) -> dict[str, Reference]:
+    traced = {}
+    for i, (name, camera) in enumerate(cameras.items()):
+        traced[name] = plan.tracer.reference(camera, SIZE, SAMPLES, plan.settings.seed + seed + i, advance)
+    return {name: reference for name, reference in traced.items() if reference.valid.any()}
+
+
+def _evaluated(name: str, camera: Camera, truth: Reference, baked: Bake, of_scene: bool) -> ViewEvaluation:
+    image = draw(baked, camera, truth)
+    loss = image_loss(image, _target(truth, baked.tone_scale)).value
+    indirect = compare_indirect(image, truth, exposure(truth.indirect, baked.tone_scale))
+    final = compare_frame(truth.lit(image), truth, exposure(truth.final, baked.tone_scale))
+    return ViewEvaluation(name, loss, indirect, final, mottle(image, truth), of_scene, noisy(truth))
+
+
 def _target(reference: Reference, tone_scale: float) -> Target:
     return Target.of(reference.clean, reference.valid, tone_scale)
 
 
-def _mean(views: list[ViewEvaluation]) -> ViewEvaluation:
+def _mean(views: list[ViewEvaluation]) -> ViewEvaluation | None:
+    told = [view for view in views if not view.noisy]
+    if not told:
+        return None
     loss = float(np.mean([view.loss for view in views]))
-    indirect, final = (_mean_comparison([getattr(view, layer) for view in views]) for layer in ("indirect", "final"))
-    return ViewEvaluation(f"mean of {len(views)} views", loss, indirect, final)
+    indirect, final = (_mean_comparison([getattr(view, layer) for view in told]) for layer in ("indirect", "final"))
+    mottles = [view.mottle for view in told if view.mottle is not None]
+    share = float(np.mean(mottles)) if mottles else None
+    return ViewEvaluation(f"mean of {len(told)} views", loss, indirect, final, share)
 
 
 def _mean_comparison(views: list[Comparison]) -> Comparison:

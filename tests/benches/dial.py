@@ -70,7 +70,7 @@ def measure(path: Path, settings: Settings, progress: Progress) -> tuple[list[Me
     progress.say(f"bench: dial of {path.stem}")
     plan = make_plan(read_gltf(path), settings, progress, cache)
     s = plan.settings
-    with progress.stage("references", held_out.points(plan), "points") as advance:
+    with progress.stage("references") as advance:
         references = held_out.references(plan, advance)
     cache.trim()
 

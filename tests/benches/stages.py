@@ -28,7 +28,9 @@ def stages() -> list[dict]:
         with progress.stage("render"):
             draw(scene, baked, next(iter(scene.cameras.values())), 512, 512, "auto")
         with progress.stage("references", held_out.points(plan), "points") as advance:
-            evaluation = held_out.evaluate(held_out.references(plan, advance), plan.placement.held_out, baked)
+            references = held_out.references(plan, advance), held_out.scene_references(plan, advance)
+            cameras = held_out.scene_cameras(plan) | plan.placement.held_out
+            evaluation = held_out.evaluate(references[0], cameras, baked, references[1])
         total = sum(progress.seconds.values())
         for stage, seconds in progress.seconds.items():
             share = seconds / total

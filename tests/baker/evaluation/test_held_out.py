@@ -1,4 +1,4 @@
-"""The evaluation: one exposure for all views, honest means, and the same loss as the fit asks for on its way."""
+"""The evaluation: each view at its own exposure, honest means, and the same loss as the fit asks for on its way."""
 
 from copy import deepcopy
 from dataclasses import replace
@@ -9,10 +9,12 @@ import pytest
 import scenes
 
 from gsgi.baker.evaluation import held_out
-from gsgi.baker.evaluation.comparison import compare_indirect
-from gsgi.baker.evaluation.held_out import HeldOutLoss, evaluate, exposure
+from gsgi.baker.evaluation.comparison import indirect_ceiling
+from gsgi.baker.evaluation.held_out import CEILING_MIN, HeldOutLoss, evaluate, exposure, noisy
+from gsgi.baker.evaluation.metrics import ssim
 from gsgi.baker.trace.reference import Reference
 from gsgi.baker.trace.tracer import Surface
+from gsgi.runtime import constants
 from gsgi.runtime.camera import look_at
 from gsgi.runtime.display import auto_exposure
 from gsgi.runtime.gaussians import Bake, Gaussians, OverBlend, SurfaceBlend
@@ -132,33 +134,113 @@ def test_only_pixels_with_a_b_count(baked, truths):
     assert lights.of(baked) != before
 
 
-def test_a_dark_view_is_judged_as_dark_as_it_looks(baked, truths):
-    """An error of 1e-4 of the light next door is not seen, whatever it is to the dark itself."""
-    rng = np.random.default_rng(1)
-    dark = reference_of(np.float32(1e-5) * rng.uniform(size=(SIZE, SIZE, 3)).astype(np.float32), noise=1e-6)
-    nearly_dark = np.full((SIZE, SIZE, 3), 1e-4, np.float32)
-    one = exposure([dark.indirect, *(truth.indirect for truth in truths.values())])
-    own, honest = compare_indirect(nearly_dark, dark), compare_indirect(nearly_dark, dark, one)
-    assert own.psnr < 5
-    assert own.ssim < 0.8
-    assert honest.psnr > 60
-    assert honest.ssim > 0.99
-    evaluation = evaluate(truths | {"dark": dark}, CAMERAS | {"dark": CAMERAS["front"]}, baked)
-    alone = evaluate(truths, CAMERAS, baked)
-    # One dark view of three makes the others look brighter by a fourth of a stop.
-    for with_dark, without in zip(evaluation.views, alone.views, strict=False):
-        assert with_dark.indirect.psnr == pytest.approx(without.indirect.psnr - 10 * np.log10(1.5), abs=0.1)
-        assert with_dark.loss == without.loss
+def dimmed(reference: Reference, factor: float) -> Reference:
+    """The same with `factor` times the light."""
+    names = "primary", "indirect_a", "indirect_b"
+    return replace(reference, **{name: np.float32(factor) * getattr(reference, name) for name in names})
 
 
-def test_one_exposure_for_a_scene():
-    image = np.random.default_rng(0).gamma(2, 0.3, (16, 16, 3)).astype(np.float32)
-    black = np.zeros_like(image)
-    assert exposure([image]) == pytest.approx(auto_exposure(image))
-    assert exposure([image] * 3) == pytest.approx(auto_exposure(image))
-    assert exposure([image, 10 * image]) == pytest.approx(auto_exposure(image) / np.sqrt(50.5))
-    assert exposure([image, black]) == pytest.approx(exposure([image, image * 1e-4]), rel=1e-6)
-    assert exposure([]) == exposure([black, black]) == 1
+def test_a_dark_view_is_judged_as_an_eye_there_sees_it(baked, truths):
+    """A view with a hundredth of the light counts like a bright one, and changes no other view."""
+    bright = evaluate({"front": truths["front"]}, CAMERAS, scaled(baked, 1.2)).views[0]
+    dark = dimmed(truths["front"], 0.01)
+    alone = evaluate({"front": dark}, CAMERAS, scaled(baked, 0.012)).views[0]
+    assert alone.indirect.ssim == pytest.approx(bright.indirect.ssim, abs=1e-4)
+    assert alone.indirect.psnr == pytest.approx(bright.indirect.psnr, abs=0.01)
+    assert alone.final.ssim == pytest.approx(bright.final.ssim, abs=1e-4)
+    assert alone.mottle == pytest.approx(bright.mottle, rel=1e-3)
+    beside = evaluate({"dark": dark, "back": truths["back"]}, CAMERAS | {"dark": CAMERAS["front"]}, baked)
+    without = evaluate({"back": truths["back"]}, CAMERAS, baked)
+    assert beside.views[1] == without.views[0]
+    assert beside.worst.name == "dark"
+
+
+def test_black_is_seen_by_an_eye_used_to_the_scene(truths):
+    black = np.zeros((SIZE, SIZE, 3), np.float32)
+    assert exposure(black, 0.5) == pytest.approx(constants.MID_GREY / 0.5)
+    light = truths["front"].indirect
+    assert exposure(light, 0.5) == auto_exposure(light)
+
+
+def noise(strength: float) -> Reference:
+    """Grey of 1 with noise."""
+    return reference_of(np.ones((SIZE, SIZE, 3), np.float32), noise=strength)
+
+
+def test_a_view_too_noisy_to_tell_anything_is_left_out(baked, truths, monkeypatch):
+    monkeypatch.setattr("gsgi.baker.trace.denoise.available", lambda: False)
+    clear, vague = noise(0.001), noise(0.5)
+    assert indirect_ceiling(vague) < CEILING_MIN < indirect_ceiling(clear)
+    assert (noisy(clear), noisy(vague)) == (False, True)
+    cameras = CAMERAS | {"vague": CAMERAS["front"]}
+    both = evaluate(truths | {"vague": vague}, cameras, baked, {"vague": vague})
+    alone = evaluate(truths, cameras, baked)
+    assert [view.noisy for view in (*both.views, *both.scene_views)] == [False, False, True, True]
+    assert (both.mean.indirect, both.mean.final, both.mean.mottle) == (
+        alone.mean.indirect, alone.mean.final, alone.mean.mottle,
+    )  # fmt: skip
+    assert both.mean.name == "mean of 2 views"
+    assert both.worst == alone.worst
+    loss, psnr = HeldOutLoss(truths | {"vague": vague}, cameras, 0.5).of(baked)
+    assert loss == pytest.approx(both.mean.loss, rel=1e-6)
+    assert psnr == pytest.approx(both.mean.indirect.psnr, abs=1e-4)
+    hopeless = evaluate({"vague": vague}, cameras, baked)
+    assert (hopeless.mean, hopeless.worst, len(hopeless.views)) == (None, None, 1)
+
+
+def test_stray_paths_in_a_black_room_are_noise_and_black_is_not():
+    black = reference_of(np.zeros((SIZE, SIZE, 3), np.float32), noise=0)
+    rng = np.random.default_rng(0)
+    strays = [np.where(rng.uniform(size=(SIZE, SIZE, 1)) < 0.01, np.float32(0.1), 0) for _ in range(2)]
+    halves = [np.where(black.valid[..., None], stray, 0) * np.ones(3, np.float32) for stray in strays]
+    assert not noisy(black)
+    assert noisy(replace(black, indirect_a=halves[0], indirect_b=halves[1]))
+
+
+def test_a_level_of_noise_that_hides_what_one_sees(monkeypatch):
+    """Where the ceiling is CEILING_MIN, the truth itself has about SSIM_GOOD."""
+    monkeypatch.setattr("gsgi.baker.trace.denoise.available", lambda: False)
+    rng = np.random.default_rng(0)
+    truth = rng.uniform(0.3, 0.7, (256, 256, 3))
+    for strength in np.geomspace(0.01, 0.2, 12):
+        a, b = (truth + strength * rng.normal(size=truth.shape) for _ in range(2))
+        if ssim(a, b) < CEILING_MIN:
+            break
+        told = ssim((a + b) / 2, truth)
+        assert told > held_out.SSIM_GOOD - 0.002
+    assert ssim((a + b) / 2, truth) < held_out.SSIM_GOOD
+
+
+def test_the_cameras_of_the_scene_are_reported_beside_the_mean(baked, truths):
+    """They were fitted, so they are not in the mean, but they may be the worst."""
+    front, back = ({name: truths[name]} for name in ("front", "back"))
+    worse = dimmed(truths["back"], 0.5)
+    evaluation = evaluate(front, CAMERAS, baked, {"back": worse})
+    assert [(view.name, view.of_scene) for view in evaluation.views] == [("front", False)]
+    assert [(view.name, view.of_scene) for view in evaluation.scene_views] == [("back", True)]
+    assert evaluation.mean.indirect == evaluation.views[0].indirect
+    assert evaluation.worst == evaluation.scene_views[0]
+    assert evaluate(front, CAMERAS, baked, back).worst.final.ssim <= evaluation.mean.final.ssim
+
+
+def test_the_first_cameras_of_a_scene_are_traced(truths):
+    seeds = []
+
+    def reference(camera, size, samples, seed, advance) -> Reference:
+        seeds.append(seed)
+        return truths["front"]
+
+    own = {f"camera {i}": CAMERAS["front"] for i in range(held_out.SCENE_VIEWS + 2)}
+    plan = SimpleNamespace(
+        tracer=SimpleNamespace(reference=reference),
+        placement=SimpleNamespace(held_out=CAMERAS),
+        scene=SimpleNamespace(cameras=own),
+        settings=SimpleNamespace(seed=0),
+    )
+    assert list(held_out.scene_references(plan, print)) == list(own)[: held_out.SCENE_VIEWS]
+    held_out.references(plan, print)
+    assert len(set(seeds)) == len(seeds) == held_out.SCENE_VIEWS + len(CAMERAS)
+    assert held_out.points(plan) == 2 * len(seeds) * held_out.SIZE**2
 
 
 def test_views_without_a_b_are_no_part_of_the_evaluation(truths):
@@ -167,10 +249,9 @@ def test_views_without_a_b_are_no_part_of_the_evaluation(truths):
     light = SimpleNamespace(reference=lambda camera, size, samples, seed, advance: next(found))
     plan = SimpleNamespace(tracer=light, placement=SimpleNamespace(held_out=CAMERAS), settings=SimpleNamespace(seed=0))
     assert list(held_out.references(plan, print)) == ["front"]
-    assert held_out.points(plan) == 2 * 2 * held_out.SIZE**2
 
 
 def test_no_view_is_no_failure(baked):
     evaluation = evaluate({}, CAMERAS, baked)
-    assert (evaluation.views, evaluation.mean) == ([], None)
+    assert evaluation == held_out.Evaluation([], None, [], None)
     assert HeldOutLoss({}, CAMERAS, 0.5).of(baked) == (0.0, 100.0)

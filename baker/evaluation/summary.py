@@ -1,0 +1,35 @@
+"""The lines of the log that tell what an evaluation found."""
+
+from .comparison import Comparison
+from .held_out import Evaluation, ViewEvaluation
+
+
+def summary(evaluation: Evaluation) -> list[str]:
+    """One line for each view, then the mean of the held-out views, then the worst of all views."""
+    lines = [_line(view) for view in (*evaluation.views, *evaluation.scene_views)]
+    if evaluation.mean:
+        lines.append(_line(evaluation.mean))
+    if evaluation.worst:
+        worst = evaluation.worst
+        lines.append(f"worst view: {named(worst)}, SSIM of the frame {worst.final.ssim:.4f}{_mottle(worst)}")
+    return lines
+
+
+def named(view: ViewEvaluation) -> str:
+    """The view's name, marked if it is of a camera of the scene."""
+    return f"{view.name} (camera of the scene)" if view.of_scene else view.name
+
+
+def _line(view: ViewEvaluation) -> str:
+    if view.noisy:
+        return f"{named(view)}: left out, as its reference is too noisy (ceiling {view.indirect.ssim_ceiling:.4f})"
+    layers = f"B: {_told(view.indirect)}; frame: {_told(view.final)}"
+    return f"{named(view)}: loss {view.loss:.4f}; {layers}{_mottle(view)}"
+
+
+def _told(found: Comparison) -> str:
+    return f"PSNR {found.psnr:.2f} dB, SSIM {found.ssim:.4f} (ceiling {found.ssim_ceiling:.4f}), FLIP {found.flip:.4f}"
+
+
+def _mottle(view: ViewEvaluation) -> str:
+    return "" if view.mottle is None else f"; mottle {view.mottle:.1%}"
