@@ -2,7 +2,9 @@
 
 import dataclasses
 from dataclasses import dataclass
+from functools import cached_property
 
+from .advice import Advice, advise
 from .bake import BakeResult
 from .evaluation.held_out import Evaluation
 from .plan import Plan
@@ -12,8 +14,9 @@ from .plan import Plan
 class BakeReport:
     """The `plan` that was followed, its `result`, and the `warnings`, one line each.
 
-    `evaluation` compares the result with path tracing in held-out views; None if it was not evaluated. `seconds` are by
-    stage. `peak_memory` is that of the process, bytes; None if the system does not report it.
+    `evaluation` compares the result with path tracing in held-out views and from the scene's own cameras; None if it
+    was not evaluated. `seconds` are by stage. `peak_memory` is that of the process, bytes; None if the system does not
+    report it.
     """
 
     plan: Plan
@@ -37,6 +40,11 @@ class BakeReport:
     def ssim(self) -> float | None:
         """SSIM of the full frame, mean over the held-out views; None if unknown."""
         return self.evaluation.mean.final.ssim if self.evaluation and self.evaluation.mean else None
+
+    @cached_property
+    def advice(self) -> Advice | None:
+        """What to turn where a view differs visibly from path tracing; None if none does, or it is unknown."""
+        return advise(self.plan, self.evaluation) if self.evaluation else None
 
     @property
     def missed(self) -> str | None:
@@ -85,6 +93,7 @@ class BakeReport:
             "peak_memory": self.peak_memory,
             "stages": [{"stage": name, "seconds": round(value, 3)} for name, value in self.seconds.items()],
             "held_out": dataclasses.asdict(self.evaluation) if self.evaluation else None,
+            "advice": dataclasses.asdict(self.advice) if self.advice else None,
         }
 
 

@@ -48,6 +48,7 @@ def run(options: argparse.Namespace) -> None:
     from gsgi.baker.cli.inputs import open_cache, plan_of
     from gsgi.baker.cli.json_output import print_json
     from gsgi.baker.evaluation.preview import make_folder
+    from gsgi.baker.evaluation.summary import summary as evaluation_summary
     from gsgi.baker.plan_table import summary
     from gsgi.baker.progress import Progress
     from gsgi.baker.views.coverage import coverage_summary
@@ -75,11 +76,14 @@ def run(options: argparse.Namespace) -> None:
 
     report = job.run(plan, progress, write, options.evaluate, options.preview)
     cache.trim()
-    if report.evaluation and report.evaluation.mean:
-        for view in (*report.evaluation.views, report.evaluation.mean):
-            progress.say(f"  {view.name}: loss {view.loss:.4f}; B: {_told(view.indirect)}; frame: {_told(view.final)}")
+    if report.evaluation:
+        for line in evaluation_summary(report.evaluation):
+            progress.say(f"  {line}")
+    if report.advice:
+        progress.say(f"advice: {report.advice.text}")
     if options.quiet:
-        ssim = "" if report.ssim is None else f", SSIM {report.ssim:.4f}"
+        worst = report.evaluation.worst if report.evaluation else None
+        ssim = "" if report.ssim is None else f", SSIM {report.ssim:.4f}, at worst {worst.final.ssim:.4f}"
         console.close(f"{done[-1]}, {sum(report.seconds.values()):.0f} s{ssim}")
     if options.json:
         print_json(report.as_dict())
@@ -123,7 +127,3 @@ def _holds(path: str, data: bytes) -> bool:
         return Path(path).read_bytes() == data
     except OSError:
         return False
-
-
-def _told(found) -> str:
-    return f"PSNR {found.psnr:.2f} dB, SSIM {found.ssim:.4f} (ceiling {found.ssim_ceiling:.4f}), FLIP {found.flip:.4f}"

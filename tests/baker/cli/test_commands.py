@@ -136,7 +136,13 @@ def test_a_bake_reports_what_it_reached(bakes, operator):
         assert view["indirect"]["ssim"] < view["final"]["ssim"]
         for score in (view["indirect"], view["final"]):
             assert score["ssim"] <= score["ssim_ceiling"] + 0.01
+    own, worst = report["held_out"]["scene_views"], report["held_out"]["worst"]
+    assert [(view["name"], view["of_scene"]) for view in own] == [("front", True), ("corner", True)]
+    assert worst["final"]["ssim"] == min(view["final"]["ssim"] for view in (*views, *own))
     log = (baked / "bake.log").read_text()
+    assert f"worst view: {worst['name']}" in log
+    assert f"advice: {report['advice']['text']}\n" in log  # 64 Gaussians are few
+    assert report["advice"]["bytes"] > report["bytes"]
     assert "irradiance" in log
     assert f"mean of {HELD_OUT} views: loss " in log
 

@@ -1,0 +1,72 @@
+"""What to turn where a bake differs visibly from path tracing, and what that would cost."""
+
+from dataclasses import dataclass
+
+from .evaluation.held_out import SSIM_GOOD, Evaluation, ViewEvaluation
+from .evaluation.summary import named
+from .plan import Plan, file_bytes
+from .settings import BUDGET_MAX, QUALITIES
+from .surface_detail import gaussians_for
+
+SSIM_SHORT = 0.02  # of its ceiling: an SSIM that falls shorter
+MOTTLE_SEEN = 0.015  # blotches that are stronger are seen on a smooth wall
+MORE = 4  # times the Gaussians, as from one quality to the next, or the paths, which halves their noise
+SAMPLES_MAX = 1 << 20
+
+
+@dataclass(frozen=True)
+class Advice:
+    """The `text` in one line, about the worst `view` that falls short; `option` is what to turn first.
+
+    `gaussians` and `bytes` are the most that the file would have with that option; None if that is not known.
+    `samples` are more paths, as for `--samples`.
+    """
+
+    text: str
+    view: str
+    option: str | None
+    gaussians: int | None
+    bytes: int | None
+    samples: int
+
+
+def advise(plan: Plan, evaluation: Evaluation) -> Advice | None:
+    """Advise for a bake of `plan`; None if no view falls short."""
+    views = [view for view in (*evaluation.views, *evaluation.scene_views) if falls_short(view)]
+    if not views:
+        return None
+    view = min(views, key=lambda found: found.final.ssim)
+    option, budget = _turn(plan)
+    size = None if budget is None else file_bytes(plan.settings.operator, budget)
+    samples = min(MORE * plan.settings.samples, SAMPLES_MAX)
+    turns = [f"{option} (at most {size} bytes)" if size else option] if option else []
+    turns += [f"--samples {samples} ({samples / plan.settings.samples:g} times the paths)"]
+    mottle = "" if view.mottle is None else f", mottle {view.mottle:.1%}"
+    found = f"SSIM {view.final.ssim:.4f} (ceiling {view.final.ssim_ceiling:.4f}){mottle}"
+    text = f"{named(view)} differs visibly from path tracing, {found}: try {' or '.join(turns)}"
+    return Advice(text, view.name, option, budget, size, samples)
+
+
+def falls_short(view: ViewEvaluation) -> bool:
+    """Whether one sees that a view differs from its reference, as far as the reference can tell."""
+    if view.noisy:
+        return False
+    ssim, ceiling = view.final.ssim, view.final.ssim_ceiling
+    return ssim < min(SSIM_GOOD, ceiling) or ssim < ceiling - SSIM_SHORT or (view.mottle or 0) > MOTTLE_SEEN
+
+
+def _turn(plan: Plan) -> tuple[str | None, int | None]:
+    """The option that gives more Gaussians, and the budget that it stands for; None where there are no more."""
+    s = plan.settings
+    if s.target_loss is not None:
+        return f"--target-loss {s.target_loss / 2:.2g}", None
+    if s.budget >= BUDGET_MAX:
+        return None, None
+    budget = min(MORE * s.budget, BUDGET_MAX)
+    qualities = QUALITIES[s.operator]
+    if s.quality != "high" and s.budget == round(
+        qualities[s.quality].gaussians * gaussians_for(plan.triangles, s.seed)
+    ):
+        names = list(qualities)
+        return f"--quality {names[names.index(s.quality) + 1]}", budget
+    return f"--budget {budget}", budget

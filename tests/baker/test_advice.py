@@ -1,0 +1,75 @@
+"""Advice where a bake differs visibly: when it is given, what it says to turn, and what that costs."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from gsgi.baker import advice
+from gsgi.baker.advice import MORE, advise, falls_short
+from gsgi.baker.evaluation.comparison import Comparison
+from gsgi.baker.evaluation.held_out import Evaluation, ViewEvaluation
+from gsgi.baker.plan import file_bytes
+from gsgi.baker.settings import BUDGET_MAX, Settings
+
+DETAIL = 4800
+
+
+def view(ssim=0.99, ceiling=0.995, mottle=0.01, name="placed 1", **marks) -> ViewEvaluation:
+    score = Comparison(40.0, ssim, ceiling, 0.05)
+    return ViewEvaluation(name, 0.01, score, score, mottle, **marks)
+
+
+def advised(*views: ViewEvaluation, **settings) -> advice.Advice | None:
+    made = Settings(**{"budget": DETAIL // 4, "samples": 192} | settings)
+    return advise(SimpleNamespace(settings=made, triangles=None), Evaluation(list(views), None, [], None))
+
+
+@pytest.fixture(autouse=True)
+def detail(monkeypatch):
+    monkeypatch.setattr(advice, "gaussians_for", lambda triangles, seed: DETAIL)
+
+
+@pytest.mark.parametrize(
+    ("found", "short"),
+    [
+        (view(), False),
+        (view(mottle=None), False),
+        (view(ssim=0.969), True),
+        (view(ssim=0.972, ceiling=0.993), True),
+        (view(mottle=0.016), True),
+        (view(ssim=0.96, ceiling=0.955), False),  # nothing can be known to be closer
+        (view(ssim=0.5, noisy=True), False),
+    ],
+)
+def test_a_view_falls_short_where_one_sees_it(found, short):
+    assert falls_short(found) == short
+    assert (advised(found) is not None) == short
+
+
+def test_the_next_quality_and_its_bytes():
+    found = advised(view(), view(ssim=0.95), view(ssim=0.93, name="door", of_scene=True, mottle=0.02))
+    assert (found.view, found.option, found.gaussians, found.samples) == ("door", "--quality high", DETAIL, 768)
+    assert found.bytes == file_bytes("surface", DETAIL)
+    assert found.text == (
+        "door (camera of the scene) differs visibly from path tracing, SSIM 0.9300 (ceiling 0.9950), mottle 2.0%: "
+        f"try --quality high (at most {found.bytes} bytes) or --samples 768 (4 times the paths)"
+    )
+    assert advised(view(ssim=0.9), quality="draft", budget=DETAIL // 16).option == "--quality medium"
+
+
+@pytest.mark.parametrize("settings", [{"budget": 500}, {"quality": "high", "budget": DETAIL}])
+def test_a_budget_of_ones_own_is_enlarged(settings):
+    found = advised(view(ssim=0.9), **settings)
+    assert found.gaussians == MORE * settings["budget"]
+    assert found.option == f"--budget {found.gaussians}"
+
+
+def test_the_largest_budget_leaves_the_samples():
+    found = advised(view(ssim=0.9), budget=BUDGET_MAX)
+    assert (found.option, found.gaussians, found.bytes) == (None, None, None)
+    assert found.text.endswith(": try --samples 768 (4 times the paths)")
+
+
+def test_a_search_is_given_a_smaller_target():
+    found = advised(view(ssim=0.9), target_loss=0.01)
+    assert (found.option, found.bytes) == ("--target-loss 0.005", None)
