@@ -17,25 +17,34 @@ def estimate(plan: Plan) -> dict[str, float]:
 
     With a target loss, only the fit with the whole budget is counted, which takes the longest.
     """
-    path = _seconds_per_path(plan)
+    path, gathering = _seconds_per_path(plan)
+    whole = plan.whole_paths
     return {
-        "irradiance": path * plan.paths,
+        "irradiance": path * whole + gathering * (plan.paths - whole),
         "fit": _seconds_of_fit(plan),
         "references": path * held_out.points(plan) * held_out.SAMPLES / 2,
     }
 
 
-def _seconds_per_path(plan: Plan) -> float:
+def _seconds_per_path(plan: Plan) -> tuple[float, float]:
+    """Seconds of a whole path, and of one that ends in known light."""
+    from gsgi.baker.trace.irradiance_cache import IrradianceCache
     from gsgi.baker.trace.tracer import Sampling
 
     tracer, size = plan.tracer.tracer, plan.settings.size
     views = (tracer.surface(camera, size, size).points() for camera in plan.cameras)
     points = next((points for points in views if len(points[0])), None)
     if points is None:
-        return 0.0  # no view shows a surface with B
+        return 0.0, 0.0  # no view shows a surface with B
     points = tuple(np.resize(array, (POINTS, 3)) for array in points)
     sampling = Sampling(SAMPLES, plan.settings.bounces)
-    return _second_run(lambda seed: tracer.indirect(*points, sampling, seed)) / (POINTS * SAMPLES)
+    light = tracer.indirect(*points, sampling, 0).mean
+    known, _ = IrradianceCache.halves(points[0], points[1], light, light)
+    whole, gathering = (
+        _second_run(lambda seed, end=end: tracer.indirect(*points, sampling, seed, None, end)) / (POINTS * SAMPLES)
+        for end in (None, known)
+    )
+    return whole, gathering
 
 
 def _seconds_of_fit(plan: Plan) -> float:

@@ -24,9 +24,9 @@ from . import memory
 from .effects import effects, without
 from .over.fits import SH_DEGREE
 from .progress import Progress
-from .settings import BUDGET_MAX, QUALITIES, SAMPLES, Settings
+from .settings import BUDGET_MAX, ERROR, QUALITIES, SAMPLES, Settings
 from .surface import budget as surface_budget
-from .surface.samples import free_layers, path_count, point_count, surface_layers
+from .surface.samples import free_layers, known_paths, known_rounds, path_count, point_count, surface_layers
 from .surface_detail import gaussians_for
 from .trace import pilot
 
@@ -101,17 +101,23 @@ class Plan:
 
     @property
     def samples(self) -> float:
-        """Expected number of paths per pixel or surface sample, on average."""
+        """Expected number of paths per pixel or surface sample, on average; with the `error` 0 it is exact."""
         if self.settings.operator == "surface":
-            return path_count(surface_layers(self.settings.budget, self.settings.samples)) / self.points
+            most = path_count(surface_layers(self.settings.budget, self.settings.samples)) / self.points
+            return self.pilot.gathered_samples(self.settings.error, surface_budget.PATHS_STEP, most)
         return self.pilot.samples(self.sampling)
 
     @property
     def free_paths(self) -> int:
         """Number of paths at the points in free space to which the coarse level is fitted; 0 with `over`."""
         if self.settings.operator == "surface":
-            return path_count(free_layers(self.settings.budget, self.settings.samples))
+            return path_count(free_layers(self.settings.budget))
         return 0
+
+    @property
+    def known_paths(self) -> int:
+        """Number of paths for the light in which those of the samples end; 0 with `over`."""
+        return known_paths(self.settings.bounces) if self.settings.operator == "surface" else 0
 
     @property
     def paths(self) -> float:
@@ -119,7 +125,13 @@ class Plan:
 
         Pixels that show no surface are counted and take none.
         """
-        return self.points * self.samples + self.free_paths
+        return self.points * self.samples + self.free_paths + self.known_paths
+
+    @property
+    def whole_paths(self) -> float:
+        """Number of those that do not end in known light."""
+        rounds = known_rounds(self.settings.bounces) if self.settings.operator == "surface" else ()
+        return path_count(rounds[0]) if rounds else self.paths
 
     @property
     def memory(self) -> int:
@@ -166,7 +178,9 @@ def make_plan(
         placement = placement.without_dark(dark)
     settings = replace(settings, views=len(placement.fitted), size=size, bounces=bounces)
     settings = replace(settings, budget=_budget(settings, triangles), iterations=_iterations(settings))
-    settings = replace(settings, samples=_samples(settings, probe))
+    samples = SAMPLES[settings.operator] if settings.samples is None else settings.samples
+    error = ERROR[settings.operator] if settings.error is None else settings.error
+    settings = replace(settings, samples=samples, error=error)
     dark &= placement.fitted.keys()
     plan = Plan(scene, settings, triangles, tracer, placement, probe, probe.lost.get(bounces), dark)
     if there is not None and plan.memory > there:
@@ -190,13 +204,6 @@ def _budget(settings: Settings, triangles: Triangles) -> int:
     if settings.operator == "over":
         wanted = min(wanted, settings.views * settings.size**2 // PIXELS_PER_GAUSSIAN)
     return max(min(wanted, BUDGET_MAX), 1)
-
-
-def _samples(settings: Settings, probe: Pilot) -> int:
-    """Most paths per pixel, or the paths per surface sample."""
-    if settings.samples is not None:
-        return settings.samples
-    return SAMPLES if settings.operator == "over" else surface_budget.path_count(settings.budget, probe.noise)
 
 
 def _iterations(settings: Settings) -> int:

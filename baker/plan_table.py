@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gsgi.baker.surface.budget import COARSE_DEGREE, FINE_DEGREE, coarse_count
+from gsgi.baker.surface.budget import COARSE_DEGREE, FINE_DEGREE, PATHS_STEP, coarse_count
 from gsgi.baker.trace.tracer import BOUNCES_MAX, PASS_SAMPLES
 from gsgi.baker.views.coverage import VIEWS, length
 
@@ -76,10 +76,14 @@ def _surface_rows(plan: Plan) -> list[tuple[str, str, str]]:
     """The decisions that concern only the `surface` operator."""
     s = plan.settings
     coarse = coarse_count(s.budget)
+    most = -(-s.samples // PATHS_STEP) * PATHS_STEP
+    until = f"until the standard error is below {s.error:.0%} of B there" if s.error else "all of them"
     return [
         ("SH degree", f"{FINE_DEGREE}", f"{COARSE_DEGREE} in the coarse level, which lights moving objects"),
         ("levels", f"{s.budget - coarse} + {coarse}", "Gaussians on surfaces, and in free space"),
-        ("samples", f"{plan.points}", f"points on the surfaces that the views see, {plan.samples:.0f} paths each"),
+        ("known light", f"{plan.known_paths / 1e6:.1f} M", "paths that find B on surfaces, where those of samples end"),
+        ("samples", f"{plan.points}", "points on the surfaces that the views see"),
+        ("paths", f"{PATHS_STEP if s.error else most} to {most}", f"{until}: about {plan.samples:.0f} per sample"),
         ("free space", f"{plan.free_paths / 1e6:.1f} M", "paths from points in free space, for the coarse level"),
         ("fit", f"{s.iterations} steps", f"each step uses all samples{_search(plan)}"),
     ]
@@ -96,7 +100,7 @@ def summary(plan: Plan) -> str:
     views = len(plan.placement.fitted)
     traced = f"{views} views of {s.size} px, about {plan.samples:.0f} paths per pixel"
     if s.operator == "surface":
-        traced = f"{plan.points} surface points in {views} views, {plan.samples:.0f} paths each"
+        traced = f"{plan.points} surface points in {views} views, about {plan.samples:.0f} paths each"
     return (
         f"plan: {s.operator}, {s.bounces} bounces, {traced}, {s.budget} Gaussians at most, {s.iterations} fit "
         f"steps, {plan.memory / 1e9:.1f} GB"

@@ -33,7 +33,8 @@ QUALITIES = {
     "surface": {"draft": Quality(1 / 16, 0, 80), "medium": Quality(1 / 4, 0, 150), "high": Quality(1, 0, 300)},
 }
 
-SAMPLES = 256  # most paths per pixel of a view
+SAMPLES = {"over": 256, "surface": 1024}  # most paths per pixel of a view, or per surface sample
+ERROR = {"over": 0.1, "surface": 0.05}  # noise at which they take no more, relative to the light
 
 
 @dataclass(frozen=True)
@@ -42,8 +43,9 @@ class Settings:
 
     operator: one of OPERATORS. quality: a name of QUALITIES[operator]. budget: most Gaussians; None: by quality.
     target_loss: search for the fewest Gaussians that reach this loss in held-out views, within the budget (None: that
-    of high quality). size: edge of a view, px. samples: paths per surface sample, or most paths per pixel of a view; a
-    pixel takes fewer if the standard error of B is below `error` * (B + its mean) earlier. bounces: surfaces that a
+    of high quality). size: edge of a view, px. samples: most paths per pixel of a view, or per surface sample. A pixel
+    takes fewer if the standard error of B is below `error` * (B + its mean) earlier, a surface sample if it is below
+    `error` * the mean B of its neighbours; with `error` 0 all are traced. bounces: surfaces that a
     path may visit after the point; None: enough that further ones add less than `bounce_fraction` of the picture.
     ignore: effects (of EFFECTS) that the bake leaves out. Raises UsageError for an unknown operator, quality or effect.
     """
@@ -55,7 +57,7 @@ class Settings:
     views: int | None = None
     size: int | None = None
     samples: int | None = None
-    error: float = 0.1
+    error: float | None = None
     bounces: int | None = None
     bounce_fraction: float = 0.005
     iterations: int | None = None

@@ -98,13 +98,14 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
             "number of views (default: until 99 %% of the visible area is seen by three)",
         ),
         ("--view-size", 16, 4096, None, "PX", "edge of a view, pixels (default: by the number of views)"),
-        ("--samples", 1, 2**20, None, "N", "paths per point, in passes of 32 (default: by --operator)"),
-        ("--bounces", 1, 64, None, "N", "most bounces of light (default: see --bounce-fraction)"),
+        ("--samples", 1, 2**20, None, "N", "most paths per point, in passes of 32 (default: by --operator)"),
+        ("--bounces", 1, 1024, None, "N", "most bounces of light (default: see --bounce-fraction)"),
         ("--seed", 0, 2**30, Settings.seed, "N", "random seed; the same seed gives the same bytes"),
     ):
         parser.add_argument(flag, type=whole(lowest, highest), default=default, metavar=unit, help=what)
     parser.add_argument("--error", type=number(0, 1), default=Settings.error, metavar="X",
-                        help="over: stop a pixel at a standard error of X * (B + mean B); 0: never")  # fmt: skip
+                        help="stop at a standard error of X times the B around a sample (default: 0.05), or of "
+                        "X * (B + mean B) of a pixel with over (default: 0.1); 0: never")  # fmt: skip
     parser.add_argument("--bounce-fraction", type=number(0, 1), default=Settings.bounce_fraction, metavar="X",
                         help="most that bounces beyond the last may add, as a share of the picture")  # fmt: skip
     parser.add_argument("--denoise", choices=("auto", "off"), default="auto", help="over: denoise the fitted views")

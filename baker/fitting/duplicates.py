@@ -12,13 +12,13 @@ from .rotations import axes
 DISTANCE, COLOUR, LOG_SCALE, COSINE = 0.5, 0.01, 0.5, 0.9
 
 
-def duplicates(gaussians: Gaussians, tone_scale: float) -> np.ndarray:
+def duplicates(gaussians: Gaussians, tone_scale: float | np.ndarray) -> np.ndarray:
     """Index pairs (P, 2) of Gaussians with the same place, shape and colour; no Gaussian is in two pairs.
 
     The two are each other's nearest neighbour, closer than DISTANCE times the longest standard deviation of the smaller
     one. The logarithms of their scales differ by less than LOG_SCALE on each axis, and the cosine between their normals
     is above COSINE. The light of their constant SH bands differs by less than COLOUR after the tone curve
-    x / (x + tone_scale), with tone_scale in radiance.
+    x / (x + tone_scale), with tone_scale (N, 1) or one number, in radiance.
     """
     from scipy.spatial import cKDTree
 
@@ -30,7 +30,8 @@ def duplicates(gaussians: Gaussians, tone_scale: float) -> np.ndarray:
     other = np.where(nearest[:, 0] == first, nearest[:, 1], nearest[:, 0])
     size = gaussians.scale.max(axis=1)
     light = np.float32(constants.SH_C0) * gaussians.sh[:, 0]
-    tone = light / (np.abs(light) + tone_scale)
+    scale = np.abs(light) + tone_scale
+    tone = np.divide(light, scale, out=np.zeros_like(light), where=scale > 0)
     alike = np.abs(tone - tone[other]).max(axis=1) < COLOUR
     near = distance[:, 1] < DISTANCE * np.minimum(size, size[other])
     log_scale = np.log(np.maximum(gaussians.scale, np.finfo(np.float32).tiny))

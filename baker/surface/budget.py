@@ -1,7 +1,5 @@
 """How the `surface` operator spends a budget: the Gaussians of its two levels, and the samples to fit them to."""
 
-import math
-
 from gsgi.baker.trace.tracer import PASS_SAMPLES
 from gsgi.runtime.file import codec
 
@@ -15,10 +13,7 @@ COARSE_SHARE, COARSE_MOST = 4, 1024  # one Gaussian in COARSE_SHARE is coarse, u
 SAMPLES_PER_GAUSSIAN, SAMPLES_FEWEST, SAMPLES_MOST = 64, 1 << 17, 1 << 20
 FREE_PER_GAUSSIAN = 256  # samples in free space per coarse Gaussian: nine coefficients, normals in all directions
 
-# Relative noise of the mean light over the samples of one Gaussian: a fit follows larger noise.
-NOISE = 0.007
 PATHS_STEP = 2 * PASS_SAMPLES  # per sample: one pass of each half
-PATHS_MOST = 1024  # per sample, both halves together
 
 
 def coarse_count(budget: int) -> int:
@@ -34,12 +29,6 @@ def sample_count(budget: int) -> int:
 def free_count(budget: int) -> int:
     """Number of samples to trace in free space."""
     return FREE_PER_GAUSSIAN * coarse_count(budget)
-
-
-def path_count(budget: int, noise: float) -> int:
-    """Paths per sample, if the standard deviation of a single path is `noise` times the light."""
-    wanted = (noise / NOISE) ** 2 * budget / sample_count(budget)
-    return min(max(math.ceil(wanted / PATHS_STEP), 1) * PATHS_STEP, PATHS_MOST)
 
 
 def file_bytes(budget: int) -> int:

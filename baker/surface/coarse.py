@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from gsgi.baker.fitting.blue_noise import spacing, thin
+from gsgi.baker.trace.local_light import local_light
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
 
 from .budget import COARSE_DEGREE
@@ -29,14 +30,14 @@ OPACITY = 0.5  # of the others at the start
 SCALE_MIN = 1e-6  # m; points can coincide
 
 
-def coarse_level(samples: SurfaceSamples, count: int, blend: SurfaceBlend, tone_scale: float, seed: int) -> Gaussians:
-    """Fit at most `count` Gaussians to `samples` in free space, whose normals have all directions.
-
-    `tone_scale` is the mean B.
-    """
+def coarse_level(samples: SurfaceSamples, count: int, blend: SurfaceBlend, seed: int) -> Gaussians:
+    """Fit at most `count` Gaussians to `samples` in free space, whose normals have all directions."""
     gaussians = _evenly_apart(samples.position, count, np.random.default_rng(seed))
     nothing = SurfaceState.fresh(gaussians).keep(np.zeros(len(gaussians), bool)).gaussians
-    optimiser = SurfaceOptimiser(samples, nothing, replace(blend, sharpness=0, floor=0.0), tone_scale)
+    # An object moves through the light of all directions: what is around a sample does not depend on its normal.
+    upwards = np.tile(np.float32([0, 1, 0]), (len(samples), 1))
+    around = local_light(samples.position, upwards, samples.indirect_a, samples.indirect_b)
+    optimiser = SurfaceOptimiser(samples, nothing, replace(blend, sharpness=0, floor=0.0), around)
     state = SurfaceState.fresh(gaussians)
     for step in range(STEPS):
         if step % SOLVE_STEPS == 0:

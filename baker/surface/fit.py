@@ -59,21 +59,20 @@ def fit_surface(
     free: SurfaceSamples,
     coarse: Gaussians,
     blend: SurfaceBlend,
-    tone_scale: float,
     schedule: Schedule,
     monitor: Monitor | None = None,
     checkpoint: Checkpoint | None = None,
 ) -> Gaussians:
     """Fit the fine level: at most `schedule.budget` Gaussians of SH degree 0 that match the samples on top of `coarse`.
 
-    `tone_scale` is the mean B, in radiance. `monitor(iteration, loss, gaussians)` is called after each step, and
+    `monitor(iteration, loss, gaussians)` is called after each step, and
     gaussians() returns the result of that step. The fit resumes from `checkpoint` if that holds a state, and saves
     states there. For a given seed the result does not depend on the number of threads or on interruptions. Raises
     FloatingPointError at the first gradient or loss that is not finite, and names the iteration and, for a gradient,
     the Gaussian.
     """
     rng = np.random.default_rng(schedule.seed)
-    optimiser = SurfaceOptimiser(joined([surface, free]), coarse, blend, tone_scale)
+    optimiser = SurfaceOptimiser(joined([surface, free]), coarse, blend)
     if checkpoint and (arrays := checkpoint.load()):
         run = from_arrays(_Run, arrays)
     else:
@@ -116,7 +115,9 @@ def changed(state: SurfaceState, error: np.ndarray, limit: int, optimiser: Surfa
 
     Removes duplicates and Gaussians that hardly any sample sees, and splits those with the most `error` (N,).
     """
-    wanted = ~(to_remove(optimiser.share(state.gaussians)) | to_merge(state.gaussians, optimiser.tone_scale))
+    wanted = ~(
+        to_remove(optimiser.share(state.gaussians)) | to_merge(state.gaussians, optimiser.level_of(state.gaussians))
+    )
     state, error = state.keep(wanted), error[wanted]
     state = state.split(to_split(error, limit - len(state)))
     return replace(state, gaussians=optimiser.solve(state.gaussians, SOLVE_AGAIN))

@@ -13,7 +13,7 @@ from gsgi.baker.progress import Progress
 from gsgi.runtime.gaussians import Effects, Gaussians
 
 from .budget import coarse_count
-from .samples import CHUNK, Sampler, SurfaceSamples, free_layers, path_count, point_count, surface_layers
+from .samples import CHUNK, Sampler, SurfaceSamples, free_layers, known_paths, path_count, point_count, surface_layers
 
 if TYPE_CHECKING:
     from gsgi.baker.plan import Plan
@@ -35,7 +35,9 @@ class SurfaceFits:
         self.tone_scale = plan.pilot.mean or 1.0
         settings = plan.settings
         dark = [name in plan.dark for name in plan.placement.fitted]
-        self.sampler = Sampler(plan.tracer, plan.cameras, settings.bounces, settings.seed + 1, dark)
+        self.sampler = Sampler.gathering(
+            plan.tracer, plan.cameras, settings.bounces, settings.seed + 1, dark, settings.error
+        )
 
     def fit(self, budget: int, make_monitor: MakeMonitor) -> FitResult:
         """Fit both levels.
@@ -49,7 +51,7 @@ class SurfaceFits:
         surface, free = self._samples(budget)
         start = time.perf_counter()
         with self.progress.stage("fit", plan.settings.iterations, "iterations") as advance:
-            coarse = coarse_level(free, coarse_count(budget), plan.blend, self.tone_scale, plan.settings.seed)
+            coarse = coarse_level(free, coarse_count(budget), plan.blend, plan.settings.seed)
             fine = budget - len(coarse)
             some = free[: round(FREE_SHARE * len(surface))]
             gaussians, history = self._fitted(fine, surface, some, coarse, advance, make_monitor)
@@ -62,8 +64,10 @@ class SurfaceFits:
     def _samples(self, budget: int) -> tuple[SurfaceSamples, SurfaceSamples]:
         """Samples on the surfaces and in free space."""
         paths = self.plan.settings.samples
-        on_surfaces, in_free_space = surface_layers(budget, paths), free_layers(budget, paths)
-        with self.progress.stage("irradiance", path_count(on_surfaces + in_free_space), "paths") as advance:
+        on_surfaces, in_free_space = surface_layers(budget, paths), free_layers(budget)
+        number = known_paths(self.plan.settings.bounces) + path_count(on_surfaces + in_free_space)
+        with self.progress.stage("irradiance", number, "paths") as advance:
+            self.sampler.prepare(advance)
             free = self.sampler.free(in_free_space, advance)
             surface = self.sampler.surface(on_surfaces, advance)
         if invalid := surface.invalid + free.invalid:
@@ -77,7 +81,7 @@ class SurfaceFits:
 
         plan, settings = self.plan, self.plan.settings
         schedule = Schedule(budget, settings.iterations, settings.seed)
-        task = surface, free, coarse, plan.blend, self.tone_scale, schedule
+        task = surface, free, coarse, plan.blend, schedule
         inputs = {"code": code_version("gsgi.baker.surface.fit", FIT_PACKAGES), "task": task}
         gaussians, history = run_or_resume(
             plan.tracer.cache, inputs, lambda: make_monitor(advance, coarse), lambda *tools: fit_surface(*task, *tools)
@@ -101,14 +105,14 @@ def parts_on_grey_light(plan: "Plan", steps: int) -> list[tuple[Callable[[], obj
     points = plan.triangles.draw(plan.points, rng)
     grey = np.ones_like(points.position)
     samples = SurfaceSamples(points.position, points.normal, grey, grey, 0)
-    optimiser = SurfaceOptimiser(samples, coarse_level(samples[:1], 1, plan.blend, 1.0, 0), plan.blend, 1.0)
+    optimiser = SurfaceOptimiser(samples, coarse_level(samples[:1], 1, plan.blend, 0), plan.blend)
     state = SurfaceState.fresh(start(samples, settings.budget, rng))
     still = dict.fromkeys(RATES, 0.0)
     solved = (SOLVE_FIRST + len(GROWTH) * SOLVE_AGAIN + SOLVE_LAST) / SOLVE_AGAIN
-    free = point_count(free_layers(settings.budget, settings.samples))
+    free = point_count(free_layers(settings.budget))
     few = samples[: free // COARSE_TIMED]
     return [
         (lambda: [optimiser.step(state, still, 1 + i) for i in range(steps)], settings.iterations / steps),
         (lambda: optimiser.solve(state.gaussians, SOLVE_AGAIN), solved),
-        (lambda: coarse_level(few, coarse_count(settings.budget), plan.blend, 1.0, 0), COARSE_TIMED),
+        (lambda: coarse_level(few, coarse_count(settings.budget), plan.blend, 0), COARSE_TIMED),
     ]

@@ -3,9 +3,8 @@
 import numpy as np
 
 from gsgi.baker.native import kernels
+from gsgi.baker.trace.point_order import coherent
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
-
-from .point_order import coherent
 
 
 def look_up(

@@ -8,12 +8,13 @@ import numpy as np
 
 from gsgi.baker.fitting.rotations import axes
 from gsgi.baker.native import kernels
+from gsgi.baker.trace.local_light import LocalLight, local_light
+from gsgi.baker.trace.point_order import coherent
 from gsgi.runtime import constants
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
 
 from . import colours
 from .lookup import coarse_light, filling, inverse_weight
-from .point_order import coherent
 from .samples import SurfaceSamples
 from .state import PARAMETERS, SurfaceState
 
@@ -24,7 +25,7 @@ LIST_STEPS, MARGIN = 10, 1.1
 # Adam (Kingma and Ba 2015). Each step uses all samples, so that the second moment needs only a short memory.
 BETA_1, BETA_2, EPSILON = 0.9, 0.98, 1e-20
 
-DARK = 1.5  # in units of the mean B; errors count relative to the light plus this
+MODEL = 0.1  # error of the best fit, relative to the light around a sample: noise below it costs no weight
 SIZE_COST = 0.05  # of the error, for all Gaussians e times as long on one axis: prefers the smaller of equal fits
 LOGIT_MAX = 5.0  # magnitude, of the opacity
 
@@ -49,27 +50,35 @@ class _Reading(NamedTuple):
 class SurfaceOptimiser:
     """Steps Gaussians by Adam on the mean over the samples of importance |B - light|^2 in linear light.
 
-    The importance is 1 / (B + DARK mean)^2. A squared error in linear light has its minimum at the mean of noisy
-    samples, and the importance depends only on the fitted B, which has little of the noise. A gradient counts only
+    The importance is 1 / (level^2 + (noise / MODEL)^2), with the level and noise of the light around each sample (see
+    local_light): an error counts relative to what eyes there adapt to, and noisy samples count less. A squared error
+    in linear light has its minimum at the mean of noisy samples. A gradient counts only
     where both halves of the samples' paths agree on its sign (after the AND-mask of Parascandolo et al. 2020), so that
     noise alone moves nothing. Deterministic for any number of threads.
     """
 
-    def __init__(self, samples: SurfaceSamples, coarse: Gaussians, blend: SurfaceBlend, tone_scale: float):
-        samples = samples[coherent(samples.position, samples.normal)]
+    def __init__(
+        self, samples: SurfaceSamples, coarse: Gaussians, blend: SurfaceBlend, around: LocalLight | None = None
+    ):
+        """`around` is the light around the samples; by default that of their neighbours on the same surface."""
+        order = coherent(samples.position, samples.normal)
+        around = around or local_light(samples.position, samples.normal, samples.indirect_a, samples.indirect_b)
+        samples, around = samples[order], LocalLight(*(values[order] for values in around))
         self._a, self._b, self._light = samples.indirect_a, samples.indirect_b, samples.indirect
         self._field = kernels.FieldFloat(samples.position, samples.normal)
         self._coarse = coarse_light(self._field, coarse, blend)
-        self.blend, self.tone_scale, self._dark = blend, tone_scale, np.float32(DARK * tone_scale)
+        self.blend = blend
+        self._level = around.level
+        self._importance = 1 / (np.square(around.level) + np.square(around.noise / np.float32(MODEL)))
         self._listed = 0
         self._noise: np.ndarray | None = None
+        self._unit: np.ndarray | None = None
 
     def solve(self, gaussians: Gaussians, iterations: int, ridge: float = colours.RIDGE) -> Gaussians:
         """Set the colours to the least-squares solution for the shapes."""
         self._list(gaussians)
         base = filling(self._field.read(gaussians), self._coarse, self.blend)
-        importance = self._importance(self._read(gaussians).light)
-        sh = colours.solve(self._field, gaussians, base, self._light, importance, iterations, ridge)
+        sh = colours.solve(self._field, gaussians, base, self._light, self._importance, iterations, ridge)
         return replace(gaussians, sh=sh)
 
     def share(self, gaussians: Gaussians) -> np.ndarray:
@@ -77,6 +86,11 @@ class SurfaceOptimiser:
         self._list(gaussians)
         light, inverse, _ = self._read(gaussians)
         return self._field.transposed(gaussians, np.ones_like(light), inverse)[:, 0, 0] / np.float32(constants.SH_C0)
+
+    def level_of(self, gaussians: Gaussians) -> np.ndarray:
+        """Mean level (N, 1) around the samples that each Gaussian accounts for; 0 where there is none."""
+        self._list(gaussians)
+        return self._level_of(gaussians, self._read(gaussians).inverse)
 
     def step(self, state: SurfaceState, rates: Mapping[str, float], steps: int) -> tuple[SurfaceState, StepResult]:
         """Take one step of Adam, the `steps`-th since the start (from 1).
@@ -96,14 +110,20 @@ class SurfaceOptimiser:
         gradient[:, 6:9] += SIZE_COST * max(error, 0) / max(len(state), 1)
         if self._noise is None:
             self._noise = self._gradient_noise(state.gaussians, reading)
+            self._unit = self._level_of(state.gaussians, reading.inverse)
         gradient[np.abs(gradient) <= self._noise] = 0
         rate = np.repeat([rates[name] for name in PARAMETERS], list(PARAMETERS.values()))
         mean = BETA_1 * state.mean + np.float32(1 - BETA_1) * gradient
         square = BETA_2 * state.square + np.float32(1 - BETA_2) * gradient**2
         change = -rate * (mean / (1 - BETA_1**steps)) / (np.sqrt(square / (1 - BETA_2**steps)) + EPSILON)
-        stepped = moved(state.gaussians, change, self.tone_scale, state.smallest, state.largest)
+        stepped = moved(state.gaussians, change, self._unit, state.smallest, state.largest)
         result = StepResult(loss, moments[:, 15])
         return replace(state, gaussians=stepped, mean=mean.astype(np.float32), square=square.astype(np.float32)), result
+
+    def _level_of(self, gaussians: Gaussians, inverse: np.ndarray) -> np.ndarray:
+        ones = np.ones_like(self._level)
+        sums = self._field.transposed(gaussians, np.stack([self._level, ones, ones], axis=1), inverse)[:, 0]
+        return np.divide(sums[:, :1], sums[:, 1:2], out=np.zeros_like(sums[:, :1]), where=sums[:, 1:2] > 0)
 
     def _list(self, gaussians: Gaussians) -> None:
         self._field.list(gaussians, self.blend.cutoff, self.blend.sharpness, MARGIN)
@@ -116,12 +136,9 @@ class SurfaceOptimiser:
         light = sums[:, :3] * inverse[:, None]
         return _Reading(light, inverse, np.where(fine[:, 3:] < self.blend.floor, self._coarse, light))
 
-    def _importance(self, light: np.ndarray) -> np.ndarray:
-        return 1 / np.square(np.maximum(light.mean(axis=1), 0) + self._dark)
-
     def _moments(self, gaussians: Gaussians, reading: _Reading) -> tuple[np.ndarray, float, float]:
         """Moments (N, 16) (see FIELD_MOMENTS), the loss, and the noise-free part of the loss."""
-        light, importance = reading.light, self._importance(reading.light)
+        light, importance = reading.light, self._importance
         residual = light - self._light
         error = importance * ((light - self._a) * (light - self._b)).sum(axis=1)
         loss = importance * np.square(residual).sum(axis=1)
@@ -135,7 +152,7 @@ class SurfaceOptimiser:
 
     def _backward(self, gaussians: Gaussians, reading: _Reading, residual: np.ndarray, error: np.ndarray) -> np.ndarray:
         """Moments (N, 16) of the loss with residuals (S, 3), and of `error` (S,)."""
-        by_light = np.float32(2 / max(len(residual), 1)) * self._importance(reading.light)[:, None] * residual
+        by_light = np.float32(2 / max(len(residual), 1)) * self._importance[:, None] * residual
         return self._field.backward(gaussians, reading.yielding, by_light, reading.inverse, error)
 
 
@@ -158,9 +175,9 @@ def parameter_gradient(moments: np.ndarray, gaussians: Gaussians) -> np.ndarray:
 
 
 def moved(
-    gaussians: Gaussians, change: np.ndarray, unit: float, smallest: np.ndarray, largest: np.ndarray
+    gaussians: Gaussians, change: np.ndarray, unit: np.ndarray, smallest: np.ndarray, largest: np.ndarray
 ) -> Gaussians:
-    """Apply a change (N, 13) of PARAMETERS, with colour in units of `unit` (radiance).
+    """Apply a change (N, 13) of PARAMETERS, with colour in units of `unit` (N, 1), radiance.
 
     Constant SH coefficients stay at 0 or more, and standard deviations between `smallest` and `largest` (N, 3).
     """

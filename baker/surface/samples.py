@@ -8,6 +8,8 @@ import numpy as np
 
 from gsgi.baker.cache.digest import digest
 from gsgi.baker.trace.cached_tracer import CachedTracer
+from gsgi.baker.trace.irradiance_cache import IrradianceCache
+from gsgi.baker.trace.local_light import local_light
 from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling, Tracer
 from gsgi.runtime.camera import Camera
 
@@ -19,6 +21,10 @@ DARK_STEP = 4  # a camera that sees no light uses only every DARK_STEP-th pixel:
 
 # Range of points in free space, as shares of the line of sight from the camera to the surface.
 FREE = 0.05, 0.95
+
+# Before the samples, B is traced twice at other points of the same surfaces, with the layers of each of KNOWN: first by
+# whole paths, then by paths that end where they meet the light of the round before, which leaves far less noise.
+KNOWN = [1], [1, 1]
 
 FOOTPRINT_QUANTILE = 0.999  # larger pixel footprints are cut to this: at glancing angles they have no limit
 
@@ -68,14 +74,14 @@ def surface_layers(budget: int, paths: int) -> list[int]:
     return [_layer_count(paths)] * _chunk_count(sample_count(budget))
 
 
-def free_layers(budget: int, paths: int) -> list[int]:
-    """The same for the samples in free space.
+def free_layers(budget: int) -> list[int]:
+    """The same for the samples in free space: one layer each, since more places gain more than more paths."""
+    return [1] * _chunk_count(free_count(budget))
 
-    All chunks together have as many layers as one chunk of surface samples, but at least one each: more places gain
-    more than fewer paths lose.
-    """
-    chunks = _chunk_count(free_count(budget))
-    return [max(len(range(chunk, _layer_count(paths), chunks)), 1) for chunk in range(chunks)]
+
+def known_paths(bounces: int) -> int:
+    """Number of paths that are traced before the samples' own, for at most this many bounces."""
+    return sum(path_count(layers) for layers in known_rounds(bounces))
 
 
 def point_count(layers: list[int]) -> int:
@@ -92,6 +98,11 @@ def _chunk_count(count: int) -> int:
     return max(-(-count // CHUNK), 1)
 
 
+def known_rounds(bounces: int) -> tuple[list[int], ...]:
+    """The layers of each round before the samples. Paths without a bounce meet no surface whose B they could need."""
+    return KNOWN[max(len(KNOWN) - bounces, 0) :]
+
+
 def _layer_count(paths: int) -> int:
     return max(-(-paths // PATHS_STEP), 1)
 
@@ -103,12 +114,41 @@ class Sampler:
     layers, and each is kept in the cache: whoever asks for more traces only the rest.
     """
 
-    def __init__(self, tracer: CachedTracer, cameras: list[Camera], bounces: int, seed: int, dark: Sequence[bool] = ()):
-        """`dark` marks the cameras that see no light; if it is empty, all of them see light."""
-        self._tracer, self._cameras, self._seed = tracer, cameras, seed
-        self._sampling = Sampling(PASS_SAMPLES, bounces)
+    def __init__(
+        self,
+        tracer: CachedTracer,
+        cameras: list[Camera],
+        bounces: int,
+        seed: int,
+        dark: Sequence[bool] = (),
+        known: "Known | None" = None,
+        error: float = 0.0,
+    ):
+        """`dark` marks the cameras that see no light; if it is empty, all of them see light.
+
+        Paths end at the first surface whose B is `known` (final gathering, Reichert 1992). A sample
+        takes no further layer once the noise around it is below `error` times the light there.
+        """
+        self._tracer, self._cameras, self._seed, self._known = tracer, cameras, seed, known
+        self._sampling, self._error = Sampling(PASS_SAMPLES, bounces), error
         self._steps = [DARK_STEP if is_dark else 1 for is_dark in dark or [False] * len(cameras)]
         self._views = digest({"cameras": cameras, "steps": self._steps})
+
+    @classmethod
+    def gathering(
+        cls, tracer: CachedTracer, cameras: list[Camera], bounces: int, seed: int, dark: Sequence[bool], error: float
+    ) -> "Sampler":
+        """A sampler whose paths end in light that others have traced before, each with a bounce less than the next."""
+        known, rounds = None, known_rounds(bounces)
+        for layers, fewer in zip(rounds, range(len(rounds), 0, -1), strict=True):
+            known = Known(cls(tracer, cameras, bounces - fewer, seed + fewer, dark, known), layers)
+        return cls(tracer, cameras, bounces, seed, dark, known, error)
+
+    def prepare(self, advance: Callable[..., None]) -> None:
+        """Trace the light in which paths end. `advance(paths)` is called with a total of `known_paths(bounces)`."""
+        if self._known is not None:
+            self._known.sampler.prepare(advance)
+            self._known_samples = self._known.sampler.surface(self._known.layers, advance)
 
     def surface(self, layers: list[int], advance: Callable[..., None]) -> SurfaceSamples:
         """Samples on the surfaces that the cameras see, evenly spread over each camera's visible area.
@@ -130,20 +170,64 @@ class Sampler:
         key = self._tracer.key(stage, __name__, views=self._views, seed=seed)
         rng = np.random.default_rng(np.random.SeedSequence(seed))
         points, _ = self._tracer.once(key, _Points, lambda: _Points(*draw(rng)))
-        return _combined(points, [self._layer(key, points, (*seed, layer), advance) for layer in range(layers)])
+        traced: list[_Layer] = []
+        for layer in range(layers):
+            noisy = self._noisy(points, traced)
+            advance(float((~noisy).sum()) * PATHS_STEP)
+            if noisy.any() or not layer:
+                traced.append(self._layer(key, points, noisy, (*seed, layer), advance))
+        return _combined(points, traced)
 
-    def _layer(self, points_key: str, points: "_Points", seed: tuple[int, ...], advance) -> "_Layer":
-        key = self._tracer.key("layer", __name__, points=points_key, sampling=self._sampling, seed=seed)
+    def _noisy(self, points: "_Points", traced: list["_Layer"]) -> np.ndarray:
+        """Which points (P,) bool take a further layer."""
+        if not (traced and self._error):
+            return np.ones(len(points.position), bool)
+        halves = (np.nan_to_num(_mean(traced, half)) for half in "ab")
+        light = local_light(points.position, points.normal, *halves)
+        return light.noise > self._error * light.level
+
+    def _layer(self, points_key: str, points: "_Points", noisy: np.ndarray, seed: tuple[int, ...], advance) -> "_Layer":
+        key = self._tracer.key("layer", __name__, points=points_key, seed=seed, paths=self._paths, noisy=noisy)
         layer, found = self._tracer.once(
-            key, _Layer, lambda: _traced(self._tracer.tracer, points, self._sampling, seed, advance)
+            key, _Layer, lambda: _traced(self._tracer.tracer, points, noisy, self._sampling, self._light, seed, advance)
         )
         if found:
-            advance(CHUNK * PATHS_STEP, "from the cache")
+            advance(int(noisy.sum()) * PATHS_STEP, "from the cache")
         return layer
+
+    @property
+    def _paths(self) -> dict:
+        """What decides how paths go on after their point."""
+        known = None
+        if self._known is not None:
+            sampler = self._known.sampler
+            known = {
+                "paths": sampler._paths,
+                "seed": sampler._seed,
+                "views": sampler._views,
+                "layers": self._known.layers,
+            }
+        return {"sampling": self._sampling, "known": known}
+
+    @cached_property
+    def _light(self) -> tuple[IrradianceCache | None, IrradianceCache | None]:
+        """The light in which the paths of each half end."""
+        if self._known is None:
+            return None, None
+        known = self._known_samples
+        return IrradianceCache.halves(known.position, known.normal, known.indirect_a, known.indirect_b)
 
     @cached_property
     def _seen(self) -> "_SeenSurface":
         return _look(self._tracer.tracer, self._cameras, self._steps)
+
+
+@dataclass(frozen=True)
+class Known:
+    """Light in which paths may end: that of surface samples with these `layers`."""
+
+    sampler: Sampler
+    layers: list[int]
 
 
 @dataclass(frozen=True)
@@ -157,7 +241,7 @@ class _Points:
 
 @dataclass(frozen=True)
 class _Layer:
-    """Both halves of B at the points of a chunk, from PATHS_STEP paths per point.
+    """Both halves of B at the points of a chunk, from PATHS_STEP paths at each point that was still noisy.
 
     indirect_a and indirect_b (P, 3) float32 are means over finite_a and finite_b (P,) uint8 paths, those that gave a
     finite number; invalid is the number of all others.
@@ -170,12 +254,22 @@ class _Layer:
     invalid: int
 
 
-def _traced(tracer: Tracer, points: _Points, sampling: Sampling, seed: tuple[int, ...], advance) -> _Layer:
-    seeds = np.random.SeedSequence(seed).generate_state(2).tolist()
-    where = points.position, points.normal, points.geometric_normal
-    a, b = (tracer.indirect(*where, sampling, half, lambda count: advance(count * PASS_SAMPLES)) for half in seeds)
-    finite = (light.samples.astype(np.uint8) for light in (a, b))
-    return _Layer(a.mean, b.mean, *finite, a.invalid + b.invalid)
+def _traced(
+    tracer: Tracer, points: _Points, noisy: np.ndarray, sampling: Sampling, known, seed: tuple[int, ...], advance
+) -> _Layer:
+    where = points.position[noisy], points.normal[noisy], points.geometric_normal[noisy]
+    lights = [
+        tracer.indirect(*where, sampling, int(half), lambda count: advance(count * PASS_SAMPLES), light)
+        for half, light in zip(np.random.SeedSequence(seed).generate_state(2), known, strict=True)
+    ]
+
+    def at_all(values: np.ndarray) -> np.ndarray:
+        result = np.zeros((len(noisy), *values.shape[1:]), values.dtype)
+        result[noisy] = values
+        return result
+
+    means, finite = zip(*((at_all(b.mean), at_all(b.samples.astype(np.uint8))) for b in lights), strict=True)
+    return _Layer(*means, *finite, sum(b.invalid for b in lights))
 
 
 def _combined(points: _Points, layers: list[_Layer]) -> SurfaceSamples:

@@ -70,10 +70,10 @@ def to_split(error: np.ndarray, count: int) -> np.ndarray:
     return np.sort(order[error[order] > 0])
 
 
-def to_merge(gaussians: Gaussians, tone_scale: float) -> np.ndarray:
-    """Mask (N,) bool of superfluous Gaussians: one of each pair of duplicates."""
+def to_merge(gaussians: Gaussians, level: np.ndarray) -> np.ndarray:
+    """Mask (N,) bool of superfluous Gaussians: one of each pair of duplicates, at local levels (N, 1) of brightness."""
     merged = np.zeros(len(gaussians), bool)
-    merged[duplicates(gaussians, tone_scale)[:, 1]] = True
+    merged[duplicates(gaussians, level)[:, 1]] = True
     return merged
 
 

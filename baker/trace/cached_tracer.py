@@ -14,6 +14,7 @@ from gsgi.runtime.camera import Camera
 from gsgi.runtime.scene import Scene
 
 from . import reference
+from .irradiance_cache import IrradianceCache
 from .tracer import Light, Sampling, Tracer
 
 PACKAGES = ("mitsuba", "drjit", "numpy")
@@ -41,11 +42,13 @@ class CachedTracer:
     def __init__(self, scene: Scene, cache: Cache):
         self.scene, self.cache = scene, cache
 
-    def at_points(self, position, normal, sampling: Sampling, seed: int, advance=None) -> Light:
-        """B at surface points: position (N, 3) float32 m, normal (N, 3) float32 unit."""
-        key = self.key("points", __name__, position=position, normal=normal, sampling=sampling, seed=seed)
+    def at_points(
+        self, position, normal, sampling: Sampling, seed: int, advance=None, known: IrradianceCache | None = None
+    ) -> Light:
+        """B at surface points: position (N, 3) float32 m, normal (N, 3) float32 unit; paths end in `known` light."""
+        key = self.key("points", __name__, position=position, normal=normal, sampling=sampling, seed=seed, known=known)
         light, found = self.once(
-            key, Light, lambda: self.tracer.indirect(position, normal, normal, sampling, seed, advance)
+            key, Light, lambda: self.tracer.indirect(position, normal, normal, sampling, seed, advance, known)
         )
         if found and advance:
             advance(len(position))

@@ -10,6 +10,7 @@ import numpy as np
 
 from gsgi.runtime import constants
 
+from .cached_light import CachedLight
 from .mitsuba_scene import load_mitsuba
 from .random_numbers import Draws, hashed
 from .rays import closest, closest_front, lifted, side, unoccluded
@@ -19,7 +20,7 @@ mi = load_mitsuba()
 import drjit as dr  # noqa: E402  (needs the LLVM that load_mitsuba chose)
 
 ROULETTE_BOUNCE = 3
-ROULETTE_MAX = 0.95
+ROULETTE_MAX = 0.999  # larger than most albedos: then the weight of a path never grows, nor does its variance
 
 # Dimensions of `Draws`: the random number that each decision uses.
 DIRECTION, ROULETTE, LIGHT, EMITTER, EMITTER_POINT, ENVIRONMENT, TEXTURE = 0, 2, 3, 4, 5, 7, 9
@@ -72,15 +73,18 @@ def first_hits(tracer, origin: np.ndarray, direction: np.ndarray) -> dict[str, n
     return arrays | masks | {"triangle": np.array(triangle)}
 
 
-def indirect(tracer, position, normal, geometric_normal, samples: int, bounces: int, seed: int) -> Sums:
+def indirect(
+    tracer, position, normal, geometric_normal, samples: int, bounces: int, seed: int, known: CachedLight | None = None
+) -> Sums:
     """Sums over `samples` paths of the light arriving at each point; arguments (N, 3) float32.
 
-    Each lane follows the paths of one point one after another, so that short and long paths even out.
+    A path ends at the first surface whose B is `known`. Each lane follows the paths of one point one after another, so
+    that short and long paths even out.
     """
     p, n, ng = mi.Point3f(position.T), mi.Normal3f(normal.T), mi.Normal3f(geometric_normal.T)
     key = hashed(dr.arange(mi.UInt32, len(position)) + hashed(dr.opaque(mi.UInt32, seed)))
     limits = dr.opaque(mi.UInt32, samples), dr.opaque(mi.UInt32, bounces)
-    light, squared, invalid = _paths(tracer, key, p, n, ng, *limits)
+    light, squared, invalid = _paths(tracer, known, key, p, n, ng, *limits)
     dr.eval(light, squared, invalid)
     return Sums(np.array(light, np.float64).T, np.array(squared, np.float64), np.array(invalid, np.int64))
 
@@ -98,7 +102,7 @@ def direct(tracer, position, normal, geometric_normal) -> dict[str, np.ndarray]:
 
 
 @dr.syntax
-def _paths(tracer, key, start, start_n, start_ng, samples, bounces):
+def _paths(tracer, known, key, start, start_n, start_ng, samples, bounces):
     """Sums over the paths of each lane's point: cosine-weighted light without direct light from punctual lights."""
     p, n, ng = mi.Point3f(start), mi.Normal3f(start_n), mi.Normal3f(start_ng)
     throughput, light = mi.Color3f(1), mi.Color3f(0)
@@ -107,8 +111,9 @@ def _paths(tracer, key, start, start_n, start_ng, samples, bounces):
     active = (dr.squared_norm(start_n) > 0) & (samples > 0)
     while active:
         draws = Draws(key, sample, bounce)
-        light += throughput * _arriving_at_vertex(tracer, draws, p, n, ng, bounce, active)
-        light_there, alive, p, n, ng, reflectance = _next_vertex(tracer, draws, p, n, ng, bounce < bounces, active)
+        arriving, open_ended = _arriving_at_vertex(tracer, known, draws, p, n, ng, bounce, active)
+        light += throughput * arriving
+        light_there, alive, p, n, ng, reflectance = _next_vertex(tracer, draws, p, n, ng, bounce < bounces, open_ended)
         light += throughput * light_there
         throughput *= reflectance
         # Russian roulette (Arvo and Kirk 1990).
@@ -132,18 +137,23 @@ def _paths(tracer, key, start, start_n, start_ng, samples, bounces):
     return total, squared, invalid
 
 
-def _arriving_at_vertex(tracer, draws, p, n, ng, bounce, active):
-    """Direct light at a vertex, over pi, estimated by sampling the lights."""
-    light = mi.Color3f(0)
+def _arriving_at_vertex(tracer, known, draws, p, n, ng, bounce, active):
+    """Light at a vertex, over pi, and where the path goes on: B where it is known, else an estimate of direct light."""
+    light, open_ended = mi.Color3f(0), active
+    if known is not None:
+        # Emitters are sampled only where B is unknown, so the look-up can use their random numbers.
+        light, found = known.look_up(p, n, draws.two(EMITTER_POINT), active & (bounce > 0))
+        open_ended = active & ~found
     if tracer.lights.count > 0:
-        # The engine computes the direct light of punctual lights, so the point itself (bounce 0) gets none here.
+        # The engine computes the direct light of punctual lights, so the point itself (bounce 0) gets none here, and
+        # the B of other points has none.
         index, weight = tracer.lights.sample(draws.one(LIGHT))
         light += weight * _punctual(tracer, p, n, ng, index, active & (bounce > 0))
     if tracer.emitters.count > 0:
-        light += _sample_emitter(tracer, draws, p, n, ng, active)
+        light += _sample_emitter(tracer, draws, p, n, ng, open_ended)
     if tracer.environment is not None and tracer.environment.samples_light:
-        light += _sample_environment(tracer, draws, p, n, ng, active)
-    return light
+        light += _sample_environment(tracer, draws, p, n, ng, open_ended)
+    return light, open_ended
 
 
 def _next_vertex(tracer, draws, p, n, ng, reflects, active):

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .irradiance_cache import IrradianceCache
+from .local_light import LocalLight, local_light
 from .tracer import BOUNCES_MAX, PASS_SAMPLES, Sampling
 
 POINTS = 4096
@@ -18,24 +20,19 @@ class Pilot:
     """What the pilot found at N points.
 
     `mean` is the mean B (radiance). `lost` maps a number of bounces to the share of the picture that further bounces
-    add. `deviation` (N,) is the standard deviation of a path's light at each point, and `light` (N,) is its mean.
+    add. `deviation` (N,) is the standard deviation of a path's light at each point, and `light` (N,) is its mean;
+    `gathered` is the light around them, from SAMPLES paths that end at the first surface in what the pilot found there.
     """
 
     mean: float
     lost: dict[int, float]
     deviation: np.ndarray
     light: np.ndarray
+    gathered: LocalLight
 
     def bounces(self, fraction: float) -> int:
         """The fewest bounces that lose at most `fraction` of the picture."""
         return next(k for k, lost in self.lost.items() if lost <= fraction)
-
-    @property
-    def noise(self) -> float:
-        """Root mean square over the points of deviation / (light + mean)."""
-        if not self.mean:
-            return 0.0
-        return float(np.sqrt(np.mean(np.square(self.deviation / (self.light + self.mean)))))
 
     def samples(self, sampling: Sampling) -> float:
         """Mean number of paths per point until `sampling` is satisfied."""
@@ -44,6 +41,13 @@ class Pilot:
         target = sampling.error * (self.light + sampling.scale)
         passes = np.ceil(np.square(self.deviation / target) / PASS_SAMPLES)
         return float(np.clip(passes * PASS_SAMPLES, PASS_SAMPLES, sampling.samples).mean())
+
+    def gathered_samples(self, error: float, step: int, most: float) -> float:
+        """Mean number of gathering paths per point until the noise is below `error` times the light, in steps."""
+        if not error:
+            return most
+        steps = np.ceil(np.square(self.gathered.noise / (error * self.gathered.level)) * SAMPLES / step)
+        return float(np.clip(steps * step, step, most).mean()) if len(steps) else float(step)
 
 
 def run(at_points: Callable, position: np.ndarray, normal: np.ndarray, seed: int) -> Pilot:
@@ -69,4 +73,7 @@ def run(at_points: Callable, position: np.ndarray, normal: np.ndarray, seed: int
             break
     lost.setdefault(BOUNCES_MAX, 0.0)
     deviation = whole.error * np.sqrt(np.maximum(whole.samples, 1))
-    return Pilot(mean, lost, deviation, whole.mean.mean(axis=1))
+    known, _ = IrradianceCache.halves(position, normal, whole.mean, whole.mean)
+    half = Sampling(SAMPLES // 2, BOUNCES_MAX)
+    a, b = (at_points(position, normal, half, seed + 1 + i, known=known).mean for i in range(2))
+    return Pilot(mean, lost, deviation, whole.mean.mean(axis=1), local_light(position, normal, a, b))

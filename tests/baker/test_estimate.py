@@ -56,7 +56,7 @@ def traced(monkeypatch) -> list[int]:
 @pytest.mark.parametrize("operator", OPERATORS)
 def test_a_bake_traces_the_paths_that_were_announced(closed, traced, monkeypatch, operator):
     plan = replace(closed, settings=replace(closed.settings, operator=operator))
-    monkeypatch.setattr(estimating, "_seconds_per_path", lambda plan: 1.0)
+    monkeypatch.setattr(estimating, "_seconds_per_path", lambda plan: (1.0, 1.0))
     announced = estimate(plan)
     report = job.run(plan, Progress(), lambda data, count: None).as_dict()
     assert sum(traced) == announced["irradiance"] + announced["references"]
@@ -69,8 +69,11 @@ def test_a_bake_traces_the_paths_that_were_announced(closed, traced, monkeypatch
 
 def test_the_table_says_how_many_paths_there_are(closed):
     rows = {row.what: row for row in decisions(closed)}
-    assert f"{4 * PASS_SAMPLES} paths each" in rows["samples"].why
-    # Two layers of one pass per half: one for each of two chunks.
+    assert rows["paths"].decision == f"{4 * PASS_SAMPLES} to {4 * PASS_SAMPLES}"
+    assert f"about {4 * PASS_SAMPLES} per sample" in rows["paths"].why
+    # With one bounce, paths end in light without any, which is traced in two chunks by a pass per half.
+    assert closed.known_paths == 2 * CHUNK * 2 * PASS_SAMPLES
+    # The same for free space: one layer for each of two chunks.
     assert closed.free_paths == 2 * CHUNK * 2 * PASS_SAMPLES
     assert rows["free space"].decision == "0.1 M"
 
@@ -80,7 +83,7 @@ def test_all_parts_of_a_fit_are_timed(closed, monkeypatch, operator, parts):
     """Steps, and with `surface` the solutions for the colours and the coarse level: each with its number of runs."""
     plan = replace(closed, settings=replace(closed.settings, operator=operator))
     runs = []
-    monkeypatch.setattr(estimating, "_seconds_per_path", lambda plan: 0.0)
+    monkeypatch.setattr(estimating, "_seconds_per_path", lambda plan: (0.0, 0.0))
     monkeypatch.setattr(estimating, "_second_run", lambda run: (run(0), runs.append(run), 10.0 ** len(runs))[2])
     fit = estimate(plan)["fit"]
     assert len(runs) == parts

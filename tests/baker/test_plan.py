@@ -14,7 +14,7 @@ from gsgi.baker.over.rasterise import rasterise
 from gsgi.baker.plan import PIXELS, PIXELS_PER_GAUSSIAN, SIZE_MAX, SIZE_MIN, Plan, make_plan
 from gsgi.baker.plan_table import decisions, summary
 from gsgi.baker.progress import Progress
-from gsgi.baker.settings import EFFECTS, OPERATORS, QUALITIES, SAMPLES, Settings
+from gsgi.baker.settings import EFFECTS, ERROR, OPERATORS, QUALITIES, SAMPLES, Settings
 from gsgi.baker.surface import budget, fits, samples
 from gsgi.baker.surface.lookup import look_up
 from gsgi.baker.surface_detail import gaussians_for
@@ -154,15 +154,26 @@ def test_the_target_does_not_change_how_long_a_fit_is(views, operator):
     assert planning._iterations(Settings(operator, views=views, budget=1)) == expected
 
 
-def test_paths_are_as_many_as_the_operator_calls_for(small):
-    """As many as asked for; else, for a surface sample, more where the light is noisy."""
-    over, surface = Settings("over", budget=64), Settings("surface", budget=64)
-    noisy = replace(small.pilot, deviation=10 * small.pilot.deviation)
-    assert planning._samples(over, small.pilot) == planning._samples(over, noisy) == SAMPLES
-    assert planning._samples(surface, small.pilot) == budget.path_count(64, small.pilot.noise)
-    assert planning._samples(surface, small.pilot) < planning._samples(surface, noisy)
-    for settings in (over, surface):
-        assert planning._samples(replace(settings, samples=7), noisy) == 7
+@pytest.mark.parametrize("operator", OPERATORS)
+def test_paths_and_their_noise_are_as_asked_for_or_the_operators(operator):
+    scene = scenes.furnace()
+    given = make_plan(scene, Settings(operator, budget=64, views=3, samples=7, error=0.5), Progress(), Cache()).settings
+    assert (given.samples, given.error) == (7, 0.5)
+    left_open = make_plan(scene, Settings(operator, budget=64, views=3), Progress(), Cache()).settings
+    assert (left_open.samples, left_open.error) == (SAMPLES[operator], ERROR[operator])
+
+
+def test_noisier_light_takes_more_paths_up_to_the_most():
+    plan = make_plan(scenes.furnace(), Settings(budget=64, views=3), Progress(), Cache())
+    gathered = plan.pilot.gathered
+    counts = []
+    for noise in (0.0, 1.0, 2.0, 100.0):
+        pilot = replace(plan.pilot, gathered=gathered._replace(noise=noise * 0.05 * gathered.level))
+        counts.append(replace(plan, pilot=pilot).samples)
+    # The pilot took 64 paths: at twice the noise that is aimed at, four times as many are needed.
+    assert counts == [64, 64, 256, SAMPLES["surface"]]
+    still = replace(plan.settings, error=0.0)
+    assert replace(plan, settings=still).samples == SAMPLES["surface"]
 
 
 def test_brighter_walls_call_for_more_bounces():

@@ -7,14 +7,11 @@ from gsgi.baker.surface.budget import (
     COARSE_DEGREE,
     COARSE_MOST,
     FINE_DEGREE,
-    PATHS_MOST,
-    PATHS_STEP,
     SAMPLES_FEWEST,
     SAMPLES_MOST,
     coarse_count,
     file_bytes,
     free_count,
-    path_count,
     sample_count,
 )
 from gsgi.runtime.file import codec
@@ -56,21 +53,3 @@ def test_samples_grow_with_the_budget_within_bounds():
     assert counts == sorted(counts)
     assert (counts[0], counts[-1]) == (SAMPLES_FEWEST, SAMPLES_MOST)
     assert sample_count(4096) == 64 * 4096
-
-
-def test_noisier_light_and_fewer_samples_per_gaussian_take_more_paths():
-    quiet, noisy = path_count(4096, 1.0), path_count(4096, 1.5)
-    # 64 samples of one Gaussian and 0.7 % of noise: 1 / 0.007^2 / 64 = 319 paths, in steps of 64; 2.25 times as many.
-    assert (quiet, noisy) == (320, 768)
-    assert path_count(64, 1.5) < noisy  # the samples are SAMPLES_FEWEST all the same
-    assert path_count(1 << 16, 1.0) > quiet
-
-
-@pytest.mark.parametrize("budget", BUDGETS)
-def test_paths_come_in_whole_steps_within_bounds(budget):
-    counts = [path_count(budget, noise) for noise in (0.0, 0.1, 0.5, 1.0, 3.0, 100.0)]
-    assert counts == sorted(counts)
-    assert counts[0] == PATHS_STEP
-    assert counts[-1] <= PATHS_MOST
-    assert not any(count % PATHS_STEP for count in counts)
-    assert path_count(budget, 1e6) == PATHS_MOST

@@ -30,7 +30,7 @@ def linear(position: np.ndarray, normal: np.ndarray) -> np.ndarray:
 
 def level(count: int, noise: float = 0.0, samples: int = 20_000) -> Gaussians:
     points = free_points(samples)
-    return coarse_level(samples_of(linear(*points), *points, noise), count, BLEND, 1.5, seed=3)
+    return coarse_level(samples_of(linear(*points), *points, noise), count, BLEND, seed=3)
 
 
 def light_of(coarse: Gaussians, position, normal) -> np.ndarray:
@@ -67,7 +67,7 @@ def test_dark_places_count_as_much_as_bright_ones():
     """Around a lamp light grows without end; least squares that know no importance miss the rest by its double."""
     position, normal = free_points(20_000)
     light = (1 + 0.8 * normal[:, 1:2]) / ((position - [1, 1.8, 1]) ** 2).sum(axis=1, keepdims=True) * np.ones(3)
-    coarse = coarse_level(samples_of(light, position, normal), 100, BLEND, float(light.mean()), seed=3)
+    coarse = coarse_level(samples_of(light, position, normal), 100, BLEND, seed=3)
     found = light_of(coarse, position, normal)
     assert np.median(np.abs(found - light) / light) < 0.1
 
@@ -106,15 +106,15 @@ def test_the_first_reaches_everywhere_and_weighs_next_to_nothing():
 
 
 def test_few_samples_and_none():
-    assert len(coarse_level(samples_of(np.empty((0, 3)), *free_points(0)), 30, BLEND, 1.0, 0)) == 0
+    assert len(coarse_level(samples_of(np.empty((0, 3)), *free_points(0)), 30, BLEND, 0)) == 0
     for count in (1, 5):
         position, normal = free_points(count)
-        coarse = coarse_level(samples_of(np.ones((count, 3)), position, normal), 30, BLEND, 1.0, 0)
+        coarse = coarse_level(samples_of(np.ones((count, 3)), position, normal), 30, BLEND, 0)
         assert 1 <= len(coarse) <= 1 + count
         light = light_of(coarse, position, normal)
         assert np.isfinite(light).all()
     same = np.ones((50, 3), np.float32)
-    coarse = coarse_level(samples_of(same, same, same / np.float32(3**0.5)), 10, BLEND, 1.0, 0)
+    coarse = coarse_level(samples_of(same, same, same / np.float32(3**0.5)), 10, BLEND, 0)
     assert all(np.isfinite(getattr(coarse, name)).all() for name in FIELDS)
 
 

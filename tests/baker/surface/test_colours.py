@@ -6,7 +6,7 @@ from surface_cases import field_of, gaussians, points
 
 from gsgi.baker.surface import colours
 from gsgi.baker.surface.colours import RIDGE, solve
-from gsgi.baker.surface.point_order import coherent
+from gsgi.baker.trace.point_order import coherent
 from gsgi.runtime import constants
 from gsgi.runtime.gaussians import Gaussians
 

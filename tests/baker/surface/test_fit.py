@@ -21,7 +21,6 @@ from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
 
 BLEND = SurfaceBlend()
 NOBODY = gaussians(0, 9)
-TONE_SCALE = 1.0
 
 
 def corner(count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
@@ -48,7 +47,7 @@ def noisy(count: int = 20_000, noise: float = 0.3) -> SurfaceSamples:
 
 def fit(course: Schedule, watch=None, checkpoint=None, samples=None) -> Gaussians:
     samples = noisy() if samples is None else samples
-    return fit_surface(samples, samples[:0], NOBODY, BLEND, TONE_SCALE, course, watch, checkpoint)
+    return fit_surface(samples, samples[:0], NOBODY, BLEND, course, watch, checkpoint)
 
 
 def relative_error(fitted: Gaussians) -> float:
@@ -92,7 +91,7 @@ def test_the_fine_level_says_what_the_coarse_one_lacks():
     has to make up for it, and without it light is missing."""
     coarse, blend, points = everywhere(0.25), SurfaceBlend(floor=5.0), corner(5000, seed=1)
     samples = noisy(noise=0.0)
-    fitted = fit_surface(samples, samples[:0], coarse, blend, TONE_SCALE, Schedule(200, 60))
+    fitted = fit_surface(samples, samples[:0], coarse, blend, Schedule(200, 60))
     light, weight = look_up(fitted, coarse, blend, *points)
     alone, _ = look_up(fitted, NOBODY, blend, *points)
     assert (weight < blend.floor).mean() > 0.9
@@ -119,7 +118,7 @@ def test_samples_in_free_space_keep_the_fine_level_out_of_it():
     assert near < 0.75 * reach  # all further points are out of reach anyway
     errors, points, there = [], corner(5000, seed=1), free(5000, 7, near, reach)
     for known in (samples[:0], free(20_000, 6, near, reach)):
-        fitted = fit_surface(samples, known, coarse, BLEND, TONE_SCALE, Schedule(budget, 60))
+        fitted = fit_surface(samples, known, coarse, BLEND, Schedule(budget, 60))
         before, _ = look_up(fitted, coarse, BLEND, there.position, there.normal)
         on_walls, _ = look_up(fitted, coarse, BLEND, *points)
         errors.append((np.abs(before / 2 - 1).mean(), np.sqrt(np.mean((on_walls / field(*points) - 1) ** 2))))

@@ -29,7 +29,7 @@ class FakeTracer:
         valid[0] = False
         return Surface(**fields | {"depth": fields["depth"][..., 0], "valid": valid, "diffuse": valid})
 
-    def indirect(self, position, normal, geometric_normal, sampling, seed, advance):
+    def indirect(self, position, normal, geometric_normal, sampling, seed, advance, known=None):
         self.calls.append(seed)
         advance(len(position))
         count = len(position)

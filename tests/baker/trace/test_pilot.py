@@ -14,7 +14,7 @@ POSITION = NORMAL = np.zeros((8, 3), np.float32)
 def geometric(ratio: float, brightness: float = 1.0, deviation: float = 1.0):
     """A tracer in which every bounce adds `ratio` times what the one before did."""
 
-    def at_points(position, normal, sampling, seed):
+    def at_points(position, normal, sampling, seed, known=None):
         value = brightness * (1 - ratio ** (sampling.bounces + 1)) / (1 - ratio)
         count = len(position)
         error = np.full(count, deviation / np.sqrt(sampling.samples), np.float32)
@@ -56,8 +56,16 @@ def test_a_furnace_of_albedo_one_half_needs_what_its_series_says():
     scene = scenes.furnace(albedo=0.5)
     points = Triangles(scene).sample(512, 0)
     tracer = Tracer(scene)
-    found = pilot.run(lambda p, n, s, seed: tracer.indirect(p, n, n, s, seed), points.position, points.normal, 0)
+
+    def at_points(position, normal, sampling, seed, known=None):
+        return tracer.indirect(position, normal, normal, sampling, seed, None, known)
+
+    found = pilot.run(at_points, points.position, points.normal, 0)
     assert found.mean == pytest.approx(2.0, rel=0.02)
     # 1 - 2^-(k+1) of the light arrives within k bounces; the tone curve halves small losses.
     assert found.lost[3] == pytest.approx(1 - 2 * (15 / 16) / (15 / 16 + 1), rel=0.1)
     assert found.bounces(0.005) == 6
+    # Paths that end in known light are shorter, not noisier, and no point takes more of them than allowed.
+    assert 0 < found.gathered.noise.mean() < (found.deviation / pilot.SAMPLES**0.5).mean()
+    assert found.gathered.level.mean() == pytest.approx(2.0, rel=0.05)
+    assert 64 <= found.gathered_samples(0.05, 64, 1024) <= 1024

@@ -40,6 +40,14 @@ def test_a_closed_emitting_box_holds_l_over_1_minus_r(albedo):
     assert indirect.mean() == pytest.approx(1.5 / (1 - albedo), rel=0.01)
 
 
+def test_a_white_furnace_keeps_the_light_of_hundreds_of_bounces():
+    """At albedo 0.99, half of the light comes from more than 68 bounces."""
+    tracer = Tracer(scenes.furnace(0.99, emission=1.0))
+    points = (a.reshape(-1, 3) for a in tracer.surface(scenes.inside_camera(), 16, 16).points())
+    # 256 points x 64 paths; the number of bounces is geometric, so a path has a deviation of its mean: 0.8 % in all.
+    assert tracer.indirect(*points, Sampling(64), seed=1).mean.mean() == pytest.approx(100, rel=0.03)
+
+
 def test_a_punctual_light_in_a_box_leaves_only_its_bounces_in_b():
     box = Scene(tuple(scenes.box()), (Material("wall", (0.5, 0.5, 0.5, 1.0)),), lights=(light("point"),))
     box = replace(box, lights=(light("point", position=np.zeros(3), color=np.ones(3)),))

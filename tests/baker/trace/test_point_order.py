@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gsgi.baker.surface.point_order import coherent
+from gsgi.baker.trace.point_order import coherent
 
 
 def test_it_is_a_permutation_and_neighbours_lie_together():

@@ -1,0 +1,69 @@
+"""Look-up in an irradiance cache by the path tracer's kernels. Importing this starts Mitsuba."""
+
+import numpy as np
+
+from .irradiance_cache import COORDINATE_BITS, LEVELS, IrradianceCache, hashed_cell
+from .mitsuba_scene import load_mitsuba
+
+mi = load_mitsuba()
+
+import drjit as dr  # noqa: E402  (needs the LLVM that load_mitsuba chose)
+
+
+class CachedLight:
+    """An irradiance cache on the device."""
+
+    def __init__(self, cache: IrradianceCache):
+        self._start, self._low, self._high = (mi.UInt32(a) for a in (cache.start, _some(cache.low), _some(cache.high)))
+        self._light = mi.Float(_some(cache.light).ravel())
+        self._mask = dr.opaque(mi.UInt32, len(cache.start) - 2)
+        self._size = dr.opaque(mi.Float, cache.size)
+        self._origin = mi.Point3f(*(dr.opaque(mi.Float, float(x)) for x in cache.origin))
+
+    def look_up(self, p, n, jitter, active):
+        """B at points with unit normals, and whether it is known there. `jitter` in [0, 1)^2 blurs the cells' borders.
+
+        The point is moved by up to half a cell within its plane, so that the mean over `jitter` changes smoothly.
+        """
+        frame = mi.Frame3f(n)
+        moved = p + self._size * ((jitter.x - 0.5) * frame.s + (jitter.y - 0.5) * frame.t)
+        light, known = mi.Color3f(0), mi.Bool(False)
+        for level in range(LEVELS):
+            there, found = self._look_up(moved, n, level, active & ~known)
+            light, known = dr.select(found, there, light), known | found
+        return light, known
+
+    @dr.syntax
+    def _look_up(self, p, n, level, active):
+        low, high = self._key(p, n, level)
+        bucket = hashed_cell(low, high) & self._mask
+        cell = dr.gather(mi.UInt32, self._start, bucket, active)
+        end = dr.gather(mi.UInt32, self._start, bucket + 1, active)
+        searching, at = active & (cell < end), mi.UInt32(0)
+        found = mi.Bool(False)
+        while searching:
+            same = dr.gather(mi.UInt32, self._low, cell, searching) == low
+            same &= dr.gather(mi.UInt32, self._high, cell, searching) == high
+            at = dr.select(searching & same, cell, at)
+            found |= searching & same
+            cell += 1
+            searching &= ~same & (cell < end)
+        return dr.gather(mi.Color3f, self._light, at, found), found
+
+    def _key(self, p, n, level: int):
+        """Both halves of the key, as `irradiance_cache.cell_keys` computes it."""
+        cell = dr.floor((p - self._origin) / (self._size * 2**level))
+        x, y, z = (mi.UInt32(dr.clip(c, 0, float((1 << COORDINATE_BITS) - 1))) for c in (cell.x, cell.y, cell.z))
+        ax, ay, az = dr.abs(n.x), dr.abs(n.y), dr.abs(n.z)
+        first, second = (ax >= ay) & (ax >= az), ay >= az
+        along = dr.select(first, n.x, dr.select(second, n.y, n.z))
+        side = dr.select(first, mi.UInt32(0), dr.select(second, mi.UInt32(2), mi.UInt32(4)))
+        side += dr.select(along < 0, mi.UInt32(1), mi.UInt32(0))
+        low = x | (y << COORDINATE_BITS)
+        high = (y >> (32 - COORDINATE_BITS)) | (z << 6) | (side << 25) | mi.UInt32(level << 28)
+        return low, high
+
+
+def _some(array: np.ndarray) -> np.ndarray:
+    """The array, or a zero where it is empty: nothing is read from it, but a kernel needs one."""
+    return array if len(array) else np.zeros((1, *array.shape[1:]), array.dtype)

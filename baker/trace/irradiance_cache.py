@@ -1,0 +1,102 @@
+"""B as it is known at samples, in cells of space: paths that meet a known surface end there.
+
+Irradiance is cached on surfaces (Ward et al. 1988) and precomputed at points (Christensen 1999). An error of the cached
+light hardly shows, because a point sees the mean over all directions of it, reflected once.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+LEVELS = 2  # of cells, each twice as wide as those before; the finest with enough samples is read
+LEAST = 3  # samples in a cell: with fewer, its light is unknown
+VARIES = 0.35  # standard deviation in a cell, relative to its mean light: with more, its light is unknown
+ACROSS = 1.2  # edge of the finest cells, relative to the median distance to the NEAR-th nearest sample
+NEAR, MEASURED = 8, 4096  # neighbours, and the number of samples whose neighbours are looked for
+COORDINATE_BITS = 19  # of a cell, along each axis
+ORIGIN = 0.37  # of a cell: keeps walls at round coordinates off the borders of cells
+
+
+@dataclass(frozen=True)
+class IrradianceCache:
+    """Mean B of the samples in each cell of space and of the six directions to which a normal is nearest.
+
+    origin (3,) float64 is the lowest corner of cell 0, size the edge of the finest cells, m. The E cells lie in a hash
+    table of a power of two of buckets: `start` (buckets + 1,) uint32 is each bucket's first cell, `low` and `high` (E,)
+    uint32 are the cells' keys, and light (E, 3) float32 is B, linear Rec.709 radiance.
+    """
+
+    origin: np.ndarray
+    size: float
+    start: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    light: np.ndarray
+
+    @staticmethod
+    def halves(
+        position: np.ndarray, normal: np.ndarray, a: np.ndarray, b: np.ndarray
+    ) -> tuple["IrradianceCache", "IrradianceCache"]:
+        """The caches of both halves `a` and `b` (S, 3) of B at samples: position (S, 3) m, normal (S, 3) unit.
+
+        The halves' noise is independent, so that their covariance shows in which cells the light itself varies: those
+        that reach through a wall, for example. They have no light in either cache.
+        """
+        origin, size = _grid(position)
+        keys, lights = [], []
+        both = np.concatenate([a, b], axis=1).astype(np.float64)
+        product = a.mean(axis=1, dtype=np.float64) * b.mean(axis=1, dtype=np.float64)
+        for level in range(LEVELS):
+            key = cell_keys(position, normal, origin, size, level)
+            cells, of, count = np.unique(key, return_inverse=True, return_counts=True)
+            mean = np.stack([np.bincount(of, column, len(cells)) for column in both.T], axis=1) / count[:, None]
+            of_both = mean[:, :3].mean(axis=1) * mean[:, 3:].mean(axis=1)
+            varies = np.bincount(of, product, len(cells)) / count - of_both > VARIES**2 * of_both
+            use = (count >= LEAST) & ~varies
+            keys.append(cells[use])
+            lights.append(mean[use])
+        key, light = np.concatenate(keys), np.concatenate(lights).astype(np.float32)
+        low, high = (key & np.uint64(0xFFFFFFFF)).astype(np.uint32), (key >> np.uint64(32)).astype(np.uint32)
+        buckets = 1 << max(len(key).bit_length(), 1)
+        bucket = hashed_cell(low, high) & np.uint32(buckets - 1)
+        order = np.argsort(bucket, kind="stable")
+        start = np.searchsorted(bucket[order], np.arange(buckets + 1)).astype(np.uint32)
+        table = origin, size, start, low[order], high[order]
+        return tuple(IrradianceCache(*table, light[order, i : i + 3]) for i in (0, 3))
+
+
+def cell_keys(position: np.ndarray, normal: np.ndarray, origin: np.ndarray, size: float, level: int) -> np.ndarray:
+    """Keys (N,) uint64 of the cells of a level in which points (N, 3) with normals (N, 3) lie."""
+    cell = np.floor((position.astype(np.float32) - origin.astype(np.float32)) / np.float32(size * 2**level))
+    x, y, z = np.clip(cell, 0, (1 << COORDINATE_BITS) - 1).astype(np.uint64).T
+    axis = np.abs(normal).argmax(axis=1)
+    side = 2 * axis + (np.take_along_axis(normal, axis[:, None], axis=1)[:, 0] < 0)
+    low = x | y << np.uint64(COORDINATE_BITS)
+    return (low & np.uint64(0xFFFFFFFF)) | (
+        (low >> np.uint64(32)) | z << np.uint64(6) | (side.astype(np.uint64) << np.uint64(25)) | np.uint64(level << 28)
+    ) << np.uint64(32)
+
+
+def hashed_cell(low, high):
+    """32-bit hash of a key, for numpy and Dr.Jit arrays alike (Fibonacci hashing)."""
+    word = low * _word(low, 2654435769) ^ high * _word(high, 2246822519)
+    word = (word ^ (word >> _word(word, 15))) * _word(word, 2654435761)
+    return word ^ (word >> _word(word, 13))
+
+
+def _word(like, number: int):
+    return np.uint32(number) if isinstance(like, np.ndarray) else number
+
+
+def _grid(position: np.ndarray) -> tuple[np.ndarray, float]:
+    """Origin (3,) float64 and edge (m) of the finest cells, so wide that most hold more than LEAST samples."""
+    from scipy.spatial import cKDTree
+
+    if not len(position):
+        return np.zeros(3), 1.0
+    low, high = position.min(axis=0).astype(np.float64), position.max(axis=0).astype(np.float64)
+    some = position[:: max(len(position) // MEASURED, 1)]
+    distance, _ = cKDTree(position).query(some, k=min(NEAR + 1, len(position)), workers=-1)
+    smallest = max(float((high - low).max()) / (1 << (COORDINATE_BITS - 1)), 1e-6)
+    size = max(ACROSS * float(np.median(distance.reshape(len(some), -1)[:, -1])), smallest)
+    return low - ORIGIN * size, size

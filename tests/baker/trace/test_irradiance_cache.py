@@ -1,0 +1,119 @@
+"""Known light: cells hold the mean of their samples, or nothing, and the kernels find what numpy finds."""
+
+import numpy as np
+import pytest
+import scenes
+
+from gsgi.baker.trace.irradiance_cache import LEAST, LEVELS, IrradianceCache, cell_keys
+from gsgi.baker.trace.tracer import Sampling, Tracer
+from gsgi.runtime.scene import Light, Material, Scene
+
+SIDES = np.float32([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]])
+
+
+def points(count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """Points of the six walls of the box [-1, 1]^3, with normals inwards."""
+    rng = np.random.default_rng(seed)
+    normal = SIDES[rng.integers(6, size=count)]
+    position = np.where(normal != 0, -normal, rng.uniform(-1, 1, (count, 3))).astype(np.float32)
+    return position, normal
+
+
+def look_up(cache: IrradianceCache, position, normal, jitter=0.5) -> tuple[np.ndarray, np.ndarray]:
+    """Light (N, 3) and whether it is known (N,), by the path tracer's kernels."""
+    from gsgi.baker.trace.cached_light import CachedLight, mi
+
+    p, n, j = mi.Point3f(position.T), mi.Normal3f(normal.T), mi.Point2f(jitter, jitter)
+    light, known = CachedLight(cache).look_up(p, n, j, mi.Bool(True))
+    return np.array(light).T, np.array(known)
+
+
+def test_a_cell_holds_the_mean_of_its_samples():
+    position, normal = points(20000)
+    light = np.random.default_rng(1).uniform(0.9, 1.1, (len(position), 3)).astype(np.float32)
+    cache, other = IrradianceCache.halves(position, normal, light, 2 * light)
+    found, known = look_up(cache, position, normal)
+    key = cell_keys(position, normal, cache.origin, cache.size, 0)
+    _, of, count = np.unique(key, return_inverse=True, return_counts=True)
+    mean = np.stack([np.bincount(of, light[:, i]) for i in range(3)], axis=1) / count[:, None]
+    enough = count[of] >= LEAST
+    assert 0.7 < enough.mean() < 1  # and the others are looked up on the coarser level
+    np.testing.assert_allclose(found[enough], mean[of][enough], rtol=1e-5)
+    assert known.mean() > 0.999
+    np.testing.assert_allclose(look_up(other, position, normal)[0], 2 * found, rtol=1e-6)
+
+
+def test_nothing_is_known_elsewhere_or_of_the_other_side():
+    position, normal = points(20000)
+    cache, _ = IrradianceCache.halves(position, normal, *[np.ones_like(position)] * 2)
+    for where, facing in ((position / 2, normal), (position, -normal), (position + 3, normal)):
+        inside = np.abs(where).max(axis=1) < 0.9 if where is not position else np.ones(len(where), bool)
+        inside |= (where > 1.5).any(axis=1)
+        light, known = look_up(cache, where[inside], facing[inside])
+        assert not known.any()
+        assert not light.any()
+
+
+def test_cells_through_a_wall_are_unknown():
+    """A floor runs on under a thin wall, bright on one side and dark on the other, with noise everywhere."""
+    rng = np.random.default_rng(2)
+    position = rng.uniform(-1, 1, (20000, 3)).astype(np.float32) * np.float32([1, 0, 1])
+    normal = np.tile(SIDES[2], (len(position), 1))
+    even, _ = IrradianceCache.halves(position, normal, *[np.ones_like(position)] * 2)
+    beyond = position[:, 0] - even.origin[0] - 38.5 * even.size  # the wall is in the middle of cells
+    level = np.where(beyond[:, None] > 0, 10.0, 0.1)
+    a, b = ((level * rng.uniform(0.8, 1.2, (len(position), 3))).astype(np.float32) for _ in range(2))
+    cache, _ = IrradianceCache.halves(position, normal, a, b)
+    light, known = look_up(cache, position, normal)
+    dark = known & (beyond < 0)
+    # Where a cell holds a dark sample or two among bright ones, the dark points at its edge are taken for bright.
+    assert (light[dark] < 0.2).mean() > 0.995
+    near = np.abs(beyond) < cache.size / 2
+    assert known[~near].mean() > 0.99
+    assert known[near].mean() < 0.2
+
+
+def test_jitter_stays_in_the_plane_and_within_a_cell():
+    position, normal = points(20000)
+    ramp = np.repeat(position[:, :1] + 3, 3, axis=1)
+    cache, _ = IrradianceCache.halves(position, normal, ramp, ramp)
+    for jitter in (0.0, 0.999):
+        light, known = look_up(cache, position, normal, jitter)
+        inner = known & (np.abs(position).min(axis=1) < 0.8)
+        assert inner.mean() > 0.8
+        # Half a cell of jitter and, on the coarser level, a whole cell and a half within it.
+        assert np.abs(light[inner] - ramp[inner]).max() < (0.5 + 2**LEVELS) * cache.size
+
+
+def test_without_samples_nothing_is_known():
+    none = np.empty((0, 3), np.float32)
+    cache, _ = IrradianceCache.halves(none, none, none, none)
+    _, known = look_up(cache, *points(10))
+    assert not known.any()
+
+
+@pytest.mark.parametrize("albedo", [0.5, 0.9])
+def test_paths_that_end_in_the_right_light_find_it_with_less_noise(albedo):
+    """A closed box that emits 1: B is 1 / (1 - albedo) everywhere."""
+    tracer, (position, normal) = Tracer(scenes.furnace(albedo)), points(4096)
+    b = np.full((len(position), 3), 1 / (1 - albedo), np.float32)
+    known, _ = IrradianceCache.halves(position, normal, b, b)
+    whole, short = (tracer.indirect(position, normal, normal, Sampling(32), 3, None, k) for k in (None, known))
+    assert short.mean.mean() == pytest.approx(1 / (1 - albedo), rel=0.01)
+    assert short.error.mean() < 0.8 * whole.error.mean()
+    wrong, _ = IrradianceCache.halves(position, normal, 2 * b, 2 * b)  # what is read is reflected once
+    twice = tracer.indirect(position, normal, normal, Sampling(32), 3, None, wrong).mean.mean()
+    assert twice - short.mean.mean() == pytest.approx(albedo / (1 - albedo), rel=0.01)
+
+
+def test_punctual_light_comes_on_top_of_what_is_known():
+    """Known light leaves out what comes straight from punctual lights, as B does."""
+    lamp = Light("point", color=np.ones(3), position=np.zeros(3), direction=np.array([0.0, -1.0, 0.0]))
+    box = Scene(tuple(scenes.box()), (Material("wall", (0.5, 0.5, 0.5, 1.0)),), lights=(lamp,))
+    tracer, (position, normal) = Tracer(box), points(8192)
+    whole = tracer.indirect(position, normal, normal, Sampling(256), 1)
+    known, _ = IrradianceCache.halves(position, normal, whole.mean, whole.mean)
+    short = tracer.indirect(position, normal, normal, Sampling(64), 2, None, known)
+    assert short.mean.mean() == pytest.approx(whole.mean.mean(), rel=0.01)
+    again = tracer.indirect(position, normal, normal, Sampling(64), 2, None, known)
+    np.testing.assert_array_equal(again.mean, short.mean)

@@ -1,0 +1,71 @@
+"""The light around samples: as bright as their neighbours, and as noisy as its halves say."""
+
+import numpy as np
+import pytest
+
+from gsgi.baker.trace.local_light import FAINT, LEAST, local_light
+
+COUNT = 8192
+
+
+def floor(seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    position = rng.uniform(-1, 1, (COUNT, 3)).astype(np.float32) * np.float32([1, 0, 1])
+    return position, np.tile(np.float32([0, 1, 0]), (COUNT, 1))
+
+
+def halves(light: np.ndarray, noise: np.ndarray | float) -> list[np.ndarray]:
+    """Two of B (COUNT, 3), grey, with independent noise (COUNT,)."""
+    rng = np.random.default_rng(1)
+    return [np.repeat((light + noise * rng.normal(size=COUNT))[:, None], 3, axis=1).astype(np.float32) for _ in "ab"]
+
+
+def test_each_room_has_its_own_level_and_noise():
+    position, normal = floor()
+    bright = position[:, 0] > 0
+    light = np.where(bright, 10.0, 0.1)
+    found = local_light(position, normal, *halves(light, 0.3 * light))
+    away = np.abs(position[:, 0]) > 0.2
+    # The mean of two halves has 0.3 / sqrt(2) of the light; blocks tell their light to 0.3 / sqrt(64).
+    # The curve through the samples leaps here and there, and a block on both ends of a leap mixes their light.
+    assert (np.abs(found.level / light - 1)[away] < 5 * 0.3 / 8).mean() > 0.98
+    assert (np.abs(found.noise / light * 2**0.5 / 0.3 - 1)[away] < 0.4).mean() > 0.95
+    assert np.median(found.noise[away & bright]) == pytest.approx(3 / 2**0.5, rel=0.05)
+
+
+def test_both_sides_of_a_sheet_are_apart():
+    position, normal = floor()
+    down = np.arange(COUNT) % 2 == 1
+    normal[down] *= -1
+    light = np.where(down, 0.1, 10.0)
+    np.testing.assert_allclose(local_light(position, normal, *halves(light, 0.0)).level, light, rtol=1e-5)
+
+
+def test_the_order_of_samples_is_kept_and_the_result_scales_with_the_light():
+    position, normal = floor()
+    a, b = halves(1 + np.abs(position[:, 0]), 0.1)
+    found, tenfold = local_light(position, normal, a, b), local_light(position, normal, 10 * a, 10 * b)
+    np.testing.assert_allclose(tenfold.level, 10 * found.level, rtol=1e-5)
+    np.testing.assert_allclose(tenfold.noise, 10 * found.noise, rtol=1e-5)
+    assert (np.abs(found.level - 1 - np.abs(position[:, 0])) < 0.25).mean() > 0.97
+
+
+def test_what_is_faint_or_black_has_a_level_all_the_same():
+    position, normal = floor()
+    light = np.where(position[:, 0] > 0.5, 100.0, 0.0)
+    found = local_light(position, normal, *halves(light, 0.0))
+    assert found.level.min() == pytest.approx(FAINT * light.mean(), rel=1e-3)
+    black = local_light(position, normal, *halves(np.zeros(COUNT), 0.0))
+    assert (black.level == np.float32(LEAST)).all()
+    assert not black.noise.any()
+    assert all(len(values) == 0 for values in local_light(*[np.empty((0, 3), np.float32)] * 4))
+
+
+def test_a_number_that_is_not_finite_stays_where_it_is():
+    position, normal = floor()
+    a, b = halves(np.ones(COUNT), 0.0)
+    a[17] = np.nan
+    b[18] = np.inf
+    found = local_light(position, normal, a, b)
+    assert np.isfinite(found.level).all()
+    assert np.isfinite(found.noise).all()
