@@ -13,6 +13,7 @@ from benches.frame_costs import frame_costs, frame_passes
 from benches.front import front
 from benches.host_state import host_state
 from benches.leak import leak
+from benches.looks import looks
 from benches.operator_motion import operator_motion
 from benches.operator_pictures import operator_pictures
 from benches.operator_sphere import operator_sphere
@@ -33,7 +34,7 @@ PASSES = splats, order, host_state
 OPERATOR = operator_bakes, operator_equal, operator_scales, operator_motion, operator_sphere, operator_pictures
 BENCHES = {
     bench.__name__: bench
-    for bench in (fit, stages, trace, scenes, *PASSES, triangles, dial, quality, leak, front, *FRAMES, *OPERATOR)
+    for bench in (fit, stages, trace, scenes, *PASSES, triangles, dial, quality, leak, looks, front, *FRAMES, *OPERATOR)
 }
 GROUPS = {name: [bench.__name__ for bench in group] for name, group in (("frames", FRAMES), ("operator", OPERATOR))}
 

@@ -36,4 +36,6 @@ def rows_of(path: Path) -> list[dict]:
 def _row(path: Path, view: dict) -> dict:
     final, mottle = view["final"], view["mottle"]
     figures = {"ssim": round(final["ssim"], 4), "ceiling": round(final["ssim_ceiling"], 4)}
-    return {"scene": path.stem, "view": view["name"]} | figures | {"mottle": None if mottle is None else round(mottle, 4)}
+    return (
+        {"scene": path.stem, "view": view["name"]} | figures | {"mottle": None if mottle is None else round(mottle, 4)}
+    )

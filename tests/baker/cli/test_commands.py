@@ -30,7 +30,7 @@ from gsgi.runtime.image import read_image, write_image
 from gsgi.runtime.layers import LAYERS
 
 CORNELL = str(SCENES / "cornell.glb")
-SMALL = ["--views", "2", "--view-size", "24", "--iterations", "4"]
+SMALL = ["--views", "2", "--view-size", "24", "--samples", "64", "--iterations", "4"]
 FAST = ["--budget", "64", *SMALL]
 OVER = ["--operator", "over"]
 
