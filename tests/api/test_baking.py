@@ -8,6 +8,7 @@ from repository import SCENES
 
 import gsgi
 from gsgi.baker.cli.main import run
+from gsgi.baker.evaluation import held_out
 
 CORNELL = SCENES / "cornell.glb"
 SMALL = gsgi.Settings(budget=64, views=2, size=24, samples=64, bounces=2, iterations=4)
@@ -25,6 +26,14 @@ FLAGS = [
     "--iterations",
     "4",
 ]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def quick_evaluation():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(held_out, "SIZE", 64)
+        patch.setattr(held_out, "SAMPLES", 256)
+        yield
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from repository import SCENES
 from gsgi.baker.settings import OPERATORS
 
 CORNELL = SCENES / "cornell.glb"
-SETTINGS = ["--views", "12", "--view-size", "24", "--iterations", "300"]
+SETTINGS = ["--views", "12", "--view-size", "24", "--samples", "64", "--iterations", "300"]
 ONE_FIT, SEARCH = ["--budget", "64"], ["--budget", "600", "--target-loss", "1e-9"]
 SEARCH_STEPS = {"over": "2000", "surface": "120"}  # enough for a kill to find the fit at work
 MISSED = 6  # the exit code of a search for what cannot be reached
