@@ -188,6 +188,8 @@ def turned(traced, tmp_path, capsys, monkeypatch):
     """A bake with options of the dial: its exit code, its report, its file, and what it said."""
     monkeypatch.setattr(budget, "SAMPLES_FEWEST", 1 << 12)
     monkeypatch.setattr(samples, "CHUNK", 1 << 11)
+    monkeypatch.setattr(held_out, "SIZE", 64)  # as in QUICK
+    monkeypatch.setattr(held_out, "SAMPLES", 256)
 
     def run(*dial: str) -> tuple[int, dict, bytes, str]:
         output = tmp_path / "x.gsgi"

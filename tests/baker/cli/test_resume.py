@@ -18,7 +18,7 @@ SETTINGS = ["--views", "12", "--view-size", "24", "--samples", "64", "--iteratio
 ONE_FIT, SEARCH = ["--budget", "64"], ["--budget", "600", "--target-loss", "1e-9"]
 SEARCH_STEPS = {"over": "2000", "surface": "120"}  # enough for a kill to find the fit at work
 MISSED = 6  # the exit code of a search for what cannot be reached
-KILLS = 4
+KILLS = 3
 
 # The command line with frequent checkpoints, few samples, and a check that is as small as the bake.
 GSGI = """
