@@ -136,7 +136,7 @@ def choose_camera(scene: Scene, options: argparse.Namespace) -> Camera:
 
 def _camera_at(eye: np.ndarray, target: np.ndarray, diagonal: float) -> Camera:
     """A camera at `eye` (3,) that looks at `target` (3,), upright; straight down, -Z is on top, straight up, +Z."""
-    from gsgi.baker.views.camera_path import ACROSS_MIN, NEAR
+    from gsgi.baker.views.camera_path import ACROSS_MIN, near_plane
     from gsgi.baker.views.placement import YFOV
     from gsgi.runtime.vectors import unit
 
@@ -144,7 +144,7 @@ def _camera_at(eye: np.ndarray, target: np.ndarray, diagonal: float) -> Camera:
         raise UsageError("--target: expected a point other than --eye, got the same")
     along = unit(target - eye)
     up = (0.0, 1.0, 0.0) if np.hypot(along[0], along[2]) >= ACROSS_MIN else (0.0, 0.0, along[1])
-    return look_at(eye, eye + along, np.array(up), YFOV, NEAR * diagonal)
+    return look_at(eye, eye + along, np.array(up), YFOV, near_plane(diagonal))
 
 
 def _scene_camera(scene: Scene, options: argparse.Namespace) -> Camera:

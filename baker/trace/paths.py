@@ -13,7 +13,7 @@ from gsgi.runtime import constants
 from .cached_light import CachedLight
 from .mitsuba_scene import load_mitsuba
 from .random_numbers import Draws, hashed
-from .rays import closest, closest_front, lifted, side, unoccluded
+from .rays import closest, closest_front, lifted, lifted_hit, lifted_point, side, unoccluded
 
 mi = load_mitsuba()
 
@@ -43,8 +43,8 @@ def first_hits(tracer, origin: np.ndarray, direction: np.ndarray) -> dict[str, n
     """What rays from `origin` (M, 3) along unit `direction` (M, 3) see; a direction of 0 sees nothing.
 
     The columns are normal, shading_normal, geometric_normal, albedo, emission, valid and diffuse of `tracer.Surface`;
-    triangle (M,), 0 where there is none, and the weights (M, 2) of its corners 1 and 2; and background (M, 3), the
-    environment's radiance, clamped to the range of the G-buffer's half floats.
+    triangle (M,), 0 where there is none, and the distance (M,) to it, m; and background (M, 3), the environment's
+    radiance, clamped to the range of the G-buffer's half floats.
     """
     o, d = mi.Point3f(origin.T), mi.Vector3f(direction.T)
     aimed = dr.squared_norm(d) > 0
@@ -62,15 +62,14 @@ def first_hits(tracer, origin: np.ndarray, direction: np.ndarray) -> dict[str, n
         "geometric_normal": ng,
         "albedo": albedo,
         "emission": emission,
-        "weights": hit.b,
     }
     columns = {name: dr.select(valid, value, 0) for name, value in columns.items()} | {"background": background}
-    triangle = dr.select(valid, hit.prim, 0)
+    triangle, distance = dr.select(valid, hit.prim, 0), dr.select(valid, hit.t, 0)
     # Evaluate in one kernel: reading each column separately would trace the rays again.
-    dr.eval(valid, diffuse, triangle, columns)
+    dr.eval(valid, diffuse, triangle, distance, columns)
     arrays = {name: np.broadcast_to(np.array(c).T, (len(o.x), len(c))) for name, c in columns.items()}
     masks = {"valid": np.array(valid).astype(bool), "diffuse": np.array(diffuse).astype(bool)}
-    return arrays | masks | {"triangle": np.array(triangle)}
+    return arrays | masks | {"triangle": np.array(triangle), "distance": np.array(distance)}
 
 
 def indirect(
@@ -82,6 +81,7 @@ def indirect(
     that short and long paths even out.
     """
     p, n, ng = mi.Point3f(position.T), mi.Normal3f(normal.T), mi.Normal3f(geometric_normal.T)
+    p = lifted_point(tracer, p, ng, dr.squared_norm(n) > 0)
     key = hashed(dr.arange(mi.UInt32, len(position)) + hashed(dr.opaque(mi.UInt32, seed)))
     limits = dr.opaque(mi.UInt32, samples), dr.opaque(mi.UInt32, bounces)
     light, squared, invalid = _paths(tracer, known, key, p, n, ng, *limits)
@@ -93,6 +93,8 @@ def direct(tracer, position, normal, geometric_normal) -> dict[str, np.ndarray]:
     """Light of all punctual lights at each point over pi, `direct` (N, 3) float32; arguments (N, 3) float32."""
     p, n, ng = mi.Point3f(position.T), mi.Normal3f(normal.T), mi.Normal3f(geometric_normal.T)
     active = dr.squared_norm(n) > 0
+    p = lifted_point(tracer, p, ng, active)
+    dr.eval(p)
     result = mi.Color3f(0)
     for index in range(tracer.lights.count):
         # An opaque index lets one kernel serve all lights.
@@ -103,7 +105,10 @@ def direct(tracer, position, normal, geometric_normal) -> dict[str, np.ndarray]:
 
 @dr.syntax
 def _paths(tracer, known, key, start, start_n, start_ng, samples, bounces):
-    """Sums over the paths of each lane's point: cosine-weighted light without direct light from punctual lights."""
+    """Sums over the paths of each lane's point: cosine-weighted light without direct light from punctual lights.
+
+    The points of a path are lifted off their surfaces.
+    """
     p, n, ng = mi.Point3f(start), mi.Normal3f(start_n), mi.Normal3f(start_ng)
     throughput, light = mi.Color3f(1), mi.Color3f(0)
     total, squared, invalid = mi.Color3f(0), mi.Float(0), mi.UInt32(0)
@@ -168,8 +173,7 @@ def _next_vertex(tracer, draws, p, n, ng, reflects, active):
     d = mi.Frame3f(n).to_world(local)
     active &= dr.dot(d, ng) > 0
     pdf = local.z * dr.inv_pi
-    origin = lifted(tracer, p, ng)
-    hit = closest(tracer, origin, d, active)
+    hit = closest(tracer, p, d, active)
     found = active & dr.isfinite(hit.t)
     front_ng, material, front = side(tracer, hit, d, found)
     visible = found & (front | tracer.shading.is_double_sided(material, found))
@@ -189,7 +193,7 @@ def _next_vertex(tracer, draws, p, n, ng, reflects, active):
     reflectance = tracer.shading.albedo(material, hit.prim, hit.b, alive, jitter)
     reflectance = dr.select(alive & ~_is_unlit(tracer, material, alive), reflectance, 0)
     next_n = tracer.shading.shading_normal(hit.prim, hit.b, front_ng, alive)
-    next_p = mi.Point3f(origin + d * dr.select(found, hit.t, 0))
+    next_p = lifted_hit(tracer, p, d, hit, front_ng, front, found)
     return light, alive, next_p, next_n, mi.Normal3f(front_ng), reflectance
 
 
@@ -206,19 +210,17 @@ def _balance(pdf, other):
 def _punctual(tracer, p, n, ng, index, active):
     """Light of punctual light `index` that a white Lambertian surface at p would reflect."""
     # Not `active &= ...`, which would modify the caller's array.
-    origin = lifted(tracer, p, ng)
     wi, distance, color = tracer.lights.arriving(index, p)
     cosine = dr.dot(wi, n)
     active = active & (cosine > 0) & (dr.dot(wi, ng) > 0) & (dr.max(color) > 0)
-    active = active & unoccluded(tracer, origin, wi, distance, active)
+    active = active & unoccluded(tracer, p, wi, distance, active)
     return dr.select(active, color * cosine * dr.inv_pi, 0)
 
 
 def _sample_emitter(tracer, draws, p, n, ng, active):
     """Light of one point on an emissive surface; multiple importance sampling with the cosine lobe (Veach 1997)."""
-    origin = lifted(tracer, p, ng)
     point, prim, b, density = tracer.emitters.sample(draws.one(EMITTER), draws.two(EMITTER_POINT))
-    offset = point - origin
+    offset = point - p
     squared = dr.squared_norm(offset)
     distance = dr.sqrt(squared)
     wi = offset / distance
@@ -229,7 +231,10 @@ def _sample_emitter(tracer, draws, p, n, ng, active):
     active &= (facing > 0) | (tracer.shading.is_double_sided(material, active) & (facing != 0))
     if tracer.masked is not None:
         active &= ~tracer.shading.hole(prim, b, active)
-    active &= unoccluded(tracer, origin, wi, distance, active)
+    side_ng = dr.select(facing > 0, front_ng, -front_ng)
+    towards = lifted(tracer, point, side_ng, prim, active) - p
+    reach = dr.norm(towards)
+    active &= unoccluded(tracer, p, towards / reach, reach, active)
     radiance = tracer.shading.emission(material, prim, b, active, _jitter(draws))
     light_pdf = density * squared / dr.abs(facing)
     pdf = cosine * dr.inv_pi
@@ -241,7 +246,7 @@ def _sample_environment(tracer, draws, p, n, ng, active):
     wi, radiance, density = tracer.environment.sample(draws.two(ENVIRONMENT))
     cosine = dr.dot(wi, n)
     active = active & (cosine > 0) & (dr.dot(wi, ng) > 0) & (density > 0)
-    active = active & unoccluded(tracer, lifted(tracer, p, ng), wi, mi.Float(dr.inf), active)
+    active = active & unoccluded(tracer, p, wi, mi.Float(dr.inf), active)
     pdf = cosine * dr.inv_pi
     return dr.select(active, radiance * pdf / (density + pdf), 0)
 

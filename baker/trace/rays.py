@@ -3,16 +3,19 @@
 from typing import NamedTuple
 
 from .mitsuba_scene import load_mitsuba
+from .planes import ROUNDING
 
 mi = load_mitsuba()
 
 import drjit as dr  # noqa: E402  (needs the LLVM that load_mitsuba chose)
 
-# Rays start this far off their surface, so that they do not hit it again: a share of the largest coordinate plus the
-# scene's diagonal, plus the distance travelled if they continue beyond a hit. It is 16 times float32's rounding error.
-OFFSET = 2.0**-20
+# A ray that leaves a surface starts at least this far off it, m: nothing is known of rays that start in a plane.
+LEAST = 1e-9
 
-# Share of the distance to a light by which a shadow ray stops short of the emitter, in addition to the OFFSET above.
+# Rays that go on beyond a hit skip this share of the distance travelled and of the largest coordinate of their start.
+SKIP = 2.0**-20
+
+# Share of the distance to a light by which a shadow ray stops short of it.
 SHORT = 1e-4
 
 
@@ -31,14 +34,43 @@ def side(tracer, hit, d, active):
     return dr.select(front, ng, -ng), material, front
 
 
-def lifted(tracer, p, ng):
-    """The start point of rays that leave p on the side of `ng`."""
-    return p + ng * (OFFSET * _magnitude(tracer, p))
+def lifted(tracer, p, ng, prim, active):
+    """The start of rays that leave triangle `prim` at p, on the side of `ng`."""
+    height = _rounding(p, ng) + tracer.shading.plane(prim, active).y
+    return mi.Point3f(p + ng * dr.maximum(height, LEAST))
 
 
-def _magnitude(tracer, p):
-    """Bound on the coordinates in computations near p, m: it scales their rounding error."""
-    return dr.maximum(dr.maximum(dr.abs(p.x), dr.abs(p.y)), dr.abs(p.z)) + tracer.diagonal
+def lifted_hit(tracer, o, d, hit, ng, front, active):
+    """The same for the point where the ray o + t d hits: on the side of `ng`, which is the front or not.
+
+    The point is first moved along `ng` into the triangle's plane, which it misses by the error of the distance t.
+    """
+    p = mi.Point3f(o + d * dr.select(active, hit.t, 0))
+    offset = tracer.shading.plane(hit.prim, active).x
+    above = dr.dot(ng, p) - dr.select(front, offset, -offset)
+    return lifted(tracer, p - ng * dr.select(active, above, 0), ng, hit.prim, active)
+
+
+def lifted_point(tracer, p, ng, active):
+    """The same for a point p on a triangle that is not known, or in free space.
+
+    The triangle is looked for along the normal, as far off as the least accurate triangle of the scene can be.
+    """
+    reach = 2 * (_rounding(p, ng) + tracer.shading.inaccuracy) + LEAST
+    hit = closest(tracer, p + ng * reach, -ng, active)
+    near = active & (hit.t < 2 * reach)
+    return lifted(tracer, p, ng, hit.prim, near)
+
+
+def _rounding(p, n):
+    """Bound on the error by which rounding moves p along a unit normal, m."""
+    return ROUNDING * (dr.abs(p.x * n.x) + dr.abs(p.y * n.y) + dr.abs(p.z * n.z))
+
+
+def _beyond(tracer, o, t, prim, active):
+    """Distance at which a ray from o goes on beyond its hit of triangle `prim` at distance t."""
+    coordinate = dr.maximum(dr.maximum(dr.abs(o.x), dr.abs(o.y)), dr.abs(o.z))
+    return t + dr.maximum(SKIP * (t + coordinate) + tracer.shading.plane(prim, active).y, LEAST)
 
 
 def _ray(o, d, maxt):
@@ -66,7 +98,7 @@ def _closest_masked(tracer, o, d, hit, active):
         stops = meets & ~tracer.shading.hole(index, found.prim_uv, meets)
         t, prim = dr.select(stops, there, t), dr.select(stops, index, prim)
         b = dr.select(stops, found.prim_uv, b)
-        start = there + OFFSET * (there + _magnitude(tracer, o))
+        start = _beyond(tracer, o, there, index, meets)
         searching = meets & ~stops
     return Hit(t, prim, b)
 
@@ -78,7 +110,7 @@ def closest_front(tracer, o, d, active):
     t, prim, b = hit.t, hit.prim, hit.b
     passing = active & _is_back(tracer, hit, d)
     while passing:
-        start = t + OFFSET * (t + _magnitude(tracer, o))
+        start = _beyond(tracer, o, t, prim, passing)
         beyond = closest(tracer, o + d * start, d, passing)
         t, prim = dr.select(passing, start + beyond.t, t), dr.select(passing, beyond.prim, prim)
         b = dr.select(passing, beyond.b, b)
@@ -94,7 +126,7 @@ def _is_back(tracer, hit, d):
 
 def unoccluded(tracer, origin, direction, distance, active):
     """Whether light reaches `origin` unblocked from `distance` (m) away along `direction`."""
-    limit = dr.maximum(distance * (1 - SHORT) - OFFSET * _magnitude(tracer, origin), 0)
+    limit = distance * (1 - SHORT)
     free = mi.Bool(active)
     if tracer.opaque is not None:
         free = free & ~tracer.opaque.ray_test(_ray(origin, direction, limit), active=active)

@@ -35,6 +35,8 @@ class Shading:
             return mi.UInt32(array.ravel())
 
         self.face, self.albedo_table = floats(surfaces.face), floats(surfaces.albedo)
+        self.planes = floats(surfaces.plane)
+        self.inaccuracy = dr.opaque(mi.Float, float(surfaces.plane[:, 1].max(initial=0)))
         self.surface, self.emission_table = floats(surfaces.surface), floats(surfaces.emission)
         self.smooth = surfaces.normal is not None
         self.normal = words(surfaces.normal) if self.smooth else None
@@ -53,6 +55,10 @@ class Shading:
         """Geometric normal of triangle `prim` on its front side, and the index of its material."""
         row = dr.gather(mi.Vector4f, self.face, prim, active)
         return mi.Normal3f(row.x, row.y, row.z), dr.reinterpret_array(mi.UInt32, row.w)
+
+    def plane(self, prim, active):
+        """Distance of the plane of triangle `prim` from the origin, and how far off it rays may meet it, both m."""
+        return dr.gather(mi.Vector2f, self.planes, prim, active)
 
     def shading_normal(self, prim, b, ng, active):
         """Interpolated unit normal at barycentric coordinates `b`, on the side of the geometric normal `ng`."""

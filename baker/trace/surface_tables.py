@@ -10,6 +10,8 @@ import numpy as np
 
 from gsgi.runtime.scene import TEXTURE_SLOTS, Material, Scene, TextureSlot
 
+from .planes import planes
+
 NO_TEXTURE = 0xFFFFFFFF
 WRAP = {"repeat": 0, "mirror": 1, "clamp": 2}
 NEAREST = 1 << 4  # beside two bits of wrap mode per axis
@@ -25,6 +27,7 @@ class Surfaces:
 
     position (V, 3) float32 m; triangle (F, 3) uint32; opaque: the number of triangles without holes.
     face (F, 4) float32: unit normal, and the material's index as the bits of a float.
+    plane (F, 2) float32: see `planes.planes`.
     normal (F, 4) uint32: one per corner, octahedral in two signed 16-bit parts, then 0; None if all triangles are flat.
     tangent (F, 3, 4) float32: one per corner; None without normal textures.
     uv (F, C, 8) float32: u, v of each corner and two zeros. color (F, 3, 4) float32: one per corner, or None.
@@ -38,6 +41,7 @@ class Surfaces:
     triangle: np.ndarray
     opaque: int
     face: np.ndarray
+    plane: np.ndarray
     normal: np.ndarray | None
     tangent: np.ndarray | None
     uv: np.ndarray
@@ -66,6 +70,7 @@ def tabulate(scene: Scene) -> Surfaces:
         triangle,
         sum(count for count, mesh in zip(counts, meshes, strict=True) if not _is_masked(scene, mesh)),
         face,
+        planes(position, triangle),
         _corner_normals(meshes, face),
         _corners(meshes, "tangent", 4) if "normal_texture" in slots else None,
         _corner_uvs(meshes, channels),

@@ -14,6 +14,7 @@ from gsgi.runtime.scene import Scene
 
 from . import mitsuba_scene
 from .irradiance_cache import IrradianceCache
+from .planes import onto_planes
 from .punctual_lights import PunctualLights
 from .surface_tables import tabulate
 
@@ -103,10 +104,9 @@ class Tracer:
         count = self.opaque_count = surfaces.opaque
         parts = surfaces.triangle[:count], surfaces.triangle[count:]
         self.opaque, self.masked = (mitsuba_scene.build(surfaces.position, p) if len(p) else None for p in parts)
-        self.diagonal = scene.diagonal()
         self.unlit = any(material.unlit for material in scene.materials)
         self.shading = Shading(surfaces)
-        self.lights = PunctualLights(scene.lights, self.diagonal)
+        self.lights = PunctualLights(scene.lights, scene.diagonal())
         self.emitters = Emitters(scene, surfaces)
         self.environment = None if scene.environment is None else EnvironmentLight(scene.environment)
 
@@ -121,7 +121,9 @@ class Tracer:
         origin = camera.position + camera.znear * direction
         direction /= np.linalg.norm(direction, axis=1, keepdims=True)
         hits = self._launched(paths.first_hits, origin, direction)
-        hits["position"] = self._positions(hits.pop("triangle"), hits.pop("weights"))
+        position, corner = self.corners
+        met = origin + hits.pop("distance")[:, None].astype(np.float64) * direction
+        hits["position"] = onto_planes(met, position[corner[hits.pop("triangle")]])
         depth = (camera.position - hits["position"]) @ camera.world_from_view[:3, 2]
         valid = hits.pop("valid") & (depth <= camera.zfar)
         diffuse = hits.pop("diffuse") & valid
@@ -177,15 +179,6 @@ class Tracer:
         starts = range(0, max(count, 1), LAUNCH_POINTS)
         launches = [kernel(self, *(_padded(array[k : k + LAUNCH_POINTS]) for array in inputs)) for k in starts]
         return {name: np.concatenate([launch[name] for launch in launches])[:count] for name in launches[0]}
-
-    def _positions(self, triangle: np.ndarray, weights: np.ndarray) -> np.ndarray:
-        """Points (N, 3) float32 on triangles (N,), from the weights (N, 2) of their corners 1 and 2.
-
-        Distances along rays would not do: from far away they miss the surface by more than the offset of ray origins.
-        """
-        position, corners = self.corners
-        a, b, c = (position[corner].astype(np.float64) for corner in corners[triangle].T)
-        return (a + weights[:, :1] * (b - a) + weights[:, 1:] * (c - a)).astype(np.float32)
 
     def _pass(self, points, active: np.ndarray, sums: "_Sums", bounces: int, known, seed: tuple, advance) -> None:
         """Trace PASS_SAMPLES more paths for the points `active`."""

@@ -12,7 +12,7 @@ from gsgi.runtime.vectors import unit
 from .placement import YFOV
 
 YFOV_MIN, YFOV_MAX = 0.01, 3.0  # rad
-NEAR = 1e-3  # of the scene's diagonal
+NEAR, NEAR_MOST = 1e-3, 0.05  # distance of the near plane: a share of the scene's diagonal, and at most so many m
 ACROSS_MIN = 1e-3  # sine of the angle between a camera's up vector and its viewing direction
 
 
@@ -26,7 +26,12 @@ def read_camera_path(path: str, diagonal: float) -> dict[str, Camera]:
     cameras = parse(read_file(Path(path)), path).get("cameras")
     if not cameras.array():
         raise cameras.refuse("at least one camera")
-    return {f"path {i}": _camera(value, NEAR * diagonal) for i, value in enumerate(cameras.items(), 1)}
+    return {f"path {i}": _camera(value, near_plane(diagonal)) for i, value in enumerate(cameras.items(), 1)}
+
+
+def near_plane(diagonal: float) -> float:
+    """Distance of a camera's near plane, m, in a scene with this diagonal, m, that says nothing about it."""
+    return min(NEAR * diagonal, NEAR_MOST)
 
 
 def _camera(value: Json, near: float) -> Camera:

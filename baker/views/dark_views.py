@@ -7,7 +7,7 @@ import numpy as np
 from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling
 from gsgi.runtime.camera import Camera
 
-from .surface_points import Triangles
+from .surface_points import Hits, Triangles
 
 RAYS = 4  # per camera, along each edge of its image
 DARK = 0.01  # share of the average view; a view below it is black at an exposure that suits the others
@@ -27,8 +27,8 @@ def dark_views(
     met = hits.triangle >= 0
     if not met.any():
         return frozenset()
-    position = origin[met] + hits.distance[met, None] * direction[met]
-    light = at_points(position.astype(np.float32), hits.normal[met], Sampling(PASS_SAMPLES, bounces), seed).mean
+    position = triangles.met(origin[met], direction[met], Hits(*(column[met] for column in hits)))
+    light = at_points(position, hits.normal[met], Sampling(PASS_SAMPLES, bounces), seed).mean
     of = np.repeat(np.arange(len(names)), RAYS**2)[met]
     count = np.bincount(of, minlength=len(names))
     seen = np.bincount(of, light.mean(axis=1, dtype=np.float64), len(names)) / np.maximum(count, 1)

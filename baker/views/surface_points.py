@@ -6,13 +6,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gsgi.baker.trace.planes import ROUNDING, onto_planes, planes
 from gsgi.runtime.errors import SceneError
 from gsgi.runtime.scene import Mesh, Scene
 
 # Random points per point that is kept: Yuksel 2015 finds no gain beyond five.
 OVERSAMPLING = 5
+LEAST = 1e-9  # m, by which points are at least lifted off their surface
 SIZE_MAX = 1e9  # m; from ten times this on, squares of areas leave the range of single precision
-LIFT = 1e-4  # of the diagonal; points are lifted this far off their surface so that it does not hide them
 DRAWS = 16  # most times to draw random points; if still too few are kept, that surface is too small for `count`
 
 
@@ -79,6 +80,7 @@ class Triangles:
             raise SceneError("the scene has no surface: every triangle has area 0")
         corners = np.array([bound for i in lit for bound in scene.meshes[i].bounds()])
         self.low, self.high = corners.min(axis=0), corners.max(axis=0)
+        self._inaccuracy = planes(self._position, self._triangle)[:, 1].max(initial=np.float32(LEAST))
         self._rays = o3d.t.geometry.RaycastingScene()
         self._rays.add_triangles(o3d.core.Tensor(self._position), o3d.core.Tensor(self._triangle))
 
@@ -126,8 +128,9 @@ class Triangles:
         )
 
     def lifted(self, points: SurfacePoints) -> np.ndarray:
-        """Positions (N, 3) float32, m, a little off the surface, so that rays from or to them do not hit it."""
-        return points.position + np.float32(LIFT * self.diagonal) * points.normal
+        """Positions (N, 3) float32, m, a little off the surface, so that rays from them do not hit it."""
+        rounding = ROUNDING * np.abs(points.position * points.normal).sum(axis=1, keepdims=True)
+        return points.position + (rounding + self._inaccuracy) * points.normal
 
     def hits(self, origin: np.ndarray, direction: np.ndarray) -> Hits:
         """First hits of rays from `origin` (N, 3) along `direction` (N, 3)."""
@@ -140,6 +143,10 @@ class Triangles:
         normal = answer["primitive_normals"].numpy()
         back = (normal * direction).sum(axis=1) > 0
         return Hits(distance, triangle, back & (triangle >= 0), np.where(back[:, None], -normal, normal))
+
+    def met(self, origin: np.ndarray, direction: np.ndarray, hits: Hits) -> np.ndarray:
+        """Where (N, 3) float32, m, rays from `origin` (N, 3) along `direction` (N, 3) hit; each has a hit."""
+        return onto_planes(origin + hits.distance[:, None] * direction, self._position[self._triangle[hits.triangle]])
 
     def blocked(self, origin: np.ndarray, target: np.ndarray) -> np.ndarray:
         """Whether (N,) bool a triangle, seen from either side, lies between `origin` (N, 3) and `target` (N, 3)."""

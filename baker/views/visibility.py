@@ -85,7 +85,7 @@ def _sight_lines(triangles: Triangles, viewpoints: np.ndarray, points: SurfacePo
     distance = np.linalg.norm(along, axis=2)
     cosine = -np.einsum("esk,sk->es", along, points.normal) / distance
     viewpoint, side = np.nonzero(cosine >= COS_MIN)
-    free = ~triangles.blocked(viewpoints[viewpoint], lifted[side])
+    free = ~triangles.blocked(lifted[side], viewpoints[viewpoint])
     viewpoint, side = viewpoint[free], side[free]
     direction = along[viewpoint, side] / distance[viewpoint, side, None]
     footprint = distance[viewpoint, side] / np.sqrt(cosine[viewpoint, side])
