@@ -45,6 +45,53 @@ def box(low, high, inward: bool = False) -> list[np.ndarray]:
     return [facing(side, middle, away=not inward) for side in sides]
 
 
+def wall(at: float, span, height: float, towards: float, openings=(), axis: str = "x") -> list[np.ndarray]:
+    """One side of a wall from the floor to `height`, in the plane x (or z) = `at`, facing x (or z) = `towards`.
+
+    It reaches along `span`. In order along it lie `openings` (start, end, bottom, top), which it leaves free.
+    """
+    edges = [span[0], *(edge for opening in openings for edge in opening[:2]), span[1]]
+    parts = [(a, b, 0, height) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    parts += [part for a, b, low, high in openings for part in ((a, b, 0, low), (a, b, high, height))]
+    outlines = [[(a, low), (b, low), (b, high), (a, high)] for a, b, low, high in parts if a < b and low < high]
+    return [
+        facing([upright(at, *p, axis) for p in outline], upright(towards, *outline[0], axis)) for outline in outlines
+    ]
+
+
+def reveal(sides, opening, axis: str = "x") -> list[np.ndarray]:
+    """The faces within an opening (start, end, bottom, top) of a wall between its two `sides`, facing in; no sill."""
+    start, end, low, high = opening
+    lines = [(start, low), (start, high)], [(end, low), (end, high)], [(start, high), (end, high)]
+    middle = upright(sum(sides) / 2, (start + end) / 2, (low + high) / 2, axis)
+    quads = (
+        [upright(at, *p, axis) for at, p in zip((*sides, *sides[::-1]), (a, a, b, b), strict=True)] for a, b in lines
+    )
+    return [facing(quad, middle) for quad in quads]
+
+
+def upright(at: float, along: float, y: float, axis: str = "x") -> tuple[float, float, float]:
+    """A point of the plane x (or z) = `at`."""
+    return (at, y, along) if axis == "x" else (along, y, at)
+
+
+def level(x, z, y: float, down: bool = False) -> np.ndarray:
+    """The rectangle of a floor, or of a ceiling, which faces down."""
+    quad = [(x[0], y, z[0]), (x[1], y, z[0]), (x[1], y, z[1]), (x[0], y, z[1])]
+    return facing(quad, (quad[0][0], y + (-1 if down else 1), quad[0][2]))
+
+
+def table(x: float, z: float) -> list[np.ndarray]:
+    """A table of 1.2 m by 0.7 m in the middle of which is (x, z)."""
+    boxes = [box((x - 0.6, 0.7, z - 0.35), (x + 0.6, 0.74, z + 0.35))]
+    boxes += [
+        box((x + a - 0.03, 0, z + b - 0.03), (x + a + 0.03, 0.7, z + b + 0.03))
+        for a in (-0.5, 0.5)
+        for b in (-0.28, 0.28)
+    ]
+    return [side for sides in boxes for side in sides]
+
+
 def from_cornell(points) -> np.ndarray:
     """Convert Cornell's mm to metres and turn by 180 degrees about y: x points right, the room opens at z = 0."""
     return (np.asarray(points, float) * (-1, 1, -1) + (278, 0, 0)) / 1000
@@ -129,6 +176,91 @@ def two_rooms() -> Glb:
     return glb
 
 
+def house(ground: float = 200) -> Glb:
+    """Two closed rooms of 4 x 3 x 4 m, of which one has a lamp, in the middle of a dark ground of this edge, m."""
+    glb = Glb()
+    plaster, brick = glb.material("plaster", (0.78, 0.76, 0.72)), glb.material("brick", (0.45, 0.2, 0.15))
+    wood, grass = glb.material("wood", (0.5, 0.32, 0.18)), glb.material("grass", (0.2, 0.35, 0.1))
+    lamp = glb.material("lamp", (0.5, 0.5, 0.5), **glb.emission(12))
+    height, door = 3, (-2.4, -1.5, 0, 2.1)
+    for name, x, inner, outer in (("living room", (-4.1, -0.1), -0.1, -4.1), ("bedroom", (0.1, 4.1), 0.1, 4.1)):
+        ends = wall(inner, (-4, 0), height, outer, [door]) + wall(outer, (-4, 0), height, inner)
+        sides = wall(-4, x, height, 0, axis="z") + wall(0, x, height, -4, axis="z")
+        glb.solid(name, [*ends, *sides, level(x, (-4, 0), height, down=True)], plaster)
+        glb.solid(f"floor of the {name}", [level(x, (-4, 0), 0)], wood)
+    glb.solid("doorway", [*reveal((-0.1, 0.1), door), level((-0.1, 0.1), door[:2], 0)], plaster)
+    glb.solid(
+        "furniture",
+        table(-2.6, -2.6) + box((2.2, 0, -3.9), (4, 0.5, -2.3)) + box((-4.0, 0, -1.2), (-3.5, 1.9, -0.2)),
+        wood,
+    )
+    glb.solid("lamp", [level((-2.4, -1.8), (-2.3, -1.7), 2.95, down=True)], lamp)
+    low, high = (-4.3, -0.1, -4.2), (4.3, 3.2, 0.2)
+    glb.solid("outer walls", [side for side in box(low, high) if side[:, 1].max() > 0], brick)
+    glb.solid("ground", [level((-ground / 2, ground / 2), (-ground / 2, ground / 2), -0.1)], grass)
+    glb.camera("living room", (-0.5, 1.6, -0.4), (-3.2, 0.9, -3.0), 1.1)
+    glb.camera("bedroom", (3.7, 1.6, -0.4), (0.8, 0.9, -2.6), 1.1)
+    return glb
+
+
+def gaps() -> Glb:
+    """A bright room between a sealed one, behind a wall of 1 mm, and one behind a wall of 10 cm with a door.
+
+    Under the door is a gap of 1 cm. The floor, the ceiling and the long walls run on under and behind both walls.
+    """
+    glb = Glb()
+    plaster, wood = glb.material("plaster", (0.75, 0.72, 0.68)), glb.material("wood", (0.5, 0.32, 0.18))
+    canvas, lamp = glb.material("canvas", (0.2, 0.3, 0.5)), glb.material("lamp", (0.5, 0.5, 0.5), **glb.emission(10))
+    x, z, height, door = (-4, 8), (-3, 0), 2.6, (-2.0, -1.1, 0, 2.1)
+    sides = wall(-3, x, height, 0, axis="z") + wall(0, x, height, -3, axis="z")
+    glb.solid(
+        "shell", [*sides, *wall(-4, z, height, 8), *wall(8, z, height, -4), level(x, z, height, down=True)], plaster
+    )
+    glb.solid("floor", [level(x, z, 0)], wood)
+    glb.solid("thin wall", wall(-0.0005, z, height, -4) + wall(0.0005, z, height, 8), plaster)
+    glb.solid(
+        "wall", wall(4, z, height, -4, [door]) + wall(4.1, z, height, 8, [door]) + reveal((4, 4.1), door), plaster
+    )
+    glb.solid("door", box((4.03, 0.01, door[0]), (4.07, door[3], door[1])), wood)
+    glb.solid("picture", box((3.96, 1.1, -0.9), (3.985, 1.8, -0.2)), canvas)  # it hangs 1.5 cm off the wall
+    for number, place in enumerate((-2, 2, 6)):
+        glb.solid(f"table {number}", table(place, -2), wood)
+    glb.solid("lamp", [level((1.6, 2.4), (-1.9, -1.1), 2.55, down=True)], lamp)
+    glb.camera("bright", (0.4, 1.6, -0.3), (3.6, 1.0, -1.9), 1.1)
+    glb.camera("sealed", (-3.6, 1.6, -0.3), (-0.4, 0.7, -2.0), 1.1)
+    glb.camera("behind the door", (7.6, 1.6, -0.3), (4.4, 0.7, -1.7), 1.1)
+    return glb
+
+
+def corridor() -> Glb:
+    """A corridor of 20 m with one bright window at its end and niches that the window hardly reaches."""
+    glb = Glb()
+    plaster, wood = glb.material("plaster", (0.7, 0.68, 0.62)), glb.material("wood", (0.45, 0.3, 0.18))
+    sky = glb.material("sky", (0, 0, 0), **glb.emission(40))
+    x, z, height, deep = (-1, 1), (-20, 0), 2.6, 0.7
+    niches = {1: [(-18, -17, 0, 2.1), (-10, -9, 0, 2.1)], -1: [(-14, -13, 0, 2.1), (-5, -4, 0, 2.1)]}
+    window = (-0.6, 0.6, 0.9, 2.2)
+    shell = wall(-20, x, height, 0, axis="z") + wall(0, x, height, -20, [window], axis="z")
+    shell += [*reveal((0, 0.2), window, axis="z"), level(window[:2], (0, 0.2), window[2])]
+    shell.append(level(x, z, height, down=True))
+    floor = [level(x, z, 0)]
+    for side, openings in niches.items():
+        shell += wall(side, z, height, 0, openings)
+        for opening in openings:
+            back = (side, side * (1 + deep))
+            shell += wall(back[1], opening[:2], opening[3], 0) + reveal(back, opening)
+            floor.append(level(sorted(back), opening[:2], 0))
+    glb.solid("corridor", shell, plaster)
+    glb.solid("floor", floor, wood)
+    glb.solid("chest", box((1.15, 0, -17.9), (1.65, 0.8, -17.1)) + box((-1.6, 0, -4.8), (-1.2, 1.2, -4.3)), wood)
+    glb.solid("sky", wall(0.2, window[:2], window[3], -20, [(window[0], window[1], 0, window[2])], axis="z"), sky)
+    glb.camera("at the window", (0.5, 1.6, -0.6), (-0.6, 1.0, -6), 1.1)
+    glb.camera("in the middle", (-0.6, 1.6, -8.0), (0.5, 1.0, -13), 1.1)
+    glb.camera("at the end", (-0.6, 1.6, -19.6), (0.7, 0.9, -16), 1.1)
+    glb.camera("in a niche", (1.5, 1.5, -9.2), (-1, 1.0, -11), 1.1)
+    return glb
+
+
 def furnace() -> Glb:
     """A closed box of albedo 0.5 whose walls emit 1: the radiance is 2 everywhere, and half of it is indirect light."""
     glb = Glb()
@@ -140,7 +272,7 @@ def furnace() -> Glb:
 
 def make_scenes() -> dict[str, bytes]:
     """The bytes of each file, by file name."""
-    makers = (cornell, cornell_emissive, two_rooms, furnace)
+    makers = (cornell, cornell_emissive, two_rooms, house, gaps, corridor, furnace)
     return {f"{maker.__name__}.glb": maker().encode() for maker in makers}
 
 

@@ -10,6 +10,9 @@ from .scenes import bake
 FILES = (
     SCENES / "cornell.glb",
     SCENES / "two_rooms.glb",
+    SCENES / "house.glb",
+    SCENES / "gaps.glb",
+    SCENES / "corridor.glb",
     SHARED / "modern_hall" / "modern_hall.gltf",
     SHARED / "breakfast_room" / "breakfast_room_sun.gltf",
     SHARED / "sponza_crytek" / "sponza_sun.gltf",

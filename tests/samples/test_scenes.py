@@ -6,9 +6,18 @@ import numpy as np
 import pytest
 from repository import SAMPLES, SCENES
 
+from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.gltf.reader import read_gltf
 
-NAMES = ("cornell.glb", "cornell_emissive.glb", "furnace.glb", "two_rooms.glb")
+NAMES = (
+    "cornell.glb",
+    "cornell_emissive.glb",
+    "corridor.glb",
+    "furnace.glb",
+    "gaps.glb",
+    "house.glb",
+    "two_rooms.glb",
+)
 
 
 def read(name: str):
@@ -104,6 +113,38 @@ def test_the_table_mirrors_its_half():
     first, second, *_ = by_material(read("two_rooms.glb"), "wood")
     place = np.array([-3.2, 0, -2.2], np.float32)
     np.testing.assert_allclose((first.position - place) * (-1, 1, 1), second.position - place, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["house.glb", "gaps.glb", "corridor.glb"])
+def test_from_its_cameras_a_closed_scene_shows_no_backs_and_no_way_out(name):
+    scene = read(name)
+    triangles = Triangles(scene)
+    directions = np.random.default_rng(0).normal(size=(4000, 3))
+    assert len(scene.cameras) >= 2
+    for camera in scene.cameras.values():
+        hits = triangles.hits(np.tile(camera.position, (len(directions), 1)), directions)
+        assert (hits.triangle >= 0).all()
+        assert not hits.back.any()
+
+
+def test_the_ground_around_the_house_is_as_large_as_asked_for(monkeypatch, tmp_path):
+    monkeypatch.syspath_prepend(SAMPLES)
+    path = tmp_path / "house.glb"
+    path.write_bytes(importlib.import_module("make_scenes").house(ground=1e5).encode())
+    large, small = read_gltf(path), read("house.glb")
+    np.testing.assert_allclose(np.ptp(large.bounds(), axis=0), [1e5, 3.3, 1e5], rtol=1e-5)
+    np.testing.assert_allclose(np.ptp(small.bounds(), axis=0), [200, 3.3, 200], rtol=1e-5)
+    for one, other in zip(large.meshes, small.meshes, strict=True):
+        if large.materials[one.material].name != "grass":
+            np.testing.assert_array_equal(one.position, other.position)
+
+
+def test_the_dark_rooms_get_light_only_below_the_door():
+    scene = read("gaps.glb")
+    eyes = np.array([[x, y, z] for x in (-2, 6) for y in (0.005, 1.5) for z in (-1.5, -0.5)])
+    lamp = np.array([2, 0.005, -1.5])
+    blocked = Triangles(scene).blocked(eyes, np.tile(lamp, (len(eyes), 1)))
+    assert blocked.tolist() == [True] * 4 + [False, True, True, True]
 
 
 def test_furnace():
