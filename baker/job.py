@@ -40,6 +40,6 @@ def run(
     if evaluate:
         with progress.stage("evaluation"):
             cameras = held_out.scene_cameras(plan) | plan.placement.held_out
-            evaluation = held_out.evaluate(references, cameras, codec.decode(result.data), of_scene)
+            evaluation = held_out.evaluate(references, cameras, codec.decode(result.data), of_scene, plan.triangles)
     seconds, warnings = dict(progress.seconds), tuple(progress.warnings)
     return BakeReport(plan, result, evaluation, seconds, peak_memory(), warnings)

@@ -10,12 +10,14 @@ import numpy as np
 from gsgi.baker.fitting.loss import image_loss
 from gsgi.baker.fitting.target import Target
 from gsgi.baker.trace.reference import Reference
+from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime import constants
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.display import auto_exposure
 from gsgi.runtime.gaussians import Bake, OverBlend
 
 from .comparison import Comparison, compare_frame, compare_indirect, indirect_ceiling
+from .leak import Surroundings, leak, reach
 from .metrics import mean_psnr, psnr, squared_error
 from .mottle import mottle
 
@@ -40,8 +42,9 @@ class ViewEvaluation:
     """How well one view matches: by the loss of the fit, as B (`indirect`), and as the full frame (`final`).
 
     Each is compared at the view's own exposure, as an eye there adapts. `mottle` is the share of `mottle.mottle`; None
-    if too little is smooth. `of_scene` marks a camera of the scene, `noisy` a reference too noisy to tell anything:
-    such a view is no part of a mean, except that of the loss, and is not the worst.
+    if too little is smooth. `leak` is that of `leak.leak`; None if too little is dark. `of_scene` marks a camera of the
+    scene, `noisy` a reference too noisy to tell anything: such a view is no part of a mean, except that of the loss,
+    and is not the worst.
     """
 
     name: str
@@ -49,6 +52,7 @@ class ViewEvaluation:
     indirect: Comparison
     final: Comparison
     mottle: float | None = None
+    leak: float | None = None
     of_scene: bool = False
     noisy: bool = False
 
@@ -147,13 +151,18 @@ def evaluate(
     cameras: Mapping[str, Camera],
     baked: Bake,
     of_scene: Mapping[str, Reference] | None = None,
+    triangles: Triangles | None = None,
 ) -> Evaluation:
     """Compare a bake with `references`, and with those `of_scene`; `cameras` holds the cameras of both by name.
 
-    The full frame is the reference's primary light and albedo with the B of the bake.
+    The full frame is the reference's primary light and albedo with the B of the bake. Leaks are looked for if the
+    `triangles` of the scene are given.
     """
-    views = [_evaluated(name, cameras[name], truth, baked, False) for name, truth in references.items()]
-    own = [_evaluated(name, cameras[name], truth, baked, True) for name, truth in (of_scene or {}).items()]
+    own_truths, around = of_scene or {}, None
+    if triangles is not None and (references or own_truths) and (far := reach(baked)):
+        around = Surroundings.of([*references.values(), *own_truths.values()], triangles, far)
+    views = [_evaluated(name, cameras[name], truth, baked, around, False) for name, truth in references.items()]
+    own = [_evaluated(name, cameras[name], truth, baked, around, True) for name, truth in own_truths.items()]
     worst = min((v for v in (*views, *own) if not v.noisy), key=lambda view: view.final.ssim, default=None)
     return Evaluation(views, _mean(views), own, worst)
 
@@ -181,12 +190,15 @@ def _traced(plan: "Plan", cameras: Mapping[str, Camera], seed: int, advance) -> 
     return {name: reference for name, reference in traced.items() if reference.valid.any()}
 
 
-def _evaluated(name: str, camera: Camera, truth: Reference, baked: Bake, of_scene: bool) -> ViewEvaluation:
+def _evaluated(
+    name: str, camera: Camera, truth: Reference, baked: Bake, around: Surroundings | None, of_scene: bool
+) -> ViewEvaluation:
     image = draw(baked, camera, truth)
     loss = image_loss(image, _target(truth, baked.tone_scale)).value
     indirect = compare_indirect(image, truth, exposure(truth.indirect, baked.tone_scale))
     final = compare_frame(truth.lit(image), truth, exposure(truth.final, baked.tone_scale))
-    return ViewEvaluation(name, loss, indirect, final, mottle(image, truth), of_scene, noisy(truth))
+    leaked = None if around is None else leak(image, truth, around)
+    return ViewEvaluation(name, loss, indirect, final, mottle(image, truth), leaked, of_scene, noisy(truth))
 
 
 def _target(reference: Reference, tone_scale: float) -> Target:
@@ -199,9 +211,13 @@ def _mean(views: list[ViewEvaluation]) -> ViewEvaluation | None:
         return None
     loss = float(np.mean([view.loss for view in views]))
     indirect, final = (_mean_comparison([getattr(view, layer) for view in told]) for layer in ("indirect", "final"))
-    mottles = [view.mottle for view in told if view.mottle is not None]
-    share = float(np.mean(mottles)) if mottles else None
-    return ViewEvaluation(f"mean of {len(told)} views", loss, indirect, final, share)
+    mottled, leaked = (_mean_share([getattr(view, name) for view in told]) for name in ("mottle", "leak"))
+    return ViewEvaluation(f"mean of {len(told)} views", loss, indirect, final, mottled, leaked)
+
+
+def _mean_share(shares: list[float | None]) -> float | None:
+    known = [share for share in shares if share is not None]
+    return float(np.mean(known)) if known else None
 
 
 def _mean_comparison(views: list[Comparison]) -> Comparison:

@@ -11,7 +11,7 @@ def summary(evaluation: Evaluation) -> list[str]:
         lines.append(_line(evaluation.mean))
     if evaluation.worst:
         worst = evaluation.worst
-        lines.append(f"worst view: {named(worst)}, SSIM of the frame {worst.final.ssim:.4f}{_mottle(worst)}")
+        lines.append(f"worst view: {named(worst)}, SSIM of the frame {worst.final.ssim:.4f}{_shares(worst)}")
     return lines
 
 
@@ -22,14 +22,20 @@ def named(view: ViewEvaluation) -> str:
 
 def _line(view: ViewEvaluation) -> str:
     if view.noisy:
-        return f"{named(view)}: left out, as its reference is too noisy (ceiling {view.indirect.ssim_ceiling:.4f})"
+        noise = f"its reference is too noisy (ceiling {view.indirect.ssim_ceiling:.4f})"
+        return f"{named(view)}: left out, as {noise}{_leak(view)}"
     layers = f"B: {_told(view.indirect)}; frame: {_told(view.final)}"
-    return f"{named(view)}: loss {view.loss:.4f}; {layers}{_mottle(view)}"
+    return f"{named(view)}: loss {view.loss:.4f}; {layers}{_shares(view)}"
 
 
 def _told(found: Comparison) -> str:
     return f"PSNR {found.psnr:.2f} dB, SSIM {found.ssim:.4f} (ceiling {found.ssim_ceiling:.4f}), FLIP {found.flip:.4f}"
 
 
-def _mottle(view: ViewEvaluation) -> str:
-    return "" if view.mottle is None else f"; mottle {view.mottle:.1%}"
+def _shares(view: ViewEvaluation) -> str:
+    mottle = "" if view.mottle is None else f"; mottle {view.mottle:.1%}"
+    return mottle + _leak(view)
+
+
+def _leak(view: ViewEvaluation) -> str:
+    return "" if view.leak is None else f"; leak {view.leak:.1%}"

@@ -1,4 +1,4 @@
-"""How default bakes look, view by view, each at its own exposure: structure, and mottle where light is smooth."""
+"""How default bakes look, view by view, each at its own exposure: structure, mottle in smooth light, and leaks."""
 
 import tempfile
 from pathlib import Path
@@ -22,7 +22,7 @@ FILES = (
 
 
 def looks() -> list[dict]:
-    """SSIM of the frame with its ceiling, and mottle of B, in held-out views and those of the scene's cameras."""
+    """SSIM of the frame with its ceiling, mottle and leak of B, in held-out views and from the scene's cameras."""
     return [row for path in FILES if path.exists() for row in rows_of(path)]
 
 
@@ -37,8 +37,7 @@ def rows_of(path: Path) -> list[dict]:
 
 
 def _row(path: Path, view: dict) -> dict:
-    final, mottle = view["final"], view["mottle"]
-    figures = {"ssim": round(final["ssim"], 4), "ceiling": round(final["ssim_ceiling"], 4)}
-    return (
-        {"scene": path.stem, "view": view["name"]} | figures | {"mottle": None if mottle is None else round(mottle, 4)}
-    )
+    final = view["final"]
+    figures = {"ssim": final["ssim"], "ceiling": final["ssim_ceiling"], "mottle": view["mottle"], "leak": view["leak"]}
+    rounded = {name: None if value is None else round(value, 4) for name, value in figures.items()}
+    return {"scene": path.stem, "view": view["name"]} | rounded

@@ -1,0 +1,102 @@
+"""Leaks: light that a bake carries across an occluder, from its bright side to points that are dark.
+
+A point is dark if the reference has far more light within the reach of the bake's Gaussians, at a place that the point
+does not see: on the other side of a wall, behind a door, above a table. Light that the bake adds there has leaked.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gsgi.baker.trace.irradiance_cache import cell_keys
+from gsgi.baker.trace.reference import Reference
+from gsgi.baker.views.surface_points import SurfacePoints, Triangles
+from gsgi.runtime.display import luminance
+from gsgi.runtime.gaussians import Bake
+
+DEVIATIONS, LARGE = 3.0, 0.99  # the reach, in standard deviations of a Gaussian larger than this share of the others
+DARK = 0.1  # of the light of the bright side: points with less are dark
+WORST = 0.01  # share of the dark points that counts
+FEWEST = 0.01  # share of a view's points that must be dark
+POINTS = 4096  # of a view, that are looked at
+PATCHES = 8  # across the reach: the edge of the patches of surface whose mean light is compared
+
+
+def reach(baked: Bake) -> float:
+    """How far, m, the larger of a bake's Gaussians carry light; 0 without Gaussians."""
+    longest = baked.gaussians.scale.max(axis=1)
+    return DEVIATIONS * float(np.quantile(longest, LARGE)) if len(longest) else 0.0
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """Patches of all surfaces that some reference shows: a point of each, and the mean luminance (P,) of its B.
+
+    `reach`, m, is how far a patch counts.
+    """
+
+    triangles: Triangles
+    reach: float
+    points: SurfacePoints
+    light: np.ndarray
+
+    @staticmethod
+    def of(references: Sequence[Reference], triangles: Triangles, reach: float) -> "Surroundings":
+        """The patches of what `references` show, with an edge of `reach` / PATCHES, m."""
+        parts = [(r.surface.position, r.surface.geometric_normal, luminance(r.clean)) for r in references]
+        valid = [reference.valid for reference in references]
+        columns = ([a[v] for a, v in zip(column, valid, strict=True)] for column in zip(*parts, strict=True))
+        position, normal, light = (np.concatenate(column) for column in columns)
+        key = cell_keys(position, normal, position.min(axis=0, initial=np.inf), reach / PATCHES, 0)
+        _, first, of, count = np.unique(key, return_index=True, return_inverse=True, return_counts=True)
+        mean = np.bincount(of, light, len(first)) / count
+        return Surroundings(triangles, reach, _points(position[first], normal[first]), mean)
+
+    def bright_side(self, points: SurfacePoints, light: np.ndarray) -> np.ndarray:
+        """Light (N,) of the brightest patch near points (N,) that they do not see; 0 where they are not dark beside it.
+
+        `light` (N,) is the luminance of B at the points.
+        """
+        from scipy.spatial import cKDTree
+
+        near = cKDTree(self.points.position).query_ball_point(points.position, self.reach)
+        at = np.repeat(np.arange(len(points)), [len(found) for found in near])
+        patch = np.concatenate([np.empty(0, np.int64), *(np.asarray(found, np.int64) for found in near)])
+        darker = light[at] < DARK * self.light[patch]
+        at, patch = at[darker], patch[darker]
+        lifted, targets = self.triangles.lifted(points), self.triangles.lifted(self.points)
+        hidden = self.triangles.blocked(lifted[at], targets[patch])
+        result = np.zeros(len(points))
+        np.maximum.at(result, at[hidden], self.light[patch[hidden]])
+        return result
+
+
+def leak(image: np.ndarray, reference: Reference, around: Surroundings) -> float | None:
+    """Light that B (H, W, 3) adds to the reference at its worst dark points, as a share of that of their bright sides.
+
+    It is the mean over the share WORST of the dark points, and free of the reference's noise: each half chooses the
+    points at which the other is compared. None if hardly any point is dark.
+    """
+    shown = np.flatnonzero(reference.valid)
+    some = shown[np.linspace(0, len(shown) - 1, min(POINTS, len(shown))).astype(int)]
+
+    def pixels(values: np.ndarray) -> np.ndarray:
+        return values.reshape(-1, *values.shape[2:])[some]
+
+    points = _points(pixels(reference.surface.position), pixels(reference.surface.geometric_normal))
+    bright = around.bright_side(points, pixels(luminance(reference.clean)))
+    dark = bright > 0
+    if np.count_nonzero(dark) <= FEWEST * len(some):
+        return None
+    a, b = (
+        pixels(luminance(image - half))[dark] / bright[dark] for half in (reference.indirect_a, reference.indirect_b)
+    )
+    worst = max(round(WORST * len(a)), 1)
+    chosen = [np.argsort(-half, kind="stable")[:worst] for half in (a, b)]
+    return max(float(b[chosen[0]].mean() + a[chosen[1]].mean()) / 2, 0.0)
+
+
+def _points(position: np.ndarray, normal: np.ndarray) -> SurfacePoints:
+    nothing = np.zeros(len(position), np.int32)
+    return SurfacePoints(position, normal, nothing.astype(bool), nothing)

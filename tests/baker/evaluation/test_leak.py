@@ -1,0 +1,81 @@
+"""Leaks: fields that leak by a known amount through a wall on a floor that runs on below it."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import scenes
+
+from gsgi.baker.evaluation.leak import DARK, WORST, Surroundings, leak, reach
+from gsgi.baker.views.surface_points import Triangles
+from gsgi.runtime.scene import Scene
+
+SIZE = 64
+REACH = 0.6
+LIGHT = 2.0  # of the floor where x < 0
+LEAKED = 0.1  # added where 0 < x < BELOW
+BELOW = 0.05
+WALL = scenes.quad([(0, 0, 1), (0, 0, -1), (0, 1, -1), (0, 1, 1)])
+FLOOR = scenes.floor()
+
+
+def reference(light: np.ndarray, noise: float = 0.0) -> SimpleNamespace:
+    """What one sees of the floor from above: x from -1 to 1 along the picture, with B `light` (SIZE,) along x."""
+    x, z = np.meshgrid((np.arange(SIZE) + 0.5) / SIZE * 2 - 1, (np.arange(SIZE) + 0.5) / SIZE * 2 - 1)
+    position = np.stack([x, np.zeros_like(x), z], axis=2).astype(np.float32)
+    normal = np.broadcast_to(np.float32([0, 1, 0]), position.shape)
+    clean = image(light)
+    rng = np.random.default_rng(0)
+    a, b = (clean + np.float32(noise) * rng.normal(size=clean.shape).astype(np.float32) for _ in range(2))
+    surface = SimpleNamespace(position=position, geometric_normal=normal)
+    valid = np.ones((SIZE, SIZE), bool)
+    return SimpleNamespace(surface=surface, clean=clean, indirect_a=a, indirect_b=b, valid=valid)
+
+
+def image(light: np.ndarray) -> np.ndarray:
+    return np.tile(light[None, :, None], (SIZE, 1, 3)).astype(np.float32)
+
+
+X = (np.arange(SIZE) + 0.5) / SIZE * 2 - 1
+STEP = np.where(X < 0, LIGHT, 0.0)
+LEAKY = np.where((X > 0) & (X < BELOW), LEAKED, STEP)
+
+
+def measured(shown: np.ndarray, truth: SimpleNamespace, *meshes) -> float | None:
+    triangles = Triangles(Scene((FLOOR, *meshes), (scenes.WHITE,)))
+    return leak(image(shown), truth, Surroundings.of([truth], triangles, REACH))
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.05])
+def test_light_behind_a_wall_is_a_share_of_what_lies_before_it(noise):
+    truth = reference(STEP, noise)
+    assert measured(LEAKY, truth, WALL) == pytest.approx(LEAKED / LIGHT, abs=0.2 * noise + 1e-6)
+    assert measured(STEP, truth, WALL) <= 0.2 * noise
+
+
+def test_only_the_worst_points_count():
+    spot = STEP.copy()
+    spot[SIZE // 2] = LEAKED  # a column: more than WORST of the dark points
+    assert 1 / (SIZE * REACH) > WORST
+    assert measured(spot, reference(STEP), WALL) == pytest.approx(LEAKED / LIGHT)
+
+
+def test_an_edge_without_an_occluder_is_no_leak():
+    assert measured(LEAKY, reference(STEP)) is None
+
+
+def test_light_out_of_reach_and_faint_light_do_not_leak():
+    far = np.where(X < -REACH, LIGHT, 0.0)
+    assert measured(np.full(SIZE, LEAKED), reference(far), WALL) is None
+    near_as_bright = np.where(X < 0, LIGHT, 2 * DARK * LIGHT)
+    assert measured(np.full(SIZE, LIGHT), reference(near_as_bright), WALL) is None
+
+
+def test_too_little_light_is_no_leak():
+    assert measured(np.where(X < 0, 0.0, STEP), reference(STEP), WALL) == 0
+
+
+def test_large_gaussians_reach_further_than_the_rest():
+    scale = np.repeat(np.float32([[0.1, 0.02, 0.3], [0.2, 0.1, 0.1]]), [1, 999], axis=0)
+    assert reach(SimpleNamespace(gaussians=SimpleNamespace(scale=scale))) == pytest.approx(0.6)
+    assert reach(SimpleNamespace(gaussians=SimpleNamespace(scale=scale[:0]))) == 0
