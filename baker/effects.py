@@ -5,6 +5,7 @@ from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 from gsgi.runtime.gaussians import Effects
+from gsgi.runtime.metals import has_metal, metal_areas
 from gsgi.runtime.scene import Material, Scene
 
 from .settings import EFFECTS
@@ -30,6 +31,8 @@ def effects(scene: Scene) -> Effects:
     for name, flag in NAMES.items():
         if scene.lights if name == "punctual" else scene.environment if name == "environment" else _has(scene, name):
             found |= flag
+    if scene.metals == "rough" and has_metal(scene):
+        found |= Effects.METAL
     return found
 
 
@@ -52,7 +55,7 @@ def without(scene: Scene, names: Collection[str]) -> Scene:
 
 
 def findings(scene: Scene) -> list[Finding]:
-    """Return a finding for every effect, present or not."""
+    """Return a finding for every effect, present or not; one for metals only if there are some."""
     # At each surface a path casts one ray to continue, and one more for each kind of light that is sampled.
     picture = scene.environment is not None and not scene.environment.even
     rays = 1 + bool(scene.lights) + _has(scene, "emissive") + picture
@@ -66,6 +69,7 @@ def findings(scene: Scene) -> list[Finding]:
         _surfaces(scene, "normal-map", "normal maps", "primary light only: B is traced for the interpolated normal"),
         _transparent(scene),
         _surfaces(scene, "unlit", "unlit", "shown unshaded: they light nothing and have no B"),
+        *_metals(scene),
     ]
 
 
@@ -90,6 +94,17 @@ def _transparent(scene: Scene) -> Finding:
         return Finding("transparent", "none", "")
     more = ", ..." if len(scene.transparent) > 1 else ""
     return Finding("transparent", f"{len(scene.transparent)} materials", scene.transparent[0] + more)
+
+
+def _metals(scene: Scene) -> list[Finding]:
+    metal, area = metal_areas(scene)
+    if not metal.any():
+        return []
+    names = [scene.materials[index].name or f"material {index}" for index in metal.argsort()[::-1][:3] if metal[index]]
+    what = {"rough": "reflect as rough ones would on average, diffusely", "black": "reflect nothing and have no B"}
+    more = ", ..." if (metal > 0).sum() > len(names) else ""
+    cost = f"{what[scene.metals]} ({', '.join(names)}{more})"
+    return [Finding("metals", f"{metal.sum() / area:.1%} of all surface", cost)]
 
 
 def _surfaces(scene: Scene, effect: str, name: str, cost: str) -> Finding:

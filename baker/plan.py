@@ -154,7 +154,7 @@ def make_plan(
     """
     memory.check("a bake", memory.PROCESS)
     there = memory.available()
-    scene = without(scene, settings.ignore)
+    scene = replace(without(scene, settings.ignore), metals=settings.metals)
     if not effects(scene) & (Effects.PUNCTUAL | Effects.EMISSIVE | Effects.ENVIRONMENT):
         raise SceneError(
             "the scene has no light: neither a punctual light (KHR_lights_punctual) nor an emissive surface nor an "

@@ -11,6 +11,7 @@ EFFECTS = ("punctual", "emissive", "environment", "alpha-mask", "double-sided", 
 
 
 OPERATORS = ("surface", "over")
+METALS = ("rough", "black")  # how metals reflect: diffusely, as rough ones would on average, or not at all
 
 
 class Quality(NamedTuple):
@@ -47,7 +48,8 @@ class Settings:
     takes fewer if the standard error of B is below `error` * (B + its mean) earlier, a surface sample if it is below
     `error` * the mean B of its neighbours; with `error` 0 all are traced. bounces: surfaces that a
     path may visit after the point; None: enough that further ones add less than `bounce_fraction` of the picture.
-    ignore: effects (of EFFECTS) that the bake leaves out. Raises UsageError for an unknown operator, quality or effect.
+    ignore: effects (of EFFECTS) that the bake leaves out. metals: how metals reflect, one of METALS. Raises UsageError
+    for an unknown operator, quality, effect or way to reflect.
     """
 
     operator: str = "surface"
@@ -63,11 +65,13 @@ class Settings:
     iterations: int | None = None
     denoise: bool = True
     ignore: tuple[str, ...] = ()
+    metals: str = "rough"
     seed: int = 0
 
     def __post_init__(self):
         _check("operator", self.operator, OPERATORS)
         _check("quality", self.quality, QUALITIES[self.operator])
+        _check("metals", self.metals, METALS)
         for effect in self.ignore:
             _check("ignore", effect, EFFECTS)
 

@@ -88,6 +88,7 @@ class Effects(IntFlag):
     DOUBLE_SIDED = 32  # some surfaces are lit from both sides
     NORMAL_MAP = 64  # some surfaces have normal textures; B ignores them and uses the interpolated normal
     UNLIT = 128  # some surfaces are unlit: they show their colour and have no B
+    METAL = 256  # some surfaces are metallic, and their albedo is their base colour; without this, metals are black
 
 
 @dataclass(frozen=True)

@@ -37,7 +37,7 @@ class TextureSlot:
 
 @dataclass(frozen=True)
 class Material:
-    """A Lambertian surface: albedo = base colour * (1 - metallic).
+    """A Lambertian surface. Its albedo is the base colour, or base colour * (1 - metallic) where metals are black.
 
     base colour = factor * texture (sRGB) * vertex colour; metallic = factor * blue channel of the texture (linear). If
     `alpha_cutoff` is None, the surface is opaque; otherwise points whose alpha (factor * texture * vertex colour) is
@@ -133,6 +133,7 @@ class Environment:
 class Scene:
     """Everything that the baker and the renderer need from a glTF file.
 
+    `metals` is "rough" (they reflect diffusely, as rough ones would on average) or "black" (they reflect nothing).
     `warnings` are one line each. `transparent` repeats the text (without file and pointer) of the warnings about partly
     transparent materials. `files` lists the files that the scene was read from: the glTF file first, then its buffers
     and images, then files that define light.
@@ -144,6 +145,7 @@ class Scene:
     lights: tuple[Light, ...] = ()
     environment: Environment | None = None
     cameras: dict[str, Camera] = field(default_factory=dict)
+    metals: str = "rough"
     warnings: tuple[str, ...] = ()
     transparent: tuple[str, ...] = ()
     files: tuple[Path, ...] = ()

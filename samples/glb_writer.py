@@ -41,11 +41,13 @@ class Glb:
         return self.add("accessors", count=len(values), type=kind, **fields)
 
     def material(self, name: str, color, **fields) -> int:
-        """Add a Lambertian material; `color` (3,) is its albedo."""
-        texture = fields.pop("texture", None)
-        pbr = {"baseColorFactor": [*color, 1.0], "metallicFactor": 0, "roughnessFactor": 1}
+        """Add a rough material; `color` (3,) is its albedo. The blue of `metal_texture` scales `metallic`."""
+        texture, metal_texture = fields.pop("texture", None), fields.pop("metal_texture", None)
+        pbr = {"baseColorFactor": [*color, 1.0], "metallicFactor": fields.pop("metallic", 0), "roughnessFactor": 1}
         if texture is not None:
             pbr["baseColorTexture"] = {"index": texture}
+        if metal_texture is not None:
+            pbr["metallicRoughnessTexture"] = {"index": metal_texture}
         return self.add("materials", name=name, pbrMetallicRoughness=pbr, **fields)
 
     def texture(self, pixels: np.ndarray) -> int:

@@ -3,10 +3,11 @@
 python samples/make_scenes.py
 """
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from glb_writer import Glb, face_normal
+from glb_writer import Glb, face_normal, unit
 
 FOLDER = Path(__file__).parent / "scenes"
 
@@ -261,6 +262,44 @@ def corridor() -> Glb:
     return glb
 
 
+def ball(centre, radius: float, steps: int = 6) -> list[np.ndarray]:
+    """A faceted ball: the sides of a cube, each of `steps` x `steps` rectangles, drawn onto the sphere."""
+    places = np.linspace(-1, 1, steps + 1)
+    quads = []
+    for axis in range(3):
+        for side in (-1.0, 1.0):
+            for a, c in pairwise(places):
+                for b, d in pairwise(places):
+                    corners = np.array([(a, b, side), (c, b, side), (c, d, side), (a, d, side)])
+                    on_sphere = np.roll([unit(corner) for corner in corners], axis, axis=1)
+                    quads.append(facing(centre + radius * on_sphere, centre, away=True))
+    return quads
+
+
+def metals() -> Glb:
+    """A closed room with a steel floor, a gold ball and a wall that is copper in every other tile.
+
+    A spot shines at one wall of plaster, so that light reaches the metals by bounces alone.
+    """
+    glb = Glb()
+    plaster = glb.material("plaster", (0.75, 0.72, 0.68))
+    steel = glb.material("steel", (0.56, 0.57, 0.58), metallic=1)
+    gold = glb.material("gold", (1.0, 0.77, 0.34), metallic=1)
+    tiles = np.zeros((2, 2, 3), np.uint8)
+    tiles[[0, 1], [0, 1], 2] = 255
+    copper = glb.material("copper tiles", (0.95, 0.64, 0.54), metallic=1, metal_texture=glb.texture(tiles))
+    left, right, floor, ceiling, back, front = box((-1.5, 0, -1.5), (1.5, 2.4, 1.5), inward=True)
+    glb.solid("walls", [left, right, ceiling, front], plaster)
+    glb.solid("floor", [floor], steel)
+    glb.node("tiled wall", mesh=glb.mesh("tiled wall", [back], copper, 4))
+    glb.solid("ball", ball(np.array([0.5, 0.45, -0.5]), 0.45), gold)
+    cone = {"innerConeAngle": 0.3, "outerConeAngle": 0.55}
+    to_the_left = [0, 0.7071068, 0, 0.7071068]  # a quarter turn about y: -Z to -X
+    glb.light("spot", [0.2, 1.5, 0.2], to_the_left, type="spot", color=[1, 0.95, 0.9], intensity=12, spot=cone)
+    glb.camera("inside", (1.2, 1.5, 1.35), (-0.2, 0.5, -0.9), 1.1)
+    return glb
+
+
 def furnace() -> Glb:
     """A closed box of albedo 0.5 whose walls emit 1: the radiance is 2 everywhere, and half of it is indirect light."""
     glb = Glb()
@@ -272,7 +311,7 @@ def furnace() -> Glb:
 
 def make_scenes() -> dict[str, bytes]:
     """The bytes of each file, by file name."""
-    makers = (cornell, cornell_emissive, two_rooms, house, gaps, corridor, furnace)
+    makers = (cornell, cornell_emissive, two_rooms, house, gaps, corridor, metals, furnace)
     return {f"{maker.__name__}.glb": maker().encode() for maker in makers}
 
 

@@ -1,7 +1,7 @@
 """A `Scene` for Mitsuba's own integrators, BSDFs, textures and emitters, as an independent check.
 
-It supports one uv channel and one wrap mode for both axes, but no alpha masks, normal maps, vertex colours or metallic
-textures.
+It supports one uv channel and one wrap mode for both axes, but no alpha masks, normal maps, vertex colours or black
+metals.
 """
 
 import numpy as np
@@ -105,7 +105,7 @@ def _linear(srgb: np.ndarray) -> np.ndarray:
 
 
 def _albedo(material: Material, scene: Scene) -> np.ndarray:
-    factor = np.array(material.base_color[:3], np.float32) * np.float32(1 - material.metallic)
+    factor = np.array(material.base_color[:3], np.float32)
     texels = _texels(material.base_color_texture, scene)
     return factor if texels is None else _linear(texels[..., :3]) * factor
 

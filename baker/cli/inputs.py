@@ -102,6 +102,7 @@ def _settings(options: argparse.Namespace) -> Settings:
         iterations=options.iterations,
         denoise=options.denoise == "auto",
         ignore=tuple(sorted(set(options.ignore))),
+        metals=options.metals,
         seed=options.seed,
     )
 

@@ -4,7 +4,7 @@ import argparse
 import math
 from pathlib import Path
 
-from gsgi.baker.settings import BUDGET_MAX, EFFECTS, OPERATORS, QUALITIES, Settings
+from gsgi.baker.settings import BUDGET_MAX, EFFECTS, METALS, OPERATORS, QUALITIES, Settings
 from gsgi.runtime.layers import LAYERS
 
 EXIT_CODES = """\
@@ -111,6 +111,8 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--denoise", choices=("auto", "off"), default="auto", help="over: denoise the fitted views")
     parser.add_argument("--ignore", choices=EFFECTS, action="append", default=[], metavar="EFFECT",
                         help=f"leave out an effect (repeatable): {', '.join(EFFECTS)}")  # fmt: skip
+    parser.add_argument("--metals", choices=METALS, default=Settings.metals,
+                        help="metals reflect as rough ones would on average, or nothing")  # fmt: skip
     path = '{"cameras": [{"position": [x,y,z], "target": [x,y,z]}, ...]}'
     parser.add_argument("--camera-path", metavar="FILE", help=f"JSON file with more cameras to fit: {path}")
 

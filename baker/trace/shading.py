@@ -120,7 +120,7 @@ class Shading:
         return albedo
 
     def diffuse(self, material, prim, b, active):
-        """Whether B is seen at `b`: the surface is neither unlit nor metal. A black base colour counts as well."""
+        """Whether B is seen at `b`: the surface is neither unlit nor metal that reflects nothing. It may be black."""
         lit = active & (dr.gather(mi.Vector4f, self.emission_table, material, active).w == 0)
         if not self.metallic:
             return lit

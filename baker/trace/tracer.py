@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gsgi.runtime.camera import Camera
+from gsgi.runtime.metals import lambertian
 from gsgi.runtime.scene import Scene
 
 from . import mitsuba_scene
@@ -35,7 +36,7 @@ class Surface:
     position (m), normal (interpolated, unit, towards the camera), shading_normal (perturbed by a normal texture, used
     for primary light) and geometric_normal are in world space. albedo and emission are linear Rec.709. depth is along
     the camera's -Z (m). valid (bool): a surface is seen. diffuse (bool): the surface shows light that falls on it, as
-    it is neither unlit nor metal. Where there is no surface, emission is the environment's radiance.
+    it is neither unlit nor a black metal. Where there is no surface, emission is the environment's radiance.
     """
 
     position: np.ndarray
@@ -99,6 +100,7 @@ class Tracer:
         from .environment_light import EnvironmentLight
         from .shading import Shading
 
+        scene = lambertian(scene)
         surfaces = tabulate(scene)
         self.corners = surfaces.position, surfaces.triangle
         count = self.opaque_count = surfaces.opaque

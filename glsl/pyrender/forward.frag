@@ -54,6 +54,7 @@ uniform vec2 tile_high[LIGHTS];        // 0: no shadows
 #if INDIRECT
 uniform highp sampler2D indirect;
 uniform highp sampler2D surface_depth;
+uniform float black_metal;  // 1 if metals have no B, else 0
 #endif
 #endif
 
@@ -156,7 +157,7 @@ vec3 lit_color(vec3 base) {
         base * (1.0 - DIELECTRIC) * (1.0 - metal), mix(vec3(DIELECTRIC), base, metal), rough);
     vec3 color = occlusion * (primary_light(surface, shading_normal(v), v) + base * ambient);
 #if INDIRECT
-    color += base * (1.0 - metal) * indirect_light();
+    color += base * (1.0 - black_metal * metal) * indirect_light();
 #endif
     return color + glow * emission;  // pyrender applies the factor twice
 }

@@ -39,7 +39,7 @@ HEADER = np.dtype(
 LEVELS = ("fine", "coarse")
 
 OPERATORS = OverBlend, SurfaceBlend  # the operator byte is an index into this
-EFFECT_BITS = 0xFF
+EFFECT_BITS = 0x1FF
 
 OPERATOR_NAMES = {OverBlend: "over", SurfaceBlend: "surface"}
 SH_DEGREE_MAX = {OverBlend: 3, SurfaceBlend: 2}

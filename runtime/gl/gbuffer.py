@@ -12,7 +12,7 @@ from .shader import program, set_uniforms
 class GBuffer:
     """Targets of (width, height) px, all linear:
 
-    albedo    RGBA16F  base colour * (1 - metallic); a = 1 on surfaces
+    albedo    RGBA16F  base colour, times (1 - metallic) where metals are black; a = 1 on surfaces
     normal    RGBA16F  octahedral, world space; zw: the triangle's normal, towards the camera; xy: the shading normal,
                        which is the interpolated normal on the same side, bent by the normal map
     emission  RGBA16F  radiance, for an unlit surface its base colour; primary light is added to it

@@ -7,6 +7,7 @@ from gsgi.runtime.camera import Camera
 from gsgi.runtime.errors import UnsupportedError
 from gsgi.runtime.gaussians import Bake
 from gsgi.runtime.layers import LAYERS
+from gsgi.runtime.metals import as_baked, lambertian
 from gsgi.runtime.rebase import local_camera, local_scene, origin_of
 from gsgi.runtime.scene import Scene
 
@@ -26,11 +27,11 @@ class DeferredRenderer:
     """Draws `scene` with the indirect light of `bake` into its own targets of `width` x `height` px.
 
     Only what the scene needs is created: without a bake there are no splats and no composite, without lights no
-    shadows, without an environment no background. A bake of the `surface` operator is read once per `splat_scale` x
-    `splat_scale` pixels (1 to 4) and upsampled; a bake of `over` is always drawn at full resolution. The framebuffer,
-    blending, depth test and culling of `ctx` are left changed. Raises ValueError for another `splat_scale`, and
-    UnsupportedError for textures, Gaussians or a size that the driver cannot hold. Its methods raise RuntimeError
-    after release().
+    shadows, without an environment no background. Metals reflect as in the bake, if there is one. A bake of the
+    `surface` operator is read once per `splat_scale` x `splat_scale` pixels (1 to 4) and upsampled; a bake of `over` is
+    always drawn at full resolution. The framebuffer, blending, depth test and culling of `ctx` are left changed. Raises
+    ValueError for another `splat_scale`, and UnsupportedError for textures, Gaussians or a size that the driver cannot
+    hold. Its methods raise RuntimeError after release().
     """
 
     def __init__(
@@ -42,6 +43,7 @@ class DeferredRenderer:
         self._released = False
         if self._origin.any():
             scene = local_scene(scene, self._origin)
+        scene = lambertian(as_baked(scene, bake))
         self._scene, self._bake = scene, bake
         self.geometry = Geometry(ctx, scene)
         self.shadow = self.splats = None

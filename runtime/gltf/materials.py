@@ -61,7 +61,7 @@ class Materials:
         unlit = material.extension(UNLIT) is not None
         metallic, metallic_texture = (0.0, None) if unlit else self._metallic(material)
         # Skip textures that cannot affect the image.
-        colored = any(factor[:3]) and (metallic < 1 or metallic_texture is not None)
+        colored = any(factor[:3])
         emission = (0.0, 0.0, 0.0) if unlit else _emission(material)
         normal = material.get("normalTexture") if "normalTexture" in material and colored and not unlit else None
         record = Material(
@@ -103,7 +103,7 @@ class Materials:
         factor = pbr.get("metallicFactor", 1).number(0, 1)
         texture = _member(pbr, "metallicRoughnessTexture") if factor else None
         if "metallicFactor" not in pbr and texture is None:
-            text = "metallicFactor is absent and counts as 1: a metal has no diffuse light"
+            text = "metallicFactor is absent and counts as 1: the surface is a metal"
             self._document.warn(pbr, Code.SIMPLIFIED, text)
         return factor, texture
 

@@ -49,7 +49,7 @@ class Code(StrEnum):
     NO_SOURCE = "NO_SOURCE"  # a texture without an image, which is left out
     CAMERA_IGNORED = "CAMERA_IGNORED"
     LIGHT_IGNORED = "LIGHT_IGNORED"
-    METAL = "METAL"  # much metallic surface, which has no diffuse light
+    METAL = "METAL"  # much metallic surface, which has no mirror images
     SIZE = "SIZE"  # a scene whose unit is hardly the metre
 
 

@@ -90,6 +90,7 @@ class Forward:
             indirect.light.use(_LIGHT_UNIT)
             indirect.depth.use(_DEPTH_UNIT)
             uniforms |= {"indirect": _LIGHT_UNIT, "surface_depth": _DEPTH_UNIT}
+            uniforms["black_metal"] = float(indirect.black_metal)
         return lit, uniforms
 
     def _program(self, look: Primitive) -> moderngl.Program:

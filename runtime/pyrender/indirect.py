@@ -2,7 +2,7 @@
 
 import moderngl
 
-from gsgi.runtime.gaussians import Bake
+from gsgi.runtime.gaussians import Bake, Effects
 from gsgi.runtime.gl.indirect_light import IndirectLight
 from gsgi.runtime.gl.permutations import Primitive, defines
 from gsgi.runtime.gl.shader import program, set_uniforms
@@ -72,10 +72,14 @@ class VisibleSurfaces:
 
 
 class BakedLight:
-    """B of `bake` in the texture `light` (rgb), and the `depth` (m) of the lit surfaces; both of the image's size."""
+    """B of `bake` in the texture `light` (rgb), and the `depth` (m) of the lit surfaces; both of the image's size.
+
+    `black_metal`: whether metals have no B in it.
+    """
 
     def __init__(self, ctx: moderngl.Context, bake: Bake):
         self._pass, self._surfaces = IndirectLight(ctx, bake, splat_scale=1), VisibleSurfaces(ctx)
+        self.black_metal = Effects.METAL not in bake.effects
 
     @property
     def light(self) -> moderngl.Texture:

@@ -13,6 +13,7 @@ FILES = (
     SCENES / "house.glb",
     SCENES / "gaps.glb",
     SCENES / "corridor.glb",
+    SCENES / "metals.glb",
     SHARED / "modern_hall" / "modern_hall.gltf",
     SHARED / "breakfast_room" / "breakfast_room_sun.gltf",
     SHARED / "sponza_crytek" / "sponza_sun.gltf",

@@ -8,6 +8,7 @@ from repository import SAMPLES, SCENES
 
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.gltf.reader import read_gltf
+from gsgi.runtime.metals import metal_areas
 
 NAMES = (
     "cornell.glb",
@@ -16,6 +17,7 @@ NAMES = (
     "furnace.glb",
     "gaps.glb",
     "house.glb",
+    "metals.glb",
     "two_rooms.glb",
 )
 
@@ -46,7 +48,8 @@ def test_the_script_makes_the_committed_files(monkeypatch):
 @pytest.mark.parametrize("name", NAMES)
 def test_normals_agree_with_the_winding(name):
     scene = read(name)
-    assert scene.warnings == ()
+    assert all("is metal" in warning for warning in scene.warnings)
+    assert len(scene.warnings) == (name == "metals.glb")
     for mesh in scene.meshes:
         a, b, c = (mesh.position[corner] for corner in mesh.triangle.T)
         face = np.cross(b - a, c - a)
@@ -145,6 +148,19 @@ def test_the_dark_rooms_get_light_only_below_the_door():
     lamp = np.array([2, 0.005, -1.5])
     blocked = Triangles(scene).blocked(eyes, np.tile(lamp, (len(eyes), 1)))
     assert blocked.tolist() == [True] * 4 + [False, True, True, True]
+
+
+def test_metals():
+    scene = read("metals.glb")
+    metallic = {material.name: material.metallic for material in scene.materials}
+    assert metallic == {"plaster": 0, "steel": 1, "gold": 1, "copper tiles": 1}
+    areas, _ = metal_areas(scene)
+    by_name = {material.name: area for material, area in zip(scene.materials, areas, strict=True)}
+    assert (by_name["plaster"], by_name["steel"]) == (0, pytest.approx(9))
+    assert by_name["copper tiles"] == pytest.approx(3 * 2.4 / 2)
+    assert by_name["gold"] == pytest.approx(4 * np.pi * 0.45**2, rel=0.05)
+    (spot,) = scene.lights
+    np.testing.assert_allclose(spot.direction, [-1, 0, 0], atol=1e-6)  # at the plaster
 
 
 def test_furnace():

@@ -1,4 +1,4 @@
-"""Which pixels have a B to fit and to judge: diffuse surfaces, however dark, but neither metal nor unlit ones."""
+"""Which pixels have a B to fit and to judge: surfaces, however dark, that are neither black metals nor unlit."""
 
 from dataclasses import replace
 
@@ -20,7 +20,7 @@ PLAIN, METAL, MIXED, UNLIT, BLACK, NEARLY = range(6)  # the patches by column; b
 
 
 def patches() -> Scene:
-    """Patches of 1 m under a sky of radiance 1. MIXED is metal in its right half by its texture."""
+    """Patches of 1 m under a sky of radiance 1, with metals that are black. MIXED is metal in its right half."""
     ramp = np.full((1, 2, 4), 255, np.uint8)
     ramp[0, 0, 2] = 0
     materials = (
@@ -35,7 +35,7 @@ def patches() -> Scene:
         scenes.quad([(k, 0, 0.5), (k + 1, 0, 0.5), (k + 1, 0, -0.5), (k, 0, -0.5)], k) for k in range(len(materials))
     )
     sky = Environment(np.ones((1, 1, 3), np.float32))
-    return Scene(meshes, materials, (Texture(ramp, nearest=True),), environment=sky)
+    return Scene(meshes, materials, (Texture(ramp, nearest=True),), environment=sky, metals="black")
 
 
 CAMERA = look_at(np.array([3.0, 6.0, 0.0]), np.array([3.0, 0.0, 0.0]), np.array([0.0, 0.0, -1.0]), 1.1, 0.01)
@@ -94,6 +94,14 @@ def test_a_reference_judges_b_where_it_is_seen(tracer, patch, expected):
     np.testing.assert_allclose(truth.final[patch == PLAIN].mean(axis=0), COLOR[:3], rtol=1e-4)
 
 
-def test_a_scene_of_metal_alone_has_no_b():
+def test_a_scene_of_black_metal_alone_has_no_b():
     metal = replace(patches(), materials=(Material("metal", COLOR, metallic=1.0),) * 6)
     assert not Tracer(metal).surface(CAMERA, 8, 8).diffuse.any()
+
+
+def test_a_rough_metal_is_a_surface_like_any_other(patch):
+    """Of its base colour, under a sky of radiance 1."""
+    truth = reference.trace(Tracer(replace(patches(), metals="rough")), CAMERA, SIZE, SIZE, 64, seed=0)
+    seen = np.isin(patch, (PLAIN, METAL, MIXED, NEARLY))
+    np.testing.assert_array_equal(truth.valid, seen | (patch == BLACK))
+    np.testing.assert_allclose(truth.final[seen], np.tile(COLOR[:3], (seen.sum(), 1)), rtol=1e-4)

@@ -67,10 +67,10 @@ def layers(gl, scene: Scene) -> tuple[dict, dict]:
     return drawn, traced
 
 
-@pytest.fixture(scope="module")
-def both(gl):
-    """The layers of the wall."""
-    return layers(gl, wall())
+@pytest.fixture(scope="module", params=["rough", "black"])
+def both(gl, request):
+    """The layers of the wall, with metals that reflect, and that do not."""
+    return layers(gl, replace(wall(), metals=request.param))
 
 
 def inner(drawn: dict, traced: dict) -> np.ndarray:

@@ -159,7 +159,7 @@ def test_a_double_sided_emitter_lights_both_sides():
 def test_textures_multiply_the_factor_in_linear_light():
     pixels = np.full((4, 4, 4), 188, np.uint8)
     material = Material("m", (0.5, 1.0, 0.25, 1.0), base_color_texture=TextureSlot(0), metallic=0.5)
-    tracer = Tracer(Scene((scenes.floor(),), (material,), textures=(Texture(pixels),)))
+    tracer = Tracer(Scene((scenes.floor(),), (material,), textures=(Texture(pixels),), metals="black"))
     albedo = tracer.surface(scenes.above_camera(), 8, 8).albedo[4, 4]
     linear = ((188 / 255 + 0.055) / 1.055) ** 2.4
     np.testing.assert_allclose(albedo, 0.5 * linear * np.array([0.5, 1.0, 0.25]), rtol=1e-5)

@@ -34,7 +34,7 @@ def test_every_damaged_byte_is_noticed(name):
 
 EITHER = [
     *[("version", 0), ("version", 1), ("version", 2), ("version", 4), ("header_bytes", 88), ("header_bytes", 146)],
-    *[("reserved", 1), ("operator", 2), ("effects", 0x100), ("effects", 0x8000)],
+    *[("reserved", 1), ("operator", 2), ("effects", 0x200), ("effects", 0x8000)],
     *[("tone_scale", 0), ("tone_scale", np.nan)],
     *[(f"{level}.gaussian_count", 2**31) for level in LEVELS],
     *[(f"{level}.{field}", np.nan) for level in LEVELS for field in LEVEL.names if LEVEL[field].base.kind == "f"],
@@ -120,7 +120,7 @@ def test_whatever_the_numbers_say_what_is_decoded_is_usable(name):
 @pytest.mark.parametrize(
     "change",
     [
-        *[{"bounces": -1}, {"bounces": 1 << 16}, {"scene": 1 << 64}, {"effects": 0x100}, {"tone_scale": 0.0}],
+        *[{"bounces": -1}, {"bounces": 1 << 16}, {"scene": 1 << 64}, {"effects": 0x200}, {"tone_scale": 0.0}],
         *[{"blend": OverBlend(near=-1)}, {"blend": OverBlend(near=0.1, alpha_max=1.0)}],
         *[{"blend": SurfaceBlend()}, {"coarse": gaussians(1, 0)}, {"coarse": gaussians(0, 0)}],
         *[

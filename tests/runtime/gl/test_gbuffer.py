@@ -25,9 +25,10 @@ def draw(gl, scene, camera=ABOVE, layers=("albedo", "normal", "depth", "primary"
 
 
 def floor_of(material, textures=(), uv_scale=1.0, **attributes):
+    """A floor of edge 2. Metals are black, so that all textures of a material count."""
     mesh = scenes.floor()
     mesh = replace(mesh, **{"uv": mesh.uv * np.float32(uv_scale), **attributes})
-    return Scene((mesh,), (material,), textures)
+    return Scene((mesh,), (material,), textures, metals="black")
 
 
 def per_vertex(*value):
@@ -143,6 +144,8 @@ def test_metallic_is_the_blue_of_a_linear_texture(gl):
     albedo, *_ = draw(gl, floor_of(material, (Texture(pixels),)))
     metallic = 0.5 * bilinear(pixels[..., 2:3] / 255, *grid(), wrap)
     assert np.abs(albedo - [0.8, 0.4, 0.2] * (1 - metallic)).max() < 3e-3
+    albedo, *_ = draw(gl, replace(floor_of(material, (Texture(pixels),)), metals="rough"))
+    assert np.allclose(albedo, [0.8, 0.4, 0.2], rtol=1e-3)
 
 
 def test_one_image_may_be_srgb_in_one_slot_and_linear_in_another(gl):

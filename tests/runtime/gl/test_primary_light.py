@@ -130,13 +130,15 @@ SURFACES = {
 }
 
 
-@pytest.mark.parametrize("name", SURFACES)
-def test_surface(gl, name):
+@pytest.mark.parametrize(
+    ("name", "metals"), [*((name, "rough") for name in SURFACES), ("metallic", "black"), ("all", "black")]
+)
+def test_surface(gl, name, metals):
     material = SURFACES[name]
     bumps = noise((90, 90, 180, 0), (166, 166, 256, 256))
     textures = Texture(noise(), ("mirror", "repeat")), Texture(bumps, ("clamp", "repeat"))
     floor = replace(material, alpha_cutoff=None)  # what is seen of it does not depend on its own holes
-    scene = stage(*ALL, floor=floor, thing=material, textures=textures)
+    scene = replace(stage(*ALL, floor=floor, thing=material, textures=textures), metals=metals)
     error = assert_equal_light(gl, scene)
     assert error.counts.mean() > 0.8
 

@@ -111,7 +111,6 @@ def test_textures_that_do_not_matter_are_not_read(read):
         {"pbrMetallicRoughness": {"metallicFactor": 0, "metallicRoughnessTexture": missing}},
         {"emissiveTexture": missing},
         {"pbrMetallicRoughness": {"baseColorFactor": [0, 0, 0, 1], "baseColorTexture": missing}},
-        {"pbrMetallicRoughness": {"metallicFactor": 1, "baseColorTexture": missing}, "normalTexture": missing},
         {"extensions": {"KHR_materials_unlit": {}}, "emissiveFactor": [1, 1, 1], "emissiveTexture": missing,
          "normalTexture": missing},
         {"occlusionTexture": missing},

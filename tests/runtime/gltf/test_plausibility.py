@@ -29,7 +29,7 @@ def warned(tmp_path):
 def test_a_metal_floor(warned):
     (code, pointer, text), = warned(put(quad_scene()[0], f"{MATTER}/metallicFactor", 1), quad_scene()[1])  # fmt: skip
     assert (code, pointer) == ("METAL", "/materials")
-    expected = '1 m^2, 100% of all surface, is metal, most of it "paint": it has no diffuse light and stays dark'
+    expected = '1 m^2, 100% of all surface, is metal, most of it "paint": it has no mirror images and looks rough'
     assert text == expected
 
 

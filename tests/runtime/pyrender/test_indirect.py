@@ -1,5 +1,7 @@
 """The drop-in with baked light: albedo * B is added to what pyrender draws, before its curve."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from gsgi_files import constant, surface_example
@@ -9,6 +11,7 @@ from scipy.ndimage import binary_erosion
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.errors import UnsupportedError
 from gsgi.runtime.file import codec
+from gsgi.runtime.gaussians import Effects
 from gsgi.runtime.gl.renderer import DeferredRenderer
 from gsgi.runtime.pyrender import OffscreenRenderer, RenderFlags
 from gsgi.runtime.scene import Material, Mesh, Scene
@@ -38,20 +41,21 @@ def assert_alike(a: np.ndarray, b: np.ndarray) -> None:
     assert (off > 1).mean() < 0.01, (off.max(), (off > 1).mean())
 
 
-# Ambient light adds `base colour * ambient`: so does a B that is the same everywhere, where nothing is metallic.
+# Ambient light adds `base colour * ambient`: so does a B that is the same everywhere, where no metal is black.
+@pytest.mark.parametrize(("metallic", "effects"), [(0.0, Effects(0)), (0.8, Effects.METAL)])
 @pytest.mark.parametrize("camera", [None, "far", "aspect", "intrinsics"])
-def test_constant_light_equals_ambient_light(pyrender, draw, camera):
+def test_constant_light_equals_ambient_light(pyrender, draw, camera, metallic, effects):
     scene = solids(camera and cameras()[camera], ambient_light=np.zeros(3))
     for node in scene.mesh_nodes:
-        node.mesh.primitives[0].material.metallicFactor = 0.0
-    lit = draw(scene, constant(B))
+        node.mesh.primitives[0].material.metallicFactor = metallic
+    lit = draw(scene, replace(constant(B), effects=effects))
     without = draw(scene)
     scene.ambient_light = B
     assert_alike(lit, draw(scene))
     assert np.abs(lit.astype(int) - without).max() > 20
 
 
-def test_metal_takes_none_of_it(pyrender, draw):
+def test_black_metal_takes_none_of_it(pyrender, draw):
     scene = solids(ambient_light=np.zeros(3))
     for node in scene.mesh_nodes:
         node.mesh.primitives[0].material.metallicFactor = 1.0
