@@ -84,18 +84,21 @@ def _masked(triangles: Triangles) -> bool:
 # Defines that the host's Encoding sets.
 _HOST = {name: lambda reading, name=name: reading.encoding.defines()[name] for name in Encoding().defines()}
 
+# Defines of the passes that fill the G-buffer.
+_SURFACE = {
+    "BASE_TEXTURE": lambda t: "base" in sampled(t.material),
+    "METALLIC_TEXTURE": lambda t: "metallic" in sampled(t.material),
+    "NORMAL_TEXTURE": lambda t: "normal" in sampled(t.material),
+    "EMISSION_TEXTURE": lambda t: "emission" in sampled(t.material),
+    "VERTEX_COLOR": lambda t: t.colored,
+    "ALPHA_MASK": _masked,
+    "UNLIT": lambda t: t.material.unlit,
+    "INTERPOLATED": lambda t: t.bent,
+}
+
 # Defines of each pass. A function returns the value for what the pass draws or reads; a comment names its type.
 PASSES: dict[str, dict[str, Callable[[Any], int]]] = {
-    "frame/gbuffer": {  # Triangles
-        "BASE_TEXTURE": lambda t: "base" in sampled(t.material),
-        "METALLIC_TEXTURE": lambda t: "metallic" in sampled(t.material),
-        "NORMAL_TEXTURE": lambda t: "normal" in sampled(t.material),
-        "EMISSION_TEXTURE": lambda t: "emission" in sampled(t.material),
-        "VERTEX_COLOR": lambda t: t.colored,
-        "ALPHA_MASK": _masked,
-        "UNLIT": lambda t: t.material.unlit,
-        "INTERPOLATED": lambda t: t.bent,
-    },
+    "frame/gbuffer": _SURFACE,  # Triangles
     "frame/background": {},  # created if there is an environment
     "frame/shadow": {  # Triangles
         "BASE_TEXTURE": lambda t: _masked(t) and "base" in sampled(t.material),
@@ -132,6 +135,9 @@ PASSES: dict[str, dict[str, Callable[[Any], int]]] = {
         "NORMAL_COLOR": lambda bake: isinstance(bake.blend, SurfaceBlend),
     },
     "viewer/overlay": {},
+    "tradeoff/ambient": {},
+    "tradeoff/lightmap": _SURFACE,  # Triangles
+    "tradeoff/probes": {"VISIBILITY": lambda tested: tested},  # bool: whether probes are tested for visibility
     "pyrender/forward": {  # Primitive
         "NORMAL": lambda p: p.lit and p.normals,
         "VERTEX_COLOR": lambda p: p.colored,

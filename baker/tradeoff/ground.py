@@ -1,0 +1,168 @@
+"""The ground on which all methods stand: one scene, one tracer, the same cameras and references."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import islice
+
+import numpy as np
+
+from gsgi.baker.cache.records import from_arrays, to_arrays
+from gsgi.baker.cache.store import Cache
+from gsgi.baker.evaluation import held_out
+from gsgi.baker.plan import Plan, make_plan
+from gsgi.baker.progress import Display, Progress
+from gsgi.baker.settings import Settings
+from gsgi.baker.surface.samples import Known, Sampler, known_paths, known_rounds
+from gsgi.baker.trace.cached_tracer import CachedTracer
+from gsgi.baker.trace.irradiance_cache import IrradianceCache
+from gsgi.baker.trace.reference import Reference
+from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling
+from gsgi.runtime.camera import Camera
+from gsgi.runtime.scene import Scene
+
+from .method import Answer, Method
+
+PATHS = 256  # per texel and per probe's normal: as many as keep the noise of a lightmap's texels near that of our samples
+GATHERING_PAYS = 2  # from so many times the paths of the gathered light on
+FREE_POINTS, FREE_SAMPLES = 2048, 1024  # points in free space where moving objects may be, and paths at each
+
+
+@dataclass(frozen=True)
+class GatheredLight:
+    """Both halves of the light in which paths end, as our own samples have it (final gathering, Reichert 1992)."""
+
+    a: IrradianceCache
+    b: IrradianceCache
+
+
+@dataclass(frozen=True)
+class FreeLight:
+    """B, in two independent halves (N, 3), at points (N, 3), m, in free space with normals (N, 3), all float32."""
+
+    position: np.ndarray
+    normal: np.ndarray
+    indirect_a: np.ndarray
+    indirect_b: np.ndarray
+
+
+class Ground:
+    """A scene to study.
+
+    What a method bakes is traced with an empty cache, so that its seconds are those of a first bake; finished answers
+    are kept in `cache` together with them. `views` limits the held-out cameras.
+    """
+
+    def __init__(self, scene: Scene, settings: Settings, cache: Cache, display: Display, quick: bool, views: int):
+        self.settings, self.quick, self.display, self.cache = settings, quick, display, cache
+        progress = Progress(display)
+        self.plan = make_plan(scene, settings, progress, Cache())
+        self.plan_seconds = {name: progress.seconds[name] for name in ("views", "plan")}
+        self.scene = self.plan.scene
+        self.cached = CachedTracer(self.scene, cache)
+        self.cold = self.plan.tracer
+        self.cameras: Mapping[str, Camera] = dict(islice(self.plan.placement.held_out.items(), views))
+        self._kept: dict[str, tuple[object, dict[str, float]]] = {}
+
+    @cached_property
+    def references(self) -> dict[str, Reference]:
+        """References of the held-out cameras that tell something, by name, traced once."""
+        placement = replace(self.plan.placement, held_out=dict(self.cameras))
+        plan = replace(self.plan, tracer=self.cached, placement=placement)
+        with Progress(self.display).stage("references", 2 * len(self.cameras) * held_out.SIZE**2, "points") as advance:
+            traced = held_out.references(plan, advance)
+        return {name: reference for name, reference in traced.items() if not held_out.noisy(reference)}
+
+    @property
+    def tone_scale(self) -> float:
+        """Mean B of the scene, radiance."""
+        return self.plan.pilot.mean or 1.0
+
+    @property
+    def free_light(self) -> FreeLight:
+        """B where moving objects may be, traced once."""
+
+        def trace(progress: Progress) -> FreeLight:
+            sampler = Sampler(self.cold, self.plan.cameras, self.plan.settings.bounces, seed=7)
+            points = sampler.free([1], lambda *_: None)[:FREE_POINTS]
+            sampling = Sampling(FREE_SAMPLES // 2, self.plan.settings.bounces)
+            where = points.position, points.normal, points.normal
+            with progress.stage("free space", 2 * len(points), "points") as advance:
+                halves = [self.cold.tracer.indirect(*where, sampling, seed, advance).mean for seed in (11, 12)]
+            return FreeLight(points.position, points.normal, *halves)
+
+        return self.timed("free", FreeLight, trace, samples=FREE_SAMPLES)[0]
+
+    def bake(self, method: Method, value: float) -> tuple[Answer, dict[str, float]]:
+        """A method's answer with this setting, and the seconds of each stage of a bake with an empty cache."""
+        bake = method.bake
+
+        def compute(progress: Progress) -> Answer:
+            return bake(self, value, progress)
+
+        inputs = {"method": method.name, "value": value, "settings": self.plan.settings}
+        return self.timed("study", method.answer, compute, module=method.module, **inputs)
+
+    def gathered(self) -> tuple[GatheredLight, dict[str, float]]:
+        """The light in which the paths of texels and probes end, and the seconds that it takes."""
+
+        def trace(progress: Progress) -> GatheredLight:
+            plan = self.plan
+            bounces, seed, known = plan.settings.bounces, plan.settings.seed + 1, None
+            dark = [name in plan.dark for name in plan.placement.fitted]
+            rounds = known_rounds(bounces)
+            for layers, fewer in zip(rounds, range(len(rounds), 0, -1), strict=True):
+                known = Known(Sampler(self.cold, plan.cameras, bounces - fewer, seed + fewer, dark, known), layers)
+            with progress.stage("light", known_paths(bounces), "paths") as advance:
+                known.sampler.prepare(advance)
+                samples = known.sampler.surface(known.layers, advance)
+                halves = samples.indirect_a, samples.indirect_b
+                return GatheredLight(*IrradianceCache.halves(samples.position, samples.normal, *halves))
+
+        return self.timed("gathered", GatheredLight, trace, settings=self.plan.settings)
+
+    def trace(self, position, normal, geometric_normal, paths: int, progress: Progress) -> np.ndarray:
+        """B (N, 3) float32 at points, with `paths` paths each.
+
+        They end in gathered light, as those of our own samples do, unless there are so few that it would take longer.
+        """
+        known = None, None
+        if len(position) * paths > GATHERING_PAYS * known_paths(self.plan.settings.bounces):
+            gathered, seconds = self.gathered()
+            known = gathered.a, gathered.b
+            progress.seconds.update(seconds)
+        half = Sampling(-(-paths // (2 * PASS_SAMPLES)) * PASS_SAMPLES, self.plan.settings.bounces)
+        seeds = np.random.SeedSequence((self.settings.seed, len(position))).generate_state(2).tolist()
+        tracer = self.cold.tracer
+        with progress.stage("irradiance", 2 * len(position), "points") as advance:
+            a, b = (
+                tracer.indirect(position, normal, geometric_normal, half, seed, advance, light).mean
+                for seed, light in zip(seeds, known, strict=True)
+            )
+        return (a + b) / 2
+
+    def timed(
+        self, stage: str, kind: type, compute: Callable[[Progress], object], module: str = __name__, **inputs
+    ) -> tuple[object, dict[str, float]]:
+        """The record of type `kind` under its inputs, computed once and kept with the seconds of its stages."""
+        key = self.cached.key(stage, module, **inputs)
+        if key not in self._kept:
+            found = self.cache.get(key)
+            if found:
+                seconds = dict(zip(found.pop("stages").tolist(), found.pop("seconds").tolist(), strict=True))
+                record = from_arrays(kind, found)
+            else:
+                progress = Progress(self.display)
+                record, seconds = compute(progress), progress.seconds
+                times = {"stages": np.array(list(seconds), "U32"), "seconds": np.array(list(seconds.values()), float)}
+                self.cache.put(key, to_arrays(record) | times)
+            self._kept[key] = record, seconds
+        return self._kept[key]
+
+    def warm_up(self) -> None:
+        """Compile the path tracer's kernels, so that no method pays for them."""
+        position, normal = (np.tile(np.float32(v), (64, 1)) for v in (self.plan.triangles.low, [0, 1, 0]))
+        light = np.ones((64, 3), np.float32)
+        known, _ = IrradianceCache.halves(position, normal, light, light)
+        for end in (None, known):
+            self.cold.tracer.indirect(position, normal, normal, Sampling(PASS_SAMPLES, 4), 0, None, end)
