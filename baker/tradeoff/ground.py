@@ -23,7 +23,7 @@ from gsgi.runtime.scene import Scene
 
 from .method import Answer, Method
 
-PATHS = 256  # per texel and per probe's normal: as many as keep the noise of a lightmap's texels near that of our samples
+PATHS = 1024  # per texel: as many as a sample of ours takes at most
 GATHERING_PAYS = 2  # from so many times the paths of the gathered light on
 FREE_POINTS, FREE_SAMPLES = 2048, 1024  # points in free space where moving objects may be, and paths at each
 

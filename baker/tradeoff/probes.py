@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 DEGREE = 2
 COEFFICIENTS = 3 * (DEGREE + 1) ** 2
-NORMALS, PATHS = 32, 64  # of each probe, and paths at each normal
+NORMALS, PATHS = 32, 256  # of each probe, and paths at each normal
 ALONG, ALONG_QUICK = (3, 4, 6, 8, 12, 16, 24, 32), (4, 8, 16)  # probes along the scene's longest edge
 
 BIAS = 0.25  # of the spacing, along the normal: as much as keeps a wall's probes on its own side (0.225 in RTXGI)

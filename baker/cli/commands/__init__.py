@@ -3,7 +3,7 @@
 Importing them loads nothing heavy, because `run` does the heavy imports.
 """
 
-from . import bake, cache, compare, doctor, inspect, plan, reference, render, validate, view
+from . import bake, cache, compare, doctor, inspect, plan, recommend, reference, render, tradeoff, validate, view
 
 # In the order in which `gsgi --help` lists them.
-COMMANDS = (plan, bake, render, view, reference, compare, inspect, validate, cache, doctor)
+COMMANDS = (plan, bake, render, view, reference, compare, tradeoff, recommend, inspect, validate, cache, doctor)

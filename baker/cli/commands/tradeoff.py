@@ -1,0 +1,91 @@
+"""`gsgi tradeoff`: what accuracy costs in a scene, by every method."""
+
+import argparse
+import shlex
+from pathlib import Path
+
+from gsgi.baker.cli import options as shared
+
+VIEWS = 6  # held-out cameras
+
+
+def add(commands) -> None:
+    """Declare the command."""
+    parser = shared.command(
+        commands,
+        "tradeoff",
+        run,
+        "Study what accuracy costs in a scene: Gaussians, lightmaps, probes and path tracing, side by side.",
+        "  gsgi tradeoff room.glb -o study              # writes study/report.html, and its data and plots beside it\n"
+        "  gsgi tradeoff room.glb -o study --quick      # fewer settings\n"
+        "  gsgi tradeoff room.glb -o study --methods surface,lightmap-denoised,none",
+    )
+    shared.add_scene(parser)
+    shared.add_light(parser)
+    parser.add_argument("-o", "--output", metavar="DIR", type=Path, required=True,
+                        help="folder for report.html, study.json, study.csv and plots; made if it is missing")  # fmt: skip
+    parser.add_argument("--methods", metavar="NAME,...", help="study only these; docs/tradeoff.md lists them (default: all)")
+    parser.add_argument("--quick", action="store_true", help="fewer settings of each method: a Cornell box in minutes")
+    parser.add_argument("--size", type=shared.size, default="1280x720", metavar="WxH",
+                        help="size of the frames that are timed, pixels")  # fmt: skip
+    shared.add_cache(parser)
+    shared.add_verbosity(parser)
+    shared.add_json(parser, "print the study's data as JSON on stdout")
+
+
+def run(options: argparse.Namespace) -> None:
+    """Study the scene and write the report. An interrupted study goes on where it was."""
+    from gsgi.baker.cli.console import Console
+    from gsgi.baker.cli.inputs import open_cache, read_scene
+    from gsgi.baker.cli.json_output import print_json
+    from gsgi.baker.evaluation.preview import make_folder
+    from gsgi.baker.progress import Progress
+    from gsgi.baker.settings import Settings
+    from gsgi.baker.tradeoff import report, study
+    from gsgi.baker.tradeoff.ground import Ground
+    from gsgi.baker.tradeoff.ranking import GOALS
+    from gsgi.runtime.errors import SceneError
+
+    methods = _methods(options.methods)
+    make_folder(options.output)
+    console = Console(options.quiet)
+    progress = Progress(console)
+    cache = open_cache(options, progress)
+    scene = read_scene(options, progress)
+    try:
+        ground = Ground(scene, Settings(), cache, console, options.quick, VIEWS)
+        found = study.run(ground, methods, options.size)
+    except SceneError as error:
+        raise SceneError(f"{options.scene}: {error}") from error
+    data = report.write(found, options.output, Path(options.scene).name, _command(options))
+    cache.trim()
+    for goal in GOALS:
+        places = data["ranking"][str(goal)]
+        names = ", ".join(dict.fromkeys(data["entries"][i]["method"] for i in places))
+        progress.say(f"SSIM of B of {goal:g}: {names or 'not reached by any method'}")
+    console.close(f"wrote {options.output / report.PAGE}: {len(found.entries)} settings of {len(methods)} methods")
+    if options.json:
+        print_json(data)
+
+
+def _methods(names: str | None) -> list:
+    """The methods with these names. Raises UsageError for an unknown one."""
+    from gsgi.baker.tradeoff.methods import METHODS
+    from gsgi.runtime.errors import UsageError
+
+    known = {method.name: method for method in METHODS}
+    wanted = list(known) if names is None else names.split(",")
+    for name in wanted:
+        if name not in known:
+            raise UsageError(f"--methods: expected some of {', '.join(known)}, got {name!r}")
+    return [known[name] for name in dict.fromkeys(wanted)]
+
+
+def _command(options: argparse.Namespace) -> str:
+    """The command line that made the study, for its footer: what decides its result."""
+    parts = ["gsgi", "tradeoff", Path(options.scene).name]
+    for flag, value in (("--methods", options.methods), ("--env", options.env), ("--sun", options.sun)):
+        if value is not None:
+            parts += [flag, value if isinstance(value, str) else ",".join(f"{x:g}" for x in value)]
+    parts += ["--quick"] * options.quick + ["--size", "x".join(map(str, options.size))]
+    return shlex.join(parts)

@@ -1,0 +1,54 @@
+"""How long frames take with the light of each method, all methods in turn within one run."""
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from gsgi.runtime.camera import Camera
+
+from ..method import LightPass
+from .frame import Frame
+
+BASE = ""  # the key of the frame without indirect light
+
+
+class FrameTimes(NamedTuple):
+    """Milliseconds of each camera (C,): of the whole `frame`, and what it takes `more` than without indirect light."""
+
+    frame: np.ndarray
+    more: np.ndarray
+
+
+def frame_times(
+    frame: Frame,
+    cameras: Sequence[Camera],
+    passes: Mapping[str, LightPass | None],
+    rounds: int,
+    advance: Callable[..., None],
+) -> dict[str, FrameTimes]:
+    """Time frames with each of `passes`, and under BASE one without indirect light.
+
+    Each camera draws all of them once untimed, which compiles and uploads, and then in `rounds` rounds one after
+    another, so that what slows down the machine slows down all. Times are medians over the rounds; `more` is the median
+    of the differences within a round. `advance(1)` is called once per camera.
+    """
+    every = {BASE: None, **passes}
+    times: dict[str, list[tuple[float, float]]] = {key: [] for key in every}
+    for camera in cameras:
+        for light in every.values():
+            _ms(frame, camera, light)
+        taken = np.array([[_ms(frame, camera, light) for light in every.values()] for _ in range(rounds)])
+        for i, key in enumerate(every):
+            times[key].append((np.median(taken[:, i]), np.median(taken[:, i] - taken[:, 0])))
+        advance(1)
+    return {key: FrameTimes(*np.array(pairs).T) for key, pairs in times.items()}
+
+
+def _ms(frame: Frame, camera: Camera, light: LightPass | None) -> float:
+    frame.ctx.finish()
+    start = time.perf_counter()
+    frame.draw(camera, light)
+    frame.ctx.finish()
+    return 1e3 * (time.perf_counter() - start)
