@@ -1,1 +1,1 @@
-"""The study of what accuracy costs: every method of storing B, baked from the same light and drawn in the same frame."""
+"""The study of what accuracy costs: all methods of storing B, from the same light and in the same frame."""

@@ -10,7 +10,7 @@ import numpy as np
 from gsgi.baker.cache.records import from_arrays, to_arrays
 from gsgi.baker.cache.store import Cache
 from gsgi.baker.evaluation import held_out
-from gsgi.baker.plan import Plan, make_plan
+from gsgi.baker.plan import make_plan
 from gsgi.baker.progress import Display, Progress
 from gsgi.baker.settings import Settings
 from gsgi.baker.surface.samples import Known, Sampler, known_paths, known_rounds

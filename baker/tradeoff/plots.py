@@ -70,7 +70,8 @@ class _Axis(NamedTuple):
 
     def ticks(self) -> list[float]:
         decades = range(math.floor(self.low), math.ceil(self.high) + 1)
-        steps = (1,) if self.high - self.low > 3 else (1, 2, 5)
+        span = self.high - self.low
+        steps = (1,) if span > 3 else (1, 2, 5) if span > 0.8 else (1, 1.5, 2, 3, 4, 5, 7)
         values = [step * 10.0**decade for decade in decades for step in steps]
         return [value for value in values if self.low <= math.log10(value) <= self.high]
 
@@ -86,10 +87,12 @@ def shapes(study: dict, cost: str) -> list[NamedTuple]:
     low = math.log10(min(paid)) - (FREE if free else 0.08)
     x = _Axis(low, max(math.log10(max(paid)) + 0.08, low + 0.5), LEFT, RIGHT)
     y = _Axis(math.log10(min(*errors, limit)) - 0.1, math.log10(max(errors)) + 0.05, BOTTOM, TOP)
-    places = [(LEFT + 8 if value <= 0 else x.at(value), y.at(error)) for value, error in zip(costs, errors, strict=True)]
+    places = [
+        (LEFT + 8 if value <= 0 else x.at(value), y.at(error)) for value, error in zip(costs, errors, strict=True)
+    ]
     found = [
         Box((LEFT, y.at(limit)), (RIGHT, BOTTOM), BAND),
-        Text((RIGHT - 6, BOTTOM - 8), "below the ceiling: nothing can be known to be better", GREY, "end", 11),
+        Text((LEFT + 6, BOTTOM - 5), "within the noise of the reference", GREY, size=10),
         *_grid(x, y, cost, free),
     ]
     series = list(dict.fromkeys((entry["method"], entry["scale"]) for entry in entries))
@@ -115,8 +118,8 @@ def svg(parts: Sequence[NamedTuple]) -> str:
     body = "\n".join(_svg(part) for part in parts)
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" width="{WIDTH}" height="{HEIGHT}" '
-        f'font-family="Inter, Helvetica, Arial, sans-serif">\n<rect width="{WIDTH}" height="{HEIGHT}" fill="#ffffff"/>\n'
-        f"{body}\n</svg>\n"
+        'font-family="Inter, Helvetica, Arial, sans-serif">\n'
+        f'<rect width="{WIDTH}" height="{HEIGHT}" fill="#ffffff"/>\n{body}\n</svg>\n'
     )
 
 

@@ -156,7 +156,7 @@ def grid(low: np.ndarray, high: np.ndarray, most: int) -> tuple[np.ndarray, np.n
 
 
 def with_borders(moments: np.ndarray) -> np.ndarray:
-    """Octahedral maps (..., T, T, 2) with a border of one texel that continues across their edges (Cigolle et al. 2014)."""
+    """Octahedral maps (..., T, T, 2) with a border of one texel that continues them (Cigolle et al. 2014)."""
     t = moments.shape[-2]
     out = np.empty((*moments.shape[:-3], t + 2, t + 2, 2), moments.dtype)
     out[..., 1:-1, 1:-1, :] = moments

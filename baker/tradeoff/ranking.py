@@ -1,4 +1,4 @@
-"""What a study says: which settings are enough, which are dominated, and which to use. It reads the study's JSON alone."""
+"""What the data of a study says: which settings are enough, which are dominated, and which to use."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -17,7 +17,7 @@ class Wish(NamedTuple):
 
 
 def cheapest(entries: Sequence[dict], ssim: float) -> list[dict]:
-    """Of each method the smallest setting whose B has at least this SSIM, at its lowest resolution; fast frames first."""
+    """Of each method the smallest setting that reaches this SSIM of B, at its lowest resolution; fast frames first."""
     found: dict[str, dict] = {}
     for entry in sorted(entries, key=lambda entry: (entry["value"], -entry["scale"])):
         if entry["mean"]["ssim"] >= ssim:
@@ -28,9 +28,7 @@ def cheapest(entries: Sequence[dict], ssim: float) -> list[dict]:
 def dominated(entries: Sequence[dict], cost: str) -> list[bool]:
     """Whether another entry costs no more and has no more error, and is better in one of them."""
     points = [(entry[cost], 1 - entry["mean"]["ssim"]) for entry in entries]
-    return [
-        any(a <= cost and b <= error and (a, b) != (cost, error) for a, b in points) for cost, error in points
-    ]
+    return [any(a <= cost and b <= error and (a, b) != (cost, error) for a, b in points) for cost, error in points]
 
 
 def recommended(entries: Sequence[dict], wish: Wish) -> tuple[dict | None, str]:

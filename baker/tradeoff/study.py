@@ -34,9 +34,10 @@ ROUNDS, ROUNDS_QUICK = 9, 5
 class Entry:
     """One method with one setting at one resolution of its pass.
 
-    `seconds` are of each stage of a bake with an empty cache. `free_error` is relative, None if the method has no answer
-    for objects that move or traces them like all others. Milliseconds are the median and the 95th percentile over the cameras: of the whole frame, and
-    of what it takes more than the frame without indirect light. `images` (V, H, W, 3) float32 is B in the views.
+    `seconds` are of each stage of a bake with an empty cache. `free_error` is relative; None if the method has no
+    answer for objects that move, or traces them like all others. Milliseconds are the median and the 95th percentile
+    over the cameras: of the whole frame, and of what it takes more than the frame without indirect light. `images`
+    (V, H, W, 3) float32 is B in the views.
     """
 
     method: Method
@@ -175,7 +176,9 @@ def _timed(ground: Ground, drawn, ctx: "moderngl.Context", size: tuple[int, int]
     return times
 
 
-def _entry(ground: Ground, each: _Baked, scale: int, images: np.ndarray, times: "dict[str, FrameTimes]", size: tuple[int, int]) -> Entry:
+def _entry(
+    ground: Ground, each: _Baked, scale: int, images: np.ndarray, times: "dict[str, FrameTimes]", size: tuple[int, int]
+) -> Entry:
     from .gl.timing import BASE
 
     frame, more = times.get(_key(each, scale), times[BASE])

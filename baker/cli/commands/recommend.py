@@ -22,7 +22,7 @@ def add(commands) -> None:
     parser.add_argument("--min-ssim", type=shared.number(0, 1), metavar="X", help="least SSIM of B in held-out views")
     parser.add_argument("--max-ms", type=shared.positive, metavar="X",
                         help="most milliseconds that the light may add to a frame, on the study's machine")  # fmt: skip
-    parser.add_argument("--max-bytes", type=byte_count, metavar="N", help="largest file, bytes; k and M are 1000 and 10^6")
+    parser.add_argument("--max-bytes", type=byte_count, metavar="N", help="largest file, bytes; k: 1000, M: 10^6")
     parser.add_argument("--max-seconds", type=shared.positive, metavar="X", help="longest bake, s, on that machine")
     shared.add_json(parser, "print the recommended setting as JSON on stdout")
 
@@ -48,8 +48,8 @@ def run(options: argparse.Namespace) -> None:
     scale = "" if entry["scale"] == 1 else f"; draw it with splat_scale={entry['scale']}"
     print(
         f"{reason}: SSIM of B {entry['mean']['ssim']:.4f}, {entry['file_bytes']} bytes, {entry['more_ms']:.3g} ms of "
-        f"light in a frame of {study['frame']['width']} x {study['frame']['height']} px, {entry['bake_seconds']:.3g} s of "
-        f"bake{scale}"
+        f"light in a frame of {study['frame']['width']} x {study['frame']['height']} px, "
+        f"{entry['bake_seconds']:.3g} s of bake{scale}"
     )
 
 

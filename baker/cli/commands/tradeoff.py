@@ -23,9 +23,9 @@ def add(commands) -> None:
     shared.add_scene(parser)
     shared.add_light(parser)
     parser.add_argument("-o", "--output", metavar="DIR", type=Path, required=True,
-                        help="folder for report.html, study.json, study.csv and plots; made if it is missing")  # fmt: skip
-    parser.add_argument("--methods", metavar="NAME,...", help="study only these; docs/tradeoff.md lists them (default: all)")
-    parser.add_argument("--quick", action="store_true", help="fewer settings of each method: a Cornell box in minutes")
+                        help="folder for report.html, study.json, study.csv and plots")  # fmt: skip
+    parser.add_argument("--methods", metavar="NAME,...", help="only these of docs/tradeoff.md (default: all)")
+    parser.add_argument("--quick", action="store_true", help="fewer settings: a Cornell box in minutes")
     parser.add_argument("--size", type=shared.size, default="1280x720", metavar="WxH",
                         help="size of the frames that are timed, pixels")  # fmt: skip
     shared.add_cache(parser)

@@ -1,0 +1,34 @@
+"""A ground on which methods are baked in seconds: a Cornell box with few views and paths."""
+
+import pytest
+from repository import SCENES
+
+from gsgi.baker.cache.store import Cache
+from gsgi.baker.evaluation import held_out
+from gsgi.baker.progress import Silent
+from gsgi.baker.settings import Settings
+from gsgi.baker.surface import samples
+from gsgi.baker.tradeoff import ground as grounds
+from gsgi.runtime.gltf.reader import read_gltf
+
+SETTINGS = Settings(views=4, size=32, bounces=12, budget=64, samples=64, iterations=4)
+
+
+@pytest.fixture(scope="session")
+def patched():
+    """Small references and few samples, for as long as the ground lives."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(held_out, "SIZE", 48)
+        patch.setattr(held_out, "SAMPLES", 512)
+        patch.setattr(held_out, "CEILING_MIN", 0.0)
+        patch.setattr(samples, "CHUNK", 1 << 12)
+        patch.setattr(grounds, "GATHERING_PAYS", 1000)
+        patch.setattr(grounds, "FREE_POINTS", 256)
+        yield patch
+
+
+@pytest.fixture(scope="session")
+def ground(patched) -> grounds.Ground:
+    """The ground of all tests."""
+    scene = read_gltf(SCENES / "cornell.glb")
+    return grounds.Ground(scene, SETTINGS, Cache(), Silent(), quick=True, views=2)
