@@ -11,6 +11,7 @@ from gsgi.runtime.gl.geometry import Geometry
 from gsgi.runtime.gl.primary import Primary
 from gsgi.runtime.gl.renderer import pixels
 from gsgi.runtime.gl.shadow import Shadow
+from gsgi.runtime.metals import lambertian
 from gsgi.runtime.rebase import local_camera, local_scene, origin_of
 from gsgi.runtime.scene import Scene
 
@@ -20,12 +21,12 @@ from ..method import LightPass
 class Frame:
     """Draws `scene` at `size` (width, height) px with the light of any LightPass; all of them share its targets.
 
-    Everything in it is relative to `origin` (3,), world space, m. `local` is the scene in that space.
+    Everything in it is relative to `origin` (3,), world space, m. `local` is the scene in that space, Lambertian.
     """
 
     def __init__(self, ctx: moderngl.Context, scene: Scene, size: tuple[int, int]):
         self.ctx, self.size, self.origin = ctx, size, origin_of(scene)
-        self.local = local_scene(scene, self.origin) if self.origin.any() else scene
+        self.local = lambertian(local_scene(scene, self.origin) if self.origin.any() else scene)
         self.geometry = Geometry(ctx, self.local)
         self.gbuffer = GBuffer(ctx, self.geometry, size)
         self._background = None if scene.environment is None else Background(ctx, self.gbuffer, scene.environment)
