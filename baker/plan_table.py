@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gsgi.baker.surface.budget import COARSE_DEGREE, FINE_DEGREE, PATHS_STEP, coarse_count
+from gsgi.baker.surface.budget import COARSE_DEGREE, FINE_BASIS, FINE_DEGREE, PATHS_STEP, coarse_count
 from gsgi.baker.trace.tracer import BOUNCES_MAX, PASS_SAMPLES
 from gsgi.baker.views.coverage import VIEWS, length
 
@@ -80,6 +80,7 @@ def _surface_rows(plan: Plan) -> list[tuple[str, str, str]]:
     until = f"until the standard error is below {s.error:.0%} of B there" if s.error else "all of them"
     return [
         ("SH degree", f"{FINE_DEGREE}", f"{COARSE_DEGREE} in the coarse level, which lights moving objects"),
+        ("basis", FINE_BASIS, "over the plane of a Gaussian on a surface; constant over one in free space"),
         ("levels", f"{s.budget - coarse} + {coarse}", "Gaussians on surfaces, and in free space"),
         ("known light", f"{plan.known_paths / 1e6:.1f} M", "paths that find B on surfaces, where those of samples end"),
         ("samples", f"{plan.points}", "points on the surfaces that the views see"),

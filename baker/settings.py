@@ -26,12 +26,12 @@ class Quality(NamedTuple):
     steps: int
 
 
-# Most Gaussians of a bake: 9 MB. With `over`, a fit starts from at most an eighth of that.
+# Most Gaussians of a bake: 11 MB. With `over`, a fit starts from at most an eighth of that.
 BUDGET_MAX = 1 << 19
 
 QUALITIES = {
     "over": {"draft": Quality(1 / 4, 6, 1500), "medium": Quality(1, 12, 4000), "high": Quality(4, 24, 12000)},
-    "surface": {"draft": Quality(1 / 16, 0, 80), "medium": Quality(1 / 4, 0, 150), "high": Quality(1, 0, 300)},
+    "surface": {"draft": Quality(0.9 / 16, 0, 80), "medium": Quality(0.9 / 4, 0, 150), "high": Quality(0.9, 0, 300)},
 }
 
 SAMPLES = {"over": 256, "surface": 1024}  # most paths per pixel of a view, or per surface sample

@@ -7,6 +7,8 @@ import numpy as np
 
 from . import constants
 
+BASES = "constant", "linear"  # how light varies over one Gaussian; the file's basis is an index into this
+
 
 @dataclass(frozen=True)
 class Gaussians:
@@ -17,6 +19,9 @@ class Gaussians:
     scale     (N, 3) float32, standard deviation along each axis, m
     opacity   (N,)   float32, [0, 1]
     sh        (N, K, 3) float32, K = (degree + 1)^2 coefficients of linear Rec.709 demodulated indirect light
+    slope     (N, 2) float32: how much brighter the constant band gets per standard deviation along the first and along
+              the second axis, relative to the centre; (N, 0), the default, for light that is the same all over a
+              Gaussian
     """
 
     position: np.ndarray
@@ -24,10 +29,14 @@ class Gaussians:
     scale: np.ndarray
     opacity: np.ndarray
     sh: np.ndarray
+    slope: np.ndarray = None  # (N, 0)
 
     def __post_init__(self):
         n, k = len(self.position), self.sh.shape[1]
+        if self.slope is None:
+            object.__setattr__(self, "slope", np.zeros((n, 0), np.float32))
         shapes = {"position": (n, 3), "rotation": (n, 4), "scale": (n, 3), "opacity": (n,), "sh": (n, k, 3)}
+        shapes["slope"] = n, 2 if self.sloped else 0
         for name, shape in shapes.items():
             array = getattr(self, name)
             assert (array.shape, array.dtype) == (shape, np.float32), (name, array.shape, array.dtype, shape)
@@ -40,6 +49,16 @@ class Gaussians:
     def sh_degree(self) -> int:
         """Highest SH degree, 0 to 3."""
         return int(self.sh.shape[1] ** 0.5) - 1
+
+    @property
+    def sloped(self) -> bool:
+        """Whether the light changes linearly over a Gaussian."""
+        return self.slope.shape[1] > 0
+
+    @property
+    def basis(self) -> str:
+        """How the light varies over a Gaussian, one of BASES."""
+        return BASES[int(self.sloped)]
 
 
 @dataclass(frozen=True)
@@ -58,13 +77,14 @@ class SurfaceBlend:
 
     At a surface point x with normal n, both in world space,
 
-    B(x, n) = (sum w_i c_i(n) + gap C(x, n)) / (sum w_i + gap), gap = max(0, floor - sum w_i),
+    B(x, n) = (sum w_i c_i(x, n) + gap C(x, n)) / (sum w_i + gap), gap = max(0, floor - sum w_i),
     w_i = opacity_i max(0, G_i(x) - cutoff) max(0, n . n_i)^sharpness
 
-    with G_i(x) = exp(-1/2 (x - position)^T Sigma^-1 (x - position)), n_i the +z axis of the rotation, and c_i(n) the SH
-    evaluated at n. C is the light of the coarse level: sum w_i c_i(n) / sum w_i over its own Gaussians. They have no
-    `facing` term, so their w_i is opacity_i max(0, G_i(x) - cutoff). C contributes only where the weights of the fine
-    level sum to less than `floor`.
+    with G_i(x) = exp(-1/2 (x - position)^T Sigma^-1 (x - position)), n_i the +z axis of the rotation, and c_i(x, n) the
+    SH evaluated at n. Where there are slopes, their constant band is multiplied by 1 + slope . (u, v), with u and v the
+    coordinates of x - position along the first two axes, in standard deviations. C is the light of the coarse level:
+    sum w_i c_i(x, n) / sum w_i over its own Gaussians. They have no `facing` term, so their w_i is
+    opacity_i max(0, G_i(x) - cutoff). C contributes only where the weights of the fine level sum to less than `floor`.
     """
 
     cutoff: float = 0.05

@@ -11,11 +11,11 @@ from gsgi.runtime import constants
 from gsgi.runtime.file.header import HEADER
 from gsgi.runtime.gaussians import Bake, Effects, Gaussians, OverBlend, SurfaceBlend
 
-STORED = ("v3_over", "v3_surface")
+STORED = ("v4_over", "v4_surface")
 ARRAYS = ("position", "rotation", "scale", "opacity", "sh")
 
 
-def gaussians(count: int, degree: int, seed: int = 7) -> Gaussians:
+def gaussians(count: int, degree: int, seed: int = 7, sloped: bool = False) -> Gaussians:
     rng = np.random.default_rng(seed)
     rotation = rng.normal(size=(count, 4))
     rotation /= np.linalg.norm(rotation, axis=1, keepdims=True)
@@ -28,6 +28,7 @@ def gaussians(count: int, degree: int, seed: int = 7) -> Gaussians:
         scale=np.exp(rng.uniform(-6, 0, (count, 3))).astype(np.float32),
         opacity=rng.uniform(0, 1, count).astype(np.float32),
         sh=sh.astype(np.float32),
+        slope=rng.uniform(-0.4, 0.4, (count, 2)).astype(np.float32) if sloped else None,
     )
 
 
@@ -37,9 +38,14 @@ def example(count: int = 200, degree: int = 0) -> Bake:
     return Bake(gaussians(count, degree), blend, 0.7, effects, bounces=300, scene=0xFEDC_BA98_7654_3210)
 
 
-def surface_example(count: int = 200, degree: int = 0, coarse_count: int = 30, coarse_degree: int = 2) -> Bake:
+def surface_example(
+    count: int = 200, degree: int = 0, coarse_count: int = 30, coarse_degree: int = 2, sloped: bool = True
+) -> Bake:
     blend = SurfaceBlend(cutoff=0.04, sharpness=4, floor=0.002)
-    return replace(example(count, degree), blend=blend, coarse=gaussians(coarse_count, coarse_degree, seed=8))
+    fine = gaussians(count, degree, sloped=sloped)
+    return replace(
+        example(count, degree), blend=blend, gaussians=fine, coarse=gaussians(coarse_count, coarse_degree, seed=8)
+    )
 
 
 def constant(light, operator: str = "surface") -> Bake:
@@ -60,7 +66,8 @@ def reseal(data: bytes) -> bytes:
 
 
 def stored(name: str) -> bytes:
-    """The file of that name: three Gaussians of degree 1; with `surface` two coarse ones of degree 2 besides."""
+    """The file of that name: three Gaussians of degree 1; with `surface` they have slopes, and two coarse ones of
+    degree 2 stand besides."""
     return (DATA / f"{name}.gsgi").read_bytes()
 
 

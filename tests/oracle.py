@@ -122,11 +122,14 @@ def level_sums(
         falloff = np.maximum(0, np.exp(-0.5 * (deviations**2).sum(axis=1)) - cutoff)
         facing = 1.0 if sharpness is None else np.maximum(0, normal @ rotations[i][:, 2]) ** sharpness
         w = level.opacity[i].astype(float) * falloff * facing
-        sums += w[:, None] * np.concatenate([basis @ level.sh[i], np.ones((len(basis), 1))], axis=1)
+        light = basis @ level.sh[i]
+        if level.slope.shape[1]:
+            light = light + (deviations[:, :2] @ level.slope[i])[:, None] * (basis[:, :1] * level.sh[i][:1])
+        sums += w[:, None] * np.concatenate([light, np.ones((len(basis), 1))], axis=1)
     return sums
 
 
-def random_gaussians(n: int, degree: int, seed: int) -> Gaussians:
+def random_gaussians(n: int, degree: int, seed: int, sloped: bool = False) -> Gaussians:
     """Gaussians in and around the view of `scenes.inside_camera()`; the scales of one differ up to 30-fold."""
     rng = np.random.default_rng(seed)
     camera = scenes.inside_camera()
@@ -142,6 +145,7 @@ def random_gaussians(n: int, degree: int, seed: int) -> Gaussians:
         np.exp(rng.uniform(np.log(0.02), np.log(0.6), (n, 3))),
         rng.uniform(0.05, 1, n),
         sh,
+        *([rng.uniform(-0.28, 0.28, (n, 2))] if sloped else []),
     )
     return Gaussians(*(a.astype(np.float32) for a in arrays))
 

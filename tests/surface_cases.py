@@ -8,7 +8,7 @@ from gsgi.baker.native import kernels
 from gsgi.baker.surface.samples import SurfaceSamples
 from gsgi.runtime.gaussians import Gaussians
 
-FIELDS = "position", "rotation", "scale", "opacity", "sh"
+FIELDS = "position", "rotation", "scale", "opacity", "sh", "slope"
 KINDS = {np.float32: kernels.FieldFloat, np.float64: kernels.FieldDouble}
 
 
@@ -21,7 +21,7 @@ def points(count: int, dtype=np.float32, seed: int = 0) -> tuple[np.ndarray, np.
     return position.astype(dtype), normal.astype(dtype)
 
 
-def gaussians(count: int, coefficients: int = 1, seed: int = 1) -> Gaussians:
+def gaussians(count: int, coefficients: int = 1, seed: int = 1, sloped: bool = False) -> Gaussians:
     rng = np.random.default_rng(seed)
     rotation = rng.normal(size=(count, 4))
     arrays = (
@@ -30,6 +30,7 @@ def gaussians(count: int, coefficients: int = 1, seed: int = 1) -> Gaussians:
         np.exp(rng.uniform(np.log(0.02), np.log(0.6), (count, 3))),
         rng.uniform(0.05, 1, count),
         rng.normal(size=(count, coefficients, 3)),
+        *([rng.uniform(-0.28, 0.28, (count, 2))] if sloped else []),
     )
     return Gaussians(*(array.astype(np.float32) for array in arrays))
 

@@ -15,7 +15,7 @@ SIZE = 96, 64
 UP = -np.sqrt(0.5), 0, 0, np.sqrt(0.5)  # turns +Z to +Y
 CAMERA = scenes.inside_camera()
 BLEND = SurfaceBlend()
-NAMES = "position", "rotation", "scale", "opacity", "sh"
+NAMES = "position", "rotation", "scale", "opacity", "sh", "slope"
 
 
 def nothing(degree=0) -> Gaussians:

@@ -4,6 +4,7 @@ from gsgi.baker.trace.tracer import PASS_SAMPLES
 from gsgi.runtime.file import codec
 
 FINE_DEGREE = 0  # B hardly depends on the normal on the surface of one Gaussian
+FINE_BASIS = "linear"  # two slopes for all channels: six, one pair each, gained less than their bytes
 COARSE_DEGREE = 2  # irradiance is smooth in the normal (Ramamoorthi and Hanrahan 2001)
 
 COARSE_SHARE, COARSE_MOST = 4, 1024  # one Gaussian in COARSE_SHARE is coarse, up to COARSE_MOST
@@ -34,4 +35,4 @@ def free_count(budget: int) -> int:
 def file_bytes(budget: int) -> int:
     """Size of a file with `budget` Gaussians."""
     coarse = coarse_count(budget)
-    return codec.file_bytes(budget - coarse, FINE_DEGREE, coarse, COARSE_DEGREE)
+    return codec.file_bytes(budget - coarse, FINE_DEGREE, coarse, COARSE_DEGREE, FINE_BASIS)

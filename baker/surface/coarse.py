@@ -17,7 +17,7 @@ CANDIDATES = 16  # points in free space per Gaussian, from which an evenly sprea
 WIDTH = 0.6  # standard deviation, relative to the mean distance to the three nearest
 
 # Step sizes of the shapes, as in fit.RATES; the colours are solved for every SOLVE_STEPS steps, and at the end.
-RATES = {"place": 0.06, "turn": 0.04, "log_scale": 0.06, "logit_opacity": 0.05, "colour": 0.0}
+RATES = {"place": 0.06, "turn": 0.04, "log_scale": 0.06, "logit_opacity": 0.05, "colour": 0.0, "slope": 0.0}
 RATE_END = 0.1
 STEPS, SOLVE_STEPS, SOLVE_ITERATIONS, SOLVE_LAST = 60, 6, 6, 20
 

@@ -1,4 +1,4 @@
-"""Colours of Gaussians of given shapes: linear least squares by conjugate gradients (Hestenes and Stiefel 1952)."""
+"""Colours and slopes of Gaussians of given shapes: least squares by conjugate gradients (Hestenes and Stiefel 1952)."""
 
 from dataclasses import replace
 
@@ -12,6 +12,14 @@ from .lookup import inverse_weight
 # keeps the colours of overlapping Gaussians from compensating each other, and limits the influence of few samples.
 RIDGE = 1e-2
 
+# The same for slopes, which are held to 0; and their standard deviation over a scene, by which they are also held to 0
+# the more, the noisier and the fewer the samples are.
+SLOPE_RIDGE, SLOPE_SPREAD = 1e-2, 0.1
+
+# With a cutoff of 0.05 a Gaussian ends at 2.45 standard deviations, where a slope of 0.4 would leave no light. Steeper
+# ones than this lose more where few Gaussians reach than they gain elsewhere.
+SLOPE_BOUND = 0.3
+
 SH_BOUND = 2.0  # relative to band 0: in band 1 a cosine lobe has 1.15, radiance from one direction 1.73
 
 
@@ -21,40 +29,76 @@ def solve(
     base: np.ndarray,
     light: np.ndarray,
     importance: np.ndarray,
+    noise: np.ndarray,
     iterations: int,
     ridge: float = RIDGE,
-) -> np.ndarray:
-    """Coefficients (N, K, 3) float32 that fit `light` (S, 3), radiance, at the points of `field`.
+) -> tuple[np.ndarray, np.ndarray]:
+    """Coefficients (N, K, 3) and slopes (N, 0 or 2), float32, that fit `light` (S, 3), radiance, at a field's points.
 
-    Minimises the sum of importance |B - light|^2, with `importance` (S,), starting from the coefficients of
-    `gaussians`, which `field` must have listed. `base` (S, 4) is what other Gaussians add to sum w c and sum w. The
-    constant coefficients of the result are 0 or more.
+    Minimises the sum of importance |B - light|^2, with `importance` (S,), starting from `gaussians`, which `field` must
+    have listed. `noise` (S,) is the standard deviation of `light` relative to it. `base` (S, 4) is what other Gaussians
+    add to sum w c and sum w. The constant coefficients of the result are 0 or more.
+
+    Slopes are solved for together with coefficients, as gradients of the light along the given constant coefficients,
+    in which the reading is linear; then coefficients are solved for again, with the slopes that are within bounds.
     """
     inverse = inverse_weight(field.read(gaussians) + base)
-    given = base[:, :3] * inverse[:, None]
     weight = importance.astype(np.float32)[:, None]
+    wanted = weight * (light - base[:, :3] * inverse[:, None])
+    flat = replace(gaussians, slope=np.zeros_like(gaussians.slope))
+    tint = np.ascontiguousarray(gaussians.sh[:, 0])
+    size = 3 * gaussians.sh.shape[1]
 
-    def forward(sh: np.ndarray) -> np.ndarray:
-        listed = replace(gaussians, sh=np.ascontiguousarray(sh, np.float32))
-        return field.read(listed)[:, :3] * inverse[:, None]
+    def derivatives(at, values: np.ndarray) -> np.ndarray:
+        return field.transposed(at, np.ascontiguousarray(values, np.float32), inverse).astype(np.float64)
 
-    def transposed(values: np.ndarray) -> np.ndarray:
-        return field.transposed(gaussians, np.ascontiguousarray(values, np.float32), inverse).astype(np.float64)
+    # Sums of w / sum w times the importance, that times the variance, and 1.
+    sums = np.stack([importance, importance * noise**2, np.ones_like(importance)], axis=1)
+    mass, noisy, count = np.split(derivatives(flat, sums)[:, :3] / constants.SH_C0, 3, axis=1)
+    # Every basis function has about the mean square of the constant one.
+    unit = constants.SH_C0**2 * np.repeat(mass, size + flat.slope.shape[1], axis=1)
+    square = np.square(tint, dtype=np.float64).sum(axis=1, keepdims=True)
+    unit[:, size:] *= square
+    held = np.concatenate([ridge * unit[:, :size], SLOPE_RIDGE * unit[:, size:]], axis=1)
+    held[:, size:] += constants.SH_C0**2 * square * _ratio(noisy, count) / SLOPE_SPREAD**2
+    prior = np.zeros(unit.shape)
+    seen = derivatives(flat, wanted)[:, :3]
+    prior[:, :3] = _ratio(seen, unit[:, :3])
 
-    mass = transposed(np.broadcast_to(weight, light.shape))[:, :1] / constants.SH_C0
-    seen = transposed(weight * (light - given))
-    prior = np.zeros(gaussians.sh.shape)
-    prior[:, 0] = np.divide(seen[:, 0], constants.SH_C0**2 * mass[:, 0], out=prior[:, 0], where=mass[:, 0] > 0)
-    unit = constants.SH_C0**2 * mass  # every basis function has the mean square of the constant one
-    held = ridge * unit
-    sh = _conjugate_gradients(
-        lambda x: transposed(weight * forward(x)) + held * x,
-        seen + held * prior,
-        gaussians.sh.astype(np.float64),
-        np.divide(1, unit + held, out=np.zeros_like(unit), where=unit > 0),
-        iterations,
-    )
-    return _bounded(sh).astype(np.float32)
+    def solved(at, start: np.ndarray, tint: np.ndarray | None) -> np.ndarray:
+        """The columns of `start` (N, C) solved for; others stay as they are in `at`."""
+        few = slice(start.shape[1])
+
+        def apply(x: np.ndarray) -> np.ndarray:
+            sh, slope = np.split(x, [size], axis=1)
+            sh = np.ascontiguousarray(sh, np.float32).reshape(at.sh.shape)
+            read = replace(at, sh=sh, slope=slope.astype(np.float32) if slope.shape[1] else at.slope)
+            values = weight * field.read(read, tint)[:, :3] * inverse[:, None]
+            return derivatives(at, values)[:, few] + held[:, few] * x
+
+        right = derivatives(at, wanted)[:, few] + held[:, few] * prior[:, few]
+        diagonal = unit[:, few] + held[:, few]
+        return _conjugate_gradients(apply, right, start, _ratio(np.ones_like(diagonal), diagonal), iterations)
+
+    x, slope = gaussians.sh.reshape(-1, size).astype(np.float64), gaussians.slope
+    if gaussians.sloped:
+        x, gradient = np.split(solved(flat, np.concatenate([x, slope], axis=1), tint), [size], axis=1)
+        slope = bounded_slope(_relative(gradient, tint, np.maximum(x[:, :3], 0))).astype(np.float32)
+    sh = solved(replace(gaussians, slope=slope), x, None).reshape(gaussians.sh.shape)
+    return _bounded(sh).astype(np.float32), slope
+
+
+def _relative(gradient: np.ndarray, tint: np.ndarray, colour: np.ndarray) -> np.ndarray:
+    """Slopes (N, 2) relative to `colour` (N, 3) that are nearest to a `gradient` (N, 2) relative to `tint` (N, 3)."""
+    along = (colour * tint).sum(axis=1, keepdims=True)
+    square = np.square(colour).sum(axis=1, keepdims=True)
+    return gradient * _ratio(along, square)
+
+
+def bounded_slope(slope: np.ndarray) -> np.ndarray:
+    """Shorten slopes (N, 0 or 2) to SLOPE_BOUND."""
+    length = np.linalg.norm(slope, axis=1, keepdims=True)
+    return slope * (SLOPE_BOUND / np.maximum(length, SLOPE_BOUND))
 
 
 def _bounded(sh: np.ndarray) -> np.ndarray:
@@ -68,7 +112,7 @@ def _bounded(sh: np.ndarray) -> np.ndarray:
 
 
 def _conjugate_gradients(apply, right: np.ndarray, x: np.ndarray, preconditioner: np.ndarray, iterations: int):
-    """x (N, K, 3) after `iterations` steps towards apply(x) = right, with one system per channel."""
+    """x (N, C) after `iterations` steps towards apply(x) = right."""
     residual = right - apply(x)
     z = preconditioner * residual
     direction, norm = z, _dot(residual, z)
@@ -83,9 +127,10 @@ def _conjugate_gradients(apply, right: np.ndarray, x: np.ndarray, preconditioner
     return x
 
 
-def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return (a * b).sum(axis=(0, 1))
+def _dot(a: np.ndarray, b: np.ndarray) -> np.float64:
+    return (a * b).sum()
 
 
-def _ratio(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return np.divide(a, b, out=np.zeros_like(a), where=b > 0)
+def _ratio(a, b):
+    """a / b, two numbers or arrays of one shape; 0 where b is not above 0."""
+    return np.divide(a, b, out=np.zeros_like(b), where=np.greater(b, 0))

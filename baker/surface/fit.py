@@ -23,7 +23,7 @@ from .state import SurfaceState, to_merge, to_remove, to_split
 
 # Step sizes of Adam: lengths in standard deviations, turns in rad, colour in units of the tone scale. They decay
 # exponentially to RATE_END times these values.
-RATES = {"place": 0.06, "turn": 0.04, "log_scale": 0.06, "logit_opacity": 0.05, "colour": 0.03}
+RATES = {"place": 0.06, "turn": 0.04, "log_scale": 0.06, "logit_opacity": 0.05, "colour": 0.03, "slope": 0.03}
 RATE_END = 0.1
 
 # When the number of Gaussians changes, as shares of the steps, and the share of the budget at the start.
@@ -63,9 +63,9 @@ def fit_surface(
     monitor: Monitor | None = None,
     checkpoint: Checkpoint | None = None,
 ) -> Gaussians:
-    """Fit the fine level: at most `schedule.budget` Gaussians of SH degree 0 that match the samples on top of `coarse`.
+    """Fit the fine level: at most `schedule.budget` Gaussians that match the samples on top of `coarse`.
 
-    `monitor(iteration, loss, gaussians)` is called after each step, and
+    They have SH of degree 0 and slopes. `monitor(iteration, loss, gaussians)` is called after each step, and
     gaussians() returns the result of that step. The fit resumes from `checkpoint` if that holds a state, and saves
     states there. For a given seed the result does not depend on the number of threads or on interruptions. Raises
     FloatingPointError at the first gradient or loss that is not finite, and names the iteration and, for a gradient,
@@ -107,7 +107,8 @@ def start(samples: SurfaceSamples, count: int, rng: np.random.Generator) -> Gaus
         [WIDTH, WIDTH, THICKNESS], np.float32
     )
     opacity = np.full(len(position), OPACITY, np.float32)
-    return Gaussians(position, rotation_to(normal), scale, opacity, light[:, None, :] / np.float32(constants.SH_C0))
+    colour, slope = light[:, None, :] / np.float32(constants.SH_C0), np.zeros((len(position), 2), np.float32)
+    return Gaussians(position, rotation_to(normal), scale, opacity, colour, slope)
 
 
 def changed(state: SurfaceState, error: np.ndarray, limit: int, optimiser: SurfaceOptimiser) -> SurfaceState:

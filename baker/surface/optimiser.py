@@ -68,24 +68,25 @@ class SurfaceOptimiser:
         self._field = kernels.FieldFloat(samples.position, samples.normal)
         self._coarse = coarse_light(self._field, coarse, blend)
         self.blend = blend
-        self._level = around.level
+        self._level, self._relative_noise = around.level, around.noise / around.level
         self._importance = 1 / (np.square(around.level) + np.square(around.noise / np.float32(MODEL)))
         self._listed = 0
         self._noise: np.ndarray | None = None
         self._unit: np.ndarray | None = None
 
     def solve(self, gaussians: Gaussians, iterations: int, ridge: float = colours.RIDGE) -> Gaussians:
-        """Set the colours to the least-squares solution for the shapes."""
+        """Set colours and slopes to the least-squares solution for the shapes."""
         self._list(gaussians)
         base = filling(self._field.read(gaussians), self._coarse, self.blend)
-        sh = colours.solve(self._field, gaussians, base, self._light, self._importance, iterations, ridge)
-        return replace(gaussians, sh=sh)
+        samples = self._light, self._importance, self._relative_noise
+        sh, slope = colours.solve(self._field, gaussians, base, *samples, iterations, ridge)
+        return replace(gaussians, sh=sh, slope=slope)
 
     def share(self, gaussians: Gaussians) -> np.ndarray:
         """Number of samples (N,) float32 that each Gaussian accounts for: the sum over the samples of w / sum w."""
         self._list(gaussians)
         light, inverse, _ = self._read(gaussians)
-        return self._field.transposed(gaussians, np.ones_like(light), inverse)[:, 0, 0] / np.float32(constants.SH_C0)
+        return self._seen(gaussians, np.ones_like(light), inverse)[:, 0]
 
     def level_of(self, gaussians: Gaussians) -> np.ndarray:
         """Mean level (N, 1) around the samples that each Gaussian accounts for; 0 where there is none."""
@@ -101,12 +102,12 @@ class SurfaceOptimiser:
         if (steps - 1) % LIST_STEPS == 0 or self._listed != len(state):
             self._list(state.gaussians)
         reading = self._read(state.gaussians)
-        moments, loss, error = self._moments(state.gaussians, reading)
-        if len(broken := np.flatnonzero(~np.isfinite(moments).all(axis=1))):
+        derivatives, loss, error = self._derivatives(state.gaussians, reading)
+        if len(broken := np.flatnonzero(~np.isfinite(derivatives).all(axis=1))):
             raise FloatingPointError(f"the gradient of Gaussian {broken[0]} is not finite")
         if not np.isfinite(loss):
             raise FloatingPointError(f"the loss is {loss}")
-        gradient = parameter_gradient(moments, state.gaussians)
+        gradient, errors = derivatives[:, :-1], derivatives[:, -1]
         gradient[:, 6:9] += SIZE_COST * max(error, 0) / max(len(state), 1)
         if self._noise is None:
             self._noise = self._gradient_noise(state.gaussians, reading)
@@ -117,13 +118,18 @@ class SurfaceOptimiser:
         square = BETA_2 * state.square + np.float32(1 - BETA_2) * gradient**2
         change = -rate * (mean / (1 - BETA_1**steps)) / (np.sqrt(square / (1 - BETA_2**steps)) + EPSILON)
         stepped = moved(state.gaussians, change, self._unit, state.smallest, state.largest)
-        result = StepResult(loss, moments[:, 15])
+        result = StepResult(loss, errors)
         return replace(state, gaussians=stepped, mean=mean.astype(np.float32), square=square.astype(np.float32)), result
 
     def _level_of(self, gaussians: Gaussians, inverse: np.ndarray) -> np.ndarray:
         ones = np.ones_like(self._level)
-        sums = self._field.transposed(gaussians, np.stack([self._level, ones, ones], axis=1), inverse)[:, 0]
+        sums = self._seen(gaussians, np.stack([self._level, ones, ones], axis=1), inverse)
         return np.divide(sums[:, :1], sums[:, 1:2], out=np.zeros_like(sums[:, :1]), where=sums[:, 1:2] > 0)
+
+    def _seen(self, gaussians: Gaussians, values: np.ndarray, inverse: np.ndarray) -> np.ndarray:
+        """Sums (N, 3) of w / sum w times values (S, 3) over the samples."""
+        flat = replace(gaussians, slope=None)
+        return self._field.transposed(flat, values, inverse)[:, :3] / np.float32(constants.SH_C0)
 
     def _list(self, gaussians: Gaussians) -> None:
         self._field.list(gaussians, self.blend.cutoff, self.blend.sharpness, MARGIN)
@@ -136,8 +142,8 @@ class SurfaceOptimiser:
         light = sums[:, :3] * inverse[:, None]
         return _Reading(light, inverse, np.where(fine[:, 3:] < self.blend.floor, self._coarse, light))
 
-    def _moments(self, gaussians: Gaussians, reading: _Reading) -> tuple[np.ndarray, float, float]:
-        """Moments (N, 16) (see FIELD_MOMENTS), the loss, and the noise-free part of the loss."""
+    def _derivatives(self, gaussians: Gaussians, reading: _Reading) -> tuple[np.ndarray, float, float]:
+        """The derivatives (N, 16) (see FIELD_DERIVATIVES), the loss, and the noise-free part of the loss."""
         light, importance = reading.light, self._importance
         residual = light - self._light
         error = importance * ((light - self._a) * (light - self._b)).sum(axis=1)
@@ -146,45 +152,28 @@ class SurfaceOptimiser:
         return self._backward(gaussians, reading, residual, error), *means
 
     def _gradient_noise(self, gaussians: Gaussians, reading: _Reading) -> np.ndarray:
-        """Absolute half difference (N, 13) of the halves' gradients: their signs agree where the gradient is larger."""
-        moments = self._backward(gaussians, reading, (self._a - self._b) / 2, np.zeros(len(self._a), np.float32))
-        return np.abs(parameter_gradient(moments, gaussians))
+        """Absolute half difference (N, 15) of the halves' gradients: their signs agree where the gradient is larger."""
+        nothing = np.zeros(len(self._a), np.float32)
+        return np.abs(self._backward(gaussians, reading, (self._a - self._b) / 2, nothing)[:, :-1])
 
     def _backward(self, gaussians: Gaussians, reading: _Reading, residual: np.ndarray, error: np.ndarray) -> np.ndarray:
-        """Moments (N, 16) of the loss with residuals (S, 3), and of `error` (S,)."""
+        """The derivatives (N, 16) of the loss with residuals (S, 3), and the share of `error` (S,)."""
         by_light = np.float32(2 / max(len(residual), 1)) * self._importance[:, None] * residual
         return self._field.backward(gaussians, reading.yielding, by_light, reading.inverse, error)
-
-
-def parameter_gradient(moments: np.ndarray, gaussians: Gaussians) -> np.ndarray:
-    """The loss's gradient (N, 13) float32 by PARAMETERS, from the sums (N, 16) of FIELD_MOMENTS.
-
-    A place u moves the centre by R S u. A turn w is a rotation vector in the Gaussian's own axes. The gradient is taken
-    at u = 0 and w = 0. The colour is the constant SH coefficient.
-    """
-    e_x, e_y, e_z, xx, xy, xz, yy, yz, zz, p_w, h_x, h_y, red, green, blue = moments[:, :15].T
-    x, y, z = gaussians.scale.T
-    columns = [
-        *(e_x, e_y, e_z),
-        *(yz * (y / z - z / y) - h_y, xz * (z / x - x / z) + h_x, xy * (x / y - y / x)),
-        *(xx, yy, zz),
-        p_w * (1 - gaussians.opacity),
-        *(constants.SH_C0 * colour for colour in (red, green, blue)),
-    ]
-    return np.stack(columns, axis=1).astype(np.float32)
 
 
 def moved(
     gaussians: Gaussians, change: np.ndarray, unit: np.ndarray, smallest: np.ndarray, largest: np.ndarray
 ) -> Gaussians:
-    """Apply a change (N, 13) of PARAMETERS, with colour in units of `unit` (N, 1), radiance.
+    """Apply a change (N, 15) of PARAMETERS, with colour in units of `unit` (N, 1), radiance.
 
-    Constant SH coefficients stay at 0 or more, and standard deviations between `smallest` and `largest` (N, 3).
+    Constant SH coefficients stay at 0 or more, standard deviations between `smallest` and `largest` (N, 3), and slopes
+    within their bound.
     """
     from scipy.spatial.transform import Rotation
 
     g = gaussians
-    place, turn, log_scale, logit, colour = np.split(change, np.cumsum(list(PARAMETERS.values()))[:-1], axis=1)
+    place, turn, log_scale, logit, colour, slope = np.split(change, np.cumsum(list(PARAMETERS.values()))[:-1], axis=1)
     position = g.position + (axes(g.rotation) * (g.scale * place)[:, None, :]).sum(axis=2)
     rotation = (Rotation.from_quat(g.rotation) * Rotation.from_rotvec(turn)).as_quat().reshape(-1, 4)
     opacity = g.opacity.astype(np.float64)
@@ -197,5 +186,6 @@ def moved(
         np.concatenate(
             [np.maximum(g.sh[:, :1] + (unit / constants.SH_C0 * colour)[:, None, :], 0), g.sh[:, 1:]], axis=1
         ),
+        colours.bounded_slope(g.slope + slope[:, : g.slope.shape[1]]),
     )
     return Gaussians(*(array.astype(np.float32) for array in arrays))

@@ -8,8 +8,11 @@ from gsgi.baker.fitting.duplicates import duplicates
 from gsgi.baker.fitting.rotations import axes
 from gsgi.runtime.gaussians import Gaussians
 
-# Parameters per Gaussian that Adam steps; place, turn and log_scale are in the Gaussian's own axes.
-PARAMETERS = {"place": 3, "turn": 3, "log_scale": 3, "logit_opacity": 1, "colour": 3}
+from .colours import bounded_slope
+
+# Parameters per Gaussian that Adam steps, as in FIELD_DERIVATIVES; place, turn, log_scale and slope are in the
+# Gaussian's own axes.
+PARAMETERS = {"place": 3, "turn": 3, "log_scale": 3, "logit_opacity": 1, "colour": 3, "slope": 2}
 
 # Limits of a Gaussian's standard deviations: LARGEST times the longest at the start, and SMALLEST times each at the
 # start. Larger Gaussians fit the noise of many samples with differences of few Gaussians, and cover more pixels. No
@@ -24,7 +27,7 @@ SPLIT_OFFSET, SPLIT_SCALE = 0.5, 0.6
 class SurfaceState:
     """N Gaussians in training.
 
-    `mean` and `square` (N, 13) float32 are Adam's moments of the gradient by PARAMETERS. `smallest` and `largest`
+    `mean` and `square` (N, 15) float32 are Adam's moments of the gradient by PARAMETERS. `smallest` and `largest`
     (N, 3) float32, m, limit the standard deviations.
     """
 
@@ -78,13 +81,22 @@ def to_merge(gaussians: Gaussians, level: np.ndarray) -> np.ndarray:
 
 
 def _half(parents: SurfaceState, sign: int) -> SurfaceState:
-    """The half on one side; Adam's first moment is reset, the second is kept."""
+    """The half on one side; Adam's first moment is reset, the second is kept.
+
+    It has the light that the parent has at its centre, and the parent's gradient in metres.
+    """
     g, rows = parents.gaussians, np.arange(len(parents))
     longest = g.scale.argmax(axis=1)
     offset = axes(g.rotation)[rows, :, longest] * (sign * SPLIT_OFFSET * g.scale[rows, longest])[:, None]
     scale = g.scale.copy()
     scale[rows, longest] *= np.float32(SPLIT_SCALE)
     half = replace(g, position=(g.position + offset).astype(np.float32), scale=scale)
+    if g.sloped:
+        flat = np.concatenate([g.slope, np.zeros_like(g.slope[:, :1])], axis=1)  # none along the normal
+        brighter = 1 + sign * np.float32(SPLIT_OFFSET) * flat[rows, longest][:, None]
+        slope = (flat * (scale / g.scale))[:, :2] / brighter
+        sh = np.concatenate([g.sh[:, :1] * brighter[:, None], g.sh[:, 1:]], axis=1)
+        half = replace(half, sh=sh, slope=bounded_slope(slope))
     smallest = np.float32(SPLIT_SCALE) * parents.smallest
     return SurfaceState(half, np.zeros_like(parents.mean), parents.square, smallest, parents.largest)
 

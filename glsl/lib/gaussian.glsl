@@ -2,6 +2,7 @@
 //
 // shape texture, 3 texels per Gaussian:  (position xyz, opacity) (rotation xyzw) (scale xyz, 0)
 // sh texture, SH_TEXELS per Gaussian:    its K * 3 floats, coefficient by coefficient, padded with 0
+// slope texture, 1 texel per Gaussian:   (slope along the first axis, along the second, 0, 0)
 #include "lib/sh.glsl"
 
 #define DATA_WIDTH    2048  // texels; every WebGL2 device supports textures this wide
@@ -38,6 +39,11 @@ void fetch_sh(highp sampler2D sh, int index, out vec3 coefficients[SH_COUNT]) {
     }
     for (int k = 0; k < SH_COUNT; ++k)
         coefficients[k] = vec3(values[3 * k], values[3 * k + 1], values[3 * k + 2]);
+}
+
+// Change of the constant SH band of Gaussian `index` per standard deviation along its first two axes, relative to it.
+vec2 fetch_slope(highp sampler2D slope, int index) {
+    return fetch_data(slope, index).xy;
 }
 
 // Light of Gaussian `index` for the unit direction `d` in world space: from the camera to its centre (`over` operator)

@@ -12,6 +12,9 @@ flat in vec3 v_sh[SH_COUNT];
 #if NORMAL_POWER > 0
 flat in vec3 v_normal;
 #endif
+#if SLOPED
+flat in vec2 v_slope;
+#endif
 
 layout(location = 0) out vec4 out_sums;  // sum w c, sum w
 
@@ -19,10 +22,16 @@ void main() {
     ivec2 texel = ivec2(gl_FragCoord.xy);
     vec3 x = texelFetch(surface_position, texel, 0).xyz;
     vec3 n = texelFetch(surface_plane, texel, 0).xyz;
-    float w = v_center.w * falloff((x - v_center.xyz) * v_whiten, cutoff);
+    vec3 e = (x - v_center.xyz) * v_whiten;
+    float w = v_center.w * falloff(e, cutoff);
 #if NORMAL_POWER > 0
     w *= facing(dot(n, v_normal), NORMAL_POWER);
 #endif
     w = w > 0.0 ? w : 0.0;  // NaN fails the test
-    out_sums = w * vec4(sh_sum(v_sh, n), 1.0);
+    vec3 light = sh_sum(v_sh, n);
+#if SLOPED
+    // Far outside e can be too large to be multiplied by a weight of 0.
+    light += w > 0.0 ? dot(v_slope, e.xy) * SH_C0 * v_sh[0] : vec3(0.0);
+#endif
+    out_sums = w * vec4(light, 1.0);
 }

@@ -5,6 +5,9 @@
 
 uniform highp sampler2D shape_data;
 uniform highp sampler2D sh_data;
+#if SLOPED
+uniform highp sampler2D slope_data;
+#endif
 uniform mat4 view_from_world;
 uniform vec2 focal;   // px
 uniform vec2 centre;  // px
@@ -20,6 +23,9 @@ flat out vec3 v_sh[SH_COUNT];
 #if NORMAL_POWER > 0
 flat out vec3 v_normal;
 #endif
+#if SLOPED
+flat out vec2 v_slope;
+#endif
 
 // Exceeds the rounding of a 24-bit depth buffer, so that even a flat Gaussian covers the surface on which it lies.
 #define DEPTH_SLACK 1e-6
@@ -34,6 +40,9 @@ void main() {
     for (int k = 0; k < SH_COUNT; ++k) v_sh[k] = clamp(v_sh[k], -HALF_MAX / SH_C0, HALF_MAX / SH_C0);
 #if NORMAL_POWER > 0
     v_normal = rotation[2];
+#endif
+#if SLOPED
+    v_slope = clamp(fetch_slope(slope_data, int(index)), -1.0, 1.0);
 #endif
 
     vec3 t = (view_from_world * vec4(g.position, 1.0)).xyz;

@@ -4,7 +4,7 @@ from dataclasses import asdict, fields
 
 import numpy as np
 
-from gsgi.runtime.gaussians import Bake, Effects, SurfaceBlend
+from gsgi.runtime.gaussians import BASES, Bake, Effects, SurfaceBlend
 
 from .header import (
     GAUSSIAN_COUNT_MAX,
@@ -23,17 +23,23 @@ from .levels import arrays_bytes, decode_level, encode_level, planes
 __all__ = ["OPERATOR_NAMES", "decode", "encode", "file_bytes", "version"]
 
 
-def file_bytes(count: int, sh_degree: int, coarse_count: int = 0, coarse_sh_degree: int = 0) -> int:
-    """Size of a .gsgi file with that many Gaussians of that SH degree in its fine and in its coarse level."""
-    return HEADER.itemsize + planes(count, sh_degree).itemsize + planes(coarse_count, coarse_sh_degree).itemsize
+def file_bytes(
+    count: int, sh_degree: int, coarse_count: int = 0, coarse_sh_degree: int = 0, basis: str = "constant"
+) -> int:
+    """Size of a .gsgi file with that many Gaussians of that SH degree in its fine and in its coarse level.
+
+    `basis`, one of BASES, is that of the fine level; the coarse one is "constant".
+    """
+    fine = planes(count, sh_degree, BASES.index(basis))
+    return HEADER.itemsize + fine.itemsize + planes(coarse_count, coarse_sh_degree, 0).itemsize
 
 
 def encode(bake: Bake) -> bytes:
     """A bake as the bytes of a .gsgi file; the same bake always gives the same bytes.
 
     In each level positions keep 1/65535 of its bounding box, scales 1/255 of its logarithmic range, rotations 3 x 10
-    bits, opacities 8 bits, colours the nine bits of RGB9E5, which has no negative ones, and higher SH coefficients 8
-    bits. Gaussians that could never be seen (opacity below half a quantisation step) are the caller's to drop.
+    bits, opacities 8 bits, colours the nine bits of RGB9E5, which has no negative ones, and higher SH coefficients and
+    slopes 8 bits. Gaussians that could never be seen (opacity below half a quantisation step) are the caller's to drop.
     """
     assert (bake.coarse is not None) == isinstance(bake.blend, SurfaceBlend), (bake.coarse, bake.blend)
     count = len(bake.gaussians) + (len(bake.coarse) if bake.coarse is not None else 0)

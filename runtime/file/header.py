@@ -6,12 +6,12 @@ from dataclasses import fields
 import numpy as np
 
 from gsgi.runtime.errors import FormatError
-from gsgi.runtime.gaussians import OverBlend, SurfaceBlend
+from gsgi.runtime.gaussians import BASES, OverBlend, SurfaceBlend
 
 from .levels import LEVEL, arrays_bytes, check_level
 
 MAGIC = b"GSGI"
-VERSION = 3
+VERSION = 4
 
 HEADER = np.dtype(
     [
@@ -125,6 +125,8 @@ def _check_counts(header: np.ndarray, expect) -> None:
         expect(total <= GAUSSIAN_COUNT_MAX, f"{level}.gaussian_count", f"at most {GAUSSIAN_COUNT_MAX}", total)
         degree = header[level]["sh_degree"]
         expect(degree <= 3, f"{level}.sh_degree", "0 to 3", degree)
+        known, basis = " or ".join(f"{i} ({name})" for i, name in enumerate(BASES)), header[level]["basis"]
+        expect(basis < len(BASES), f"{level}.basis", known, basis)
 
 
 def _check_finite(record: np.ndarray, prefix: str, expect) -> None:
@@ -140,6 +142,7 @@ def _check_over(header: np.ndarray, expect) -> None:
         expect(header[name] >= 0, name, "0 or more", header[name])
     ordered = 0 < header["alpha_min"] < header["alpha_max"] < 1
     expect(ordered, "alpha_min", "0 < alpha_min < alpha_max < 1", header["alpha_min"])
+    expect(header["fine"]["basis"] == 0, "fine.basis", "0, since over has no slopes", header["fine"]["basis"])
     expect(not any(header["coarse"].tobytes()), "coarse", "zeros, since over has none", header["coarse"])
 
 

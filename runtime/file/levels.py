@@ -3,14 +3,15 @@
 import numpy as np
 
 from gsgi.runtime import constants
-from gsgi.runtime.gaussians import Gaussians
+from gsgi.runtime.gaussians import BASES, Gaussians
 
 from .packing import pack_rgb9e5, pack_rotation, unpack_rgb9e5, unpack_rotation
 
 LEVEL = np.dtype(
     [
         ("gaussian_count", "<u4"),
-        ("sh_degree", "<u4"),
+        ("sh_degree", "<u2"),
+        ("basis", "<u2"),
         ("position_min", "<f4", 3),
         ("position_step", "<f4", 3),
         ("log_scale_min", "<f4"),
@@ -19,51 +20,58 @@ LEVEL = np.dtype(
     ]
 )
 
+SLOPE_STEP = 1 / 256  # of the light at the centre, per standard deviation
+
 LOG_SCALE_MAX = 40  # scales within exp(+-40) m keep their variances in float32
 SH_REST_STEP_MAX = 1e30  # 127 steps times the largest RGB9E5 value fit in float32
 
 
-def planes(count: int, sh_degree: int) -> np.dtype:
-    """The consecutive arrays of a level as a packed dtype."""
+def planes(count: int, sh_degree: int, basis: int) -> np.dtype:
+    """The consecutive arrays of a level as a packed dtype; `basis` is an index into BASES."""
     rest = (sh_degree + 1) ** 2 - 1
     fields = [("rotation", "<u4", count), ("sh_dc", "<u4", count), ("position", "<u2", (count, 3))]
     fields += [("scale", "u1", (count, 3)), ("opacity", "u1", count), ("sh_rest", "i1", (count, rest, 3))]
+    fields += [("slope", "i1", (count, 2))] if BASES[basis] == "linear" else []
     return np.dtype(fields)
 
 
 def arrays_bytes(level: np.ndarray) -> int:
     """Size of the arrays that a LEVEL record describes, computed without allocating them."""
-    return planes(int(level["gaussian_count"]), int(level["sh_degree"])).itemsize
+    return _planes_of(level).itemsize
 
 
 def encode_level(gaussians: Gaussians, level: np.ndarray) -> bytes:
     """The arrays of a level as bytes; fills in `level`, a LEVEL record."""
-    assert all(np.isfinite(getattr(gaussians, name)).all() for name in ("position", "scale", "opacity", "sh"))
+    assert all(np.isfinite(getattr(gaussians, name)).all() for name in ("position", "scale", "opacity", "sh", "slope"))
     level["gaussian_count"], level["sh_degree"] = len(gaussians), gaussians.sh_degree
-    body = np.zeros((), planes(len(gaussians), gaussians.sh_degree))
+    level["basis"] = BASES.index(gaussians.basis)
+    body = np.zeros((), _planes_of(level))
     body["rotation"] = pack_rotation(gaussians.rotation)
     body["opacity"] = np.rint(np.clip(gaussians.opacity, 0, 1) * 255)
     _encode_positions(gaussians.position, level, body)
     _encode_scales(gaussians.scale, level, body)
     _encode_sh(gaussians.sh, level, body)
+    if gaussians.sloped:
+        body["slope"] = np.clip(np.rint(gaussians.slope / SLOPE_STEP), -127, 127)
     return body.tobytes()
 
 
 def decode_level(level: np.ndarray, data: bytes, offset: int) -> Gaussians:
     """The Gaussians whose arrays begin at byte `offset` of `data`; `level` is their LEVEL record, already checked."""
-    layout = planes(int(level["gaussian_count"]), int(level["sh_degree"]))
-    body = np.frombuffer(data, layout, count=1, offset=offset)[0]
+    body = np.frombuffer(data, _planes_of(level), count=1, offset=offset)[0]
     position = level["position_min"] + body["position"].astype(np.float32) * level["position_step"]
     scale = np.exp(level["log_scale_min"] + body["scale"].astype(np.float32) * level["log_scale_step"])
     dc = unpack_rgb9e5(body["sh_dc"]) / np.float32(constants.SH_C0)
     brightest = dc.max(axis=1)[:, None, None]
     rest = body["sh_rest"].astype(np.float32) * level["sh_rest_step"] * brightest
+    sloped = BASES[level["basis"]] == "linear"
     return Gaussians(
         position=position.astype(np.float32),
         rotation=unpack_rotation(body["rotation"]),
         scale=scale.astype(np.float32),
         opacity=body["opacity"].astype(np.float32) / np.float32(255),
         sh=np.concatenate([dc[:, None, :], rest], axis=1).astype(np.float32),
+        slope=body["slope"].astype(np.float32) * np.float32(SLOPE_STEP) if sloped else None,
     )
 
 
@@ -83,6 +91,10 @@ def check_level(level: np.ndarray, name: str, expect) -> None:
     expect(representable, f"{name}.position_step", "positions within float32", level["position_step"])
     step = level["sh_rest_step"]
     expect(step <= SH_REST_STEP_MAX, f"{name}.sh_rest_step", f"at most {SH_REST_STEP_MAX}", step)
+
+
+def _planes_of(level: np.ndarray) -> np.dtype:
+    return planes(int(level["gaussian_count"]), int(level["sh_degree"]), int(level["basis"]))
 
 
 def _encode_positions(position: np.ndarray, level: np.ndarray, body: np.ndarray) -> None:

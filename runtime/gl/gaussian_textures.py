@@ -10,7 +10,7 @@ DATA_WIDTH = 2048  # texels; DATA_WIDTH of glsl/lib/gaussian.glsl
 
 
 class GaussianTextures:
-    """The textures `shape` and `sh`, with the layout of glsl/lib/gaussian.glsl.
+    """The textures `shape` and `sh`, with the layout of glsl/lib/gaussian.glsl; `slope` is None without slopes.
 
     Raises UnsupportedError for more Gaussians than the driver's textures can hold.
     """
@@ -18,11 +18,13 @@ class GaussianTextures:
     def __init__(self, ctx: moderngl.Context, gaussians: Gaussians):
         self.shape = _data_texture(ctx, _shape_texels(gaussians))
         self.sh = _data_texture(ctx, _sh_texels(gaussians))
+        self.slope = _data_texture(ctx, _slope_texels(gaussians)) if gaussians.sloped else None
 
     def release(self) -> None:
         """Free the GPU memory."""
-        self.shape.release()
-        self.sh.release()
+        for texture in (self.shape, self.sh, self.slope):
+            if texture is not None:
+                texture.release()
 
 
 def _shape_texels(gaussians: Gaussians) -> np.ndarray:
@@ -36,6 +38,11 @@ def _sh_texels(gaussians: Gaussians) -> np.ndarray:
     """(N, ceil(3 K / 4), 4) float32: the coefficients in order, padded with 0."""
     flat = gaussians.sh.reshape(len(gaussians), 3 * gaussians.sh.shape[1])
     return np.pad(flat, ((0, 0), (0, -flat.shape[1] % 4))).reshape(len(flat), (flat.shape[1] + 3) // 4, 4)
+
+
+def _slope_texels(gaussians: Gaussians) -> np.ndarray:
+    """(N, 1, 4) float32: both slopes, padded with 0."""
+    return np.pad(gaussians.slope, ((0, 0), (0, 2)))[:, None]
 
 
 def _data_texture(ctx: moderngl.Context, texels: np.ndarray) -> moderngl.Texture:

@@ -119,6 +119,7 @@ PASSES: dict[str, dict[str, Callable[[Any], int]]] = {
     "surface/gaussians": {  # Level
         "SH_DEGREE": lambda level: level.gaussians.sh_degree,
         "NORMAL_POWER": lambda level: 0 if level.coarse else level.blend.sharpness,
+        "SLOPED": lambda level: level.gaussians.sloped,
     },
     "surface/gap": {},  # created if there is a coarse level
     "surface/fill": {"COARSE": lambda reading: reading.coarse},  # Reading; created if sums are upsampled

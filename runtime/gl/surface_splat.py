@@ -150,6 +150,8 @@ class _Level:
             self._program, shape_data=0, sh_data=1, surface_position=2, surface_plane=3, radius=blend.radius,
             cutoff=blend.cutoff,
         )  # fmt: skip
+        if gaussians.sloped:
+            set_uniforms(self._program, slope_data=4)
         self._outlines = ctx.vertex_array(self._program, [(self._index, "1u4/i", "index")])
 
     def draw(self, pinhole: Pinhole, frame: dict, targets: SurfaceTargets, sums: moderngl.Framebuffer) -> int:
@@ -165,7 +167,8 @@ class _Level:
         self._index.orphan()
         self._index.write(index)
         set_uniforms(self._program, **frame)
-        for unit, texture in enumerate((self._data.shape, self._data.sh, targets.position, targets.plane)):
+        slope = [self._data.slope] if self._data.slope else []
+        for unit, texture in enumerate((self._data.shape, self._data.sh, targets.position, targets.plane, *slope)):
             texture.use(unit)
         self._outlines.render(moderngl.TRIANGLE_STRIP, vertices=OUTLINE_CORNERS, instances=len(index))
         return len(index)

@@ -77,7 +77,7 @@ def small() -> Plan:
     return planned(room())
 
 
-QUALITY_FACTORS = {"over": (1 / 4, 1, 4), "surface": (1 / 16, 1 / 4, 1)}
+QUALITY_FACTORS = {"over": (1 / 4, 1, 4), "surface": (0.9 / 16, 0.9 / 4, 0.9)}
 
 
 @pytest.mark.parametrize("operator", OPERATORS)
@@ -325,7 +325,7 @@ def test_where_no_held_out_view_sees_a_b_there_is_no_search():
     assert baked.data == bake(of(plan, target_loss=None), Progress()).data
 
 
-@pytest.mark.parametrize(("operator", "size"), [("over", 144 + 18 * 64), ("surface", 144 + 18 * 48 + 42 * 16)])
+@pytest.mark.parametrize(("operator", "size"), [("over", 144 + 18 * 64), ("surface", 144 + 20 * 48 + 42 * 16)])
 def test_what_a_scene_has_none_of_takes_no_bytes(small, operator, size):
     lit = room(environment=Environment(np.arange(24, dtype=np.float32).reshape(2, 4, 3)))
     assert (

@@ -56,7 +56,7 @@ def _facts(baked, data: bytes) -> dict:
 
 
 def _level(gaussians) -> dict:
-    facts = {"gaussians": len(gaussians), "sh_degree": gaussians.sh_degree}
+    facts = {"gaussians": len(gaussians), "sh_degree": gaussians.sh_degree, "basis": gaussians.basis}
     if len(gaussians):
         facts |= {
             "bounds": [gaussians.position.min(axis=0).tolist(), gaussians.position.max(axis=0).tolist()],

@@ -1,4 +1,8 @@
 // Python bindings of reading Gaussians at surface points, and of its gradient.
+#include <optional>
+
+#include <nanobind/stl/optional.h>
+
 #include "arrays.h"
 #include "surface/field.h"
 
@@ -13,6 +17,7 @@ template <class Real> struct GaussianInput {
     Input<Real, -1, 4> rotation;
     Input<Real, -1> opacity;
     Input<Real, -1, -1, 3> sh;
+    Input<Real, -1, -1> slope;
 
     explicit GaussianInput(nb::handle gaussians)
     {
@@ -20,20 +25,24 @@ template <class Real> struct GaussianInput {
             !nb::try_cast(gaussians.attr("rotation"), rotation, false) ||
             !nb::try_cast(gaussians.attr("scale"), scale, false) ||
             !nb::try_cast(gaussians.attr("opacity"), opacity, false) ||
-            !nb::try_cast(gaussians.attr("sh"), sh, false))
+            !nb::try_cast(gaussians.attr("sh"), sh, false) ||
+            !nb::try_cast(gaussians.attr("slope"), slope, false))
             throw nb::type_error("Gaussians: wrong dtype, shape or layout");
         const size_t n = position.shape(0), k = sh.shape(1);
-        if (rotation.shape(0) != n || scale.shape(0) != n || opacity.shape(0) != n || sh.shape(0) != n)
-            throw nb::type_error(
-                "position, rotation, scale, opacity and sh must have the same first dimension");
+        for (size_t rows : {rotation.shape(0), scale.shape(0), opacity.shape(0), sh.shape(0), slope.shape(0)})
+            if (rows != n)
+                throw nb::type_error(
+                    "position, rotation, scale, opacity, sh and slope must have the same first dimension");
         if (k != 1 && k != 4 && k != 9)
             throw nb::type_error("sh must have 1, 4 or 9 coefficients");
+        if (slope.shape(1) != 0 && slope.shape(1) != 2)
+            throw nb::type_error("slope must have 0 or 2 columns");
     }
 
     FieldArrays<Real> arrays() const
     {
-        return {position.shape(0), sh.shape(1), position.data(), rotation.data(), scale.data(),
-            opacity.data(), sh.data()};
+        return {position.shape(0), sh.shape(1), slope.shape(1), position.data(), rotation.data(),
+            scale.data(), opacity.data(), sh.data(), slope.data(), sh.data(), 3 * sh.shape(1)};
     }
 };
 
@@ -74,15 +83,22 @@ template <class Real> static void bind_precision(nb::module_& m, const char* nam
             "gaussians"_a, "cutoff"_a, "sharpness"_a, "margin"_a, "List the Gaussians that reach the points.")
         .def(
             "read",
-            [](Field<Real>& self, nb::handle gaussians) {
+            [](Field<Real>& self, nb::handle gaussians, std::optional<Vectors> tint) {
                 const GaussianInput<Real> input(gaussians);
-                const auto arrays = listed(self, input);
+                auto arrays = listed(self, input);
+                if (tint) {
+                    require(tint->shape(0) == arrays.count, "one tint per Gaussian is needed");
+                    arrays.tint = tint->data(), arrays.tint_stride = 3;
+                }
                 auto sums = allocate<Real>({self.count(), 4});
                 nb::gil_scoped_release unlocked;
                 self.read(arrays, sums.data());
                 return sums;
             },
-            "gaussians"_a, "Return sum w c and sum w at the points, (S, 4).")
+            "gaussians"_a, "tint"_a.noconvert() = nb::none(),
+            "Return sum w c and sum w at the points, (S, 4). Slopes are relative to `tint` (N, 3), by "
+            "default the "
+            "constant coefficients.")
         .def(
             "backward",
             [](Field<Real>& self, nb::handle gaussians, Vectors light, Vectors by_light,
@@ -91,14 +107,15 @@ template <class Real> static void bind_precision(nb::module_& m, const char* nam
                 const auto arrays = listed(self, input);
                 for (size_t n : {light.shape(0), by_light.shape(0), inverse_weight.shape(0), error.shape(0)})
                     require(n == self.count(), "one value per point is needed");
-                auto moments = allocate<Real>({arrays.count, FIELD_MOMENTS});
+                auto derivatives = allocate<Real>({arrays.count, FIELD_DERIVATIVES});
                 nb::gil_scoped_release unlocked;
                 self.backward(arrays, light.data(), by_light.data(), inverse_weight.data(), error.data(),
-                    moments.data());
-                return moments;
+                    derivatives.data());
+                return derivatives;
             },
             "gaussians"_a, "light"_a.noconvert(), "by_light"_a.noconvert(), "inverse_weight"_a.noconvert(),
-            "error"_a.noconvert(), "Return the sums (N, 16) over the points, see FIELD_MOMENTS.")
+            "error"_a.noconvert(),
+            "Return the derivatives of a loss and the error (N, 16), see FIELD_DERIVATIVES.")
         .def(
             "transposed",
             [](Field<Real>& self, nb::handle gaussians, Vectors values, Values inverse_weight) {
@@ -106,13 +123,14 @@ template <class Real> static void bind_precision(nb::module_& m, const char* nam
                 const auto arrays = listed(self, input);
                 for (size_t n : {values.shape(0), inverse_weight.shape(0)})
                     require(n == self.count(), "one value per point is needed");
-                auto result = allocate<Real>({arrays.count, arrays.coefficients, 3});
+                auto result = allocate<Real>({arrays.count, 3 * arrays.coefficients + arrays.slopes});
                 nb::gil_scoped_release unlocked;
                 self.transposed(arrays, values.data(), inverse_weight.data(), result.data());
                 return result;
             },
             "gaussians"_a, "values"_a.noconvert(), "inverse_weight"_a.noconvert(),
-            "Return the sum of w / (sum w) Y_k(n) values over the points, (N, K, 3).")
+            "Return the derivatives (N, 3 K + slopes) by sh and slope of the sum over the points of B . "
+            "values.")
         .def_prop_ro("entry_count", &Field<Real>::entry_count,
             "Number of pairs of a Gaussian and a block of points that it reaches.");
 }

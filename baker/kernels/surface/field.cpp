@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "dispatch.h"
+#include "lib/constants.glsl"
 #include "parallel.h"
 
 namespace {
@@ -43,11 +44,14 @@ template <class Real> PreparedGaussian<Real> prepared_gaussian(const FieldArrays
         {{1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)},
             {2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)},
             {2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)}},
-        {}, a.opacity[i]};
+        {}, a.opacity[i], {}, {}};
     for (int axis = 0; axis < 3; ++axis) {
         r.position[axis] = a.position[3 * i + axis];
         r.inverse_scale[axis] = 1 / std::max(a.scale[3 * i + axis], Real(SCALE_MIN));
+        r.tint[axis] = Real(SH_C0) * a.tint[a.tint_stride * i + axis];
     }
+    for (size_t j = 0; j < a.slopes; ++j)
+        r.slope[j] = a.slope[2 * i + j];
     return r;
 }
 
@@ -173,7 +177,7 @@ void Field<Real>::for_each_block(const FieldArrays<Real>& gaussians, Body&& body
             const size_t first = b * FIELD_LANES;
             const BlockReading<Real> reading = {&blocks[b], entries.data() + first_in_block[b],
                 first_in_block[b + 1] - first_in_block[b], prepared_gaussians.get(), gaussians.sh,
-                gaussians.coefficients, blend};
+                gaussians.coefficients, gaussians.slopes, blend};
             body(reading, first, std::min(size_t(FIELD_LANES), points - first));
         }
     });
@@ -206,23 +210,23 @@ template <class Real> void Field<Real>::sum_entries(size_t gaussians, size_t col
 
 template <class Real>
 void Field<Real>::backward(const FieldArrays<Real>& gaussians, const Real* light, const Real* by_light,
-    const Real* inverse_weight, const Real* error, Real* moments)
+    const Real* inverse_weight, const Real* error, Real* derivatives)
 {
-    by_entry.reserve(entries.size() * FIELD_MOMENTS);
+    by_entry.reserve(entries.size() * FIELD_DERIVATIVES);
     for_each_block(gaussians, [&](const BlockReading<Real>& reading, size_t first, size_t count) {
         const BlockValues<Real> l(light, 3, first, count), by(by_light, 3, first, count),
             inverse(inverse_weight, 1, first, count), e(error, 1, first, count);
         field_kernels<Real>().read_backward(
             reading, l.value, by.value, inverse.value, e.value, by_entry.get());
     });
-    sum_entries(gaussians.count, FIELD_MOMENTS, moments);
+    sum_entries(gaussians.count, FIELD_DERIVATIVES, derivatives);
 }
 
 template <class Real>
 void Field<Real>::transposed(
     const FieldArrays<Real>& gaussians, const Real* values, const Real* inverse_weight, Real* transposed)
 {
-    const size_t columns = 3 * gaussians.coefficients;
+    const size_t columns = 3 * gaussians.coefficients + gaussians.slopes;
     by_entry.reserve(entries.size() * columns);
     for_each_block(gaussians, [&](const BlockReading<Real>& reading, size_t first, size_t count) {
         const BlockValues<Real> v(values, 3, first, count), inverse(inverse_weight, 1, first, count);

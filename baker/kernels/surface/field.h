@@ -19,12 +19,13 @@ public:
     // sums (count, 4): sum w c and sum w of the listed Gaussians, which may have moved a little since.
     void read(const FieldArrays<Real>& gaussians, Real* sums);
 
-    // moments (N, FIELD_MOMENTS), from the light (count, 3) and 1 / sum w (count,) that follow from `read`,
-    // dloss / dlight (count, 3) and error (count,).
+    // derivatives (N, FIELD_DERIVATIVES), from the light (count, 3) and 1 / sum w (count,) that follow from
+    // `read`, dloss / dlight (count, 3) and error (count,).
     void backward(const FieldArrays<Real>& gaussians, const Real* light, const Real* by_light,
-        const Real* inverse_weight, const Real* error, Real* moments);
+        const Real* inverse_weight, const Real* error, Real* derivatives);
 
-    // transposed (N, K, 3): sum of share Y_k(n) values (count, 3) over the points; the transpose of reading.
+    // transposed (N, 3 K + slopes): the derivatives by sh and slope of the sum over the points of B . values
+    // (count, 3).
     void transposed(
         const FieldArrays<Real>& gaussians, const Real* values, const Real* inverse_weight, Real* transposed);
 

@@ -35,6 +35,7 @@ template <class Real> struct Weighed {
     L falloff; // max(0, gauss - cutoff)
     L n_dot_n; // max(0, n . n_i), or 1 where sharpness is 0
     L lower;   // n_dot_n^(sharpness - 1)
+    L tilt;    // slope . e
     L scaled;  // opacity facing, with facing = n_dot_n^sharpness
     L weight;  // opacity facing falloff
 
@@ -56,6 +57,8 @@ template <class Real> struct Weighed {
         for (int i = 1; i < blend.sharpness; ++i)
             lower = lower * n_dot_n;
         scaled = L(gaussian.opacity) * lower * n_dot_n;
+        // Far away e can be too large to be multiplied.
+        tilt = select(L(0) < falloff, fma(L(gaussian.slope[0]), e[0], L(gaussian.slope[1]) * e[1]), L(0));
         weight = scaled * falloff;
     }
 };
@@ -141,8 +144,10 @@ template <class Real> void read(const BlockReading<Real>& in, Real* sums)
         const Real* const sh = in.sh + size_t(in.list[i].gaussian) * in.coefficients * 3;
         const Weighed<Real> weighed(gaussian, at, in.blend);
         weight = weight + weighed.weight;
-        for (int c = 0; c < 3; ++c)
-            light[c] = fma(weighed.weight, basis.colour(sh, in.coefficients, c), light[c]);
+        for (int c = 0; c < 3; ++c) {
+            const L colour = fma(L(gaussian.tint[c]), weighed.tilt, basis.colour(sh, in.coefficients, c));
+            light[c] = fma(weighed.weight, colour, light[c]);
+        }
     }
     for (int c = 0; c < 3; ++c)
         scatter(light[c], sums, 4, c);
@@ -151,7 +156,7 @@ template <class Real> void read(const BlockReading<Real>& in, Real* sums)
 
 template <class Real>
 void read_backward(const BlockReading<Real>& in, const Real* light, const Real* by_light,
-    const Real* inverse_weight, const Real* error, Real* moments)
+    const Real* inverse_weight, const Real* error, Real* derivatives)
 {
     using L = Points<Real>;
     const PointLanes<Real> at(*in.points);
@@ -168,18 +173,31 @@ void read_backward(const BlockReading<Real>& in, const Real* light, const Real* 
         const Real* const sh = in.sh + size_t(in.list[i].gaussian) * in.coefficients * 3;
         const Weighed<Real> weighed(gaussian, at, in.blend);
         const auto inside = L(0) < weighed.falloff;
-        L p = L(0) - shown;
-        for (int c = 0; c < 3; ++c)
+        L p = L(0) - shown, by_tilt = 0; // dloss / dw, dloss / d(slope . e) / w
+        for (int c = 0; c < 3; ++c) {
             p = fma(by[c], basis.colour(sh, in.coefficients, c), p);
+            by_tilt = fma(by[c], L(gaussian.tint[c]), by_tilt);
+        }
+        p = fma(by_tilt, weighed.tilt, p);
         const L* const e = weighed.e;
         const L w = weighed.weight, g = select(inside, p * weighed.scaled * weighed.gauss, L(0));
         const L by_n_dot_n = L(gaussian.opacity * Real(in.blend.sharpness)) * weighed.lower * weighed.falloff;
         const L h = select(L(0) < weighed.n_dot_n, p * by_n_dot_n, L(0));
         const L n_x = at.normal_along(gaussian.axes[0]), n_y = at.normal_along(gaussian.axes[1]);
-        const L gx = g * e[0], gy = g * e[1], gz = g * e[2];
-        const L all[FIELD_MOMENTS] = {gx, gy, gz, gx * e[0], gx * e[1], gx * e[2], gy * e[1], gy * e[2],
-            gz * e[2], p * w, h * n_x, h * n_y, w * by[0], w * by[1], w * by[2], w * inverse * err};
-        sums(all).store(moments + size_t(in.list[i].entry) * FIELD_MOMENTS);
+        const L t = w * by_tilt;
+        // -dloss / de
+        const L fx = fma(g, e[0], t * L(-gaussian.slope[0])), fy = fma(g, e[1], t * L(-gaussian.slope[1])),
+                fz = g * e[2];
+        const Real *const inv = gaussian.inverse_scale, x_y = inv[1] / inv[0], x_z = inv[2] / inv[0],
+                          y_z = inv[2] / inv[1]; // ratios of the scales
+        const L turn_x = fz * e[1] * L(y_z) - fy * e[2] * L(1 / y_z) - h * n_y;
+        const L turn_y = fx * e[2] * L(1 / x_z) - fz * e[0] * L(x_z) + h * n_x;
+        const L turn_z = fy * e[0] * L(x_y) - fx * e[1] * L(1 / x_y);
+        const L s = w * (L(1) + weighed.tilt) * L(Real(SH_C0));
+        const L all[FIELD_DERIVATIVES] = {fx, fy, fz, turn_x, turn_y, turn_z, fx * e[0], fy * e[1], fz * e[2],
+            p * w * L(1 - gaussian.opacity), s * by[0], s * by[1], s * by[2], t * e[0], t * e[1],
+            w * inverse * err};
+        sums(all).store(derivatives + size_t(in.list[i].entry) * FIELD_DERIVATIVES);
     }
 }
 
@@ -194,7 +212,7 @@ void transposed(
     L value[3];
     for (int c = 0; c < 3; ++c)
         value[c] = gather(values, 3, c) * inverse;
-    const size_t columns = 3 * in.coefficients;
+    const size_t columns = 3 * in.coefficients + in.slopes;
     for (size_t i = 0; i < in.list_length; ++i) {
         prefetch_gaussian(in, i);
         const PreparedGaussian<Real>& gaussian = in.gaussians[in.list[i].gaussian];
@@ -202,9 +220,16 @@ void transposed(
         L all[2 * FIELD_LANES];
         for (L& lanes : all)
             lanes = 0;
-        for (size_t k = 0; k < in.coefficients; ++k)
+        for (size_t k = 0; k < in.coefficients; ++k) {
+            const L by_colour = weighed.weight * basis.value[k] * (k == 0 ? L(1) + weighed.tilt : L(1));
             for (int c = 0; c < 3; ++c)
-                all[3 * k + c] = weighed.weight * basis.value[k] * value[c];
+                all[3 * k + c] = by_colour * value[c];
+        }
+        L by_tilt = 0;
+        for (int c = 0; c < 3; ++c)
+            by_tilt = fma(L(gaussian.tint[c]), value[c], by_tilt);
+        for (size_t j = 0; j < in.slopes; ++j)
+            all[3 * in.coefficients + j] = weighed.weight * by_tilt * weighed.e[j];
         Real total[2 * FIELD_LANES];
         sums(all).store(total);
         if (columns > FIELD_LANES)

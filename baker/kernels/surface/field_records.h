@@ -7,22 +7,27 @@
 constexpr int FIELD_LANES = 16; // points read together
 constexpr int FIELD_SH_MAX = 9; // SH coefficients
 
-// Number of sums over the points that a Gaussian reaches. With e the offset of the point from the centre
-// along the Gaussian's axes, in standard deviations, n the normal there, G = exp(-e^2 / 2), p = dloss / dw,
-// g = p G dw / dG, h = p dw / d(n . n_i) and share = w / sum w, they are the sums of g e (x, y, z); g e e^T
-// (xx, xy, xz, yy, yz, zz); p w; h n (x, y in the Gaussian's axes); share dloss / dB (red, green, blue);
-// share error.
-constexpr int FIELD_MOMENTS = 16;
+// A Gaussian's derivatives of the loss, and the error that it accounts for, the sum of share error with share
+// = w / sum w. In this order: place u (3), which moves the centre by R S u; turn (3), a rotation vector in
+// the Gaussian's own axes; log_scale (3); logit_opacity; the constant coefficient (3); slope (2); error.
+constexpr int FIELD_DERIVATIVES = 16;
 
-// Activated Gaussians, with coefficients of K = 1, 4 or 9 spherical harmonics of the normal.
+// Activated Gaussians, with coefficients of K = 1, 4 or 9 spherical harmonics of the normal. With e the
+// offset of a point from the centre along the Gaussian's axes, in standard deviations, the light there is c =
+// sum sh_k Y_k(n) + Y_0 tint (slope . e), where the tint of a Gaussian is its constant coefficient sh_0, so
+// that slopes are relative to that. With the tint held, the light is linear in sh and slope.
 template <class Real> struct FieldArrays {
     size_t count;         // N
     size_t coefficients;  // K
+    size_t slopes;        // 0 or 2
     const Real* position; // (N, 3) m
     const Real* rotation; // (N, 4) xyzw, unit
     const Real* scale;    // (N, 3) m
     const Real* opacity;  // (N,)
     const Real* sh;       // (N, K, 3)
+    const Real* slope;    // (N, slopes)
+    const Real* tint;     // first of 3 coefficients, of each Gaussian
+    size_t tint_stride;   // from those of one Gaussian to those of the next
 };
 
 // weight = opacity max(0, exp(-q / 2) - cutoff) max(0, n . n_i)^sharpness, without the last factor if
@@ -38,6 +43,8 @@ template <class Real> struct PreparedGaussian {
     Real axes[3][3]; // rows: the ellipsoid's unit axes; the last is the Gaussian's normal
     Real inverse_scale[3];
     Real opacity;
+    Real tint[3];  // Y_0 times that of FieldArrays
+    Real slope[2]; // 0 for Gaussians without
 };
 
 // Consecutive points, one per lane. Unused lanes of the last block have normal 0.
@@ -64,7 +71,7 @@ template <class Real> struct BlockReading {
     size_t list_length;
     const PreparedGaussian<Real>* gaussians;
     const Real* sh; // (N, K, 3)
-    size_t coefficients;
+    size_t coefficients, slopes;
     FieldBlend blend;
 };
 
@@ -73,10 +80,12 @@ template <class Real> struct FieldKernels {
     bool (*touches)(const PreparedGaussian<Real>&, const PointBlock<Real>&, const FieldBlend&, double margin);
     // Writes sums (lanes, 4) of w c and w.
     void (*read)(const BlockReading<Real>&, Real* sums);
-    // Writes moments[entry] (FIELD_MOMENTS) from B and dloss / dB (lanes, 3), 1 / sum w and error (lanes,).
+    // Writes derivatives[entry] (FIELD_DERIVATIVES) from B and dloss / dB (lanes, 3), 1 / sum w and error
+    // (lanes,).
     void (*read_backward)(const BlockReading<Real>&, const Real* light, const Real* by_light,
-        const Real* inverse_weight, const Real* error, Real* moments);
-    // Writes transposed[entry] (K, 3), the sum over the lanes of share Y_k(n) values (lanes, 3).
+        const Real* inverse_weight, const Real* error, Real* derivatives);
+    // Writes transposed[entry] (3 K + slopes), the derivatives by sh and slope of the sum over the lanes of B
+    // . values (lanes, 3).
     void (*transposed)(
         const BlockReading<Real>&, const Real* values, const Real* inverse_weight, Real* transposed);
 };

@@ -202,8 +202,8 @@ def turned(traced, tmp_path, capsys, monkeypatch):
 
 
 # Bytes of a file without Gaussians, of one in the fine level, and of one in the coarse level of the surface operator.
-EMPTY, FINE, COARSE = 144, 18, 42
-LEAST = {"over": EMPTY + FINE, "surface": EMPTY + COARSE}
+EMPTY, FINE, COARSE = 144, {"over": 18, "surface": 20}, 42
+LEAST = {"over": EMPTY + FINE["over"], "surface": EMPTY + COARSE}
 
 
 @pytest.mark.parametrize("operator", OPERATORS)
@@ -213,7 +213,7 @@ def test_a_file_of_at_most_so_many_bytes(turned, operator, more):
     code, report, data, _ = turned("--operator", operator, "--target-bytes", str(size), "-q")
     assert code == 0
     coarse = budget.coarse_count(report["budget"]) if operator == "surface" else 0
-    expected = EMPTY + FINE * (report["budget"] - coarse) + COARSE * coarse
+    expected = EMPTY + FINE[operator] * (report["budget"] - coarse) + COARSE * coarse
     assert size - COARSE < expected <= size  # as many as fit
     assert len(data) == report["bytes"] <= size
     read = codec.decode(data)
@@ -435,12 +435,13 @@ def test_inspect_says_what_the_file_holds(baked):
 
 
 def test_inspect_shows_both_levels_of_a_file_for_the_surface_operator(capsys):
-    path = str(DATA / "v3_surface.gsgi")
+    path = str(DATA / "v4_surface.gsgi")
     assert main.run(["inspect", path, "--json"]) == 0
     facts = json.loads(capsys.readouterr().out)
-    assert (facts["version"], facts["operator"], facts["sharpness"]) == (3, "surface", 4)
+    assert (facts["version"], facts["operator"], facts["sharpness"]) == (4, "surface", 4)
     assert (facts["gaussians"], facts["sh_degree"]) == (3, 1)
     assert (facts["coarse_gaussians"], facts["coarse_sh_degree"]) == (2, 2)
+    assert (facts["basis"], facts["coarse_basis"]) == ("linear", "constant")
     assert "alpha_min" not in facts
     assert main.run(["inspect", path]) == 0
     lines = capsys.readouterr().out.splitlines()

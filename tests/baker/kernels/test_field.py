@@ -16,11 +16,11 @@ def by_oracle(given: Gaussians, position, normal, cutoff: float, sharpness: int)
 
 # Floats: a weight is off by some 1e-6 of the opacity, a colour by as much of its coefficients, of which 100 are summed.
 @pytest.mark.parametrize(("dtype", "tolerance"), [(np.float64, 1e-12), (np.float32, 2e-5)])
-@pytest.mark.parametrize("coefficients", [1, 4, 9])
+@pytest.mark.parametrize(("coefficients", "sloped"), [(1, False), (4, False), (9, False), (1, True), (9, True)])
 @pytest.mark.parametrize(("cutoff", "sharpness"), [(0.05, 0), (0.05, 1), (0.05, 2), (0.2, 5), (1e-4, 2), (0.9, 0)])
-def test_reading_equals_the_oracle(dtype, tolerance, coefficients, cutoff, sharpness):
+def test_reading_equals_the_oracle(dtype, tolerance, coefficients, sloped, cutoff, sharpness):
     position, normal = points(203, dtype)
-    given = gaussians(100, coefficients)
+    given = gaussians(100, coefficients, sloped=sloped)
     expected = by_oracle(given, position, normal, cutoff, sharpness)
     assert expected[:, 3].max() > 0.03
     typed = of_type(given, dtype)
@@ -47,13 +47,13 @@ def test_no_points_and_no_gaussians():
     np.testing.assert_array_equal(field.read(nobody), np.zeros((20, 4)))
     ones = np.ones(20, np.float32)
     assert field.backward(nobody, position, normal, ones, ones).shape == (0, 16)
-    assert field.transposed(nobody, position, ones).shape == (0, 1, 3)
+    assert field.transposed(nobody, position, ones).shape == (0, 3)
     assert field.entry_count == 0
-    given, empty = gaussians(7, 9), np.empty((0, 3), np.float32)
+    given, empty = gaussians(7, 9, sloped=True), np.empty((0, 3), np.float32)
     field = field_of(given, empty, empty)
     assert field.read(given).shape == (0, 4)
     np.testing.assert_array_equal(field.backward(given, empty, empty, ones[:0], ones[:0]), np.zeros((7, 16)))
-    np.testing.assert_array_equal(field.transposed(given, empty, ones[:0]), np.zeros((7, 9, 3)))
+    np.testing.assert_array_equal(field.transposed(given, empty, ones[:0]), np.zeros((7, 29)))
 
 
 @pytest.mark.parametrize("sharpness", [0, 2])
@@ -97,22 +97,35 @@ def test_a_gaussian_ends_at_its_radius_and_faces_one_way():
         np.testing.assert_allclose(weights, [expected[0] * 0.5**sharpness, 0, 0], atol=1e-15)
 
 
-def test_transposed_is_the_transpose_of_reading():
-    """<read(sh) / w, v> = <sh, transposed(v)> for all coefficients and values."""
+@pytest.mark.parametrize("sloped", [False, True])
+@pytest.mark.parametrize("coefficients", [1, 9])
+def test_transposed_is_the_transpose_of_reading(coefficients, sloped):
+    """<read(x) / w, v> = <x, transposed(v)>: with the slopes held for all coefficients, with the tint held for both."""
     position, normal = points(333, np.float64)
-    given = of_type(gaussians(40, 9), np.float64)
+    given = of_type(gaussians(40, coefficients, sloped=sloped), np.float64)
     field = field_of(given, position, normal)
     values = np.random.default_rng(3).normal(size=position.shape)
-    sums = field.read(given)
-    inverse = np.divide(1, sums[:, 3], out=np.zeros(333), where=sums[:, 3] > 0)
-    left = (sums[:, :3] * inverse[:, None] * values).sum()
-    assert abs(left) > 0.1
-    assert (given.sh * field.transposed(given, values, inverse)).sum() == pytest.approx(left, rel=1e-12)
+    weight = field.read(given)[:, 3]
+    inverse = np.divide(1, weight, out=np.zeros(333), where=weight > 0)
+
+    def inner(read) -> float:
+        return (read[:, :3] * inverse[:, None] * values).sum()
+
+    size = 3 * coefficients
+    flat = of_type(given, np.float64, slope=np.zeros_like(given.slope))
+    held, free = (field.transposed(each, values, inverse) for each in (given, flat))
+    assert held.shape == (40, size + given.slope.shape[1])
+    assert abs(inner(field.read(given))) > 0.1
+    sh = given.sh.reshape(40, size)
+    assert (sh * held[:, :size]).sum() == pytest.approx(inner(field.read(given)), rel=1e-12)
+    tint, other = given.sh[:, 0].copy(), of_type(given, np.float64, sh=given.sh[::-1].copy())
+    both = np.concatenate([other.sh.reshape(40, size), given.slope], axis=1)
+    assert (both * free).sum() == pytest.approx(inner(field.read(other, tint)), rel=1e-12)
 
 
 def all_bits(dtype) -> list[bytes]:
     position, normal = points(3000, dtype)
-    given = of_type(gaussians(400, 4), dtype)
+    given = of_type(gaussians(400, 4, sloped=True), dtype)
     field = field_of(given, position, normal, margin=1.1)
     sums = field.read(given)
     ones = np.ones(3000, dtype)
@@ -152,13 +165,15 @@ def test_wrong_points_are_refused(kind):
 @pytest.mark.parametrize("name", FIELDS)
 def test_wrong_gaussians_are_refused(name):
     field = kernels.FieldFloat(*points(8))
-    given = gaussians(5, 9)
+    given = gaussians(5, 9, sloped=True)
     array = getattr(given, name)
     wrong = [array.astype(np.float64), array[:-1].copy(), array[..., None], array[::-1]]
-    wrong += [np.asfortranarray(array), array[..., :2].copy()] if array.ndim > 1 else []
+    wrong += [np.asfortranarray(array), array[..., :1].copy()] if array.ndim > 1 else []
     for values in wrong:
         with pytest.raises(TypeError):
             field.list(of_type(given, np.float32, **{name: values}), 0.05, 2, 1.0)
+    with pytest.raises(TypeError, match="0 or 2"):
+        field.list(of_type(given, np.float32, slope=np.zeros((5, 3), np.float32)), 0.05, 2, 1.0)
     with pytest.raises(TypeError, match="1, 4 or 9"):
         field.list(of_type(given, np.float32, sh=given.sh[:, :5].copy()), 0.05, 2, 1.0)
 
@@ -189,6 +204,8 @@ def test_values_of_another_length_and_other_gaussians_are_refused():
     for call, *arguments in calls:
         with pytest.raises(ValueError, match="listed"):
             call(gaussians(6), *arguments)
+    with pytest.raises(ValueError, match="one tint"):
+        field.read(given, position)
 
 
 HARD = {
@@ -199,6 +216,7 @@ HARD = {
     "invisible": {"opacity": np.float32(0)},
     "coincident": {"position": np.float32([0.1, 0.2, 0.3]), "rotation": np.float32([0, 0, 0, 1])},
     "bright": {"sh": np.float32(1e6)},
+    "steep": {"slope": np.float32(1e6)},
     "far away": {"position": np.float32([1e18, -1e18, 1e18])},
 }
 
@@ -206,7 +224,7 @@ HARD = {
 @pytest.mark.parametrize("sharpness", [0, 1, 2])
 @pytest.mark.parametrize("case", HARD)
 def test_hard_gaussians_give_finite_numbers(case, sharpness):
-    given = of_type(gaussians(64, 9), np.float32)
+    given = of_type(gaussians(64, 9, sloped=True), np.float32)
     for name, value in HARD[case].items():
         getattr(given, name)[...] = value
     position, normal = points(300)

@@ -6,6 +6,7 @@ import pytest
 from gsgi.baker.surface.budget import (
     COARSE_DEGREE,
     COARSE_MOST,
+    FINE_BASIS,
     FINE_DEGREE,
     SAMPLES_FEWEST,
     SAMPLES_MOST,
@@ -20,17 +21,19 @@ from gsgi.runtime.gaussians import Bake, Gaussians, SurfaceBlend
 BUDGETS = (1, 2, 3, 4, 7, 64, 500, 4096, 4097, 50_000)
 
 
-def level(count: int, degree: int) -> Gaussians:
+def level(count: int, degree: int, basis: str = "constant") -> Gaussians:
     rng = np.random.default_rng(count)
     rotation = np.tile(np.float32([0, 0, 0, 1]), (count, 1))
     position, sh = rng.random((count, 3), np.float32), rng.random((count, (degree + 1) ** 2, 3), np.float32)
-    return Gaussians(position, rotation, np.full((count, 3), 0.1, np.float32), np.ones(count, np.float32), sh)
+    slope = np.zeros((count, 2), np.float32) if basis == "linear" else None
+    return Gaussians(position, rotation, np.full((count, 3), 0.1, np.float32), np.ones(count, np.float32), sh, slope)
 
 
 @pytest.mark.parametrize("budget", BUDGETS)
 def test_a_file_is_as_large_as_its_budget_says(budget):
     coarse = coarse_count(budget)
-    bake = Bake(level(budget - coarse, FINE_DEGREE), SurfaceBlend(), coarse=level(coarse, COARSE_DEGREE))
+    fine = level(budget - coarse, FINE_DEGREE, FINE_BASIS)
+    bake = Bake(fine, SurfaceBlend(), coarse=level(coarse, COARSE_DEGREE))
     assert len(codec.encode(bake)) == file_bytes(budget)
 
 

@@ -16,7 +16,7 @@ NOBODY = gaussians(0, 9)
 @pytest.mark.parametrize("degree", [0, 1, 2])
 def test_both_levels_equal_the_oracle(degree, floor):
     position, normal = points(1000)
-    levels = gaussians(60, (degree + 1) ** 2), gaussians(20, 9, seed=7)
+    levels = gaussians(60, (degree + 1) ** 2, sloped=True), gaussians(20, 9, seed=7)
     blend = SurfaceBlend(cutoff=0.1, sharpness=3, floor=floor)
     light, weight = look_up(*levels, blend, position, normal)
     assert light.dtype == weight.dtype == np.float32

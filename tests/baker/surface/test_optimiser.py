@@ -10,8 +10,9 @@ from scipy.spatial.transform import Rotation
 from surface_cases import FIELDS, field_of, gaussians, of_type, points
 
 from gsgi.baker.native import kernels
+from gsgi.baker.surface.colours import SLOPE_BOUND
 from gsgi.baker.surface.lookup import filling, look_up
-from gsgi.baker.surface.optimiser import BETA_1, MODEL, SIZE_COST, SurfaceOptimiser, moved, parameter_gradient
+from gsgi.baker.surface.optimiser import BETA_1, MODEL, SIZE_COST, SurfaceOptimiser, moved
 from gsgi.baker.surface.samples import SurfaceSamples
 from gsgi.baker.surface.state import PARAMETERS, SurfaceState
 from gsgi.runtime import constants
@@ -25,7 +26,7 @@ RATES = dict.fromkeys(PARAMETERS, 0.02)
 
 def exactly_moved(given: SimpleNamespace, change: np.ndarray) -> SimpleNamespace:
     """What `moved` does, in double precision and without limits."""
-    place, turn, log_scale, logit, colour = np.split(change, np.cumsum(list(PARAMETERS.values()))[:-1], axis=1)
+    place, turn, log_scale, logit, colour, slope = np.split(change, np.cumsum(list(PARAMETERS.values()))[:-1], axis=1)
     axes = oracle.rotation_matrix(given.rotation)
     odds = given.opacity / (1 - given.opacity) * np.exp(logit[:, 0])
     sh = given.sh.copy()
@@ -36,6 +37,7 @@ def exactly_moved(given: SimpleNamespace, change: np.ndarray) -> SimpleNamespace
         scale=given.scale * np.exp(log_scale),
         opacity=odds / (1 + odds),
         sh=sh,
+        slope=given.slope + slope[:, : given.slope.shape[1]],
     )
 
 
@@ -56,8 +58,8 @@ class Problem:
     left out.
     """
 
-    def __init__(self, sharpness: int, coefficients: int):
-        given = gaussians(COUNT, coefficients)
+    def __init__(self, sharpness: int, coefficients: int, sloped: bool):
+        given = gaussians(COUNT, coefficients, sloped=sloped)
         given.scale[...] = np.maximum(given.scale, 0.1)
         self.given = of_type(given, np.float64)
         self.given.rotation /= np.linalg.norm(self.given.rotation, axis=1, keepdims=True)  # beyond a float's 24 bits
@@ -95,8 +97,7 @@ class Problem:
 
     def gradient(self) -> np.ndarray:
         light, inverse, yielding = self.light(self.given)
-        moments = self.field.backward(self.given, yielding, self.values + light, inverse, np.zeros(len(light)))
-        return parameter_gradient(moments, self.given)
+        return self.field.backward(self.given, yielding, self.values + light, inverse, np.zeros(len(light)))[:, :-1]
 
     def difference(self, index: int, parameter: int) -> float:
         change = np.zeros((COUNT, sum(PARAMETERS.values())))
@@ -104,14 +105,14 @@ class Problem:
         return (self.loss(exactly_moved(self.given, change)) - self.loss(exactly_moved(self.given, -change))) / 2 / STEP
 
 
-@pytest.mark.parametrize("coefficients", [1, 9])
+@pytest.mark.parametrize(("coefficients", "sloped"), [(1, False), (9, False), (1, True), (9, True)])
 @pytest.mark.parametrize("sharpness", [0, 1, 2, 5])
-def test_every_gradient_equals_finite_differences(sharpness, coefficients):
-    problem = Problem(sharpness, coefficients)
-    got = problem.gradient()
+def test_every_gradient_equals_finite_differences(sharpness, coefficients, sloped):
+    problem = Problem(sharpness, coefficients, sloped)
+    got = problem.gradient()[:, : 15 if sloped else 13]
     expected = np.array([[problem.difference(i, k) for k in range(got.shape[1])] for i in range(COUNT)])
     assert (np.abs(expected) > 1e-2).mean() > 0.8
-    # The gradient has 24 bits; differences of losses near 1e3 have errors of 1e3 * 1e-16 * some / 1e-6.
+    # Differences of losses near 1e3 have errors of 1e3 * 1e-16 * some / 1e-6.
     np.testing.assert_allclose(got, expected, rtol=1e-5, atol=1e-5)
 
 
@@ -119,7 +120,7 @@ def test_every_gradient_equals_finite_differences(sharpness, coefficients):
 def test_a_step_follows_the_gradient_of_what_the_oracle_reads(floor):
     """The whole step's: Adam's first mean. The importance is no part of it, the light's own size is. A floor of 10 is
     more than any sample has."""
-    given, coarse, blend = gaussians(4, seed=3), gaussians(6, 9, seed=8), SurfaceBlend(floor=floor)
+    given, coarse, blend = gaussians(4, seed=3, sloped=True), gaussians(6, 9, seed=8), SurfaceBlend(floor=floor)
     given.scale[...], coarse.scale[...] = np.maximum(given.scale, 0.3), 1.0
     given.sh[...], coarse.sh[:, :1] = np.abs(given.sh) + 1, np.abs(coarse.sh[:, :1]) + 6  # B is never cut at 0
     position, normal = points(1500)
@@ -136,37 +137,39 @@ def test_a_step_follows_the_gradient_of_what_the_oracle_reads(floor):
         changed = Exact(**vars(exactly_moved(of_type(given, np.float64), change)))
         return ((light(changed) - 1) ** 2).sum() / len(position)  # the light is 1 everywhere, and so is the importance
 
-    steps = 1e-5 * np.eye(4 * 13).reshape(-1, 4, 13)
-    expected = np.reshape([(loss(step) - loss(-step)) / 2e-5 for step in steps], (4, 13))
+    steps = 1e-5 * np.eye(4 * 15).reshape(-1, 4, 15)
+    expected = np.reshape([(loss(step) - loss(-step)) / 2e-5 for step in steps], (4, 15))
     optimiser = SurfaceOptimiser(samples, coarse, blend)
     state, seen = optimiser.step(SurfaceState.fresh(given), NOWHERE, 1)
     got = state.mean / (1 - BETA_1)
     got[:, 6:9] -= SIZE_COST * seen.loss / 4  # without noise all of the loss is error
-    assert seen.loss == pytest.approx(loss(np.zeros((4, 13))), rel=1e-4)
+    assert seen.loss == pytest.approx(loss(np.zeros((4, 15))), rel=1e-4)
     np.testing.assert_allclose(got, expected, atol=1e-4 * np.abs(expected).max())
 
 
 def test_moved_is_the_move_that_the_gradient_is_of():
-    given = gaussians(COUNT)
+    given = gaussians(COUNT, sloped=True)
     given.sh[...] = np.abs(given.sh) + 1
-    change = np.random.default_rng(0).uniform(-0.1, 0.1, (COUNT, 13))
+    given.slope[...] /= 2
+    change = np.random.default_rng(0).uniform(-0.1, 0.1, (COUNT, 15))
     unit = np.linspace(0.1, 2, COUNT, dtype=np.float32)[:, None]
     result = moved(given, change, unit, np.zeros((COUNT, 3)), np.full((COUNT, 3), np.inf))
-    change[:, 10:] *= unit / constants.SH_C0
+    change[:, 10:13] *= unit / constants.SH_C0
     expected = exactly_moved(of_type(given, np.float64), change)
     for name in FIELDS:
         np.testing.assert_allclose(getattr(result, name), getattr(expected, name), rtol=2e-5, atol=2e-6, err_msg=name)
 
 
 def test_a_move_keeps_to_its_limits():
-    given = gaussians(COUNT)
-    far = np.full((COUNT, 13), 100.0)
+    given = gaussians(COUNT, sloped=True)
+    far = np.full((COUNT, 15), 100.0)
     smallest, largest = given.scale / 2, given.scale * 2
     for sign, scale, opacity in ((1, largest, 1 / (1 + np.exp(-5.0))), (-1, smallest, 1 / (1 + np.exp(5.0)))):
         result = moved(given, sign * far, 1.0, smallest, largest)
         np.testing.assert_array_equal(result.scale, scale)
         np.testing.assert_allclose(result.opacity, opacity, rtol=1e-5)
         assert result.sh.min() >= 0
+        np.testing.assert_allclose(result.slope, sign * SLOPE_BOUND / 2**0.5, rtol=1e-2)
         np.testing.assert_allclose(np.linalg.norm(result.rotation, axis=1), 1, rtol=1e-6)
 
 
@@ -259,7 +262,7 @@ def test_only_what_both_halves_ask_for_is_done(apart):
     agreed = apart < 1
     assert ((state.gaussians.sh > 2) == agreed).all()
     assert (state.gaussians.scale < tiles().scale).all() == agreed
-    assert ((state.mean[:, 10:] < 0) == agreed).all()
+    assert ((state.mean[:, 10:13] < 0) == agreed).all()
 
 
 def test_halves_that_differ_keep_noise_out():

@@ -21,7 +21,7 @@ def flat(position, color, rotation=(0, 0, 0, 1), opacity=1.0):
 
 
 def both(a, b):
-    names = "position", "rotation", "scale", "opacity", "sh"
+    names = "position", "rotation", "scale", "opacity", "sh", "slope"
     return Gaussians(*(np.concatenate([getattr(a, n), getattr(b, n)]) for n in names))
 
 
@@ -49,6 +49,18 @@ def test_the_weight_by_hand():
     turn = 0, np.sin(0.2), 0, np.cos(0.2)  # by 0.4 rad about +Y
     sums, _ = read(flat((0, 0, 0), (1, 1, 1), turn, opacity=0.7), (0, 1.0, 0))
     assert sums[3] == pytest.approx(0.7 * (np.exp(-0.125) - 0.05) * np.cos(0.4) ** 3, rel=1e-6)
+
+
+def test_a_slope_changes_the_light_along_its_axis_alone():
+    """By hand, of scales (1, 2, 0.5): 0.1 per m along x, 0.1 per m along y, the same in each channel."""
+    turn = 0, 0, np.sqrt(0.5), np.sqrt(0.5)  # a right angle about +Z: the first axis is +Y, the second -X
+    fine = replace(flat((0, 0, 0), (0.2, 0.4, 0.8)), slope=np.float32([[0.1, 0.2]]))
+    turned = replace(flat((0, 0, 0), (0.2, 0.4, 0.8), turn), slope=np.float32([[0.1, 0.2]]))
+    for given, point, more in [
+        (fine, (1, 0, 0), 0.1), (fine, (-0.5, 0, 0), -0.05), (fine, (0, 1, 0), 0.1), (fine, (0, 0, 0.3), 0),
+        (turned, (0, 1, 0), 0.1), (turned, (1, 0, 0), -0.1),
+    ]:  # fmt: skip
+        assert read(given, point)[1] == pytest.approx((1 + more) * np.array([0.2, 0.4, 0.8]), rel=1e-6)
 
 
 def test_two_equal_gaussians_mix_evenly_half_way():

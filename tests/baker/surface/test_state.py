@@ -5,6 +5,7 @@ import pytest
 from surface_cases import FIELDS, gaussians
 
 from gsgi.baker.cache.records import from_arrays, to_arrays
+from gsgi.baker.surface.colours import SLOPE_BOUND
 from gsgi.baker.surface.state import (
     LARGEST,
     SMALLEST,
@@ -24,8 +25,8 @@ REST = "mean", "square", "smallest", "largest"
 def state(count: int = 10) -> SurfaceState:
     """With an Adam that has seen something."""
     rng = np.random.default_rng(0)
-    fresh = SurfaceState.fresh(gaussians(count))
-    mean, square = (rng.random((count, 13)).astype(np.float32) for _ in range(2))
+    fresh = SurfaceState.fresh(gaussians(count, sloped=True))
+    mean, square = (rng.random((count, 15)).astype(np.float32) for _ in range(2))
     return SurfaceState(fresh.gaussians, mean, square, fresh.smallest, fresh.largest)
 
 
@@ -40,7 +41,7 @@ def test_a_fresh_state_has_forgotten_all_and_knows_its_limits():
     given = gaussians(10)
     fresh = SurfaceState.fresh(given)
     assert len(fresh) == 10
-    assert fresh.mean.shape == fresh.square.shape == (10, 13)
+    assert fresh.mean.shape == fresh.square.shape == (10, 15)
     assert not fresh.mean.any()
     assert not fresh.square.any()
     assert fresh.mean is not fresh.square
@@ -76,7 +77,7 @@ def test_halves_lie_on_both_sides_along_the_longest_axis():
     after = before.split(which)
     first, second = after.keep(np.arange(8, 10)), after.keep(np.arange(10, 12))
     for half in (first, second):
-        assert_rows(half, slice(None), before, which, ("rotation", "opacity", "sh", "square", "largest"))
+        assert_rows(half, slice(None), before, which, ("rotation", "opacity", "square", "largest"))
         assert not half.mean.any()
         np.testing.assert_allclose(half.smallest, SPLIT_SCALE * before.smallest[which], rtol=1e-6)
     parents = before.keep(which).gaussians
@@ -91,6 +92,32 @@ def test_halves_lie_on_both_sides_along_the_longest_axis():
     np.testing.assert_allclose(apart, expected, atol=1e-6)
     middle = (first.gaussians.position + second.gaussians.position) / 2
     np.testing.assert_allclose(middle, parents.position, atol=1e-6)
+
+
+def light_at(given: Gaussians, position: np.ndarray) -> np.ndarray:
+    """Constant band (N, 3) of each Gaussian's light at a point of its own, (N, 3)."""
+    local = ((position - given.position)[:, None] @ axes(given.rotation))[:, 0] / given.scale
+    return given.sh[:, 0] * (1 + (given.slope * local[:, :2]).sum(axis=1, keepdims=True))
+
+
+def test_halves_go_on_with_the_light_of_the_whole():
+    """Whichever axis is the longest: what changes along it, and what changes along the other."""
+    before = state(40)
+    before.gaussians.slope[...] *= np.float32(0.5)
+    halves = before.split(np.arange(40)).gaussians
+    assert set(before.gaussians.scale.argmax(axis=1)) == {0, 1, 2}
+    anywhere = np.random.default_rng(4).normal(size=(40, 3))
+    for rows in (slice(40), slice(40, None)):
+        half = Gaussians(**{name: getattr(halves, name)[rows] for name in FIELDS})
+        np.testing.assert_allclose(light_at(half, anywhere), light_at(before.gaussians, anywhere), rtol=1e-4, atol=1e-4)
+
+
+def test_halves_of_the_steepest_are_within_their_bound():
+    before = state()
+    before.gaussians.slope[...] = SLOPE_BOUND * np.float32([0.6, 0.8])
+    halves = before.split(np.arange(10)).gaussians
+    assert np.linalg.norm(halves.slope, axis=1).max() <= SLOPE_BOUND * (1 + 1e-6)
+    assert np.linalg.norm(halves.slope, axis=1).max() > SLOPE_BOUND * 0.99
 
 
 def test_halves_are_within_their_limits():

@@ -22,6 +22,9 @@ def check_round_trip(before: Gaussians, after: Gaussians, level: np.void) -> Non
     assert (np.abs(after.sh[:, 0] - before.sh[:, 0]) <= dc_step * slack).all()
     rest_step = level["sh_rest_step"] / 2 * after.sh[:, :1].max(axis=2, keepdims=True)
     assert (np.abs(after.sh[:, 1:] - before.sh[:, 1:]) <= rest_step * slack + 1e-6).all()
+    assert after.sloped == before.sloped
+    if before.sloped:
+        assert np.abs(after.slope - before.slope).max() <= 1 / 512
     # q and -q are one rotation; four components of error 0.0007 each turn it by less than 0.004 rad.
     alignment = np.abs((after.rotation * before.rotation).sum(axis=1))
     assert (2 * np.arccos(np.clip(alignment, 0, 1)) < 0.004).all()
@@ -41,7 +44,7 @@ def test_round_trip_stays_within_the_quantisation_steps(degree):
 
 @pytest.mark.parametrize(("degree", "coarse_degree"), [(0, 2), (2, 0), (1, 1)])
 def test_both_levels_stay_within_their_own_quantisation_steps(degree, coarse_degree):
-    bake = surface_example(degree=degree, coarse_degree=coarse_degree)
+    bake = surface_example(degree=degree, coarse_degree=coarse_degree, sloped=degree < 2)
     bake = replace(bake, coarse=replace(bake.coarse, position=bake.coarse.position * 100, scale=bake.coarse.scale * 9))
     data = codec.encode(bake)
     header, decoded = np.frombuffer(data, HEADER, 1)[0], codec.decode(data)
@@ -71,6 +74,14 @@ def test_encoding_is_idempotent_after_the_first_quantisation(bake):
             np.testing.assert_allclose(after.position, before.position, atol=1e-6)
             np.testing.assert_array_equal(after.opacity, before.opacity)
             np.testing.assert_array_equal(after.sh[:, 0], before.sh[:, 0])
+            np.testing.assert_array_equal(after.slope, before.slope)
+
+
+def test_slopes_beyond_the_range_are_cut():
+    bake = surface_example(2)
+    bake.gaussians.slope[...] = [[9, -9], [0.25, np.float32(-1e30)]]
+    expected = np.float32([[127, -127], [64, -127]]) / 256
+    np.testing.assert_array_equal(codec.decode(codec.encode(bake)).gaussians.slope, expected)
 
 
 def test_the_encoder_is_deterministic():
@@ -98,6 +109,8 @@ def test_a_level_without_gaussians_stays_a_level(count, coarse_count):
 def test_the_size_of_a_file_is_known_before(degree, coarse_degree):
     assert len(codec.encode(example(5, degree))) == codec.file_bytes(5, degree)
     bake = surface_example(5, degree, 3, coarse_degree)
+    assert len(codec.encode(bake)) == codec.file_bytes(5, degree, 3, coarse_degree, "linear")
+    bake = surface_example(5, degree, 3, coarse_degree, sloped=False)
     assert len(codec.encode(bake)) == codec.file_bytes(5, degree, 3, coarse_degree)
 
 
@@ -150,14 +163,16 @@ def test_stored_files_stay_readable(name):
 
 
 def test_the_stored_operators_are_read():
-    bake = codec.decode(stored("v3_over"))
+    bake = codec.decode(stored("v4_over"))
     assert bake.blend.dilation == np.float32(constants.DILATION)
     assert bake.coarse is None
-    bake = codec.decode(stored("v3_surface"))
+    bake = codec.decode(stored("v4_surface"))
+    np.testing.assert_allclose(bake.gaussians.slope, surface_example(3, 1).gaussians.slope, atol=1 / 512)
+    assert not bake.coarse.sloped
     assert (bake.blend.sharpness, len(bake.coarse), bake.coarse.sh_degree) == (4, 2, 2)
     np.testing.assert_allclose(bake.coarse.position, gaussians(2, 2, seed=8).position, atol=1e-3)
 
 
 def test_the_encoder_still_writes_the_stored_bytes():
-    assert codec.encode(example(3, 1)) == stored("v3_over")
-    assert codec.encode(surface_example(3, 1, 2, 2)) == stored("v3_surface")
+    assert codec.encode(example(3, 1)) == stored("v4_over")
+    assert codec.encode(surface_example(3, 1, 2, 2)) == stored("v4_surface")

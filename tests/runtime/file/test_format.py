@@ -10,8 +10,8 @@ from gsgi_files import example, surface_example
 from gsgi.runtime.constants import SH_C0
 from gsgi.runtime.file import codec
 from gsgi.runtime.file.header import EFFECT_BITS, HEADER, OPERATOR_NAMES, OPERATORS, VERSION
-from gsgi.runtime.file.levels import LEVEL, planes
-from gsgi.runtime.gaussians import Effects
+from gsgi.runtime.file.levels import LEVEL, SLOPE_STEP, planes
+from gsgi.runtime.gaussians import BASES, Effects
 
 FORMAT = Path(codec.__file__).with_name("FORMAT.md").read_text(encoding="utf-8")
 
@@ -57,6 +57,13 @@ def test_format_md_states_the_effects():
     assert sum(Effects) == EFFECT_BITS
 
 
+def test_format_md_states_the_bases():
+    stated = re.search(r"^\| \d+ \| u2 \| basis \| (.*) \|$", FORMAT, re.MULTILINE)[1]
+    for number, basis in enumerate(BASES):
+        assert f"{number} = {basis}" in stated
+    assert f"code / {1 / SLOPE_STEP:g}" in FORMAT
+
+
 def test_format_md_shows_a_whole_file():
     """The example in hex is what the encoder writes, and its table says what the bytes mean."""
     section = FORMAT.split("## A whole file")[1].split("## ")[0]
@@ -71,15 +78,17 @@ def test_format_md_shows_a_whole_file():
     np.testing.assert_allclose(bake.gaussians.sh[0, 0] * SH_C0, [0.5, 0.25, 0.125])
     np.testing.assert_allclose(bake.gaussians.rotation, [[0, 0, 0, 1]], atol=1e-6)
     np.testing.assert_allclose(bake.gaussians.opacity, [1.0])
+    np.testing.assert_array_equal(bake.gaussians.slope, [[0.25, -0.125]])
+    assert not bake.coarse.sloped
 
 
 def test_format_md_states_the_arrays_in_order_and_the_size():
     section = FORMAT.split("## Arrays")[1].split("**rotation**")[0]
     names = [name for _, name in re.findall(r"^\| ([iu]\d[^|]*) \| (\w+) \|", section, re.MULTILINE)]
-    assert names == list(planes(1, 1).names)
-    fixed, rest = map(int, re.search(r"N \* \((\d+) \+ (\d+) \* \(K - 1\)\)", FORMAT).groups())
+    assert names == list(planes(1, 1, BASES.index("linear")).names)
+    fixed, rest, slope = map(int, re.search(r"N \* \((\d+) \+ (\d+) \* \(K - 1\) \+ (\d+) \* basis\)", FORMAT).groups())
     header = int(re.search(r"a file has (\d+) bytes more than its two levels", FORMAT)[1])
     for degree in range(4):
         level = 5 * (fixed + rest * ((degree + 1) ** 2 - 1))
         assert len(codec.encode(example(5, degree))) == header + level
-    assert len(codec.encode(surface_example(5, 2, 7, 0))) == header + 5 * (fixed + 8 * rest) + 7 * fixed
+    assert len(codec.encode(surface_example(5, 2, 7, 0))) == header + 5 * (fixed + 8 * rest + slope) + 7 * fixed

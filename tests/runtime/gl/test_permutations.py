@@ -52,8 +52,8 @@ def primitives() -> list[Primitive]:
     return [Primitive(*look, colored, **lit) for look, colored, lit in itertools.product(looks, BOTH, light)]
 
 
-def of_degree(*degrees: int) -> list:
-    return [oracle.random_gaussians(1, degree, seed=0) for degree in degrees]
+def of_degree(*degrees: int, sloped: bool = False) -> list:
+    return [oracle.random_gaussians(1, degree, seed=0, sloped=sloped) for degree in degrees]
 
 
 READINGS = [Reading(*each) for each in itertools.product(SCALES, encodings(), BOTH, BOTH)]
@@ -65,7 +65,8 @@ SUBJECTS = {
     "surface/points": READINGS,
     "surface/gaussians": [
         Level(g, SurfaceBlend(sharpness=sharpness), coarse)
-        for g, sharpness, coarse in itertools.product(of_degree(0, 1, 2), (1, 2, 4), BOTH)
+        for sloped, sharpness, coarse in itertools.product(BOTH, (1, 2, 4), BOTH)
+        for g in of_degree(0, 1, 2, sloped=sloped)
     ],
     "surface/fill": READINGS,
     "surface/resolve": READINGS,

@@ -40,10 +40,10 @@ def assert_equals_oracle(gl, fine, coarse=None, camera=CAMERA, blend=BLEND, scen
     return indirect
 
 
-@pytest.mark.parametrize("degree", [0, 1, 2])
-def test_random_gaussians(gl, degree):
-    fine = oracle.random_gaussians(200, degree, seed=degree)
-    coarse = oracle.random_gaussians(50, 2 - degree, seed=5 + degree)
+@pytest.mark.parametrize(("degree", "sloped"), [(0, False), (1, True), (2, False), (0, True)])
+def test_random_gaussians(gl, degree, sloped):
+    fine = oracle.random_gaussians(200, degree, seed=degree, sloped=sloped)
+    coarse = oracle.random_gaussians(50, 2 - degree, seed=5 + degree, sloped=not sloped)
     image = assert_equals_oracle(gl, fine, coarse)
     assert image.mean() > 0.1
 
@@ -181,12 +181,12 @@ def test_a_flat_gaussian_covers_the_wall_it_lies_on_from_afar(gl, eye, yfov, thi
     assert np.allclose(indirect[inside], 1, rtol=TOLERANCE)
 
 
-@pytest.mark.parametrize("field", ["position", "rotation", "scale", "opacity", "sh"])
+@pytest.mark.parametrize("field", NAMES)
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 3e38, 1e18, 1e-30, 0, -1])
 def test_a_broken_gaussian_does_not_spread(gl, field, value):
     for splat_scale in (1, 2):
         for level in (0, 1):
-            good = oracle.random_gaussians(20, 0, seed=5)
+            good = oracle.random_gaussians(20, 0, seed=5, sloped=True)
             arrays = {name: getattr(good, name).copy() for name in NAMES}
             arrays[field][7] = value
             levels = [Gaussians(**arrays), nothing()]
