@@ -78,13 +78,17 @@ class Entry:
 
 @dataclass(frozen=True)
 class Study:
-    """All `entries` of a scene, the ceiling of each view by name, the driver that drew, and the frame's size in px."""
+    """All `entries` of a scene, the ceiling of each view by name, the driver that drew, and the frame's size in px.
+
+    `error_budget` is as `error_budget.error_budget` makes it.
+    """
 
     ground: Ground
     entries: tuple[Entry, ...]
     ceilings: dict[str, float]
     driver: str
     size: tuple[int, int]
+    error_budget: dict | None
 
 
 @dataclass(frozen=True)
@@ -107,13 +111,16 @@ def run(ground: Ground, methods: Sequence[Method], size: tuple[int, int]) -> Stu
     baked = list(_bake_all(ground, methods))
     from gsgi.runtime.gl.context import renderer_string
 
+    from .error_budget import error_budget
+
     with _context() as ctx:
         driver = renderer_string(ctx)
         entries = _drawn(ground, baked, ctx)
         times = _timed(ground, entries, ctx, size)
-    finished = tuple(_entry(ground, *entry, times, size) for entry in entries)
+        finished = tuple(_entry(ground, *entry, times, size) for entry in entries)
+        budget = error_budget(ground, finished, ctx)
     ceilings = {name: indirect_ceiling(reference) for name, reference in references.items()}
-    return Study(ground, finished, ceilings, driver, size)
+    return Study(ground, finished, ceilings, driver, size, budget)
 
 
 def _bake_all(ground: Ground, methods: Sequence[Method]) -> Iterator[_Baked]:

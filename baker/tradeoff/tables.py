@@ -45,6 +45,7 @@ def as_dict(study: Study, scene: str, command: str) -> dict:
         ],
         "entries": entries,
         "ranking": rank,
+        "error_budget": study.error_budget and _rounded(study.error_budget),
     }
 
 
@@ -119,6 +120,12 @@ def _entry(entry: Entry, scene: str) -> dict:
 def _place(entries: list[dict], entry: dict) -> int:
     """Index of an entry."""
     return next(i for i, other in enumerate(entries) if other is entry)
+
+
+def _rounded(budget: dict) -> dict:
+    """An error budget with its numbers rounded."""
+    parts = [{name: _round(value) for name, value in part.items()} for part in budget["parts"]]
+    return budget | {"parts": parts}
 
 
 def _round(value):

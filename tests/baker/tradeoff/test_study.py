@@ -56,6 +56,7 @@ def test_the_data_is_what_was_measured(made):
     assert plain["free_error"] is None
     assert dark["free_error"] > 0.5
     assert dark["frame_ms"] > 0
+    assert data["error_budget"] is None  # without our own method
     assert data["entries"][3]["more_ms"] > plain["more_ms"]  # path tracing against a look-up
 
 
