@@ -19,7 +19,7 @@ INK, GREY, RULE, BAND, DOMINATED = "#222222", "#6b6b6b", "#e4e4e4", "#f3efe2", "
 WIDTH, HEIGHT = 760, 460  # px
 LEFT, RIGHT, TOP, BOTTOM = 66, 540, 56, 404
 RADIUS = 4.5
-FREE = 0.4  # decades left of the smallest cost, where what costs nothing stands
+FREE, CLEAR = 0.5, 30  # decades left of the smallest cost, where what costs nothing stands; px without ticks there
 
 
 class Line(NamedTuple):
@@ -179,7 +179,7 @@ def _grid(x: _Axis, y: _Axis, cost: str, free: bool) -> Iterator[NamedTuple]:
     for value in y.ticks():
         yield Line(((LEFT, y.at(value)), (RIGHT, y.at(value))), RULE)
         yield Text((LEFT - 6, y.at(value) + 4), f"{value:g}", GREY, "end", 11)
-    for value in x.ticks():
+    for value in (value for value in x.ticks() if not free or x.at(value) > LEFT + CLEAR):
         yield Line(((x.at(value), TOP), (x.at(value), BOTTOM)), RULE)
         yield Text((x.at(value), BOTTOM + 16), _short(value), GREY, "middle", 11)
     if free:

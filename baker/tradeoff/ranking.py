@@ -26,9 +26,15 @@ def cheapest(entries: Sequence[dict], ssim: float) -> list[dict]:
 
 
 def dominated(entries: Sequence[dict], cost: str) -> list[bool]:
-    """Whether another entry costs no more and has no more error, and is better in one of them."""
+    """Whether another entry costs no more and has no more error, and is better in one of them.
+
+    What costs nothing here, such as the bytes of path tracing, is paid in every frame: it dominates nothing that costs.
+    """
     points = [(entry[cost], 1 - entry["mean"]["ssim"]) for entry in entries]
-    return [any(a <= cost and b <= error and (a, b) != (cost, error) for a, b in points) for cost, error in points]
+    return [
+        any(a <= cost and b <= error and (a, b) != (cost, error) and (a > 0 or cost == 0) for a, b in points)
+        for cost, error in points
+    ]
 
 
 def recommended(entries: Sequence[dict], wish: Wish) -> tuple[dict | None, str]:

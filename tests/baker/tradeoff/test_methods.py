@@ -11,10 +11,10 @@ from gsgi.baker.tradeoff.study import MAGNIFIED
 
 STORED = {method.name: method for method in (lightmap.PLAIN, lightmap.DENOISED, probes.PLAIN, probes.VISIBLE)}
 SETTINGS = {
-    "lightmap": (6.0, 40.0),
-    "lightmap-denoised": (6.0, 40.0),
-    "probes": (2.0, 12.0),
-    "probes-visibility": (2.0, 12.0),
+    "lightmap": (6.0, 30.0),
+    "lightmap-denoised": (6.0, 30.0),
+    "probes": (2.0, 8.0),
+    "probes-visibility": (2.0, 8.0),
 }
 
 

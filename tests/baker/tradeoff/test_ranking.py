@@ -43,6 +43,13 @@ def test_an_entry_is_dominated_if_another_costs_no_more_and_errs_less():
     assert dominated(ENTRIES, "file_bytes") == [False, True, False, False, True, True]
 
 
+def test_what_costs_nothing_dominates_nothing_that_costs():
+    free = [entry("path-tracing", 4, 0.95, 900, 0, 0), entry("none", 0, 0.1, 0, 0, 0)]
+    assert dominated([*ENTRIES, *free], "file_bytes")[:6] == dominated(ENTRIES, "file_bytes")
+    assert dominated([*ENTRIES, *free], "file_bytes")[6:] == [False, True]
+    assert dominated([*ENTRIES, *free], "frame_ms")[6:] == [True, False]
+
+
 def test_the_most_accurate_within_limits_is_recommended():
     assert recommended(ENTRIES, Wish(ms=2.5, bytes=10_000))[0] is ENTRIES[2]
     assert recommended(ENTRIES, Wish(ms=0.7))[0] is ENTRIES[1]
