@@ -99,7 +99,7 @@ def _budgets(middle: int, factors: tuple[float, ...]) -> list[float]:
 
 def _gpu_bytes(level: Gaussians) -> int:
     sh_texels = -(-3 * level.sh.shape[1] // 4)
-    return len(level) * (TEXEL_BYTES * (SHAPE_TEXELS + sh_texels) + 4)
+    return len(level) * (TEXEL_BYTES * (SHAPE_TEXELS + sh_texels + level.sloped) + 4)
 
 
 SURFACE = Method(
