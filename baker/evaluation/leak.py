@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gsgi.baker.trace.irradiance_cache import cell_keys
+from gsgi.baker.trace.local_light import FAINT
 from gsgi.baker.trace.reference import Reference
 from gsgi.baker.views.surface_points import SurfacePoints, Triangles
 from gsgi.runtime.display import luminance
@@ -56,14 +57,14 @@ class Surroundings:
     def bright_side(self, points: SurfacePoints, light: np.ndarray) -> np.ndarray:
         """Light (N,) of the brightest patch near points (N,) that they do not see; 0 where they are not dark beside it.
 
-        `light` (N,) is the luminance of B at the points.
+        `light` (N,) is the luminance of B at the points. Eyes adapt to no less than FAINT of its mean over all patches.
         """
         from scipy.spatial import cKDTree
 
         near = cKDTree(self.points.position).query_ball_point(points.position, self.reach)
         at = np.repeat(np.arange(len(points)), [len(found) for found in near])
         patch = np.concatenate([np.empty(0, np.int64), *(np.asarray(found, np.int64) for found in near)])
-        darker = light[at] < DARK * self.light[patch]
+        darker = np.maximum(light[at], FAINT * self.light.mean()) < DARK * self.light[patch]
         at, patch = at[darker], patch[darker]
         lifted, targets = self.triangles.lifted(points), self.triangles.lifted(self.points)
         hidden = self.triangles.blocked(lifted[at], targets[patch])

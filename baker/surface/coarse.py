@@ -6,9 +6,11 @@ import numpy as np
 
 from gsgi.baker.fitting.blue_noise import spacing, thin
 from gsgi.baker.trace.local_light import local_light
+from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
 
 from .budget import COARSE_DEGREE
+from .occlusion import Occlusion
 from .optimiser import SurfaceOptimiser
 from .samples import SurfaceSamples
 from .state import SurfaceState
@@ -30,14 +32,20 @@ OPACITY = 0.5  # of the others at the start
 SCALE_MIN = 1e-6  # m; points can coincide
 
 
-def coarse_level(samples: SurfaceSamples, count: int, blend: SurfaceBlend, seed: int) -> Gaussians:
-    """Fit at most `count` Gaussians to `samples` in free space, whose normals have all directions."""
+def coarse_level(
+    samples: SurfaceSamples, count: int, blend: SurfaceBlend, seed: int, triangles: Triangles | None = None
+) -> Gaussians:
+    """Fit at most `count` Gaussians to `samples` in free space, whose normals have all directions.
+
+    With the `triangles` of the scene, Gaussians are cut where they would carry light across an occluder.
+    """
+    blend = replace(blend, sharpness=0, floor=0.0)
     gaussians = _evenly_apart(samples.position, count, np.random.default_rng(seed))
     nothing = SurfaceState.fresh(gaussians).keep(np.zeros(len(gaussians), bool)).gaussians
     # An object moves through the light of all directions: what is around a sample does not depend on its normal.
     upwards = np.tile(np.float32([0, 1, 0]), (len(samples), 1))
     around = local_light(samples.position, upwards, samples.indirect_a, samples.indirect_b)
-    optimiser = SurfaceOptimiser(samples, nothing, replace(blend, sharpness=0, floor=0.0), around)
+    optimiser = SurfaceOptimiser(samples, nothing, blend, around)
     state = SurfaceState.fresh(gaussians)
     for step in range(STEPS):
         if step % SOLVE_STEPS == 0:
@@ -45,7 +53,10 @@ def coarse_level(samples: SurfaceSamples, count: int, blend: SurfaceBlend, seed:
         falling = RATE_END ** (step / STEPS)
         state, _ = optimiser.step(state, {name: falling * rate for name, rate in RATES.items()}, step + 1)
         state = replace(state, gaussians=_everywhere_again(state.gaussians, gaussians))
-    return optimiser.solve(state.gaussians, SOLVE_LAST, RIDGE)
+    last = state.gaussians
+    if triangles:
+        last, _ = Occlusion(samples, triangles, blend, count).cut(last)
+    return optimiser.solve(_everywhere_again(last, gaussians), SOLVE_LAST, RIDGE)
 
 
 def _everywhere_again(moved: Gaussians, start: Gaussians) -> Gaussians:

@@ -14,9 +14,11 @@ from gsgi.baker.fitting.blue_noise import CANDIDATES, spacing, thin
 from gsgi.baker.fitting.rotations import rotation_to
 from gsgi.baker.fitting.schedule import Schedule, count_after
 from gsgi.baker.fitting.task import Monitor
+from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime import constants
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
 
+from .occlusion import Occlusion, seen_light
 from .optimiser import LIST_STEPS, SurfaceOptimiser
 from .samples import SurfaceSamples, joined
 from .state import SurfaceState, to_merge, to_remove, to_split
@@ -62,28 +64,35 @@ def fit_surface(
     schedule: Schedule,
     monitor: Monitor | None = None,
     checkpoint: Checkpoint | None = None,
+    triangles: Triangles | None = None,
 ) -> Gaussians:
     """Fit the fine level: at most `schedule.budget` Gaussians that match the samples on top of `coarse`.
 
-    They have SH of degree 0 and slopes. `monitor(iteration, loss, gaussians)` is called after each step, and
-    gaussians() returns the result of that step. The fit resumes from `checkpoint` if that holds a state, and saves
-    states there. For a given seed the result does not depend on the number of threads or on interruptions. Raises
-    FloatingPointError at the first gradient or loss that is not finite, and names the iteration and, for a gradient,
-    the Gaussian.
+    They have SH of degree 0 and slopes. With the `triangles` of the scene, they are cut where they would carry light
+    across an occluder. `monitor(iteration, loss, gaussians)` is called after each step, and gaussians() returns the
+    result of that step. The fit resumes from `checkpoint` if that holds a state, and saves states there. For a given
+    seed the result does not depend on the number of threads or on interruptions. Raises FloatingPointError at the first
+    gradient or loss that is not finite, and names the iteration and, for a gradient, the Gaussian.
     """
     rng = np.random.default_rng(schedule.seed)
-    optimiser = SurfaceOptimiser(joined([surface, free]), coarse, blend)
+    samples, occlusion, around = joined([surface, free]), None, None
+    if triangles:
+        occlusion = Occlusion(surface, triangles, blend, schedule.budget)
+        around = seen_light(samples, triangles)
+    optimiser = SurfaceOptimiser(samples, coarse, blend, around)
     if checkpoint and (arrays := checkpoint.load()):
         run = from_arrays(_Run, arrays)
     else:
         first = start(surface, round(START_SHARE * schedule.budget), rng)
+        if occlusion:
+            first, _ = occlusion.cut(first)
         run = _Run(SurfaceState.fresh(optimiser.solve(first, SOLVE_FIRST)), np.zeros(len(first), np.float32), 0)
     state, error = run.state, run.error
     changes = {round(share * schedule.iterations): (i + 1) / len(GROWTH) for i, share in enumerate(GROWTH)}
     for iteration in range(run.iteration, schedule.iterations):
         if iteration in changes and iteration > 0:
             limit = count_after(round(START_SHARE * schedule.budget), schedule.budget, changes[iteration])
-            state = changed(state, error, limit, optimiser)
+            state = changed(state, error, limit, optimiser, occlusion)
         falling = RATE_END ** (iteration / schedule.iterations)
         try:
             state, result = optimiser.step(state, {name: falling * rate for name, rate in RATES.items()}, iteration + 1)
@@ -94,7 +103,8 @@ def fit_surface(
             monitor(iteration + 1, result.loss, lambda gaussians=state.gaussians: gaussians)
         if checkpoint and (iteration + 1) % LIST_STEPS == 0 and checkpoint.due():
             checkpoint.save(to_arrays(_Run(state, error, iteration + 1)))
-    return optimiser.solve(state.gaussians, SOLVE_LAST)
+    last, _ = occlusion.cut(state.gaussians) if occlusion else (state.gaussians, None)
+    return optimiser.solve(last, SOLVE_LAST)
 
 
 def start(samples: SurfaceSamples, count: int, rng: np.random.Generator) -> Gaussians:
@@ -111,14 +121,19 @@ def start(samples: SurfaceSamples, count: int, rng: np.random.Generator) -> Gaus
     return Gaussians(position, rotation_to(normal), scale, opacity, colour, slope)
 
 
-def changed(state: SurfaceState, error: np.ndarray, limit: int, optimiser: SurfaceOptimiser) -> SurfaceState:
+def changed(
+    state: SurfaceState, error: np.ndarray, limit: int, optimiser: SurfaceOptimiser, occlusion: Occlusion | None = None
+) -> SurfaceState:
     """Change the number of Gaussians to at most `limit`, and solve for the colours.
 
-    Removes duplicates and Gaussians that hardly any sample sees, and splits those with the most `error` (N,).
+    Removes duplicates and Gaussians that hardly any sample sees, splits those with the most `error` (N,), and cuts
+    those that reach across an occluder.
     """
     wanted = ~(
         to_remove(optimiser.share(state.gaussians)) | to_merge(state.gaussians, optimiser.level_of(state.gaussians))
     )
     state, error = state.keep(wanted), error[wanted]
     state = state.split(to_split(error, limit - len(state)))
+    if occlusion:
+        state = state.cut(*occlusion.cut(state.gaussians))
     return replace(state, gaussians=optimiser.solve(state.gaussians, SOLVE_AGAIN))

@@ -22,7 +22,7 @@ FREE_SHARE = 1 / 16  # free samples per surface sample; they keep fine Gaussians
 
 COARSE_TIMED = 8  # the coarse level is timed with one free sample in this many; it takes as much longer with all
 
-FIT_PACKAGES = ("numpy", "scipy")  # a fit depends on their versions
+FIT_PACKAGES = ("numpy", "scipy", "open3d")  # a fit depends on their versions
 
 
 class SurfaceFits:
@@ -51,7 +51,7 @@ class SurfaceFits:
         surface, free = self._samples(budget)
         start = time.perf_counter()
         with self.progress.stage("fit", plan.settings.iterations, "iterations") as advance:
-            coarse = coarse_level(free, coarse_count(budget), plan.blend, plan.settings.seed)
+            coarse = coarse_level(free, coarse_count(budget), plan.blend, plan.settings.seed, plan.triangles)
             fine = budget - len(coarse)
             some = free[: round(FREE_SHARE * len(surface))]
             gaussians, history = self._fitted(fine, surface, some, coarse, advance, make_monitor)
@@ -82,9 +82,13 @@ class SurfaceFits:
         plan, settings = self.plan, self.plan.settings
         schedule = Schedule(budget, settings.iterations, settings.seed)
         task = surface, free, coarse, plan.blend, schedule
-        inputs = {"code": code_version("gsgi.baker.surface.fit", FIT_PACKAGES), "task": task}
+        code = code_version("gsgi.baker.surface.fit", FIT_PACKAGES)
+        inputs = {"code": code, "scene": plan.tracer.scene_digest, "task": task}
         gaussians, history = run_or_resume(
-            plan.tracer.cache, inputs, lambda: make_monitor(advance, coarse), lambda *tools: fit_surface(*task, *tools)
+            plan.tracer.cache,
+            inputs,
+            lambda: make_monitor(advance, coarse),
+            lambda *tools: fit_surface(*task, *tools, plan.triangles),
         )
         if history is None:
             advance(settings.iterations, "from the cache")
@@ -114,5 +118,5 @@ def parts_on_grey_light(plan: "Plan", steps: int) -> list[tuple[Callable[[], obj
     return [
         (lambda: [optimiser.step(state, still, 1 + i) for i in range(steps)], settings.iterations / steps),
         (lambda: optimiser.solve(state.gaussians, SOLVE_AGAIN), solved),
-        (lambda: coarse_level(few, coarse_count(settings.budget), plan.blend, 0), COARSE_TIMED),
+        (lambda: coarse_level(few, coarse_count(settings.budget), plan.blend, 0, plan.triangles), COARSE_TIMED),
     ]

@@ -54,6 +54,16 @@ class SurfaceState:
         rest = (array[which] for array in (self.mean, self.square, self.smallest, self.largest))
         return SurfaceState(Gaussians(**kept), *rest)
 
+    def cut(self, gaussians: Gaussians, which: np.ndarray) -> "SurfaceState":
+        """The state with other shapes, smaller ones for those in `which` (N,) bool, which do not grow back."""
+        smallest = np.minimum(self.smallest, np.float32(SMALLEST) * gaussians.scale)
+        return replace(
+            self,
+            gaussians=gaussians,
+            smallest=np.where(which[:, None], smallest, self.smallest),
+            largest=np.where(which[:, None], gaussians.scale, self.largest),
+        )
+
     def split(self, which: np.ndarray) -> "SurfaceState":
         """Replace each Gaussian of the indices `which` (D,) by two halves, appended at the end."""
         others = np.ones(len(self), bool)

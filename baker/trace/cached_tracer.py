@@ -92,7 +92,7 @@ class CachedTracer:
 
     def key(self, stage: str, module: str, **inputs) -> str:
         """The cache key of a task on this scene that the code of `module` computes from `inputs`."""
-        return task_key(stage, code=code_version(module, PACKAGES), scene=self._scene_digest, **inputs)
+        return task_key(stage, code=code_version(module, PACKAGES), scene=self.scene_digest, **inputs)
 
     def once(self, key: str, kind: type, compute: Callable[[], object]) -> tuple[object, bool]:
         """The record of type `kind` under `key`, computed and cached if missing; and whether it was in the cache."""
@@ -110,7 +110,8 @@ class CachedTracer:
         return TracedView(surface.image(light.mean), surface.normal, surface.depth, valid, light.invalid)
 
     @cached_property
-    def _scene_digest(self) -> str:
+    def scene_digest(self) -> str:
+        """The digest of the scene, for the keys of tasks that depend on it."""
         return scene_digest(self.scene)
 
     @cached_property

@@ -1,0 +1,296 @@
+"""Keeps Gaussians from carrying light across occluders.
+
+A Gaussian is read wherever it reaches, also behind a wall that stands on the same floor. Where samples that it reaches
+differ in light and an occluder lies between, the Gaussian is cut: turned and shrunk until it ends there.
+"""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from gsgi.baker.fitting.rotations import axes
+from gsgi.baker.trace.local_light import BLOCK, LocalLight, local_light
+from gsgi.baker.trace.point_order import coherent
+from gsgi.baker.views.surface_points import SurfacePoints, Triangles
+from gsgi.runtime.display import luminance
+from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
+
+from .colours import bounded_slope
+from .samples import SurfaceSamples
+
+FACTOR = 8.0  # light differs across an occluder if it does by this factor
+VARIES = 0.5  # standard deviation of the light of neighbours, relative to its mean
+SIGNIFICANT = 3.0  # standard deviations of the noise, by which a sample is darker than its neighbours
+NEIGHBOURS = 8  # samples over whose light is averaged, as far as they see each other
+
+# How far off the far side of an occluder must lie, in radii of the Gaussian. A dark one on a surface may reach on a
+# little: Gaussians must fill the surface up to the occluder, and too little light on the bright side is no leak.
+INTO_DARK, INTO_BRIGHT = 1.02, 0.85
+
+MARGIN = 1.3  # samples a little beyond a Gaussian tell of occluders just within it
+AT_ONCE = 1 << 12  # Gaussians; bounds memory
+FLAT, ROUND = 8, 128  # samples per Gaussian that are looked at on surfaces, beside those where light varies; in space
+CUTS = 4  # most cuts of a Gaussian, each on one of its sides
+STEPS = 12  # of the search for the nearest point of a convex hull
+SMALLEST = 0.02  # standard deviation after a cut, relative to that before
+SIDE = 0.3  # cosine to the nearest point within which points are on the same side of a Gaussian
+
+
+def seen_light(samples: SurfaceSamples, triangles: Triangles) -> LocalLight:
+    """The light around samples as `local_light` has it, but only over neighbours that see each other.
+
+    Where light varies among neighbours on the same surface, they may lie on both sides of a wall.
+    """
+    around, varies = _around(samples)
+    level = around.level.copy()
+    light = _seen_mean(samples[varies], triangles, samples.indirect.mean(axis=1)[varies], True)
+    level[varies] = np.maximum(light, around.level.min(initial=np.inf))
+    return LocalLight(level, around.noise)
+
+
+def _around(samples: SurfaceSamples) -> tuple[LocalLight, np.ndarray]:
+    """The `local_light` of samples, and where (S,) bool it varies among neighbours by more than their noise."""
+    arrays = samples.position, samples.normal, samples.indirect_a, samples.indirect_b
+    around, order = local_light(*arrays), coherent(*arrays[:2])
+    a, b = (half.mean(axis=1, dtype=np.float64)[order] for half in arrays[2:])
+    block = np.arange(len(order)) // BLOCK
+    count = np.maximum(np.bincount(block), 1)
+    mean_a, mean_b, product = (np.bincount(block, values) / count for values in (a, b, a * b))
+    varies = around.level > FACTOR * samples.indirect.mean(axis=1) + SIGNIFICANT * around.noise
+    varies[order] |= (product - mean_a * mean_b > VARIES**2 * mean_a * mean_b)[block]
+    return around, varies
+
+
+class Occlusion:
+    """Some of the samples that Gaussians are fitted to, and the triangles between them."""
+
+    def __init__(self, samples: SurfaceSamples, triangles: Triangles, blend: SurfaceBlend, count: int):
+        """For up to `count` Gaussians that are read with `blend`. Without sharpness they reach all normals."""
+        from scipy.spatial import cKDTree
+
+        self._blend, self._triangles, self._facing = blend, triangles, blend.sharpness > 0
+        some = np.arange(0, len(samples), max(len(samples) // ((FLAT if self._facing else ROUND) * max(count, 1)), 1))
+        some = samples[np.union1d(some, np.flatnonzero(_around(samples)[1])) if self._facing else some]
+        self._position, self._normal, self._lifted = some.position, some.normal, _lifted(some, triangles)
+        self._light = _seen_mean(some, triangles, luminance(some.indirect), self._facing)
+        self._tree = cKDTree(some.position)
+
+    def cut(self, gaussians: Gaussians) -> tuple[Gaussians, np.ndarray]:
+        """The Gaussians, cut where they would carry light across an occluder, and which (N,) bool were."""
+        if not (len(gaussians) and len(self._position)):
+            return gaussians, np.zeros(len(gaussians), bool)
+        home = self._homes(gaussians)
+        pairs = self._near_other_light(gaussians, home)
+        found = self._across(gaussians, home, *pairs)
+        if self._facing:
+            gaussians = _turned(gaussians, self._normal[home], np.unique(found.of))
+            found = self._across(gaussians, home, *pairs)
+        cut = _cut_flat(gaussians, found) if self._facing else _cut_round(gaussians, found)
+        return cut, np.isin(np.arange(len(gaussians)), found.of)
+
+    def _homes(self, gaussians: Gaussians) -> np.ndarray:
+        """The sample (N,) at the centre of each Gaussian: among those near it, that at which it weighs most."""
+        count = min(NEIGHBOURS, len(self._position))
+        near = self._tree.query(gaussians.position, k=count, workers=-1)[1].reshape(len(gaussians), -1)
+        of = np.repeat(np.arange(len(gaussians)), count)
+        away = np.square(_offset(gaussians, of, self._position[near.ravel()])).sum(axis=1)
+        away[~self._faced(gaussians, of, near.ravel())] = np.inf
+        return near[np.arange(len(gaussians)), away.reshape(near.shape).argmin(axis=1)]
+
+    def _faced(self, gaussians: Gaussians, of: np.ndarray, sample: np.ndarray) -> np.ndarray:
+        """Whether (P,) bool Gaussians are read at the normals of samples."""
+        if not self._facing:
+            return np.ones(len(of), bool)
+        return (axes(gaussians.rotation)[of, :, 2] * self._normal[sample]).sum(axis=1) > 0
+
+    def _near_other_light(self, gaussians: Gaussians, home: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Pairs (P,) of a Gaussian and a sample around it whose light differs from that at home."""
+        parts = [self._near(gaussians, home, i) for i in range(0, len(gaussians), AT_ONCE)]
+        return tuple(np.concatenate(column) for column in zip(*parts, strict=True))
+
+    def _near(self, gaussians: Gaussians, home: np.ndarray, first: int) -> tuple[np.ndarray, np.ndarray]:
+        """The same for AT_ONCE Gaussians from index `first`."""
+        block = slice(first, first + AT_ONCE)
+        reach = MARGIN * self._blend.radius * gaussians.scale[block].max(axis=1)
+        near = self._tree.query_ball_point(gaussians.position[block], reach, workers=-1)
+        of = first + np.repeat(np.arange(len(near)), [len(found) for found in near])
+        sample = np.concatenate([np.asarray(found, np.int64) for found in near])
+        here, there = self._light[home[of]], self._light[sample]
+        differ = np.maximum(here, there) > FACTOR * np.minimum(here, there)
+        return of[differ], sample[differ]
+
+    def _across(self, gaussians: Gaussians, home: np.ndarray, of: np.ndarray, sample: np.ndarray) -> "_Across":
+        """Those of the pairs (P,) between which an occluder lies."""
+        away = np.square(_offset(gaussians, of, self._position[sample])).sum(axis=1)
+        reached = (away < (MARGIN * self._blend.radius) ** 2) & self._faced(gaussians, of, sample)
+        of, sample = of[reached], sample[reached]
+        start = self._lifted[sample]
+        way = self._lifted[home[of]] - start
+        share = self._triangles.hits(start, way).distance
+        blocked = share < 1
+        of, sample, occluder = of[blocked], sample[blocked], start[blocked] + share[blocked, None] * way[blocked]
+        onward = self._facing & (self._light[sample] > self._light[home[of]])
+        limit = np.where(onward, INTO_BRIGHT, INTO_DARK) * self._blend.radius
+        return _Across(of, occluder, self._position[sample], limit)
+
+
+class _Across(NamedTuple):
+    """Q pairs of a Gaussian `of` (Q,) and a sample at `position` (Q, 3) of other light behind an `occluder` (Q, 3).
+
+    The occluder's point is that on the sample's side. It must lie at least `limit` (Q,) standard deviations off.
+    """
+
+    of: np.ndarray
+    occluder: np.ndarray
+    position: np.ndarray
+    limit: np.ndarray
+
+
+def _turned(gaussians: Gaussians, normal: np.ndarray, which: np.ndarray) -> Gaussians:
+    """The Gaussians, with those in `which` facing along `normal` (N, 3).
+
+    A Gaussian at the foot of a wall that faces both wall and floor also faces the floor behind the wall.
+    """
+    from scipy.spatial.transform import Rotation
+
+    rotation, up = gaussians.rotation.copy(), normal[which].astype(np.float64)
+    frame = axes(rotation[which])
+    aslant = np.einsum("nij,ni->nj", frame[:, :, :2], up)
+    first = frame[np.arange(len(which)), :, np.abs(aslant).argmin(axis=1)]
+    first -= (first * up).sum(axis=1, keepdims=True) * up
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    # The other axis in the surface keeps its standard deviation, whichever of the two stayed.
+    swapped = np.abs(aslant).argmin(axis=1) == 1
+    second = np.cross(up, first)
+    x, y = np.where(swapped[:, None], -second, first), np.where(swapped[:, None], first, second)
+    rotation[which] = Rotation.from_matrix(np.stack([x, y, up], axis=2).reshape(-1, 3, 3)).as_quat()
+    return replace(gaussians, rotation=rotation)
+
+
+def _offset(gaussians: Gaussians, of: np.ndarray, point: np.ndarray) -> np.ndarray:
+    """Points (P, 3) seen from Gaussians `of` (P,): along their axes, in standard deviations from their centres."""
+    frame = axes(gaussians.rotation).astype(np.float32)
+    return np.einsum("pji,pj->pi", frame[of], point - gaussians.position[of]) / gaussians.scale[of]
+
+
+def _lifted(samples: SurfaceSamples, triangles: Triangles) -> np.ndarray:
+    nothing = np.zeros(len(samples), np.int32)
+    return triangles.lifted(SurfacePoints(samples.position, samples.normal, nothing.astype(bool), nothing))
+
+
+def _seen_mean(samples: SurfaceSamples, triangles: Triangles, light: np.ndarray, facing: bool) -> np.ndarray:
+    """Light (S,) averaged over the nearest samples that each sees; with `facing`, only if they face the same way."""
+    from scipy.spatial import cKDTree
+
+    if not len(light):
+        return light
+    _, near = cKDTree(samples.position).query(samples.position, k=min(NEIGHBOURS, len(light)), workers=-1)
+    near = near.reshape(len(light), -1)
+    own, other = np.repeat(np.arange(len(light)), near.shape[1]), near.ravel()
+    lifted = _lifted(samples, triangles)
+    counts = ~triangles.blocked(lifted[own], lifted[other])
+    if facing:
+        counts &= (samples.normal[own] * samples.normal[other]).sum(axis=1) > 0
+    counts = (counts | (own == other)).reshape(near.shape)
+    return (light[near] * counts).sum(axis=1) / np.maximum(counts.sum(axis=1), 1)
+
+
+def _cut_flat(gaussians: Gaussians, found: _Across) -> Gaussians:
+    """Gaussians that end at occluders. The last axis is the normal and stays.
+
+    Samples above and below a Gaussian take from its thickness, occluders beside it from its extent in the surface.
+    """
+    above = _offset(gaussians, found.of, found.position)
+    is_above = np.abs(above[:, 2]) > np.hypot(above[:, 0], above[:, 1])
+    thin = np.ones(len(gaussians))
+    np.minimum.at(thin, found.of[is_above], np.abs(above[is_above, 2]) / found.limit[is_above])
+    of, limit = found.of[~is_above], found.limit[~is_above]
+    beside = _offset(gaussians, of, found.occluder[~is_above])[:, :2] / limit[:, None]
+    turn, size = _principal(_cut_shapes(len(gaussians), of, beside), gaussians.scale[:, :2])
+    frame = axes(gaussians.rotation)
+    frame[:, :, :2] = frame[:, :, :2] @ turn
+    size = np.column_stack([size, np.maximum(thin, SMALLEST) * gaussians.scale[:, 2]])
+    return _shaped(gaussians, found.of, frame, size)
+
+
+def _cut_round(gaussians: Gaussians, found: _Across) -> Gaussians:
+    """The same for Gaussians whose axes are all alike."""
+    offset = _offset(gaussians, found.of, found.occluder) / found.limit[:, None]
+    turn, size = _principal(_cut_shapes(len(gaussians), found.of, offset), gaussians.scale)
+    return _shaped(gaussians, found.of, axes(gaussians.rotation) @ turn, size)
+
+
+def _shaped(gaussians: Gaussians, of: np.ndarray, frame: np.ndarray, size: np.ndarray) -> Gaussians:
+    """The Gaussians with axes (N, 3, 3) and standard deviations (N, 3), m, for those that are in `of`.
+
+    The gradient of their light in metres stays.
+    """
+    from scipy.spatial.transform import Rotation
+
+    which = np.isin(np.arange(len(gaussians)), of)
+    rotation = Rotation.from_matrix(frame).as_quat().astype(np.float32)
+    if gaussians.sloped:
+        steepness = gaussians.slope / gaussians.scale[:, :2]
+        gradient = np.einsum("nij,nj->ni", axes(gaussians.rotation)[:, :, :2], steepness)
+        slope = np.einsum("nij,ni->nj", frame[:, :, :2], gradient) * size[:, :2]
+        slope = np.where(which[:, None], bounded_slope(slope.astype(np.float32)), gaussians.slope)
+        gaussians = replace(gaussians, slope=slope)
+    return replace(
+        gaussians,
+        rotation=np.where(which[:, None], rotation, gaussians.rotation),
+        scale=np.where(which[:, None], size.astype(np.float32), gaussians.scale),
+    )
+
+
+def _principal(shape: np.ndarray, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Axes (N, D, D), as columns, and standard deviations (N, D) of Gaussians that were `scale` (N, D) before a cut.
+
+    `shape` (N, D, D) is the inverse covariance in units of the old standard deviations.
+    """
+    values, turn = np.linalg.eigh(shape / (scale[:, :, None] * scale[:, None, :]).astype(np.float64))
+    turn[:, :, -1] *= np.linalg.det(turn)[:, None]
+    return turn, 1 / np.sqrt(values)
+
+
+def _cut_shapes(count: int, of: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Inverse covariances (count, D, D) of round Gaussians of radius 1, cut until they do not reach points (P, D).
+
+    Each cut shrinks a Gaussian `of` (P,) along one direction, to the plane that parts it from the points of a side.
+    """
+    shape = np.tile(np.eye(points.shape[1]), (count, 1, 1))
+    for _ in range(CUTS):
+        inside = np.einsum("pi,pij,pj->p", points, shape[of], points) < 1 - 1e-6
+        of, points = of[inside], points[inside]
+        if not len(of):
+            break
+        root = np.linalg.cholesky(shape)
+        which, nearest = _nearest_of_hulls(of, np.einsum("pji,pj->pi", root[of], points))
+        length = np.maximum(np.linalg.norm(nearest, axis=1, keepdims=True), np.finfo(np.float64).tiny)
+        along = np.einsum("gij,gj->gi", root[which], nearest / length)
+        shape[which] += (1 / np.maximum(length, SMALLEST) ** 2 - 1)[:, :, None] * along[:, :, None] * along[:, None, :]
+    return shape
+
+
+def _nearest_of_hulls(of: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The G different `of` (P,), which ascend, and for each the point (G, D) of a convex hull nearest to the origin.
+
+    The hull is that of those of its points (P, D) that lie on the same side as the nearest (Gilbert 1966, "An iterative
+    procedure for computing the minimum of a quadratic form on a convex set").
+    """
+    start = np.flatnonzero(np.diff(of, prepend=-1))
+    group = np.repeat(np.arange(len(start)), np.diff([*start, len(of)]))
+
+    def least(values: np.ndarray) -> np.ndarray:
+        return points[np.lexsort((values, group))[start]]
+
+    length = np.linalg.norm(points, axis=1)
+    nearest = least(length)
+    side = (points * nearest[group]).sum(axis=1) >= SIDE * length * np.linalg.norm(nearest, axis=1)[group]
+    for _ in range(STEPS):
+        support = least(np.where(side, (points * nearest[group]).sum(axis=1), np.inf))
+        edge = support - nearest
+        squared = np.square(edge).sum(axis=1)
+        share = np.divide(-(nearest * edge).sum(axis=1), squared, out=np.zeros_like(squared), where=squared > 0)
+        nearest = nearest + np.clip(share, 0, 1)[:, None] * edge
+    return of[start], nearest

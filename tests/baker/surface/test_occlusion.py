@@ -1,0 +1,150 @@
+"""Gaussians end at occluders that part bright samples from dark ones, and nowhere else."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scenes
+from scipy.spatial.transform import Rotation
+from surface_cases import samples_of
+
+from gsgi.baker.fitting.rotations import rotation_to
+from gsgi.baker.fitting.schedule import Schedule
+from gsgi.baker.surface.coarse import coarse_level
+from gsgi.baker.surface.fit import fit_surface
+from gsgi.baker.surface.lookup import look_up
+from gsgi.baker.surface.occlusion import INTO_BRIGHT, Occlusion, seen_light
+from gsgi.baker.surface.samples import SurfaceSamples
+from gsgi.baker.trace.local_light import local_light
+from gsgi.baker.views.surface_points import Triangles
+from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
+from gsgi.runtime.scene import Scene
+
+BLEND = SurfaceBlend()
+SPACE = replace(BLEND, sharpness=0, floor=0.0)
+BRIGHT, DARK = 1.0, 0.001
+FLOOR = scenes.floor()
+# A wall of 1 mm across the floor, from side to side, and a wall that leaves half of it open.
+WALL = [scenes.quad([(x, -0.1, z), (x, -0.1, -z), (x, 1, -z), (x, 1, z)]) for x, z in ((-0.0005, -1.0), (0.0005, 1.0))]
+TRIANGLES = Triangles(Scene((FLOOR, *WALL), (scenes.WHITE,)))
+OPEN = Triangles(Scene((FLOOR,), (scenes.WHITE,)))
+
+
+def on_floor(count: int = 8000, dark: float = DARK, noise: float = 0.0) -> SurfaceSamples:
+    """Samples of the floor, bright where x < 0."""
+    position = np.random.default_rng(0).uniform(-1, 1, (count, 3)) * (1, 0, 1)
+    return samples_of(
+        step(position, dark), position.astype(np.float32), np.tile(np.float32([0, 1, 0]), (count, 1)), noise
+    )
+
+
+def in_space(count: int = 8000) -> SurfaceSamples:
+    rng = np.random.default_rng(0)
+    position, normal = rng.uniform((-1, 0, -1), 1, (count, 3)), rng.normal(size=(count, 3))
+    unit = normal / np.linalg.norm(normal, axis=1, keepdims=True)
+    return samples_of(step(position, DARK), position.astype(np.float32), unit.astype(np.float32))
+
+
+def step(position: np.ndarray, dark: float) -> np.ndarray:
+    return np.repeat(np.where(position[:, :1] < 0, BRIGHT, dark), 3, axis=1)
+
+
+def gaussian(position, scale=(0.2, 0.2, 0.1), normal=(0, 1, 0)) -> Gaussians:
+    columns = position, rotation_to(np.array([normal]) / np.linalg.norm(normal))[0], scale, 1.0, np.ones((1, 3))
+    return Gaussians(*(np.array([column], np.float32) for column in columns))
+
+
+def weight(gaussians: Gaussians, x: float, blend: SurfaceBlend = BLEND, z=0.0, normal=(0, 1, 0)) -> float:
+    nothing = replace(gaussians, **{name: array[:0] for name, array in vars(gaussians).items()})
+    at = np.float32([[x, 0, z]]), np.float32([normal])
+    return float(look_up(gaussians, nothing, blend, *at)[1][0])
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.6])
+def test_a_bright_gaussian_ends_at_the_wall_and_stays_long_beside_it(turn):
+    one = gaussian((-0.1, 0, 0), (0.2, 0.12, 0.1))
+    spun = np.float32([0, np.sin(turn / 2), 0, np.cos(turn / 2)])  # about the normal, after it is turned upright
+
+    one = replace(
+        one, rotation=(Rotation.from_quat(spun) * Rotation.from_quat(one.rotation)).as_quat().astype(np.float32)
+    )
+    assert weight(one, 0.05) > 0.1
+    cut, which = Occlusion(on_floor(), TRIANGLES, BLEND, 50).cut(one)
+    assert which.all()
+    assert weight(cut, 0.004) == 0
+    assert weight(cut, -0.02) > 0.01
+    assert weight(cut, -0.1) == pytest.approx(weight(one, -0.1), rel=1e-5)
+    beside = max(weight(cut, -0.1, z=z) for z in (-0.2, 0.2))
+    assert beside > 0.7 * max(weight(one, -0.1, z=z) for z in (-0.2, 0.2))
+
+
+def test_a_dark_gaussian_reaches_only_a_little_into_the_light():
+    one = gaussian((0.1, 0, 0))
+    cut, _ = Occlusion(on_floor(), TRIANGLES, BLEND, 50).cut(one)
+    end = 0.1 - 0.1 / INTO_BRIGHT
+    assert weight(cut, end - 0.003) == 0
+    assert weight(cut, end + 0.01) > 0
+
+
+@pytest.mark.parametrize(
+    ("samples", "triangles"), [(on_floor(), OPEN), (on_floor(dark=BRIGHT / 2), TRIANGLES), (on_floor()[:0], TRIANGLES)]
+)
+def test_without_an_occluder_between_different_light_nothing_is_cut(samples, triangles):
+    one = gaussian((-0.1, 0, 0))
+    cut, which = Occlusion(samples, triangles, BLEND, 50).cut(one)
+    assert not which.any()
+    for name, array in vars(one).items():
+        np.testing.assert_array_equal(getattr(cut, name), array)
+
+
+def test_a_gaussian_at_the_foot_of_a_wall_no_longer_faces_the_floor_behind_it():
+    wall = np.random.default_rng(1).uniform((0, 0, -1), (0, 1, 1), (4000, 3)) - (0.0005, 0, 0)
+    lit = samples_of(np.full((4000, 3), BRIGHT), wall, np.tile([-1, 0, 0], (4000, 1)))
+    floor = on_floor()
+    both = SurfaceSamples(
+        *(np.concatenate([getattr(s, n) for s in (lit, floor)]) for n in vars(floor) if n != "invalid"), 0
+    )
+    one = gaussian((-0.02, 0.1, 0), (0.2, 0.2, 0.15), (-1, 0.8, 0))
+    assert weight(one, 0.05) > 0.05
+    cut, _ = Occlusion(both, TRIANGLES, BLEND, 50).cut(one)
+    assert weight(cut, 0.05) < 1e-3
+    at = np.float32([[-0.0005, 0.1, 0]]), np.float32([[-1, 0, 0]])
+    assert look_up(cut, cut, BLEND, *at)[1] > 0.5
+
+
+def test_a_gaussian_in_space_ends_at_the_wall():
+    cut, which = Occlusion(in_space(), TRIANGLES, SPACE, 50).cut(gaussian((-0.15, 0.1, 0), (0.2, 0.2, 0.2)))
+    assert which.all()
+    assert weight(cut, 0.01, SPACE) == 0
+    assert weight(cut, -0.1, SPACE) > 0.5
+
+
+def test_eyes_beside_a_wall_adapt_to_the_light_on_their_side():
+    samples = on_floor()
+    dark = (samples.position[:, 0] > 0) & (samples.position[:, 0] < 0.02)
+    arrays = samples.position, samples.normal, samples.indirect_a, samples.indirect_b
+    assert local_light(*arrays).level[dark].max() > 100 * DARK
+    around = seen_light(samples, TRIANGLES)
+    np.testing.assert_allclose(around.level[dark], max(DARK, 0.002 * samples.indirect.mean()), rtol=0.2)
+    np.testing.assert_allclose(around.level[samples.position[:, 0] < -0.001], BRIGHT, rtol=0.1)
+
+
+def test_a_fit_that_knows_the_walls_keeps_light_on_its_side():
+    samples, space = on_floor(noise=0.1), in_space(4000)
+
+    def light_beside_the_wall(triangles: Triangles | None) -> tuple[float, float]:
+        """The mean light of a strip on the bright side, and of one next to the wall on the dark side."""
+        coarse = coarse_level(space, 16, BLEND, 0, triangles)
+        fine = fit_surface(samples, samples[:0], coarse, BLEND, Schedule(60, 60, 0), triangles=triangles)
+        rng = np.random.default_rng(2)
+        strips = [
+            rng.uniform((a, 0, -0.9), (b, 0, 0.9), (2000, 3)).astype(np.float32) for a, b in ((-0.4, -0.1), (0, 0.05))
+        ]
+        up = np.tile(np.float32([0, 1, 0]), (2000, 1))
+        return tuple(float(look_up(fine, coarse, BLEND, strip, up)[0].mean()) for strip in strips)
+
+    # Without them, light ends far before the wall rather than leaks, since errors count relative to the light around.
+    assert light_beside_the_wall(None)[0] < 0.7 * BRIGHT
+    bright, dark = light_beside_the_wall(TRIANGLES)
+    assert bright == pytest.approx(BRIGHT, rel=0.05)
+    assert dark < 0.01 * BRIGHT
