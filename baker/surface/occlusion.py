@@ -24,9 +24,9 @@ VARIES = 0.5  # standard deviation of the light of neighbours, relative to its m
 SIGNIFICANT = 3.0  # standard deviations of the noise, by which a sample is darker than its neighbours
 NEIGHBOURS = 8  # samples over whose light is averaged, as far as they see each other
 
-# How far off the far side of an occluder must lie, in radii of the Gaussian. A dark one on a surface may reach on a
-# little: Gaussians must fill the surface up to the occluder, and too little light on the bright side is no leak.
-INTO_DARK, INTO_BRIGHT = 1.02, 0.85
+# How far off the far side of an occluder must lie, in radii of the Gaussian. A dark one may reach on a little:
+# Gaussians must fill the space up to the occluder, and too little light on the bright side is no leak.
+INTO_DARK, INTO_BRIGHT = 1.02, 0.7
 
 MARGIN = 1.3  # samples a little beyond a Gaussian tell of occluders just within it
 AT_ONCE = 1 << 12  # Gaussians; bounds memory
@@ -130,7 +130,7 @@ class Occlusion:
         share = self._triangles.hits(start, way).distance
         blocked = share < 1
         of, sample, occluder = of[blocked], sample[blocked], start[blocked] + share[blocked, None] * way[blocked]
-        onward = self._facing & (self._light[sample] > self._light[home[of]])
+        onward = self._light[sample] > self._light[home[of]]
         limit = np.where(onward, INTO_BRIGHT, INTO_DARK) * self._blend.radius
         return _Across(of, occluder, self._position[sample], limit)
 

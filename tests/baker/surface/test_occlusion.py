@@ -8,7 +8,7 @@ import scenes
 from scipy.spatial.transform import Rotation
 from surface_cases import samples_of
 
-from gsgi.baker.fitting.rotations import rotation_to
+from gsgi.baker.fitting.rotations import axes, rotation_to
 from gsgi.baker.fitting.schedule import Schedule
 from gsgi.baker.surface.coarse import coarse_level
 from gsgi.baker.surface.fit import fit_surface
@@ -76,6 +76,14 @@ def test_a_bright_gaussian_ends_at_the_wall_and_stays_long_beside_it(turn):
     assert weight(cut, -0.1) == pytest.approx(weight(one, -0.1), rel=1e-5)
     beside = max(weight(cut, -0.1, z=z) for z in (-0.2, 0.2))
     assert beside > 0.7 * max(weight(one, -0.1, z=z) for z in (-0.2, 0.2))
+
+
+def test_a_cut_keeps_the_gradient_of_the_light_in_metres():
+    one = replace(gaussian((-0.1, 0, 0)), slope=np.float32([[0.2, 0.1]]))
+    cut, _ = Occlusion(on_floor(), TRIANGLES, BLEND, 50).cut(one)
+    assert cut.scale[0].min() < 0.5 * one.scale[0].min()
+    gradients = [axes(g.rotation)[0, :, :2] @ (g.slope / g.scale[:, :2])[0] for g in (one, cut)]
+    np.testing.assert_allclose(*gradients, atol=1e-5)
 
 
 def test_a_dark_gaussian_reaches_only_a_little_into_the_light():
