@@ -171,11 +171,13 @@ class Sampler:
         rng = np.random.default_rng(np.random.SeedSequence(seed))
         points, _ = self._tracer.once(key, _Points, lambda: _Points(*draw(rng)))
         traced: list[_Layer] = []
+        done = np.zeros(len(points.position), np.uint32)
         for layer in range(layers):
             noisy = self._noisy(points, traced)
             advance(float((~noisy).sum()) * PATHS_STEP)
             if noisy.any() or not layer:
-                traced.append(self._layer(key, points, noisy, (*seed, layer), advance))
+                traced.append(self._layer(key, points, noisy, done, seed, advance))
+                done = done + PASS_SAMPLES * noisy.astype(np.uint32)
         return _combined(points, traced)
 
     def _noisy(self, points: "_Points", traced: list["_Layer"]) -> np.ndarray:
@@ -186,11 +188,15 @@ class Sampler:
         light = local_light(points.position, points.normal, *halves)
         return light.noise > self._error * light.level
 
-    def _layer(self, points_key: str, points: "_Points", noisy: np.ndarray, seed: tuple[int, ...], advance) -> "_Layer":
-        key = self._tracer.key("layer", __name__, points=points_key, seed=seed, paths=self._paths, noisy=noisy)
+    def _layer(
+        self, points_key: str, points: "_Points", noisy: np.ndarray, done: np.ndarray, seed: tuple[int, ...], advance
+    ) -> "_Layer":
+        key = self._tracer.key("layer", __name__, points=points_key, paths=self._paths, noisy=noisy, done=done)
+        numbers = np.stack([np.arange(len(done), dtype=np.uint32), done], axis=1)
         layer, found = self._tracer.once(
-            key, _Layer, lambda: _traced(self._tracer.tracer, points, noisy, self._sampling, self._light, seed, advance)
-        )
+            key, _Layer,
+            lambda: _traced(self._tracer.tracer, points, noisy, numbers, self._sampling, self._light, seed, advance),
+        )  # fmt: skip
         if found:
             advance(int(noisy.sum()) * PATHS_STEP, "from the cache")
         return layer
@@ -255,11 +261,12 @@ class _Layer:
 
 
 def _traced(
-    tracer: Tracer, points: _Points, noisy: np.ndarray, sampling: Sampling, known, seed: tuple[int, ...], advance
-) -> _Layer:
+    tracer: Tracer, points: _Points, noisy: np.ndarray, numbers: np.ndarray, sampling: Sampling, known,
+    seed: tuple[int, ...], advance,
+) -> _Layer:  # fmt: skip
     where = points.position[noisy], points.normal[noisy], points.geometric_normal[noisy]
     lights = [
-        tracer.indirect(*where, sampling, int(half), lambda count: advance(count * PASS_SAMPLES), light)
+        tracer.indirect(*where, sampling, int(half), lambda count: advance(count * PASS_SAMPLES), light, numbers[noisy])
         for half, light in zip(np.random.SeedSequence(seed).generate_state(2), known, strict=True)
     ]
 

@@ -12,7 +12,7 @@ from gsgi.runtime import constants
 
 from .cached_light import CachedLight
 from .mitsuba_scene import load_mitsuba
-from .random_numbers import Draws, hashed
+from .random_numbers import DIRECTION, Draws, hashed
 from .rays import closest, closest_front, lifted, lifted_hit, lifted_point, side, unoccluded
 
 mi = load_mitsuba()
@@ -22,8 +22,8 @@ import drjit as dr  # noqa: E402  (needs the LLVM that load_mitsuba chose)
 ROULETTE_BOUNCE = 3
 ROULETTE_MAX = 0.999  # larger than most albedos: then the weight of a path never grows, nor does its variance
 
-# Dimensions of `Draws`: the random number that each decision uses.
-DIRECTION, ROULETTE, LIGHT, EMITTER, EMITTER_POINT, ENVIRONMENT, TEXTURE = 0, 2, 3, 4, 5, 7, 9
+# Dimensions of `Draws` beside DIRECTION: the random number that each decision uses.
+ROULETTE, LIGHT, EMITTER, EMITTER_POINT, ENVIRONMENT, TEXTURE = 2, 3, 4, 5, 7, 9
 _JITTER = {"base_color_texture": 0, "metallic_texture": 2, "emission_texture": 4}
 
 
@@ -73,18 +73,21 @@ def first_hits(tracer, origin: np.ndarray, direction: np.ndarray) -> dict[str, n
 
 
 def indirect(
-    tracer, position, normal, geometric_normal, samples: int, bounces: int, seed: int, known: CachedLight | None = None
-) -> Sums:
+    tracer, position, normal, geometric_normal, numbers, samples: int, bounces: int, seed: int,
+    known: CachedLight | None = None,
+) -> Sums:  # fmt: skip
     """Sums over `samples` paths of the light arriving at each point; arguments (N, 3) float32.
 
-    A path ends at the first surface whose B is `known`. Each lane follows the paths of one point one after another, so
-    that short and long paths even out.
+    Column 0 of `numbers` (N, 2) uint32 is the number of the point, and column 1 that of its first path. A path ends at
+    the first surface whose B is `known`. Each lane follows the paths of one point one after another, so that short and
+    long paths even out.
     """
     p, n, ng = mi.Point3f(position.T), mi.Normal3f(normal.T), mi.Normal3f(geometric_normal.T)
     p = lifted_point(tracer, p, ng, dr.squared_norm(n) > 0)
-    key = hashed(dr.arange(mi.UInt32, len(position)) + hashed(dr.opaque(mi.UInt32, seed)))
+    point, first = (mi.UInt32(np.ascontiguousarray(column)) for column in numbers.T)
+    key = hashed(point + hashed(dr.opaque(mi.UInt32, seed)))
     limits = dr.opaque(mi.UInt32, samples), dr.opaque(mi.UInt32, bounces)
-    light, squared, invalid = _paths(tracer, known, key, p, n, ng, *limits)
+    light, squared, invalid = _paths(tracer, known, key, first, p, n, ng, *limits)
     dr.eval(light, squared, invalid)
     return Sums(np.array(light, np.float64).T, np.array(squared, np.float64), np.array(invalid, np.int64))
 
@@ -104,7 +107,7 @@ def direct(tracer, position, normal, geometric_normal) -> dict[str, np.ndarray]:
 
 
 @dr.syntax
-def _paths(tracer, known, key, start, start_n, start_ng, samples, bounces):
+def _paths(tracer, known, key, first, start, start_n, start_ng, samples, bounces):
     """Sums over the paths of each lane's point: cosine-weighted light without direct light from punctual lights.
 
     The points of a path are lifted off their surfaces.
@@ -112,7 +115,7 @@ def _paths(tracer, known, key, start, start_n, start_ng, samples, bounces):
     p, n, ng = mi.Point3f(start), mi.Normal3f(start_n), mi.Normal3f(start_ng)
     throughput, light = mi.Color3f(1), mi.Color3f(0)
     total, squared, invalid = mi.Color3f(0), mi.Float(0), mi.UInt32(0)
-    sample, bounce = mi.UInt32(0), mi.UInt32(0)
+    sample, bounce = mi.UInt32(first), mi.UInt32(0)
     active = (dr.squared_norm(start_n) > 0) & (samples > 0)
     while active:
         draws = Draws(key, sample, bounce)
@@ -138,7 +141,7 @@ def _paths(tracer, known, key, start, start_n, start_ng, samples, bounces):
         bounce = dr.select(ends, mi.UInt32(0), bounce)
         throughput, light = dr.select(ends, 1, throughput), dr.select(ends, 0, light)
         p, n, ng = dr.select(ends, start, p), dr.select(ends, start_n, n), dr.select(ends, start_ng, ng)
-        active &= sample < samples
+        active &= sample < first + samples
     return total, squared, invalid
 
 
@@ -199,7 +202,7 @@ def _next_vertex(tracer, draws, p, n, ng, reflects, active):
 
 def _jitter(draws):
     """A function from the name of a kind of texture to the random offset (Point2f) that picks its texel."""
-    return lambda name: draws.two(TEXTURE + _JITTER[name])
+    return lambda name: draws.independent(TEXTURE + _JITTER[name])
 
 
 def _balance(pdf, other):

