@@ -65,7 +65,7 @@ def _turn(plan: Plan) -> tuple[str | None, int | None]:
     budget = min(MORE * s.budget, BUDGET_MAX)
     qualities = QUALITIES[s.operator]
     if s.quality != "high" and s.budget == round(
-        qualities[s.quality].gaussians * gaussians_for(plan.triangles, s.seed)
+        qualities[s.quality].gaussians * gaussians_for(plan.placement.importance)
     ):
         names = list(qualities)
         return f"--quality {names[names.index(s.quality) + 1]}", budget

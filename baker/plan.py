@@ -10,8 +10,8 @@ from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.baker.trace.pilot import Pilot
 from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling
 from gsgi.baker.views.cached_placement import place_once
-from gsgi.baker.views.coverage import sample_seen
 from gsgi.baker.views.dark_views import dark_views
+from gsgi.baker.views.importance import ImportanceField
 from gsgi.baker.views.placement import Placement
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.camera import Camera
@@ -171,13 +171,14 @@ def make_plan(
         size = settings.size or _size(len(placement.fitted))
         placement = _at_size(placement, size / at_size)
     with progress.stage("plan"):
-        points = sample_seen(triangles, list(placement.fitted.values()), pilot.POINTS, settings.seed)
-        probe = pilot.run(tracer.at_points, points.position, points.normal, settings.seed)
+        seen = placement.importance
+        some = slice(pilot.POINTS)
+        probe = pilot.run(tracer.at_points, seen.position[some], seen.normal[some], settings.seed)
         bounces = probe.bounces(settings.bounce_fraction) if settings.bounces is None else settings.bounces
         dark = dark_views(triangles, placement.fitted | placement.held_out, tracer.at_points, bounces, settings.seed)
         placement = placement.without_dark(dark)
     settings = replace(settings, views=len(placement.fitted), size=size, bounces=bounces)
-    settings = replace(settings, budget=_budget(settings, triangles), iterations=_iterations(settings))
+    settings = replace(settings, budget=_budget(settings, seen), iterations=_iterations(settings))
     samples = SAMPLES[settings.operator] if settings.samples is None else settings.samples
     error = ERROR[settings.operator] if settings.error is None else settings.error
     settings = replace(settings, samples=samples, error=error)
@@ -195,12 +196,12 @@ def file_bytes(operator: str, budget: int) -> int:
     return surface_budget.file_bytes(budget) if operator == "surface" else codec.file_bytes(budget, SH_DEGREE)
 
 
-def _budget(settings: Settings, triangles: Triangles) -> int:
+def _budget(settings: Settings, seen: ImportanceField) -> int:
     """Most Gaussians of the bake; a search for a target loss may use as many as high quality does."""
     if settings.budget is not None:
         return settings.budget
     quality = QUALITIES[settings.operator][settings.quality if settings.target_loss is None else "high"]
-    wanted = round(quality.gaussians * gaussians_for(triangles, settings.seed))
+    wanted = round(quality.gaussians * gaussians_for(seen))
     if settings.operator == "over":
         wanted = min(wanted, settings.views * settings.size**2 // PIXELS_PER_GAUSSIAN)
     return max(min(wanted, BUDGET_MAX), 1)

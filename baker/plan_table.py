@@ -33,7 +33,7 @@ def decisions(plan: Plan) -> list[Decision]:
     fine = f"half of the area is seen at {length(coverage.texel_median)} per texel or finer"
     if not np.isfinite(coverage.texel_median):
         fine = f"less than half of the area is seen by {VIEWS} views"
-    seen = f"of the visible area is seen by {VIEWS} views at {length(coverage.texel_limit)} per texel or finer"
+    seen = f"of what people see is seen by {VIEWS} views at {length(coverage.texel_limit)} per texel or finer"
     dark = f"; {len(plan.dark)} see no light" if plan.dark else ""
     rows = [
         *((f.name, f.found, f.cost) for f in findings(plan.scene)),

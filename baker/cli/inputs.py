@@ -163,7 +163,7 @@ def _scene_camera(scene: Scene, options: argparse.Namespace) -> Camera:
         triangles = Triangles(scene)
     except SceneError as error:
         raise SceneError(f"{options.scene}: {error}") from error
-    placement = place(triangles, {}, max(options.size), seed=0, count=1, texel_limit=triangles.diagonal)
+    placement = place(triangles, {}, max(options.size), seed=0, count=1, texel_limit=np.inf)
     return next(iter(placement.fitted.values()))
 
 

@@ -95,7 +95,7 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
             2**16,
             None,
             "N",
-            "number of views (default: until 99 %% of the visible area is seen by three)",
+            "number of views (default: until three see 99 %% of what people see)",
         ),
         ("--view-size", 16, 4096, None, "PX", "edge of a view, pixels (default: by the number of views)"),
         ("--samples", 1, 2**20, None, "N", "most paths per point, in passes of 32 (default: by --operator)"),

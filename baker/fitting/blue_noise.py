@@ -6,6 +6,7 @@ A subset is a random, almost maximal Poisson-disk set (Cook 1986; Gamito and Mad
 import numpy as np
 
 CANDIDATES = 5  # random points per point that is kept (Yuksel 2015 finds no gain beyond five)
+AROUND = 24  # nearest other points, whose distance tells the density
 NEIGHBOURS = 3  # a point's spacing is the mean distance to these
 
 ATTEMPTS = 4  # at finding the radius
@@ -13,10 +14,10 @@ SURPLUS = 1.04  # dropping points at random from more than this times the count 
 
 
 def thin(position: np.ndarray, normal: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
-    """Indices of at most `count` evenly spread points of `position` (N, 3); all points if N is at most `count`.
+    """Indices of at most `count` evenly spread points of `position` (N, D); all points if N is at most `count`.
 
-    Only points whose normals (N, 3) are less than a right angle apart are neighbours, so that the two sides of a thin
-    wall do not thin each other out.
+    Only points whose normals (N, 3) are less than a right angle apart are neighbours, so that the two sides of a
+    thin wall do not thin each other out.
     """
     from scipy.spatial import cKDTree
 
@@ -37,6 +38,26 @@ def thin(position: np.ndarray, normal: np.ndarray, count: int, rng: np.random.Ge
             break
         radius *= np.sqrt(len(chosen) / (count if len(chosen) > count else (1 + SURPLUS) / 2 * count))
     return np.sort(rng.permutation(best)[:count])
+
+
+def levelled(position: np.ndarray) -> np.ndarray:
+    """Points (N, 4) of nearly even density in place of points (N, 3) whose density differs by orders of magnitude.
+
+    Where points lie four times as far apart as most, or sixteen times, and so on, they are scaled and moved away from
+    the others, so that a subset that `thin` makes of the result is dense where the points are.
+    """
+    from scipy.spatial import cKDTree
+
+    if len(position) < 2:
+        return np.column_stack([position, np.zeros(len(position))])
+    distance, _ = cKDTree(position).query(position, k=min(AROUND + 1, len(position)), workers=-1)
+    around = np.maximum(distance[:, -1], np.finfo(np.float32).tiny)
+    power = np.log2(around) / 2
+    common = np.angle(np.exp(2j * np.pi * power).mean()) / (2 * np.pi)  # of most points: no border lies among them
+    step = np.rint(power - common)
+    step -= np.round(np.median(step))
+    scaled = position.astype(np.float64) * 4.0 ** -step[:, None]
+    return np.column_stack([scaled, 4 * (float(np.ptp(scaled)) + 1) * step])
 
 
 def spacing(position: np.ndarray) -> np.ndarray:

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gsgi.baker.fitting.blue_noise import spacing, thin
+from gsgi.baker.fitting.blue_noise import levelled, spacing, thin
 from gsgi.baker.trace.local_light import local_light
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
@@ -70,7 +70,8 @@ def _evenly_apart(position: np.ndarray, count: int, rng: np.random.Generator) ->
     if not len(position):
         return Gaussians(*(np.empty((0, *shape), np.float32) for shape in ((3,), (4,), (3,), (), (9, 3))))
     candidates = position[np.sort(rng.permutation(len(position))[: CANDIDATES * count])]
-    centres = candidates[thin(candidates, np.tile(np.float32([0, 0, 1]), (len(candidates), 1)), count - 1, rng)]
+    upwards = np.tile(np.float32([0, 0, 1]), (len(candidates), 1))
+    centres = candidates[thin(levelled(candidates), upwards, count - 1, rng)]
     low, high = position.min(axis=0), position.max(axis=0)
     scale = np.concatenate([[EVERYWHERE_SCALE * np.linalg.norm(high - low)], WIDTH * spacing(centres)])
     n = len(scale)

@@ -10,7 +10,7 @@ import numpy as np
 
 from gsgi.baker.cache.checkpoint import Checkpoint
 from gsgi.baker.cache.records import from_arrays, to_arrays
-from gsgi.baker.fitting.blue_noise import CANDIDATES, spacing, thin
+from gsgi.baker.fitting.blue_noise import CANDIDATES, levelled, spacing, thin
 from gsgi.baker.fitting.rotations import rotation_to
 from gsgi.baker.fitting.schedule import Schedule, count_after
 from gsgi.baker.fitting.task import Monitor
@@ -111,7 +111,7 @@ def start(samples: SurfaceSamples, count: int, rng: np.random.Generator) -> Gaus
     """At most `count` Gaussians, evenly spread over the samples and flat along the normal, which is their +z axis."""
     chosen = np.sort(rng.permutation(len(samples))[: CANDIDATES * count])
     position, normal = samples.position[chosen], samples.normal[chosen]
-    even = thin(position, normal, count, rng)
+    even = thin(levelled(position), normal, count, rng)
     position, normal, light = position[even], normal[even], samples.indirect[chosen][even]
     scale = np.maximum(spacing(position), np.float32(SPACING_MIN))[:, None] * np.array(
         [WIDTH, WIDTH, THICKNESS], np.float32

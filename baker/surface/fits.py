@@ -36,7 +36,13 @@ class SurfaceFits:
         settings = plan.settings
         dark = [name in plan.dark for name in plan.placement.fitted]
         self.sampler = Sampler.gathering(
-            plan.tracer, plan.cameras, settings.bounces, settings.seed + 1, dark, settings.error
+            plan.tracer,
+            plan.cameras,
+            settings.bounces,
+            settings.seed + 1,
+            dark,
+            settings.error,
+            plan.placement.importance,
         )
 
     def fit(self, budget: int, make_monitor: MakeMonitor) -> FitResult:

@@ -11,6 +11,8 @@ from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.baker.trace.irradiance_cache import IrradianceCache
 from gsgi.baker.trace.local_light import local_light
 from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling, Tracer
+from gsgi.baker.views.importance import ImportanceField
+from gsgi.baker.views.visibility import COS_MIN
 from gsgi.runtime.camera import Camera
 
 from .budget import PATHS_STEP, free_count, sample_count
@@ -26,6 +28,8 @@ FREE = 0.05, 0.95
 # whole paths, then by paths that end where they meet the light of the round before, which leaves far less noise.
 KNOWN = [1], [1, 1]
 
+AREA_SHARE = 1 / 2  # of the samples go by area, so that no surface is left without; the rest by importance
+MASS = 1 / 4, 4  # range of the share of the samples around a point of importance, relative to the mean of all points
 FOOTPRINT_QUANTILE = 0.999  # larger pixel footprints are cut to this: at glancing angles they have no limit
 
 
@@ -123,26 +127,36 @@ class Sampler:
         dark: Sequence[bool] = (),
         known: "Known | None" = None,
         error: float = 0.0,
+        importance: ImportanceField | None = None,
     ):
         """`dark` marks the cameras that see no light; if it is empty, all of them see light.
 
         Paths end at the first surface whose B is `known` (final gathering, Reichert 1992). A sample
-        takes no further layer once the noise around it is below `error` times the light there.
+        takes no further layer once the noise around it is below `error` times the light there. Surface samples are as
+        dense as `importance` is, or evenly spread without it.
         """
+        self._importance = importance
         self._tracer, self._cameras, self._seed, self._known = tracer, cameras, seed, known
         self._sampling, self._error = Sampling(PASS_SAMPLES, bounces), error
         self._steps = [DARK_STEP if is_dark else 1 for is_dark in dark or [False] * len(cameras)]
-        self._views = digest({"cameras": cameras, "steps": self._steps})
+        self._views = digest({"cameras": cameras, "steps": self._steps, "importance": importance})
 
     @classmethod
     def gathering(
-        cls, tracer: CachedTracer, cameras: list[Camera], bounces: int, seed: int, dark: Sequence[bool], error: float
+        cls,
+        tracer: CachedTracer,
+        cameras: list[Camera],
+        bounces: int,
+        seed: int,
+        dark: Sequence[bool],
+        error: float,
+        importance: ImportanceField | None = None,
     ) -> "Sampler":
         """A sampler whose paths end in light that others have traced before, each with a bounce less than the next."""
         known, rounds = None, known_rounds(bounces)
         for layers, fewer in zip(rounds, range(len(rounds), 0, -1), strict=True):
-            known = Known(cls(tracer, cameras, bounces - fewer, seed + fewer, dark, known), layers)
-        return cls(tracer, cameras, bounces, seed, dark, known, error)
+            known = Known(cls(tracer, cameras, bounces - fewer, seed + fewer, dark, known, 0.0, importance), layers)
+        return cls(tracer, cameras, bounces, seed, dark, known, error, importance)
 
     def prepare(self, advance: Callable[..., None]) -> None:
         """Trace the light in which paths end. `advance(paths)` is called with a total of `known_paths(bounces)`."""
@@ -151,7 +165,7 @@ class Sampler:
             self._known_samples = self._known.sampler.surface(self._known.layers, advance)
 
     def surface(self, layers: list[int], advance: Callable[..., None]) -> SurfaceSamples:
-        """Samples on the surfaces that the cameras see, evenly spread over each camera's visible area.
+        """Samples on the surfaces that the cameras see, spread over each camera's visible area by importance.
 
         The n-th chunk has `layers[n]` layers. Points without a finite path in each half are left out. `advance(paths)`
         is called with a total of `path_count(layers)`.
@@ -225,7 +239,7 @@ class Sampler:
 
     @cached_property
     def _seen(self) -> "_SeenSurface":
-        return _look(self._tracer.tracer, self._cameras, self._steps)
+        return _look(self._tracer.tracer, self._cameras, self._steps, self._importance)
 
 
 @dataclass(frozen=True)
@@ -299,21 +313,21 @@ def _mean(layers: list[_Layer], half: str) -> np.ndarray:
 class _SeenSurface:
     """Surface points (P, 3) float32 behind the pixels of cameras, with their normals and viewpoints.
 
-    `area_below` (P,) m^2 is the cumulative area of the pixel footprints, including each point's own.
+    `below` (P,) is the cumulative share of the samples, including each point's own.
     """
 
     position: np.ndarray
     normal: np.ndarray
     geometric_normal: np.ndarray
     viewpoint: np.ndarray
-    area_below: np.ndarray
+    below: np.ndarray
 
     def surface(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Position, normal and geometric normal (count, 3), stratified by area."""
+        """Position, normal and geometric normal (count, 3), stratified by share."""
         if not len(self.position):
             return (np.empty((0, 3), np.float32),) * 3
-        at = (np.arange(count) + rng.random(count)) / count * self.area_below[-1]
-        index = np.minimum(np.searchsorted(self.area_below, at, side="right"), len(self.position) - 1)
+        at = (np.arange(count) + rng.random(count)) / count * self.below[-1]
+        index = np.minimum(np.searchsorted(self.below, at, side="right"), len(self.position) - 1)
         return self.position[index], self.normal[index], self.geometric_normal[index]
 
     def free(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -328,7 +342,7 @@ class _SeenSurface:
         return position.astype(np.float32), normal, normal
 
 
-def _look(tracer: Tracer, cameras: list[Camera], steps: list[int]) -> _SeenSurface:
+def _look(tracer: Tracer, cameras: list[Camera], steps: list[int], importance: ImportanceField | None) -> _SeenSurface:
     """Find surface points: every `steps[i]`-th diffuse pixel of camera i counts."""
     columns = []
     for camera, step in zip(cameras, steps, strict=True):
@@ -337,8 +351,27 @@ def _look(tracer: Tracer, cameras: list[Camera], steps: list[int]) -> _SeenSurfa
         above = np.abs(((camera.position - position) * geometric).sum(axis=1))  # of the camera over the surface
         area = depth**3 / np.maximum(above, np.finfo(np.float32).tiny) / camera.pinhole(LOOK_SIZE, LOOK_SIZE).fx ** 2
         eye = np.broadcast_to(camera.position.astype(np.float32), position.shape)
-        columns.append([column[::step] for column in (position, normal, geometric, eye, area)])
-    *arrays, area = (np.concatenate(column) for column in zip(*columns, strict=True))
+        upright = above >= COS_MIN * np.linalg.norm(camera.position - position, axis=1)
+        columns.append([column[::step] for column in (position, normal, geometric, eye, area, upright)])
+    *arrays, area, upright = (np.concatenate(column) for column in zip(*columns, strict=True))
     if len(area):
         area = np.minimum(area, np.quantile(area, FOOTPRINT_QUANTILE))
+        if importance is not None and len(importance.position):
+            looks = _looks(arrays[0], arrays[1], area * upright, importance)
+            area = AREA_SHARE * area / area.sum() + (1 - AREA_SHARE) * looks / max(
+                looks.sum(), np.finfo(np.float64).tiny
+            )
     return _SeenSurface(*arrays, np.cumsum(area, dtype=np.float64))
+
+
+def _looks(position: np.ndarray, normal: np.ndarray, area: np.ndarray, importance: ImportanceField) -> np.ndarray:
+    """How often people look (P,) at what is behind pixels whose footprints have areas (P,), m^2.
+
+    What several views see counts once. The points of `importance` have nearly the same share each, so that a footprint
+    that is nearest to the wrong point, like one beside a wall that is nearest to a point behind it, gains nothing.
+    """
+    near = importance.nearest(position, normal)
+    looks = area * importance.density[near] / np.maximum(importance.views[near], 1)
+    around = np.bincount(near, looks, len(importance.position))
+    share = np.clip(around, *np.divide(MASS, len(around)))
+    return looks * np.divide(share, around, out=np.zeros_like(around), where=around > 0)[near]

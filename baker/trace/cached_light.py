@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .irradiance_cache import COORDINATE_BITS, LEVELS, IrradianceCache, hashed_cell
+from .irradiance_cache import COORDINATE_BITS, IrradianceCache, hashed_cell
 from .mitsuba_scene import load_mitsuba
 
 mi = load_mitsuba()
@@ -16,6 +16,7 @@ class CachedLight:
     def __init__(self, cache: IrradianceCache):
         self._start, self._low, self._high = (mi.UInt32(a) for a in (cache.start, _some(cache.low), _some(cache.high)))
         self._light = mi.Float(_some(cache.light).ravel())
+        self._levels = cache.levels
         self._mask = dr.opaque(mi.UInt32, len(cache.start) - 2)
         self._size = dr.opaque(mi.Float, cache.size)
         self._origin = mi.Point3f(*(dr.opaque(mi.Float, float(x)) for x in cache.origin))
@@ -28,7 +29,7 @@ class CachedLight:
         frame = mi.Frame3f(n)
         moved = p + self._size * ((jitter.x - 0.5) * frame.s + (jitter.y - 0.5) * frame.t)
         light, known = mi.Color3f(0), mi.Bool(False)
-        for level in range(LEVELS):
+        for level in range(self._levels):
             there, found = self._look_up(moved, n, level, active & ~known)
             light, known = dr.select(found, there, light), known | found
         return light, known
@@ -53,7 +54,7 @@ class CachedLight:
     def _key(self, p, n, level: int):
         """Both halves of the key, as `irradiance_cache.cell_keys` computes it."""
         cell = dr.floor((p - self._origin) / (self._size * 2**level))
-        x, y, z = (mi.UInt32(dr.clip(c, 0, float((1 << COORDINATE_BITS) - 1))) for c in (cell.x, cell.y, cell.z))
+        x, y, z = (mi.UInt32(mi.Int32(c)) & ((1 << COORDINATE_BITS) - 1) for c in (cell.x, cell.y, cell.z))
         ax, ay, az = dr.abs(n.x), dr.abs(n.y), dr.abs(n.z)
         first, second = (ax >= ay) & (ax >= az), ay >= az
         along = dr.select(first, n.x, dr.select(second, n.y, n.z))

@@ -8,12 +8,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-LEVELS = 2  # of cells, each twice as wide as those before; the finest with enough samples is read
-LEAST = 3  # samples in a cell: with fewer, its light is unknown
+LEAST, MOST = 3, 32  # samples in a cell: with fewer its light is unknown, with more it is too wide for so dense samples
 VARIES = 0.35  # standard deviation in a cell, relative to its mean light: with more, its light is unknown
-ACROSS = 1.2  # edge of the finest cells, relative to the median distance to the NEAR-th nearest sample
+ACROSS = 1.2  # edge of the finest cells where samples have a density, relative to the distance to the NEAR-th nearest
+DENSE, SPARSE = 0.05, 0.95  # quantiles of that distance from which the sizes of cells are taken
+LEVELS_MOST = 16  # of cells
 NEAR, MEASURED = 8, 4096  # neighbours, and the number of samples whose neighbours are looked for
-COORDINATE_BITS = 19  # of a cell, along each axis
+COORDINATE_BITS = 19  # of a cell, along each axis; cells so far apart share their light
+SMALLEST = 1e-6  # m, edge of a cell: points can coincide
 ORIGIN = 0.37  # of a cell: keeps walls at round coordinates off the borders of cells
 
 
@@ -21,13 +23,15 @@ ORIGIN = 0.37  # of a cell: keeps walls at round coordinates off the borders of 
 class IrradianceCache:
     """Mean B of the samples in each cell of space and of the six directions to which a normal is nearest.
 
-    origin (3,) float64 is the lowest corner of cell 0, size the edge of the finest cells, m. The E cells lie in a hash
+    Each of the `levels` has cells twice as wide as those before; the finest with enough samples is read. origin (3,)
+    float64 is the lowest corner of cell 0, size the edge of the finest cells, m. The E cells lie in a hash
     table of a power of two of buckets: `start` (buckets + 1,) uint32 is each bucket's first cell, `low` and `high` (E,)
     uint32 are the cells' keys, and light (E, 3) float32 is B, linear Rec.709 radiance.
     """
 
     origin: np.ndarray
     size: float
+    levels: int
     start: np.ndarray
     low: np.ndarray
     high: np.ndarray
@@ -42,17 +46,17 @@ class IrradianceCache:
         The halves' noise is independent, so that their covariance shows in which cells the light itself varies: those
         that reach through a wall, for example. They have no light in either cache.
         """
-        origin, size = _grid(position)
+        origin, size, levels = _grid(position)
         keys, lights = [], []
         both = np.concatenate([a, b], axis=1).astype(np.float64)
         product = a.mean(axis=1, dtype=np.float64) * b.mean(axis=1, dtype=np.float64)
-        for level in range(LEVELS):
+        for level in range(levels):
             key = cell_keys(position, normal, origin, size, level)
             cells, of, count = np.unique(key, return_inverse=True, return_counts=True)
             mean = np.stack([np.bincount(of, column, len(cells)) for column in both.T], axis=1) / count[:, None]
             of_both = mean[:, :3].mean(axis=1) * mean[:, 3:].mean(axis=1)
             varies = np.bincount(of, product, len(cells)) / count - of_both > VARIES**2 * of_both
-            use = (count >= LEAST) & ~varies
+            use = (count >= LEAST) & (count <= (MOST if level else np.inf)) & ~varies
             keys.append(cells[use])
             lights.append(mean[use])
         key, light = np.concatenate(keys), np.concatenate(lights).astype(np.float32)
@@ -61,14 +65,14 @@ class IrradianceCache:
         bucket = hashed_cell(low, high) & np.uint32(buckets - 1)
         order = np.argsort(bucket, kind="stable")
         start = np.searchsorted(bucket[order], np.arange(buckets + 1)).astype(np.uint32)
-        table = origin, size, start, low[order], high[order]
+        table = origin, size, levels, start, low[order], high[order]
         return tuple(IrradianceCache(*table, light[order, i : i + 3]) for i in (0, 3))
 
 
 def cell_keys(position: np.ndarray, normal: np.ndarray, origin: np.ndarray, size: float, level: int) -> np.ndarray:
     """Keys (N,) uint64 of the cells of a level in which points (N, 3) with normals (N, 3) lie."""
     cell = np.floor((position.astype(np.float32) - origin.astype(np.float32)) / np.float32(size * 2**level))
-    x, y, z = np.clip(cell, 0, (1 << COORDINATE_BITS) - 1).astype(np.uint64).T
+    x, y, z = (cell.astype(np.int64) & ((1 << COORDINATE_BITS) - 1)).astype(np.uint64).T
     axis = np.abs(normal).argmax(axis=1)
     side = 2 * axis + (np.take_along_axis(normal, axis[:, None], axis=1)[:, 0] < 0)
     low = x | y << np.uint64(COORDINATE_BITS)
@@ -88,15 +92,21 @@ def _word(like, number: int):
     return np.uint32(number) if isinstance(like, np.ndarray) else number
 
 
-def _grid(position: np.ndarray) -> tuple[np.ndarray, float]:
-    """Origin (3,) float64 and edge (m) of the finest cells, so wide that most hold more than LEAST samples."""
+def _grid(position: np.ndarray) -> tuple[np.ndarray, float, int]:
+    """Origin (3,) float64 and edge (m) of the finest cells, and the number of levels.
+
+    There are two sizes of cells for each density of samples: of the finer most hold more than LEAST.
+    """
     from scipy.spatial import cKDTree
 
     if not len(position):
-        return np.zeros(3), 1.0
-    low, high = position.min(axis=0).astype(np.float64), position.max(axis=0).astype(np.float64)
+        return np.zeros(3), 1.0, 1
+    low = position.min(axis=0).astype(np.float64)
     some = position[:: max(len(position) // MEASURED, 1)]
     distance, _ = cKDTree(position).query(some, k=min(NEAR + 1, len(position)), workers=-1)
-    smallest = max(float((high - low).max()) / (1 << (COORDINATE_BITS - 1)), 1e-6)
-    size = max(ACROSS * float(np.median(distance.reshape(len(some), -1)[:, -1])), smallest)
-    return low - ORIGIN * size, size
+    distance = distance.reshape(len(some), -1)[:, -1]
+    dense, median, sparse = np.maximum(ACROSS * np.quantile(distance, (DENSE, 0.5, SPARSE)), SMALLEST)
+    finer, wider = (round(float(np.log2(ratio))) for ratio in (median / dense, sparse / median))
+    size, levels = float(median) / 2**finer, min(finer + wider + 2, LEVELS_MOST)
+    before = 2**levels + ORIGIN  # whole cells of all levels, since points are looked up beside samples too
+    return low - before * size, size, levels

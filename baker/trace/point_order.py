@@ -2,7 +2,14 @@
 
 import numpy as np
 
-BITS = 10  # per coordinate
+BITS = 20  # per coordinate: half a metre in 500 km
+SPREADS = (
+    (32, 0x1F00000000FFFF),
+    (16, 0x1F0000FF0000FF),
+    (8, 0x100F00F00F00F00F),
+    (4, 0x10C30C30C30C30C3),
+    (2, 0x1249249249249249),
+)
 
 
 def coherent(position: np.ndarray, normal: np.ndarray) -> np.ndarray:
@@ -12,8 +19,8 @@ def coherent(position: np.ndarray, normal: np.ndarray) -> np.ndarray:
         return np.empty(0, np.int64)
     low = position.min(axis=0).astype(np.float64)
     extent = float((position.max(axis=0) - low).max()) or 1.0
-    cell = ((position - low) * ((2**BITS - 1) / extent)).astype(np.uint32)
-    code = sum(_spread(cell[:, axis]) << np.uint32(axis) for axis in range(3))
+    cell = ((position - low) * ((2**BITS - 1) / extent)).astype(np.uint64)
+    code = sum(_spread(cell[:, axis]) << np.uint64(axis) for axis in range(3))
     axis = np.abs(normal).argmax(axis=1)
     below = np.take_along_axis(normal, axis[:, None], axis=1)[:, 0] < 0
     return np.lexsort((code, 2 * axis + below))
@@ -21,6 +28,6 @@ def coherent(position: np.ndarray, normal: np.ndarray) -> np.ndarray:
 
 def _spread(values: np.ndarray) -> np.ndarray:
     """Insert two zero bits between the bits of each number."""
-    for shift, mask in ((16, 0x30000FF), (8, 0x300F00F), (4, 0x30C30C3), (2, 0x9249249)):
-        values = (values | values << np.uint32(shift)) & np.uint32(mask)
+    for shift, mask in SPREADS:
+        values = (values | values << np.uint64(shift)) & np.uint64(mask)
     return values

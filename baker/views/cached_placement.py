@@ -6,10 +6,12 @@ import json
 import numpy as np
 
 from gsgi.baker.cache.code_version import code_version
+from gsgi.baker.cache.records import from_arrays, to_arrays
 from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.runtime.camera import Camera
 
 from .coverage import Coverage, Hidden
+from .importance import ImportanceField
 from .placement import Placement, place
 from .surface_points import Triangles
 
@@ -30,16 +32,22 @@ def place_once(
 
 
 def _to_arrays(placement: Placement) -> dict[str, np.ndarray]:
-    """The placement as JSON, in which float64 keeps all its bits."""
-    text = json.dumps(dataclasses.asdict(placement), default=lambda array: array.tolist())
-    return {"json": np.frombuffer(text.encode(), np.uint8)}
+    """Cameras and coverage as JSON, in which float64 keeps all its bits, and the field of importance as it is."""
+    rest = {name: value for name, value in vars(placement).items() if name != "importance"}
+    text = json.dumps(rest, default=_plain)
+    return {"json": np.frombuffer(text.encode(), np.uint8), **to_arrays(placement.importance)}
+
+
+def _plain(value):
+    return value.tolist() if isinstance(value, np.ndarray) else dataclasses.asdict(value)
 
 
 def _from_arrays(arrays: dict[str, np.ndarray]) -> Placement:
     read = json.loads(arrays["json"].tobytes())
     coverage = read["coverage"]
     coverage |= {"seen": tuple(coverage["seen"]), "hidden": tuple(Hidden(**hidden) for hidden in coverage["hidden"])}
-    return Placement(_cameras(read["fitted"]), _cameras(read["held_out"]), Coverage(**coverage))
+    importance = from_arrays(ImportanceField, arrays)
+    return Placement(_cameras(read["fitted"]), _cameras(read["held_out"]), Coverage(**coverage), importance)
 
 
 def _cameras(read: dict[str, dict]) -> dict[str, Camera]:

@@ -1,15 +1,15 @@
 """How much of the surface the cameras see, at what texel size, and which surface is hidden from all viewpoints."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from gsgi.runtime.camera import Camera
 
 from .surface_points import SurfacePoints, Triangles
-from .visibility import VIEWS, Sides, sides, sight_lines, texels
+from .visibility import VIEWS, Sides, sight_lines, texels
 
-GOAL = 0.99  # of the visible area
+GOAL = 0.99  # of what people see
 LISTED = 4  # most materials with hidden surface that the log names
 
 
@@ -24,12 +24,14 @@ class Hidden:
 
 @dataclass(frozen=True)
 class Coverage:
-    """What a set of cameras sees of the visible area, which counts the two sides of a double-sided surface separately.
+    """What a set of cameras sees of what people see, weighed as they look at it (see importance).
 
-    Visible area is seen from at least VIEWS viewpoints in free space, or by a camera of the scene or of its path.
-    seen: shares of it that at least 1, 2, 3 cameras see at `texel_limit` (m) or finer, and at less than 80 degrees from
-    the normal. texel_median and texel_p95 (m): the texel sizes at which three cameras see 50 % and 95 % of it; infinite
-    if they do not. `points` is the number of sample points on which the shares are measured.
+    Of that counts what is seen from at least VIEWS viewpoints in free space, or by a camera of the scene or its path.
+    seen: shares of it that at least 1, 2, 3 cameras see at the texel limit or finer, and at less than 80 degrees from
+    the normal. The limit is smaller where people are closer to what they see. texel_limit (m) is that of the median
+    extent; texel_median and texel_p95 (m) are the texel sizes at which three cameras see 50 % and 95 %, on the same
+    scale; infinite if they do not. visible_area is in m^2, and counts the two sides of a double-sided surface
+    separately. `points` is the number of sample points on which the shares are measured.
     """
 
     seen: tuple[float, float, float]
@@ -42,58 +44,60 @@ class Coverage:
 
     @property
     def reached(self) -> bool:
-        """Whether VIEWS cameras see at least the share GOAL of the visible area."""
+        """Whether VIEWS cameras see at least the share GOAL of what people see."""
         return self.seen[VIEWS - 1] >= GOAL
 
 
 class CoverageMeter:
     """Measures coverage on surface sides as cameras and viewpoints are added."""
 
-    def __init__(self, triangles: Triangles, sampled: Sides, given: list[Camera], size: int):
-        """What one of the `given` cameras sees counts as visible. Views are square, with an edge of `size` px."""
+    def __init__(self, triangles: Triangles, sampled: Sides, even: Sides, given: list[Camera], size: int):
+        """What one of the `given` cameras sees counts as visible. Views are square, with an edge of `size` px.
+
+        Shares are measured on the sides `sampled`, drawn as people look at them, areas on the sides `even`, all sides
+        of points drawn by area.
+        """
         self._triangles = triangles
-        self._sampled = sampled
+        self._sampled, self._even = sampled, even
         self._size = size
         self._finest = np.full((VIEWS, len(sampled)), np.inf, np.float32)  # smallest texel sizes so far, ascending
-        self._places = np.zeros(len(sampled), np.int64)
+        self._places, self._even_places = np.zeros(len(sampled), np.int64), np.zeros(len(even), np.int64)
         self.add(given)
-        self._given = np.isfinite(self._finest[0])
+        self._given, self._even_given = np.isfinite(self._finest[0]), seen_by(triangles, given, even.points) > 0
 
     def add(self, cameras: list[Camera]) -> None:
         """Add cameras."""
         for camera in cameras:
-            sizes = texels(self._triangles, camera, self._sampled.points, self._size)
+            sizes = texels(self._triangles, camera, self._sampled.points, self._size, self._sampled.extent)
             self._finest = np.sort(np.concatenate([self._finest, sizes[None]]), axis=0)[:VIEWS]
 
     def look_from(self, viewpoints: np.ndarray) -> None:
         """Add viewpoints (E, 3) in free space."""
-        lines = sight_lines(self._triangles, viewpoints, self._sampled.points)
-        self._places += np.bincount(lines.side, minlength=len(self._sampled))
+        for sampled, places in (self._sampled, self._places), (self._even, self._even_places):
+            places += np.bincount(sight_lines(self._triangles, viewpoints, sampled.points).side, minlength=len(sampled))
+
+    @property
+    def _visible(self) -> np.ndarray:
+        return self._given | (self._places >= VIEWS)
 
     def coverage(self, limit: float) -> Coverage:
-        """The coverage by the cameras added so far, at a texel limit (m)."""
-        visible = self._given | (self._places >= VIEWS)
+        """The coverage by the cameras added so far, at a texel limit in extents."""
+        visible = self._visible
         sizes = self._finest[:, visible]
         some = visible.any()
         median, p95 = np.quantile(sizes[-1], (0.5, 0.95), method="higher") if some else (np.inf, np.inf)
-        count = int(self._sampled.point.max()) + 1
+        extent = float(np.median(self._sampled.extent[visible])) if some else 1.0
+        even = self._even_given | (self._even_places >= VIEWS)
+        count = int(self._even.point.max()) + 1
         return Coverage(
             seen=tuple(float((row <= limit).mean()) if some else 0.0 for row in sizes),
-            texel_limit=limit,
-            texel_median=float(median),
-            texel_p95=float(p95),
-            visible_area=float(visible.sum() / count * self._triangles.area),
-            hidden=_hidden(self._triangles, self._sampled, visible),
-            points=count,
+            texel_limit=float(limit * extent),
+            texel_median=float(median * extent),
+            texel_p95=float(p95 * extent),
+            visible_area=float(even.sum() / count * self._triangles.area),
+            hidden=_hidden(self._triangles, self._even, even),
+            points=len(sizes[0]),
         )
-
-
-def sample_seen(triangles: Triangles, cameras: list[Camera], count: int, seed: int) -> SurfacePoints:
-    """`count` blue-noise points on the surfaces that the cameras see; normals point to the side that more cameras see.
-
-    There are fewer points, or none, if the cameras see hardly any surface.
-    """
-    return triangles.sample(count, seed, lambda points: _turned_to(triangles, cameras, points))
 
 
 def seen_by(triangles: Triangles, cameras: list[Camera], points: SurfacePoints) -> np.ndarray:
@@ -106,7 +110,7 @@ def seen_by(triangles: Triangles, cameras: list[Camera], points: SurfacePoints) 
 
 def coverage_summary(coverage: Coverage) -> list[str]:
     """The coverage as lines for the log: the share that is seen, then the materials with the most hidden surface."""
-    three = f"{100 * coverage.seen[VIEWS - 1]:.1f} % of the visible area ({_area(coverage.visible_area)})"
+    three = f"{100 * coverage.seen[VIEWS - 1]:.1f} % of what people see ({_area(coverage.visible_area)})"
     lines = [
         f"{three} is seen by {VIEWS} views at {length(coverage.texel_limit)} per texel or finer "
         f"(half {_at(coverage.texel_median)}, 95 % {_at(coverage.texel_p95)})"
@@ -147,13 +151,3 @@ def _at(texel: float) -> str:
 
 def _area(square_metres: float) -> str:
     return f"{square_metres:.0f} m^2" if square_metres >= 100 else f"{square_metres:.3g} m^2"
-
-
-def _turned_to(triangles: Triangles, cameras: list[Camera], points: SurfacePoints) -> SurfacePoints:
-    """The points that cameras see, each with the normal of the side that more cameras see."""
-    both = sides(points)
-    count = seen_by(triangles, cameras, both.points)
-    front, back = count[: len(points)], np.zeros(len(points), np.int64)
-    back[both.point[len(points) :]] = count[len(points) :]
-    turned = np.where((back > front)[:, None], -points.normal, points.normal)
-    return replace(points, normal=turned)[np.maximum(front, back) > 0]

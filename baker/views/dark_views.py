@@ -10,7 +10,7 @@ from gsgi.runtime.camera import Camera
 from .surface_points import Hits, Triangles
 
 RAYS = 4  # per camera, along each edge of its image
-DARK = 0.01  # share of the average view; a view below it is black at an exposure that suits the others
+DARK = 1e-4  # share of the average view; eyes adapt to what is brighter
 
 
 def dark_views(

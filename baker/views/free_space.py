@@ -57,15 +57,21 @@ class FreeSpace:
             own = look_around(triangles, np.array([camera.position for camera in given]))
             self._winding = bool((own.double_backs <= DOUBLE_BACKS_MAX).all())
 
-    def draw(self, sides: SurfacePoints, reach: float, rng: np.random.Generator, must: bool = False) -> np.ndarray:
+    def draw(
+        self, sides: SurfacePoints, reach: np.ndarray | float, rng: np.random.Generator, must: bool = False
+    ) -> np.ndarray:
         """Free viewpoints (E, 3) on clear sight lines of at most `reach` (m) from `sides`: one or none for each side.
 
         With `must`, if no viewpoint is free, the result is the LEAST viewpoints that violate the conditions least.
         """
         away = cosine_directions(sides.normal, rng)
         start = self._triangles.lifted(sides)
-        line = np.minimum(self._triangles.hits(start, away).distance, reach)
-        viewpoints = start + away * (line * rng.uniform(0.1, 0.9, len(line)))[:, None]
+        line = self._triangles.hits(start, away).distance
+        along = line * rng.uniform(0.1, 0.9, len(line))
+        # Into the open, each power of ten of the distance is as likely.
+        far = self.clearance * (self._triangles.diagonal / self.clearance) ** rng.random(len(line))
+        along = np.where(np.isfinite(line), along, far)
+        viewpoints = start + away * np.minimum(along, reach)[:, None]
         clearance = self._triangles.clearance(viewpoints)
         clear = np.flatnonzero(clearance >= self.clearance)
         faces, ground = self._faces_fronts(look_around(self._triangles, viewpoints[clear]))

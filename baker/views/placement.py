@@ -8,9 +8,10 @@ import numpy as np
 
 from gsgi.runtime.camera import Camera
 
-from .coverage import Coverage, CoverageMeter
+from .coverage import Coverage, CoverageMeter, seen_by
 from .exterior import look_in
 from .free_space import FreeSpace
+from .importance import POINTS, Importance, ImportanceField
 from .selection import ViewSelection, poses
 from .surface_points import Triangles
 from .viewpoints import Viewpoints, visible
@@ -36,12 +37,14 @@ ENOUGH_WORTH = 1 / 32  # factor on the worth of a further view of a side that is
 class Placement:
     """Cameras to fit and held-out cameras to judge the fit, with unique names, and the coverage of the fitted ones.
 
-    The first HELD_OUT cameras of `held_out` are meant for use; the rest are spare.
+    The first HELD_OUT cameras of `held_out` are meant for use; the rest are spare. `importance` tells how densely
+    people look at what there is to see.
     """
 
     fitted: dict[str, Camera]
     held_out: dict[str, Camera]
     coverage: Coverage
+    importance: ImportanceField
 
     def without_dark(self, dark: Set[str]) -> "Placement":
         """A copy that holds out at most HELD_OUT cameras, none of them `dark`, as a black view is easy to match."""
@@ -61,14 +64,26 @@ def place(
 
     The `given` cameras, which are the scene's own and those of a path, come first and are kept wherever they are. All
     others are in free space (see FreeSpace). With `count` None they are added until VIEWS cameras see the share GOAL of
-    the visible area at `texel_limit` (m; None: from the visible area) or finer, from FEWEST to MOST cameras in total,
-    and views from outside come on top. Otherwise cameras are added until there are `count`, or no further one helps.
+    what people see (see Importance) at `texel_limit` (in extents; None: see viewpoints) or finer, from FEWEST to MOST
+    cameras in total, and views from outside come on top. Otherwise cameras are added until there are `count`, or no
+    further one helps.
     """
     rng = np.random.default_rng(seed)
     own = list(given.values())
-    validation = sides(triangles.draw(VALIDATION_SAMPLES, rng))
-    meter = CoverageMeter(triangles, validation, own, size)
-    free = FreeSpace(triangles, own, validation.points, rng)
+    even = sides(triangles.draw(VALIDATION_SAMPLES, rng))
+    free = FreeSpace(triangles, own, even.points, rng)
+    importance = Importance(triangles, free, own, rng)
+    looked_at = importance.draw(POINTS, rng)
+    field = ImportanceField.of(looked_at)
+
+    def seen_sides(number: int) -> Sides:
+        points = importance.draw(number, rng) if len(field.position) else triangles.draw(number, rng)
+        extent = (
+            field.extent(points.position, points.normal) if len(field.position) else np.ones(len(points), np.float32)
+        )
+        return Sides(points, np.arange(len(points)), extent)
+
+    meter = CoverageMeter(triangles, seen_sides(VALIDATION_SAMPLES), even, own, size)
     viewpoints = Viewpoints(triangles, free, Lens(YFOV, size, texel_limit), rng)
 
     def cameras(views: list[tuple[int, int]]) -> list[Camera]:
@@ -93,7 +108,7 @@ def place(
     fewest, most = (max(n - len(own), 0) for n in ((FEWEST, MOST) if count is None else (count, count)))
     chosen: list[tuple[int, int]] = []
     for number in SAMPLES:
-        samples = sides(triangles.draw(number, rng))
+        samples = seen_sides(number)
         before = len(viewpoints.position)
         lines = viewpoints.look_at(samples)
         meter.look_from(viewpoints.position[before:])
@@ -111,7 +126,9 @@ def place(
     inside = HELD_OUT - len(outside[:1])
     held_out = cameras(selection.held_out(inside + SPARE, apart if apart.any() else viewpoints.kept))
     held_out = held_out[:inside] + outside[:1] + held_out[inside:]
-    return Placement(fitted, _named(held_out, fitted), meter.coverage(viewpoints.lens.limit))
+    times = seen_by(triangles, list(fitted.values()), looked_at)
+    field = replace(field, views=times.astype(np.float32))
+    return Placement(fitted, _named(held_out, fitted), meter.coverage(viewpoints.lens.limit), field)
 
 
 def _outside(triangles: Triangles, free: FreeSpace, samples: Sides, seen: np.ndarray, number: int, rng) -> list[Camera]:
@@ -123,7 +140,7 @@ def _times_seen(triangles: Triangles, cameras: list[Camera], sampled: Sides, len
     """Number (S,) int64 of cameras that see each side at the texel limit or finer."""
     count = np.zeros(len(sampled), np.int64)
     for camera in cameras:
-        count += texels(triangles, camera, sampled.points, lens.size) <= lens.limit
+        count += texels(triangles, camera, sampled.points, lens.size, sampled.extent) <= lens.limit
     return count
 
 

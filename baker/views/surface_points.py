@@ -1,7 +1,7 @@
 """Points spread evenly over a scene's surfaces, and ray casting against its triangles (both by Open3D)."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -118,6 +118,11 @@ class Triangles:
         """`count` random points, each representing the same area, stratified in the order of the triangles."""
         at = (np.arange(count) + rng.random(count)) / count * self.area
         index = np.minimum(np.searchsorted(self._area_below, at, side="right"), len(self._triangle) - 1)
+        return self._inside(index, rng)
+
+    def _inside(self, index: np.ndarray, rng: np.random.Generator) -> SurfacePoints:
+        """A random point in each of the triangles `index` (N,)."""
+        count = len(index)
         a, b, c = self._position[self._triangle[index]].transpose(1, 0, 2).astype(np.float64)
         root, v = np.sqrt(rng.random((count, 1))), rng.random((count, 1))
         position = a + root * (1 - v) * (b - a) + root * v * (c - a)
@@ -125,6 +130,37 @@ class Triangles:
         normal = cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), np.finfo(np.float64).tiny)
         return SurfacePoints(
             position.astype(np.float32), normal.astype(np.float32), self.double_sided[index], self.material[index]
+        )
+
+    def draw_by_size(self, count: int, rng: np.random.Generator) -> SurfacePoints:
+        """`count` random points for which small triangles count as much as large ones.
+
+        Triangles whose areas lie in the same power of four count together, and each such class alike. Points of
+        double-sided triangles have the normal of either side.
+        """
+        area = np.diff(self._area_below, prepend=0.0)
+        there = np.flatnonzero(area > 0)
+        _, of, number = np.unique(np.floor(np.log2(area[there]) / 2), return_inverse=True, return_counts=True)
+        share = area[there] / np.bincount(of, area[there])[of]
+        below = np.cumsum(share) / len(number)
+        at = (np.arange(count) + rng.random(count)) / count
+        points = self._inside(there[np.minimum(np.searchsorted(below, at, side="right"), len(there) - 1)], rng)
+        turned = points.double_sided & (rng.random(count) < 0.5)
+        return replace(points, normal=np.where(turned[:, None], -points.normal, points.normal))
+
+    def seen(self, origin: np.ndarray, direction: np.ndarray) -> SurfacePoints:
+        """What rays (N, 3) meet of lit surfaces, with normals towards the origin, without backs that no one sees."""
+        hits = self.hits(origin, direction)
+        lit = np.diff(self._area_below, prepend=0.0) > 0
+        met = np.flatnonzero((hits.triangle >= 0) & lit[hits.triangle])
+        met = met[~hits.back[met] | self.double_sided[hits.triangle[met]]]
+        triangle = hits.triangle[met]
+        normal = hits.normal[met].astype(np.float64)
+        position = origin[met] + hits.distance[met, None].astype(np.float64) * direction[met]
+        corner = self._position[self._triangle[triangle, 0]]
+        position += ((corner - position) * normal).sum(axis=1, keepdims=True) * normal  # exact, however far the origin
+        return SurfacePoints(
+            position.astype(np.float32), hits.normal[met], self.double_sided[triangle], self.material[triangle]
         )
 
     def lifted(self, points: SurfacePoints) -> np.ndarray:

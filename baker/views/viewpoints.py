@@ -13,7 +13,7 @@ FEW = 12
 TRIES = 8  # samples tried per viewpoint, because many places are not free
 KEPT = 16  # one in this many viewpoints is reserved for held-out views
 
-# The texel limit is the size at which this many views would see all visible area VIEWS times if no pixel were wasted.
+# The texel limit is the size at which so many views would see all that people see VIEWS times if no pixel were wasted.
 # It is coarser if free viewpoints are too far away to see the share ATTAINABLE of the visible sides so finely.
 IDEAL_VIEWS = 16
 ATTAINABLE = 0.995
@@ -45,8 +45,8 @@ class Viewpoints:
             index = self._rng.integers(len(samples), size=TRIES * VIEWPOINTS)
             reach = self._triangles.diagonal
             self.position = self._free.draw(samples.points[index], reach, self._rng, must=True)[:VIEWPOINTS]
-        lines = sight_lines(self._triangles, self.position, samples.points)
-        limit = self.lens.limit or self._ideal_limit(lines, samples)
+        lines = sight_lines(self._triangles, self.position, samples.points, samples.extent)
+        limit = self.lens.limit or np.sqrt(VIEWS / IDEAL_VIEWS) / self.lens.size
         for again in range(DRAWS):
             well = np.bincount(lines.side[lines.footprint * self.lens.pixel <= limit], minlength=len(samples))
             few = np.flatnonzero((well < FEW) & visible(lines, samples) if again else well < FEW)
@@ -57,18 +57,14 @@ class Viewpoints:
         return lines
 
     def _draw(self, samples: Sides, few: np.ndarray, reach: float) -> SightLines:
-        """Add viewpoints within `reach` (m) of the samples `few` (indices); return their sight lines to all."""
+        """Add viewpoints within `reach` extents of the samples `few` (indices); return their sight lines to all."""
         before = len(self.position)
         index = self._rng.choice(few, TRIES * MORE_VIEWPOINTS)
-        more = self._free.draw(samples.points[index], min(reach, self._triangles.diagonal), self._rng)[:MORE_VIEWPOINTS]
+        reach = np.minimum(reach * samples.extent[index], self._triangles.diagonal)
+        more = self._free.draw(samples.points[index], reach, self._rng)[:MORE_VIEWPOINTS]
         self.position = np.concatenate([self.position, more])
-        lines = sight_lines(self._triangles, more, samples.points)
+        lines = sight_lines(self._triangles, more, samples.points, samples.extent)
         return lines._replace(viewpoint=lines.viewpoint + np.int32(before))
-
-    def _ideal_limit(self, lines: SightLines, samples: Sides) -> float:
-        points = int(samples.point.max()) + 1
-        area = visible(lines, samples).sum() / points * self._triangles.area
-        return float(np.sqrt(VIEWS * area / IDEAL_VIEWS) / self.lens.size)
 
 
 def visible(lines: SightLines, sampled: Sides) -> np.ndarray:
@@ -77,7 +73,7 @@ def visible(lines: SightLines, sampled: Sides) -> np.ndarray:
 
 
 def _attainable(lines: SightLines, sampled: Sides) -> float:
-    """The footprint (m) at which VIEWS viewpoints see the share ATTAINABLE of the visible sides."""
+    """The footprint, in extents, at which VIEWS viewpoints see the share ATTAINABLE of the visible sides."""
     order = np.lexsort((lines.footprint, lines.side))
     count = np.bincount(lines.side, minlength=len(sampled))
     last = (np.cumsum(count) - count + VIEWS - 1)[count >= VIEWS]

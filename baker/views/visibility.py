@@ -22,10 +22,13 @@ class Sides:
     """The sides of surface points that can be seen, two for a double-sided point.
 
     `point` (S,) is the index of each side's point. Normals point away from the surface on the side that is seen.
+    `extent` (S,) float32, m, is the edge of the square that would be all that people see if they looked at all of it as
+    often as at the side: small where they are close to what they see. Texel sizes are compared relative to it.
     """
 
     points: SurfacePoints
     point: np.ndarray
+    extent: np.ndarray
 
     def __len__(self) -> int:
         return len(self.point)
@@ -35,7 +38,7 @@ class SightLines(NamedTuple):
     """Unobstructed sight lines from viewpoints to surface sides, ordered by viewpoint.
 
     viewpoint (P,) and side (P,) are int32 indices, direction (P, 3) is float32 unit, footprint (P,) is float32, see
-    `texel`.
+    `texel`, relative to the extent of each side.
     """
 
     viewpoint: np.ndarray
@@ -49,7 +52,8 @@ class SightLines(NamedTuple):
 
 
 class Lens(NamedTuple):
-    """A square image of `size` px, its field of view `yfov` (rad), and the coarsest texel size (m) that counts."""
+    """A square image of `size` px, its field of view `yfov` (rad), and the coarsest texel size that counts, relative to
+    the extent of the side that is seen."""
 
     yfov: float
     size: int
@@ -61,20 +65,26 @@ class Lens(NamedTuple):
         return pixel(self.yfov, self.size)
 
 
-def sides(points: SurfacePoints) -> Sides:
-    """The fronts of all points, then the backs of double-sided points."""
+def sides(points: SurfacePoints, extent: float = 1.0) -> Sides:
+    """The fronts of all points, then the backs of double-sided points, all of one `extent` (m)."""
     index = np.concatenate([np.arange(len(points)), np.flatnonzero(points.double_sided)])
     both = points[index]
     both.normal[len(points) :] *= -1
-    return Sides(both, index)
+    return Sides(both, index, np.full(len(both), extent, np.float32))
 
 
-def sight_lines(triangles: Triangles, viewpoints: np.ndarray, points: SurfacePoints) -> SightLines:
-    """Sight lines from viewpoints (E, 3) to points (S,), in any direction, below 80 degrees from the normal."""
+def sight_lines(
+    triangles: Triangles, viewpoints: np.ndarray, points: SurfacePoints, extent: np.ndarray | None = None
+) -> SightLines:
+    """Sight lines from viewpoints (E, 3) to points (S,), in any direction, below 80 degrees from the normal.
+
+    Footprints are relative to the points' `extent` (S,), m; without it they are in m.
+    """
     parts = [
         _sight_lines(triangles, viewpoints, points, i) for i in range(0, max(len(viewpoints), 1), VIEWPOINTS_AT_ONCE)
     ]
-    return SightLines(*(np.concatenate(fields) for fields in zip(*parts, strict=True)))
+    lines = SightLines(*(np.concatenate(fields) for fields in zip(*parts, strict=True)))
+    return lines if extent is None else lines._replace(footprint=lines.footprint / extent[lines.side])
 
 
 def _sight_lines(triangles: Triangles, viewpoints: np.ndarray, points: SurfacePoints, first: int) -> SightLines:
@@ -106,14 +116,19 @@ def texel(footprint: np.ndarray, cos_axis: np.ndarray, pixel: float) -> np.ndarr
     return footprint * pixel * cos_axis**1.5
 
 
-def texels(triangles: Triangles, camera: Camera, points: SurfacePoints, size: int) -> np.ndarray:
-    """Texel size (S,) float32, m, at which a camera sees points on the normals' side, in a square image of `size` px.
+def texels(
+    triangles: Triangles, camera: Camera, points: SurfacePoints, size: int, extent: np.ndarray | None = None
+) -> np.ndarray:
+    """Texel size (S,) float32 at which a camera sees points on the normals' side, in a square image of `size` px.
+
+    It is relative to the points' `extent` (S,), m, or without it in m.
 
     It is infinite where the camera does not see a point, or sees it at 80 degrees or more.
     """
     result = np.full(len(points), np.inf, np.float32)
     towards = np.flatnonzero(in_image(points.position - camera.position, camera))
-    seen = sight_lines(triangles, camera.position[None], points[towards])
+    there = None if extent is None else extent[towards]
+    seen = sight_lines(triangles, camera.position[None], points[towards], there)
     cos_axis = np.maximum(seen.direction @ -camera.world_from_view[:3, 2], 0)
     result[towards[seen.side]] = texel(seen.footprint, cos_axis, pixel(camera.yfov, size))
     return result

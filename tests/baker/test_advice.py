@@ -21,12 +21,15 @@ def view(ssim=0.99, ceiling=0.995, mottle=0.01, name="placed 1", **marks) -> Vie
 
 def advised(*views: ViewEvaluation, **settings) -> advice.Advice | None:
     made = Settings(**{"budget": MEDIUM, "samples": 192} | settings)
-    return advise(SimpleNamespace(settings=made, triangles=None), Evaluation(list(views), None, [], None))
+    return advise(
+        SimpleNamespace(settings=made, placement=SimpleNamespace(importance=None)),
+        Evaluation(list(views), None, [], None),
+    )
 
 
 @pytest.fixture(autouse=True)
 def detail(monkeypatch):
-    monkeypatch.setattr(advice, "gaussians_for", lambda triangles, seed: DETAIL)
+    monkeypatch.setattr(advice, "gaussians_for", lambda seen: DETAIL)
 
 
 @pytest.mark.parametrize(

@@ -20,6 +20,7 @@ from gsgi.baker.surface.lookup import look_up
 from gsgi.baker.surface_detail import gaussians_for
 from gsgi.baker.trace.reference import Reference
 from gsgi.baker.trace.tracer import BOUNCES_MAX, Surface
+from gsgi.baker.views.importance import POINTS, ImportanceField
 from gsgi.baker.views.placement import HELD_OUT
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.camera import Camera
@@ -68,8 +69,8 @@ def few_samples(monkeypatch):
 
 
 @pytest.fixture(scope="module")
-def triangles() -> Triangles:
-    return Triangles(room())
+def seen() -> ImportanceField:
+    return ImportanceField.of(Triangles(room()).draw(POINTS, np.random.default_rng(0)))
 
 
 @pytest.fixture(scope="module")
@@ -81,35 +82,35 @@ QUALITY_FACTORS = {"over": (1 / 4, 1, 4), "surface": (0.9 / 16, 0.9 / 4, 0.9)}
 
 
 @pytest.mark.parametrize("operator", OPERATORS)
-def test_a_quality_is_so_many_gaussians_for_the_detail_of_the_scene(triangles, operator):
+def test_a_quality_is_so_many_gaussians_for_the_detail_of_the_scene(seen, operator):
     for quality, factor in zip(("draft", "medium", "high"), QUALITY_FACTORS[operator], strict=True):
         settings = Settings(operator, quality, views=1000, size=96)
-        assert planning._budget(settings, triangles) == round(factor * gaussians_for(triangles, 0))
+        assert planning._budget(settings, seen) == round(factor * gaussians_for(seen))
 
 
-def test_there_are_no_more_gaussians_than_the_views_can_tell_apart(triangles):
+def test_there_are_no_more_gaussians_than_the_views_can_tell_apart(seen):
     """Those that surface points read are no matter of the views."""
     for quality in QUALITIES["over"]:
         settings = Settings("over", quality, views=2, size=64)
-        assert planning._budget(settings, triangles) == 2 * 64**2 // PIXELS_PER_GAUSSIAN
+        assert planning._budget(settings, seen) == 2 * 64**2 // PIXELS_PER_GAUSSIAN
         few, many = (Settings("surface", quality, views=views, size=64) for views in (2, 1000))
-        assert planning._budget(few, triangles) == planning._budget(many, triangles)
+        assert planning._budget(few, seen) == planning._budget(many, seen)
 
 
 @pytest.mark.parametrize("operator", OPERATORS)
-def test_a_budget_wins_over_the_quality(triangles, operator):
+def test_a_budget_wins_over_the_quality(seen, operator):
     for quality in QUALITIES[operator]:
         for target in (None, 0.01):
             settings = replace(SMALL, operator=operator, budget=77, quality=quality, target_loss=target)
-            assert planning._budget(settings, triangles) == 77
+            assert planning._budget(settings, seen) == 77
 
 
 @pytest.mark.parametrize("operator", OPERATORS)
-def test_a_search_may_go_as_far_as_high_quality(triangles, operator):
+def test_a_search_may_go_as_far_as_high_quality(seen, operator):
     many = Settings(operator, views=1000, size=96)
-    high = planning._budget(replace(many, quality="high"), triangles)
+    high = planning._budget(replace(many, quality="high"), seen)
     for quality in QUALITIES[operator]:
-        assert planning._budget(replace(many, quality=quality, target_loss=0.01), triangles) == high
+        assert planning._budget(replace(many, quality=quality, target_loss=0.01), seen) == high
 
 
 def test_a_search_is_told():

@@ -7,12 +7,15 @@ import pytest
 import scenes
 
 from gsgi.baker.surface_detail import FEWEST, PER_SCENE, bent_share, gaussians_for
+from gsgi.baker.views.importance import POINTS, ImportanceField
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.scene import Mesh, Scene
 
 
-def triangles(*meshes: Mesh) -> Triangles:
-    return Triangles(Scene(meshes, (scenes.WHITE,)))
+def seen(*meshes: Mesh, seed: int = 0) -> ImportanceField:
+    """A field of points that are evenly spread over the meshes."""
+    triangles = Triangles(Scene(meshes, (scenes.WHITE,)))
+    return ImportanceField.of(triangles.draw(POINTS, np.random.default_rng(seed)))
 
 
 def grid(cells: int, height) -> Mesh:
@@ -47,20 +50,20 @@ def rooms(count: int) -> list[Mesh]:
 
 
 def test_one_flat_wall_has_no_detail():
-    floor = triangles(scenes.floor())
-    assert bent_share(floor, 0) == 0
-    assert gaussians_for(floor, 0) == FEWEST
+    floor = seen(scenes.floor())
+    assert bent_share(floor) == 0
+    assert gaussians_for(floor) == FEWEST
 
 
 def test_triangles_that_lie_flat_are_no_detail():
-    assert bent_share(triangles(grid(60, lambda x, z: 0 * x)), 0) == 0
+    assert bent_share(seen(grid(60, lambda x, z: 0 * x))) == 0
 
 
 def test_edges_and_bumps_are_detail():
-    shares = [bent_share(triangles(*meshes), 0) for meshes in ([scenes.floor()], scenes.box(), rooms(4), [bumpy()])]
+    shares = [bent_share(seen(*meshes)) for meshes in ([scenes.floor()], scenes.box(), rooms(4), [bumpy()])]
     assert shares == sorted(set(shares))
     assert shares[-1] > 0.2
-    counts = [gaussians_for(triangles(*meshes), 0) for meshes in ([scenes.floor()], rooms(4), [bumpy()])]
+    counts = [gaussians_for(seen(*meshes)) for meshes in ([scenes.floor()], rooms(4), [bumpy()])]
     assert counts == sorted(set(counts))
     assert counts[-1] < PER_SCENE
 
@@ -69,24 +72,24 @@ def test_two_walls_back_to_back_are_flat():
     """The neighbour beyond a thin wall is none that the light leaks to."""
     wall = scenes.floor(), scenes.floor(height=-1e-4)
     back = replace(wall[1], normal=-wall[1].normal, triangle=wall[1].triangle[:, ::-1].copy())
-    assert bent_share(triangles(wall[0], back), 0) < 0.02
+    assert bent_share(seen(wall[0], back)) < 0.02
 
 
 def test_edges_count_by_their_length():
     """A box has edges of 12 x 2 m on 24 m^2: the share is that of points within a neighbour's distance of one."""
-    spacing = np.sqrt(24 / (1 << 15))
-    share = bent_share(triangles(*scenes.box()), 0)
+    spacing = np.sqrt(24 / POINTS)
+    share = bent_share(seen(*scenes.box()))
     assert 0.2 < share / (12 * 2 * 2 * spacing / 24) < 1.0
 
 
 @pytest.mark.parametrize("factor", [1e-3, 1e3])
 def test_the_unit_of_length_does_not_matter(factor):
-    share = bent_share(triangles(*scenes.box()), 0)
-    assert bent_share(triangles(*scaled(scenes.box(), factor)), 0) == pytest.approx(share, rel=0.02)
+    share = bent_share(seen(*scenes.box()))
+    assert bent_share(seen(*scaled(scenes.box(), factor))) == pytest.approx(share, rel=0.02)
 
 
 def test_the_same_seed_gives_the_same_number_and_another_nearly_so():
-    counts = [gaussians_for(triangles(*rooms(4)), seed) for seed in (0, 0, 1, 2)]
+    counts = [gaussians_for(seen(*rooms(4), seed=seed)) for seed in (0, 0, 1, 2)]
     assert counts[0] == counts[1]
     # 4,096 probes: a share of 4 % is met to some 7 %.
     assert max(counts) < 1.25 * min(counts)

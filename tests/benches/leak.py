@@ -11,11 +11,9 @@ from gsgi.baker.progress import Progress
 from gsgi.baker.settings import Settings
 from gsgi.baker.surface.lookup import look_up
 from gsgi.baker.trace.tracer import Sampling
-from gsgi.baker.views.coverage import sample_seen
 from gsgi.runtime.file import codec
 from gsgi.runtime.gltf.reader import read_gltf
 
-POINTS = 60_000
 DARK = 1e-6  # of the mean B; a point with less path-traced B counts as dark
 FAINT = 0.005  # of the bright room's mean B
 
@@ -27,7 +25,7 @@ def leak() -> list[dict]:
     """
     plan = make_plan(read_gltf(SCENES / "two_rooms.glb"), Settings(), Progress(Console()), Cache())
     baked = codec.decode(bake(plan, Progress(Console())).data)
-    points = sample_seen(plan.triangles, plan.cameras, POINTS, seed=5)
+    points = plan.placement.importance
     traced = plan.tracer.at_points(points.position, points.normal, Sampling(64), seed=9).mean.mean(axis=1)
     light, _ = look_up(baked.gaussians, baked.coarse, baked.blend, points.position, points.normal)
     dark = traced < DARK * traced.mean()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from gsgi.baker.fitting.blue_noise import thin
+from gsgi.baker.fitting.blue_noise import levelled, thin
 
 UP = np.array([0.0, 1.0, 0.0])
 
@@ -54,6 +54,25 @@ def test_uneven_density_becomes_even():
     assert (position[:, 0] < 0.5).mean() > 0.85
     # The more candidates, the closer they pack: 40 for each that stays on the left, 4 on the right.
     assert 0.5 < (position[index, 0] < 0.5).mean() < 0.6
+
+
+def test_levelled_points_keep_a_density_that_differs_by_orders_of_magnitude():
+    """A furnished table in a meadow: as many points on 1 m^2 as on 1 km^2 around it."""
+    table, normal = plane(2500)
+    meadow = 1000 * plane(2500, seed=1)[0]
+    position, normal = np.concatenate([table, meadow]), np.tile(normal, (2, 1))
+    even = thin(position, normal, 1000, np.random.default_rng(0))
+    kept = thin(levelled(position), normal, 1000, np.random.default_rng(0))
+    assert (even < 2500).mean() < 0.02
+    assert 0.4 < (kept < 2500).mean() < 0.6
+    assert nearest(position[kept[kept < 2500]]).min() > 0.6 / np.sqrt(500)
+
+
+def test_levelled_points_of_even_density_lie_as_before():
+    position, _ = plane(5000)
+    level = levelled(position)
+    np.testing.assert_array_equal(level[:, :3], position)
+    assert not level[:, 3].any()
 
 
 def test_both_sides_of_a_thin_wall_stay():

@@ -12,6 +12,7 @@ from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.baker.views import cached_placement
 from gsgi.baker.views.cached_placement import place_once
 from gsgi.baker.views.coverage import Coverage, Hidden
+from gsgi.baker.views.importance import ImportanceField
 from gsgi.baker.views.placement import Placement
 from gsgi.runtime.camera import Camera
 
@@ -29,7 +30,9 @@ def placed(monkeypatch) -> list[int]:
         rng = np.random.default_rng(len(asked))
         cameras = {f"placed\0{i}": Camera(rng.random((4, 4)), rng.random(), np.float64(rng.random())) for i in range(3)}
         coverage = Coverage((0.9, 0.5, 1 / 3), 0.1, np.inf, np.inf, 7.0, (Hidden("wåll\0", 1 / 7, 0.1),), 9)
-        return Placement(given | cameras, {"held out": Camera(rng.random((4, 4)), 1.0, 0.1)}, coverage)
+        place, facing, numbers = rng.random((5, 3)), rng.random((5, 3)), rng.random((2, 5))
+        field = ImportanceField(*(array.astype(np.float32) for array in (place, facing, *numbers)))
+        return Placement(given | cameras, {"held out": Camera(rng.random((4, 4)), 1.0, 0.1)}, coverage, field)
 
     monkeypatch.setattr(cached_placement, "place", place)
     return asked
@@ -45,7 +48,7 @@ def test_views_are_placed_once_and_found_again_to_the_bit(tmp_path, placed):
     again, found_again = run(Cache(tmp_path))
     assert (placed, found, found_again) == ([64], False, True)
     assert list(again.fitted) == list(first.fitted)
-    for name in ("fitted", "held_out", "coverage"):
+    for name in ("fitted", "held_out", "coverage", "importance"):
         assert digest(getattr(again, name)) == digest(getattr(first, name))
     assert asdict(again.coverage) == asdict(first.coverage)
 

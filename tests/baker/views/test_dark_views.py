@@ -85,7 +85,7 @@ def test_fewer_samples_are_taken_in_the_dark(light, monkeypatch):
 
 def test_the_first_views_with_light_are_held_out():
     held_out = {str(i): scenes.inside_camera() for i in range(2 * HELD_OUT)}
-    placement = Placement({}, held_out, None)
+    placement = Placement({}, held_out, None, None)
     assert list(placement.without_dark(set()).held_out) == [str(i) for i in range(HELD_OUT)]
     without = placement.without_dark({"1", "3"}).held_out
     assert list(without) == ["0", "2", *(str(i) for i in range(4, HELD_OUT + 2))]
