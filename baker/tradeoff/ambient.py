@@ -1,4 +1,4 @@
-"""Constant ambient light: the mean B of all that the views see, at every surface."""
+"""Constant ambient light: the mean B of all that people see, at every surface."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gsgi.baker.progress import Progress
-from gsgi.baker.views.coverage import sample_seen
 
 from .ground import Ground
 from .method import Method
@@ -46,13 +45,14 @@ class Ambient:
 
 
 def bake(ground: Ground, value: float, progress: Progress) -> Ambient:
-    """Average B over points that the views see, each as often as its share of the visible area."""
-    points = sample_seen(ground.plan.triangles, ground.plan.cameras, POINTS, ground.settings.seed)
-    light = ground.trace(points.position, points.normal, points.normal, PATHS, progress)
+    """Average B over points that people see, as often as they look there."""
+    seen = ground.plan.placement.importance
+    position, normal = seen.position[:POINTS], seen.normal[:POINTS]
+    light = ground.trace(position, normal, normal, PATHS, progress)
     return Ambient(light.mean(axis=0, dtype=np.float64).astype(np.float32))
 
 
 METHOD = Method(
-    "ambient", "constant ambient", "Phong 1975", "The mean of B over what the views see.", "", Ambient,
+    "ambient", "constant ambient", "Phong 1975", "The mean of B over what people see.", "", Ambient,
     lambda ground: [0.0], bake, in_space=True,
 )  # fmt: skip

@@ -1,6 +1,5 @@
 """Points spread evenly over a scene's surfaces, and ray casting against its triangles (both by Open3D)."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -14,7 +13,6 @@ from gsgi.runtime.scene import Mesh, Scene
 OVERSAMPLING = 5
 LEAST = 1e-9  # m, by which points are at least lifted off their surface
 SIZE_MAX = 1e9  # m; from ten times this on, squares of areas leave the range of single precision
-DRAWS = 16  # most times to draw random points; if still too few are kept, that surface is too small for `count`
 
 
 @dataclass(frozen=True)
@@ -94,25 +92,13 @@ class Triangles:
         """Diagonal of the bounding box of the lit surfaces, m, so that an unlit sky dome does not set the scale."""
         return float(np.linalg.norm(self.high - self.low))
 
-    def sample(
-        self, count: int, seed: int, keep: Callable[[SurfacePoints], SurfacePoints] | None = None
-    ) -> SurfacePoints:
+    def sample(self, count: int, seed: int) -> SurfacePoints:
         """`count` blue-noise points (Yuksel 2015, sample elimination) on the surfaces; the same seed gives the same.
 
-        `keep` takes points and returns those that may be used. If it returns hardly any, the result has fewer than
-        `count` points. The cost hardly depends on the number of triangles.
+        The cost hardly depends on the number of triangles.
         """
-        rng = np.random.default_rng(seed)
-        drawn = kept = 0
-        parts = []
-        while kept < OVERSAMPLING * count and len(parts) < DRAWS:
-            points = self.draw(OVERSAMPLING * count, rng)
-            drawn += len(points)
-            parts.append(points if keep is None else keep(points))
-            kept += len(parts[-1])
-        fields = ("position", "normal", "double_sided", "material")
-        points = SurfacePoints(*(np.concatenate([getattr(part, name) for part in parts]) for name in fields))
-        return points if kept <= count else points[_eliminate(points.position, count, self.area * kept / drawn)]
+        points = self.draw(OVERSAMPLING * count, np.random.default_rng(seed))
+        return points[_eliminate(points.position, count, self.area)]
 
     def draw(self, count: int, rng: np.random.Generator) -> SurfacePoints:
         """`count` random points, each representing the same area, stratified in the order of the triangles."""

@@ -42,13 +42,6 @@ def test_area_decides_how_many_points_a_surface_gets():
     np.testing.assert_array_equal(points.double_sided, points.material == 1)
 
 
-def test_only_points_that_may_stay_stay(room):
-    points = room.sample(300, 0, keep=lambda drawn: drawn[drawn.position[:, 0] > 0.9])
-    assert len(points) == 300
-    assert points.position[:, 0].min() > 0.9
-    assert len(room.sample(300, 0, keep=lambda drawn: drawn[:1])) == 16
-
-
 def test_unlit_surfaces_are_not_sampled_but_block():
     sky = scenes.box(half=100.0, material=1)
     triangles = Triangles(Scene((scenes.floor(), *sky), (Material(), Material(unlit=True))))
