@@ -13,7 +13,7 @@ from gsgi.baker.fitting.schedule import Schedule
 from gsgi.baker.surface.coarse import coarse_level
 from gsgi.baker.surface.fit import fit_surface
 from gsgi.baker.surface.lookup import look_up
-from gsgi.baker.surface.occlusion import INTO_BRIGHT, Occlusion, seen_light
+from gsgi.baker.surface.occlusion import INTO_BRIGHT, VARIES, Occlusion, seen_light
 from gsgi.baker.surface.samples import SurfaceSamples
 from gsgi.baker.trace.local_light import local_light
 from gsgi.baker.views.surface_points import Triangles
@@ -134,7 +134,9 @@ def test_eyes_beside_a_wall_adapt_to_the_light_on_their_side():
     assert local_light(*arrays).level[dark].max() > 100 * DARK
     around = seen_light(samples, TRIANGLES)
     np.testing.assert_allclose(around.level[dark], max(DARK, 0.002 * samples.indirect.mean()), rtol=0.2)
-    np.testing.assert_allclose(around.level[samples.position[:, 0] < -0.001], BRIGHT, rtol=0.1)
+    # Few dark samples among bright neighbours vary less than VARIES: the level is the mean of them all.
+    few = 1 - 1 / (1 + VARIES**2)
+    np.testing.assert_allclose(around.level[samples.position[:, 0] < -0.001], BRIGHT, rtol=few)
 
 
 def test_a_fit_that_knows_the_walls_keeps_light_on_its_side():
