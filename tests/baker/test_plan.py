@@ -20,6 +20,7 @@ from gsgi.baker.surface.lookup import look_up
 from gsgi.baker.surface_detail import gaussians_for
 from gsgi.baker.trace.reference import Reference
 from gsgi.baker.trace.tracer import BOUNCES_MAX, Surface
+from gsgi.baker.views import placement
 from gsgi.baker.views.importance import POINTS, ImportanceField
 from gsgi.baker.views.placement import HELD_OUT
 from gsgi.baker.views.surface_points import Triangles
@@ -59,6 +60,14 @@ def decided(plan: Plan) -> dict[str, str]:
 def of(plan: Plan, **changes) -> Plan:
     """The plan with other settings, looked at no further."""
     return replace(plan, settings=replace(plan.settings, **changes))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def few_views():
+    """Fewer views than a bake has: nothing here depends on their number."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(placement, "FEWEST", 48)
+        yield
 
 
 @pytest.fixture(autouse=True)
