@@ -84,7 +84,8 @@ def indirect(
     """
     p, n, ng = mi.Point3f(position.T), mi.Normal3f(normal.T), mi.Normal3f(geometric_normal.T)
     p = lifted_point(tracer, p, ng, dr.squared_norm(n) > 0)
-    point, first = (mi.UInt32(np.ascontiguousarray(column)) for column in numbers.T)
+    # One array: a column of its own would be read in place, and the kernel compiled again for each alignment.
+    point, first = mi.Point2u(numbers.T)
     key = hashed(point + hashed(dr.opaque(mi.UInt32, seed)))
     limits = dr.opaque(mi.UInt32, samples), dr.opaque(mi.UInt32, bounces)
     light, squared, invalid = _paths(tracer, known, key, first, p, n, ng, *limits)
