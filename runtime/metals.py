@@ -47,8 +47,7 @@ def metal_areas(scene: Scene) -> tuple[np.ndarray, float]:
     """
     areas = np.zeros(len(scene.materials))
     for mesh in scene.meshes:
-        a, b, c = (mesh.position[corner].astype(np.float64) for corner in mesh.triangle.T)
-        areas[mesh.material] += np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
+        areas[mesh.material] += mesh.areas().sum()
     shares = [
         (material.metallic * _blue(material, scene) > METALLIC).mean() if any(material.base_color[:3]) else 0.0
         for material in scene.materials

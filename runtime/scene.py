@@ -92,6 +92,11 @@ class Mesh:
         corners = self.position[used].astype(np.float64)
         return corners.min(axis=0), corners.max(axis=0)
 
+    def areas(self) -> np.ndarray:
+        """Area (F,) float64 of each triangle, m^2."""
+        a, b, c = (self.position[self.triangle[:, i]] for i in range(3))
+        return np.linalg.norm(np.cross(b - a, c - a), axis=1).astype(np.float64) / 2
+
 
 @dataclass(frozen=True)
 class Light:

@@ -12,7 +12,7 @@ import numpy as np
 from gsgi.baker.trace.irradiance_cache import cell_keys
 from gsgi.baker.trace.local_light import FAINT
 from gsgi.baker.trace.reference import Reference
-from gsgi.baker.views.surface_points import SurfacePoints, Triangles
+from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.display import luminance
 from gsgi.runtime.gaussians import Bake
 
@@ -32,14 +32,16 @@ def reach(baked: Bake) -> float:
 
 @dataclass(frozen=True)
 class Surroundings:
-    """Patches of all surfaces that some reference shows: a point of each, and the mean luminance (P,) of its B.
+    """Patches of all surfaces that some reference shows: position (P, 3), m, and unit normal (P, 3) of a point of each,
+    and the mean luminance (P,) of its B.
 
     `reach`, m, is how far a patch counts.
     """
 
     triangles: Triangles
     reach: float
-    points: SurfacePoints
+    position: np.ndarray
+    normal: np.ndarray
     light: np.ndarray
 
     @staticmethod
@@ -52,23 +54,24 @@ class Surroundings:
         key = cell_keys(position, normal, position.min(axis=0, initial=np.inf), reach / PATCHES, 0)
         _, first, of, count = np.unique(key, return_index=True, return_inverse=True, return_counts=True)
         mean = np.bincount(of, light, len(first)) / count
-        return Surroundings(triangles, reach, _points(position[first], normal[first]), mean)
+        return Surroundings(triangles, reach, position[first], normal[first], mean)
 
-    def bright_side(self, points: SurfacePoints, light: np.ndarray) -> np.ndarray:
-        """Light (N,) of the brightest patch near points (N,) that they do not see; 0 where they are not dark beside it.
+    def bright_side(self, position: np.ndarray, normal: np.ndarray, light: np.ndarray) -> np.ndarray:
+        """Light (N,) of the brightest patch near points (N, 3) that they do not see; 0 where none is far brighter.
 
-        `light` (N,) is the luminance of B at the points. Eyes adapt to no less than FAINT of its mean over all patches.
+        Normals are (N, 3), and `light` (N,) is the luminance of B at the points. Eyes adapt to no less than FAINT of
+        its mean over all patches.
         """
         from scipy.spatial import cKDTree
 
-        near = cKDTree(self.points.position).query_ball_point(points.position, self.reach)
-        at = np.repeat(np.arange(len(points)), [len(found) for found in near])
+        near = cKDTree(self.position).query_ball_point(position, self.reach)
+        at = np.repeat(np.arange(len(position)), [len(found) for found in near])
         patch = np.concatenate([np.empty(0, np.int64), *(np.asarray(found, np.int64) for found in near)])
         darker = np.maximum(light[at], FAINT * self.light.mean()) < DARK * self.light[patch]
         at, patch = at[darker], patch[darker]
-        lifted, targets = self.triangles.lifted(points), self.triangles.lifted(self.points)
+        lifted, targets = self.triangles.lifted(position, normal), self.triangles.lifted(self.position, self.normal)
         hidden = self.triangles.blocked(lifted[at], targets[patch])
-        result = np.zeros(len(points))
+        result = np.zeros(len(position))
         np.maximum.at(result, at[hidden], self.light[patch[hidden]])
         return result
 
@@ -85,8 +88,9 @@ def leak(image: np.ndarray, reference: Reference, around: Surroundings) -> float
     def pixels(values: np.ndarray) -> np.ndarray:
         return values.reshape(-1, *values.shape[2:])[some]
 
-    points = _points(pixels(reference.surface.position), pixels(reference.surface.geometric_normal))
-    bright = around.bright_side(points, pixels(luminance(reference.clean)))
+    surface = reference.surface
+    columns = surface.position, surface.geometric_normal, luminance(reference.clean)
+    bright = around.bright_side(*(pixels(column) for column in columns))
     dark = bright > 0
     if np.count_nonzero(dark) <= FEWEST * len(some):
         return None
@@ -96,8 +100,3 @@ def leak(image: np.ndarray, reference: Reference, around: Surroundings) -> float
     worst = max(round(WORST * len(a)), 1)
     chosen = [np.argsort(-half, kind="stable")[:worst] for half in (a, b)]
     return max(float(b[chosen[0]].mean() + a[chosen[1]].mean()) / 2, 0.0)
-
-
-def _points(position: np.ndarray, normal: np.ndarray) -> SurfacePoints:
-    nothing = np.zeros(len(position), np.int32)
-    return SurfacePoints(position, normal, nothing.astype(bool), nothing)

@@ -23,7 +23,7 @@ from .optimiser import LIST_STEPS, SurfaceOptimiser
 from .samples import SurfaceSamples, joined
 from .state import SurfaceState, to_merge, to_remove, to_split
 
-# Step sizes of Adam: lengths in standard deviations, turns in rad, colour in units of the tone scale. They decay
+# Step sizes of Adam: lengths in standard deviations, turns in rad, colour in units of the level around. They decay
 # exponentially to RATE_END times these values.
 RATES = {"place": 0.06, "turn": 0.04, "log_scale": 0.06, "logit_opacity": 0.05, "colour": 0.03, "slope": 0.03}
 RATE_END = 0.1
@@ -108,7 +108,7 @@ def fit_surface(
 
 
 def start(samples: SurfaceSamples, count: int, rng: np.random.Generator) -> Gaussians:
-    """At most `count` Gaussians, evenly spread over the samples and flat along the normal, which is their +z axis."""
+    """At most `count` Gaussians, as dense as the samples and flat along the normal, which is their +z axis."""
     chosen = np.sort(rng.permutation(len(samples))[: CANDIDATES * count])
     position, normal = samples.position[chosen], samples.normal[chosen]
     even = thin(levelled(position), normal, count, rng)

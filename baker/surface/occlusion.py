@@ -10,9 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from gsgi.baker.fitting.rotations import axes
-from gsgi.baker.trace.local_light import BLOCK, LocalLight, local_light
-from gsgi.baker.trace.point_order import coherent
-from gsgi.baker.views.surface_points import SurfacePoints, Triangles
+from gsgi.baker.trace.local_light import LocalLight, blocks, local_light
+from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.display import luminance
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
 
@@ -51,15 +50,14 @@ def seen_light(samples: SurfaceSamples, triangles: Triangles) -> LocalLight:
 
 def _around(samples: SurfaceSamples) -> tuple[LocalLight, np.ndarray]:
     """The `local_light` of samples, and where (S,) bool it varies among neighbours by more than their noise."""
-    arrays = samples.position, samples.normal, samples.indirect_a, samples.indirect_b
-    around, order = local_light(*arrays), coherent(*arrays[:2])
-    a, b = (half.mean(axis=1, dtype=np.float64)[order] for half in arrays[2:])
-    block = np.arange(len(order)) // BLOCK
-    count = np.maximum(np.bincount(block), 1)
+    halves = samples.indirect_a, samples.indirect_b
+    around = local_light(samples.position, samples.normal, *halves)
+    a, b = (half.mean(axis=1, dtype=np.float64) for half in halves)
+    block = blocks(samples.position, samples.normal)
+    count = np.bincount(block)
     mean_a, mean_b, product = (np.bincount(block, values) / count for values in (a, b, a * b))
     varies = around.level > FACTOR * samples.indirect.mean(axis=1) + SIGNIFICANT * around.noise
-    varies[order] |= (product - mean_a * mean_b > VARIES**2 * mean_a * mean_b)[block]
-    return around, varies
+    return around, varies | (product - mean_a * mean_b > VARIES**2 * mean_a * mean_b)[block]
 
 
 class Occlusion:
@@ -72,7 +70,8 @@ class Occlusion:
         self._blend, self._triangles, self._facing = blend, triangles, blend.sharpness > 0
         some = np.arange(0, len(samples), max(len(samples) // ((FLAT if self._facing else ROUND) * max(count, 1)), 1))
         some = samples[np.union1d(some, np.flatnonzero(_around(samples)[1])) if self._facing else some]
-        self._position, self._normal, self._lifted = some.position, some.normal, _lifted(some, triangles)
+        self._position, self._normal = some.position, some.normal
+        self._lifted = triangles.lifted(some.position, some.normal)
         self._light = _seen_mean(some, triangles, luminance(some.indirect), self._facing)
         self._tree = cKDTree(some.position)
 
@@ -174,11 +173,6 @@ def _offset(gaussians: Gaussians, of: np.ndarray, point: np.ndarray) -> np.ndarr
     return np.einsum("pji,pj->pi", frame[of], point - gaussians.position[of]) / gaussians.scale[of]
 
 
-def _lifted(samples: SurfaceSamples, triangles: Triangles) -> np.ndarray:
-    nothing = np.zeros(len(samples), np.int32)
-    return triangles.lifted(SurfacePoints(samples.position, samples.normal, nothing.astype(bool), nothing))
-
-
 def _seen_mean(samples: SurfaceSamples, triangles: Triangles, light: np.ndarray, facing: bool) -> np.ndarray:
     """Light (S,) averaged over the nearest samples that each sees; with `facing`, only if they face the same way."""
     from scipy.spatial import cKDTree
@@ -188,7 +182,7 @@ def _seen_mean(samples: SurfaceSamples, triangles: Triangles, light: np.ndarray,
     _, near = cKDTree(samples.position).query(samples.position, k=min(NEIGHBOURS, len(light)), workers=-1)
     near = near.reshape(len(light), -1)
     own, other = np.repeat(np.arange(len(light)), near.shape[1]), near.ravel()
-    lifted = _lifted(samples, triangles)
+    lifted = triangles.lifted(samples.position, samples.normal)
     counts = ~triangles.blocked(lifted[own], lifted[other])
     if facing:
         counts &= (samples.normal[own] * samples.normal[other]).sum(axis=1) > 0

@@ -207,10 +207,11 @@ class Sampler:
     ) -> "_Layer":
         key = self._tracer.key("layer", __name__, points=points_key, paths=self._paths, noisy=noisy, done=done)
         numbers = np.stack([np.arange(len(done), dtype=np.uint32), done], axis=1)
-        layer, found = self._tracer.once(
-            key, _Layer,
-            lambda: _traced(self._tracer.tracer, points, noisy, numbers, self._sampling, self._light, seed, advance),
-        )  # fmt: skip
+
+        def trace() -> "_Layer":
+            return _traced(self._tracer.tracer, points, noisy, numbers, self._sampling, self.known_light, seed, advance)
+
+        layer, found = self._tracer.once(key, _Layer, trace)
         if found:
             advance(int(noisy.sum()) * PATHS_STEP, "from the cache")
         return layer
@@ -230,8 +231,8 @@ class Sampler:
         return {"sampling": self._sampling, "known": known}
 
     @cached_property
-    def _light(self) -> tuple[IrradianceCache | None, IrradianceCache | None]:
-        """The light in which the paths of each half end."""
+    def known_light(self) -> tuple[IrradianceCache | None, IrradianceCache | None]:
+        """The light in which the paths of each half end, once `prepare` has traced it."""
         if self._known is None:
             return None, None
         known = self._known_samples

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .point_order import signed_axis
+
 LEAST, MOST = 3, 32  # samples in a cell: with fewer its light is unknown, with more it is too wide for so dense samples
 VARIES = 0.35  # standard deviation in a cell, relative to its mean light: with more, its light is unknown
 ACROSS = 1.2  # edge of the finest cells where samples have a density, relative to the distance to the NEAR-th nearest
@@ -73,8 +75,7 @@ def cell_keys(position: np.ndarray, normal: np.ndarray, origin: np.ndarray, size
     """Keys (N,) uint64 of the cells of a level in which points (N, 3) with normals (N, 3) lie."""
     cell = np.floor((position.astype(np.float32) - origin.astype(np.float32)) / np.float32(size * 2**level))
     x, y, z = (cell.astype(np.int64) & ((1 << COORDINATE_BITS) - 1)).astype(np.uint64).T
-    axis = np.abs(normal).argmax(axis=1)
-    side = 2 * axis + (np.take_along_axis(normal, axis[:, None], axis=1)[:, 0] < 0)
+    side = signed_axis(normal)
     low = x | y << np.uint64(COORDINATE_BITS)
     return (low & np.uint64(0xFFFFFFFF)) | (
         (low >> np.uint64(32)) | z << np.uint64(6) | (side.astype(np.uint64) << np.uint64(25)) | np.uint64(level << 28)

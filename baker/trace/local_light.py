@@ -34,8 +34,7 @@ def local_light(position: np.ndarray, normal: np.ndarray, a: np.ndarray, b: np.n
     count = len(position)
     if not count:
         return LocalLight(np.empty(0, np.float32), np.empty(0, np.float32))
-    block = np.empty(count, np.int64)
-    block[coherent(position, normal)] = np.arange(count) // BLOCK
+    block = blocks(position, normal)
     number = np.bincount(block)
 
     def means(columns: np.ndarray) -> np.ndarray:
@@ -49,6 +48,13 @@ def local_light(position: np.ndarray, normal: np.ndarray, a: np.ndarray, b: np.n
     level = np.maximum(level, max(FAINT * float(light[:, 0].mean()), LEAST))
     variance = variance[_near(means(position), means(normal))].mean(axis=1)
     return LocalLight(level[block].astype(np.float32), np.sqrt(variance)[block].astype(np.float32))
+
+
+def blocks(position: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """The block (S,) int64 of neighbours to which each of points (S, 3), m, with unit normals (S, 3) belongs."""
+    block = np.empty(len(position), np.int64)
+    block[coherent(position, normal)] = np.arange(len(position)) // BLOCK
+    return block
 
 
 def _near(position: np.ndarray, normal: np.ndarray) -> np.ndarray:

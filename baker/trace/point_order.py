@@ -21,9 +21,13 @@ def coherent(position: np.ndarray, normal: np.ndarray) -> np.ndarray:
     extent = float((position.max(axis=0) - low).max()) or 1.0
     cell = ((position - low) * ((2**BITS - 1) / extent)).astype(np.uint64)
     code = sum(_spread(cell[:, axis]) << np.uint64(axis) for axis in range(3))
+    return np.lexsort((code, signed_axis(normal)))
+
+
+def signed_axis(normal: np.ndarray) -> np.ndarray:
+    """The axis (N,) to which each of the normals (N, 3) is nearest: 0 to 5 for +x, -x, +y, -y, +z, -z."""
     axis = np.abs(normal).argmax(axis=1)
-    below = np.take_along_axis(normal, axis[:, None], axis=1)[:, 0] < 0
-    return np.lexsort((code, 2 * axis + below))
+    return 2 * axis + (np.take_along_axis(normal, axis[:, None], axis=1)[:, 0] < 0)
 
 
 def _spread(values: np.ndarray) -> np.ndarray:

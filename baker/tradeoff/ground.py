@@ -13,7 +13,8 @@ from gsgi.baker.evaluation import held_out
 from gsgi.baker.plan import make_plan
 from gsgi.baker.progress import Display, Progress
 from gsgi.baker.settings import Settings
-from gsgi.baker.surface.samples import Known, Sampler, known_paths, known_rounds
+from gsgi.baker.surface.fits import SurfaceFits
+from gsgi.baker.surface.samples import Sampler, known_paths
 from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.baker.trace.irradiance_cache import IrradianceCache
 from gsgi.baker.trace.reference import Reference
@@ -107,17 +108,10 @@ class Ground:
         """The light in which the paths of texels and probes end, and the seconds that it takes."""
 
         def trace(progress: Progress) -> GatheredLight:
-            plan = self.plan
-            bounces, seed, known = plan.settings.bounces, plan.settings.seed + 1, None
-            dark = [name in plan.dark for name in plan.placement.fitted]
-            rounds = known_rounds(bounces)
-            for layers, fewer in zip(rounds, range(len(rounds), 0, -1), strict=True):
-                known = Known(Sampler(self.cold, plan.cameras, bounces - fewer, seed + fewer, dark, known), layers)
-            with progress.stage("light", known_paths(bounces), "paths") as advance:
-                known.sampler.prepare(advance)
-                samples = known.sampler.surface(known.layers, advance)
-                halves = samples.indirect_a, samples.indirect_b
-                return GatheredLight(*IrradianceCache.halves(samples.position, samples.normal, *halves))
+            sampler = SurfaceFits(self.plan, progress).sampler
+            with progress.stage("light", known_paths(self.plan.settings.bounces), "paths") as advance:
+                sampler.prepare(advance)
+            return GatheredLight(*sampler.known_light)
 
         return self.timed("gathered", GatheredLight, trace, settings=self.plan.settings)
 

@@ -30,7 +30,7 @@ def look_in(
         return []
     from_side = sampled.points[rng.choice(inside, CANDIDATES)]
     away = cosine_directions(from_side.normal, rng)
-    start = triangles.lifted(from_side)
+    start = triangles.lifted(from_side.position, from_side.normal)
     escapes = ~np.isfinite(triangles.hits(start, away).distance)
     reach = triangles.diagonal * rng.uniform(*DISTANCE, len(away))
     viewpoints = (start + away * reach[:, None])[escapes]

@@ -50,8 +50,9 @@ class FreeSpace:
         """`given` cameras are known to be in free space. `points` are spread over the surfaces."""
         self.clearance = min(CLEARANCE * triangles.diagonal, CLEARANCE_PERSON)
         self._triangles = triangles
-        away = cosine_directions(points.normal, rng)
-        self._open = bool((triangles.hits(triangles.lifted(points), away).triangle < 0).mean() > OPEN)
+        lifted = triangles.lifted(points.position, points.normal)
+        missed = triangles.hits(lifted, cosine_directions(points.normal, rng)).triangle < 0
+        self._open = bool(missed.mean() > OPEN)
         self._winding = True
         if given:
             own = look_around(triangles, np.array([camera.position for camera in given]))
@@ -65,7 +66,7 @@ class FreeSpace:
         With `must`, if no viewpoint is free, the result is the LEAST viewpoints that violate the conditions least.
         """
         away = cosine_directions(sides.normal, rng)
-        start = self._triangles.lifted(sides)
+        start = self._triangles.lifted(sides.position, sides.normal)
         line = self._triangles.hits(start, away).distance
         along = line * rng.uniform(0.1, 0.9, len(line))
         # Into the open, each power of ten of the distance is as likely.

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gsgi.baker.trace.point_order import signed_axis
 from gsgi.runtime.camera import Camera
 
 from .free_space import FreeSpace
@@ -125,8 +126,7 @@ class Importance:
 
 def _by_side(normal: np.ndarray) -> list[tuple[int, np.ndarray]]:
     """The six directions to which normals (N, 3) can be nearest, with the indices of those that are."""
-    axis = np.abs(normal).argmax(axis=1)
-    side = 2 * axis + (np.take_along_axis(normal, axis[:, None], axis=1)[:, 0] < 0)
+    side = signed_axis(normal)
     return [(number, np.flatnonzero(side == number)) for number in np.unique(side)]
 
 

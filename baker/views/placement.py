@@ -77,10 +77,11 @@ def place(
     field = ImportanceField.of(looked_at)
 
     def seen_sides(number: int) -> Sides:
-        points = importance.draw(number, rng) if len(field.position) else triangles.draw(number, rng)
-        extent = (
-            field.extent(points.position, points.normal) if len(field.position) else np.ones(len(points), np.float32)
-        )
+        if len(looked_at):
+            points = importance.draw(number, rng)
+            extent = field.extent(points.position, points.normal)
+        else:
+            points, extent = triangles.draw(number, rng), np.ones(number, np.float32)
         return Sides(points, np.arange(len(points)), extent)
 
     meter = CoverageMeter(triangles, seen_sides(VALIDATION_SAMPLES), even, own, size)

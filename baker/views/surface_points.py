@@ -7,7 +7,7 @@ import numpy as np
 
 from gsgi.baker.trace.planes import ROUNDING, onto_planes, planes
 from gsgi.runtime.errors import SceneError
-from gsgi.runtime.scene import Mesh, Scene
+from gsgi.runtime.scene import Scene
 
 # Random points per point that is kept: Yuksel 2015 finds no gain beyond five.
 OVERSAMPLING = 5
@@ -71,9 +71,10 @@ class Triangles:
         self.material = np.repeat(np.array([mesh.material for mesh in scene.meshes], np.int32), counts)
         self.double_sided = np.array([m.double_sided for m in scene.materials])[self.material]
         lit = _lit_meshes(scene)
-        # Cumulative area of the triangles, m^2.
-        areas = [_areas(m) if i in lit else np.zeros(len(m.triangle)) for i, m in enumerate(scene.meshes)]
-        self._area_below = np.cumsum(np.concatenate(areas))
+        # Area of each lit triangle, m^2, 0 of the others, and their cumulative sum.
+        areas = (mesh.areas() if i in lit else np.zeros(len(mesh.triangle)) for i, mesh in enumerate(scene.meshes))
+        self._area = np.concatenate(list(areas))
+        self._area_below = np.cumsum(self._area)
         if not self.area > 0:
             raise SceneError("the scene has no surface: every triangle has area 0")
         corners = np.array([bound for i in lit for bound in scene.meshes[i].bounds()])
@@ -124,10 +125,10 @@ class Triangles:
         Triangles whose areas lie in the same power of four count together, and each such class alike. Points of
         double-sided triangles have the normal of either side.
         """
-        area = np.diff(self._area_below, prepend=0.0)
-        there = np.flatnonzero(area > 0)
-        _, of, number = np.unique(np.floor(np.log2(area[there]) / 2), return_inverse=True, return_counts=True)
-        share = area[there] / np.bincount(of, area[there])[of]
+        there = np.flatnonzero(self._area)
+        area = self._area[there]
+        _, of, number = np.unique(np.floor(np.log2(area) / 2), return_inverse=True, return_counts=True)
+        share = area / np.bincount(of, area)[of]
         below = np.cumsum(share) / len(number)
         at = (np.arange(count) + rng.random(count)) / count
         points = self._inside(there[np.minimum(np.searchsorted(below, at, side="right"), len(there) - 1)], rng)
@@ -137,22 +138,16 @@ class Triangles:
     def seen(self, origin: np.ndarray, direction: np.ndarray) -> SurfacePoints:
         """What rays (N, 3) meet of lit surfaces, with normals towards the origin, without backs that no one sees."""
         hits = self.hits(origin, direction)
-        lit = np.diff(self._area_below, prepend=0.0) > 0
-        met = np.flatnonzero((hits.triangle >= 0) & lit[hits.triangle])
-        met = met[~hits.back[met] | self.double_sided[hits.triangle[met]]]
-        triangle = hits.triangle[met]
-        normal = hits.normal[met].astype(np.float64)
-        position = origin[met] + hits.distance[met, None].astype(np.float64) * direction[met]
-        corner = self._position[self._triangle[triangle, 0]]
-        position += ((corner - position) * normal).sum(axis=1, keepdims=True) * normal  # exact, however far the origin
-        return SurfacePoints(
-            position.astype(np.float32), hits.normal[met], self.double_sided[triangle], self.material[triangle]
-        )
+        double = self.double_sided[hits.triangle]
+        lit = np.flatnonzero((hits.triangle >= 0) & (self._area[hits.triangle] > 0) & (~hits.back | double))
+        hits = Hits(*(column[lit] for column in hits))
+        position = self.met(origin[lit], direction[lit], hits)
+        return SurfacePoints(position, hits.normal, double[lit], self.material[hits.triangle])
 
-    def lifted(self, points: SurfacePoints) -> np.ndarray:
-        """Positions (N, 3) float32, m, a little off the surface, so that rays from them do not hit it."""
-        rounding = ROUNDING * np.abs(points.position * points.normal).sum(axis=1, keepdims=True)
-        return points.position + (rounding + self._inaccuracy) * points.normal
+    def lifted(self, position: np.ndarray, normal: np.ndarray) -> np.ndarray:
+        """Positions (N, 3) float32, m, a little off the surface along normals (N, 3): rays from them do not hit it."""
+        rounding = ROUNDING * np.abs(position * normal).sum(axis=1, keepdims=True)
+        return position + (rounding + self._inaccuracy) * normal
 
     def hits(self, origin: np.ndarray, direction: np.ndarray) -> Hits:
         """First hits of rays from `origin` (N, 3) along `direction` (N, 3)."""
@@ -188,12 +183,6 @@ def _lit_meshes(scene: Scene) -> list[int]:
     """Indices of the meshes that show indirect light, or of all meshes if there are none."""
     lit = [i for i, mesh in enumerate(scene.meshes) if not scene.materials[mesh.material].unlit]
     return lit or list(range(len(scene.meshes)))
-
-
-def _areas(mesh: Mesh) -> np.ndarray:
-    """Area (F,) float64 of each triangle, m^2."""
-    a, b, c = (mesh.position[mesh.triangle[:, i]] for i in range(3))
-    return np.linalg.norm(np.cross(b - a, c - a), axis=1).astype(np.float64) / 2
 
 
 def _eliminate(position: np.ndarray, count: int, area: float) -> np.ndarray:

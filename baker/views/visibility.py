@@ -65,12 +65,12 @@ class Lens(NamedTuple):
         return pixel(self.yfov, self.size)
 
 
-def sides(points: SurfacePoints, extent: float = 1.0) -> Sides:
-    """The fronts of all points, then the backs of double-sided points, all of one `extent` (m)."""
+def sides(points: SurfacePoints) -> Sides:
+    """The fronts of all points, then the backs of double-sided points, with extents of 1 m."""
     index = np.concatenate([np.arange(len(points)), np.flatnonzero(points.double_sided)])
     both = points[index]
     both.normal[len(points) :] *= -1
-    return Sides(both, index, np.full(len(both), extent, np.float32))
+    return Sides(both, index, np.ones(len(both), np.float32))
 
 
 def sight_lines(
@@ -90,7 +90,7 @@ def sight_lines(
 def _sight_lines(triangles: Triangles, viewpoints: np.ndarray, points: SurfacePoints, first: int) -> SightLines:
     """The same for VIEWPOINTS_AT_ONCE viewpoints, starting at index `first`."""
     viewpoints = viewpoints[first : first + VIEWPOINTS_AT_ONCE]
-    lifted = triangles.lifted(points)
+    lifted = triangles.lifted(points.position, points.normal)
     along = lifted[None] - viewpoints[:, None].astype(np.float32)
     distance = np.linalg.norm(along, axis=2)
     cosine = -np.einsum("esk,sk->es", along, points.normal) / distance
