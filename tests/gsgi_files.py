@@ -8,7 +8,8 @@ import numpy as np
 from repository import DATA
 
 from gsgi.runtime import constants
-from gsgi.runtime.file.header import HEADER
+from gsgi.runtime.file.header import GAUSSIAN_COUNT_MAX, HEADER, LEVELS
+from gsgi.runtime.file.levels import LEVEL
 from gsgi.runtime.gaussians import Bake, Effects, Gaussians, OverBlend, SurfaceBlend
 
 STORED = ("v4_over", "v4_surface")
@@ -77,3 +78,46 @@ def changed(data: bytes, field: str, value) -> bytes:
     level, _, name = field.rpartition(".")
     (header[level] if level else header)[name] = value
     return reseal(header.tobytes() + data[HEADER.itemsize :])
+
+
+def damaged_files(name: str, count: int):
+    """That many copies of the stored file, each with random bytes at one to three places, resealed."""
+    rng, data = np.random.default_rng(11), bytearray(stored(name))
+    for _ in range(count):
+        damaged = data.copy()
+        for at in rng.integers(12, len(data), rng.integers(1, 4)):
+            damaged[at] = rng.integers(256)
+        yield reseal(bytes(damaged))
+
+
+# Fields of the header, and values that a reader must refuse.
+_EITHER = [
+    *[("reserved", 1), ("operator", 2), ("effects", 0x200), ("effects", 0x8000)],
+    *[("version", 0), ("version", 1), ("version", 3), ("version", 5), ("header_bytes", 88), ("header_bytes", 146)],
+    *[("tone_scale", 0), ("tone_scale", np.nan)],
+    *[(f"{level}.gaussian_count", 2**31) for level in LEVELS],
+    *[(f"{level}.{field}", np.nan) for level in LEVELS for field in LEVEL.names if LEVEL[field].base.kind == "f"],
+    *[(f"{level}.position_step", value) for level in LEVELS for value in (3e38, -1, np.inf)],
+    *[(f"{level}.log_scale_min", value) for level in LEVELS for value in (60, -60)],
+    *[(f"{level}.log_scale_step", value) for level in LEVELS for value in (-1, 1, 1e38)],
+    *[(f"{level}.sh_rest_step", value) for level in LEVELS for value in (-1, 2e30)],
+]
+_OVER = [
+    *[("near", np.nan), ("near", -1), ("dilation", np.inf), ("alpha_min", 0), ("alpha_max", 1), ("alpha_max", 0.001)],
+    *[("operator", 1), ("sharpness", 1), ("cutoff", 0.05), ("floor", 0.1), ("fine.sh_degree", 4), ("fine.basis", 1)],
+    *[("coarse.sh_degree", 1), ("coarse.position_min", 1), ("coarse.position_step", 1), ("coarse.log_scale_min", 1)],
+    *[("coarse.basis", 1), ("coarse.gaussian_count", 1), ("coarse.sh_rest_step", 1)],
+]
+_SURFACE = [
+    *[("cutoff", value) for value in (0, 1, -0.1, 2, np.nan)],
+    *[("floor", value) for value in (0, 1.1e6, -0.1, np.inf, np.nan)],
+    *[("sharpness", value) for value in (0, 65, 255)],
+    *[("operator", 0), ("near", 0.1), ("dilation", 0.1), ("alpha_min", 0.1), ("alpha_max", 0.1), ("near", np.nan)],
+    *[("fine.sh_degree", 1), ("fine.sh_degree", 4), ("coarse.sh_degree", 3), ("coarse.sh_degree", 1)],
+    *[("fine.basis", 0), ("coarse.basis", 1), ("fine.basis", 2), ("coarse.basis", 2), ("fine.basis", 0xFFFF)],
+    *[("fine.gaussian_count", 1), ("coarse.gaussian_count", 3), ("coarse.gaussian_count", GAUSSIAN_COUNT_MAX - 1)],
+]
+NONSENSE = [
+    *[(example(2), *case) for case in _EITHER + _OVER],
+    *[(surface_example(2, 0, 2, 2), *case) for case in _EITHER + _SURFACE],
+]  # a bake, a field, a value

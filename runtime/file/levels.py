@@ -60,7 +60,8 @@ def decode_level(level: np.ndarray, data: bytes, offset: int) -> Gaussians:
     """The Gaussians whose arrays begin at byte `offset` of `data`; `level` is their LEVEL record, already checked."""
     body = np.frombuffer(data, _planes_of(level), count=1, offset=offset)[0]
     position = level["position_min"] + body["position"].astype(np.float32) * level["position_step"]
-    scale = np.exp(level["log_scale_min"] + body["scale"].astype(np.float32) * level["log_scale_step"])
+    log_scales = level["log_scale_min"] + np.arange(256, dtype=np.float32) * level["log_scale_step"]
+    scales = np.exp(log_scales.astype(np.float64)).astype(np.float32)  # in double, as every reader can
     dc = unpack_rgb9e5(body["sh_dc"]) / np.float32(constants.SH_C0)
     brightest = dc.max(axis=1)[:, None, None]
     rest = body["sh_rest"].astype(np.float32) * level["sh_rest_step"] * brightest
@@ -68,7 +69,7 @@ def decode_level(level: np.ndarray, data: bytes, offset: int) -> Gaussians:
     return Gaussians(
         position=position.astype(np.float32),
         rotation=unpack_rotation(body["rotation"]),
-        scale=scale.astype(np.float32),
+        scale=scales[body["scale"]],
         opacity=body["opacity"].astype(np.float32) / np.float32(255),
         sh=np.concatenate([dc[:, None, :], rest], axis=1).astype(np.float32),
         slope=body["slope"].astype(np.float32) * np.float32(SLOPE_STEP) if sloped else None,

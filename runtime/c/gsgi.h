@@ -1,0 +1,308 @@
+/*
+ * gsgi: baked indirect light in any OpenGL 3.3 or OpenGL ES 3.0 renderer. C99, no dependencies.
+ *
+ *     gsgi_bake_open(file, size, NULL, &bake);                 once per .gsgi file, from memory
+ *     gsgi_context_create(&context_options, &context);         once per OpenGL context
+ *     gsgi_light_create(context, bake, &light_options, &light);
+ *     gsgi_bake_close(bake);
+ *
+ *     gsgi_light_cull(light, &view);                           each frame and camera
+ *     gsgi_light_draw(light, depth, normal, NULL);
+ *     gsgi_light_add(light, framebuffer, albedo);              radiance += albedo * B
+ *
+ * What is added is B, the demodulated indirect light of the scene: linear Rec.709 radiance for an albedo of 1. The
+ * renderer goes on drawing primary light: emission, and light straight from punctual lights.
+ *
+ * Space is glTF's: right-handed, +Y up, metres; the camera looks down -Z. Matrices are for column vectors and lie
+ * column by column, as OpenGL takes them.
+ *
+ * Options. Every struct begins with struct_size. Zero-initialise it and set struct_size to its size: zeros are the
+ * defaults, and a program keeps working with later versions of the library, whose structs only grow at their ends.
+ *
+ * Errors. Functions that can fail return a gsgi_result, and leave what they were to change as it was. The log callback
+ * gets one line that names the argument or the place in the file. Wrong handles are not looked for; NULL is harmless
+ * where a function destroys.
+ *
+ * Threads. The library has no global state. A bake never changes, so any number of threads may read it. A context and
+ * its lights belong to one thread at a time, with that OpenGL context current, but for gsgi_light_cull.
+ */
+#ifndef GSGI_H
+#define GSGI_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define GSGI_VERSION_MAJOR 0
+#define GSGI_VERSION_MINOR 1
+#define GSGI_VERSION_PATCH 0
+#define GSGI_VERSION (GSGI_VERSION_MAJOR * 10000 + GSGI_VERSION_MINOR * 100 + GSGI_VERSION_PATCH)
+
+/* GSGI_SHARED is defined by the CMake target of the shared library. */
+#if defined(_WIN32) && defined(GSGI_SHARED)
+#ifdef GSGI_BUILD
+#define GSGI_API __declspec(dllexport)
+#else
+#define GSGI_API __declspec(dllimport)
+#endif
+#elif defined(__GNUC__)
+#define GSGI_API __attribute__((visibility("default")))
+#else
+#define GSGI_API
+#endif
+
+typedef struct gsgi_bake gsgi_bake;       /* a decoded .gsgi file */
+typedef struct gsgi_context gsgi_context; /* an OpenGL context of the host */
+typedef struct gsgi_light gsgi_light;     /* a bake in a context */
+
+typedef enum gsgi_result {
+    GSGI_OK = 0,
+    GSGI_INVALID_ARGUMENT, /* the log names it */
+    GSGI_INVALID_FILE,     /* not a .gsgi file of format 4, or a damaged one; the log names byte and field */
+    GSGI_OUT_OF_MEMORY,    /* the allocator returned NULL, or OpenGL had no memory */
+    GSGI_UNSUPPORTED,      /* the driver lacks what the log names, or the file's operator cannot do this */
+    GSGI_DRIVER_ERROR,     /* the driver refused a shader or a framebuffer; the log holds its message */
+    GSGI_NOTHING_CULLED,   /* draw needs a cull before, add needs a draw */
+    GSGI_CONTEXT_LOST      /* after gsgi_context_forget */
+} gsgi_result;
+
+typedef enum gsgi_severity { GSGI_ERROR = 0, GSGI_WARNING, GSGI_INFORMATION } gsgi_severity;
+
+/* Where memory comes from and messages go. NULL: malloc, free, no messages. */
+typedef struct gsgi_callbacks {
+    void* (*allocate)(size_t size, void* user);                               /* aligned as malloc aligns */
+    void (*release)(void* memory, void* user);                                /* `memory` is not NULL */
+    void (*log)(gsgi_severity severity, const char* message, void* user);     /* one line, without a line feed */
+    void* user;
+} gsgi_callbacks;
+
+/* Version of the library that is linked: GSGI_VERSION of its header. */
+GSGI_API int gsgi_version(void);
+
+/* Name of a result, such as "GSGI_INVALID_FILE". Never NULL. */
+GSGI_API const char* gsgi_result_string(gsgi_result result);
+
+/* ---- Files ---------------------------------------------------------------------------------------------------- */
+
+typedef struct gsgi_open_options {
+    size_t struct_size;
+    gsgi_callbacks callbacks;
+    int32_t sampling; /* not 0: build the grids that make gsgi_bake_sample fast */
+} gsgi_open_options;
+
+/* Effects of the scene that the file's light holds, or was made with; sums of these in gsgi_info.effects. */
+enum {
+    GSGI_EFFECT_PUNCTUAL = 1,
+    GSGI_EFFECT_EMISSIVE = 2,
+    GSGI_EFFECT_ALPHA_MASK = 4,
+    GSGI_EFFECT_DENOISED = 8,
+    GSGI_EFFECT_ENVIRONMENT = 16,
+    GSGI_EFFECT_DOUBLE_SIDED = 32,
+    GSGI_EFFECT_NORMAL_MAP = 64,
+    GSGI_EFFECT_UNLIT = 128,
+    GSGI_EFFECT_METAL = 256 /* B is to be multiplied by the base colour; without it by base colour * (1 - metallic) */
+};
+
+typedef enum gsgi_operator {
+    GSGI_OVER = 0,   /* Gaussians blended along the ray of each pixel */
+    GSGI_SURFACE = 1 /* Gaussians averaged at surface points */
+} gsgi_operator;
+
+typedef enum gsgi_level { GSGI_FINE = 0, GSGI_COARSE = 1 } gsgi_level;
+
+/* The header of a file, as runtime/file/FORMAT.md defines it, and what the file takes. */
+typedef struct gsgi_info {
+    size_t struct_size;
+    gsgi_operator blend; /* the file's operator */
+    uint32_t effects;
+    uint32_t bounces;
+    uint32_t sharpness; /* surface */
+    uint64_t scene;     /* fingerprint of the scene's triangles; 0: unknown */
+    float tone_scale;
+    float near_plane, dilation, alpha_min, alpha_max; /* over */
+    float cutoff, weight_floor, radius;               /* surface; radius: standard deviations at which weights end */
+    uint32_t gaussian_count[2];                       /* by gsgi_level */
+    uint32_t sh_degree[2];
+    int32_t sloped[2];            /* whether the light changes linearly over a Gaussian */
+    double bounds_low[3];         /* of the centres of all Gaussians, world space, m; 0 without any */
+    double bounds_high[3];
+    size_t bake_bytes;  /* memory that the bake holds */
+    size_t light_bytes; /* memory on the GPU that a light of it holds for Gaussians: 48 bytes each, 16 for each four
+                           numbers of SH (or part of four), 16 with slopes, 4 for its index */
+} gsgi_info;
+
+/* The Gaussians of a level as texels of the data textures that glsl/lib/gaussian.glsl reads: RGBA32F, 2048 wide, row by
+ * row. A renderer without OpenGL uploads them and runs the passes that glsl/README.md lists. They live as long as the
+ * bake. Positions are relative to `origin`, m, which is 0 unless the scene lies far from the world's. */
+typedef struct gsgi_texels {
+    size_t struct_size;
+    const float* shape; /* 3 texels per Gaussian: position, opacity; rotation xyzw; scale, 0 */
+    const float* sh;    /* (3 (sh_degree + 1)^2 + 3) / 4 texels per Gaussian */
+    const float* slope; /* 1 texel per Gaussian; NULL where the level is not sloped */
+    uint32_t shape_rows, sh_rows, slope_rows; /* 0 in a level without Gaussians */
+    double origin[3];
+} gsgi_texels;
+
+/* Decode the `size` bytes of a .gsgi file. `data` may be freed afterwards. `options` may be NULL.
+ *
+ * Safe for untrusted files: what the specification says a reader must refuse is GSGI_INVALID_FILE, nothing is allocated
+ * before all lengths are checked, and no file makes it allocate more than 5 times its size and 256 KB (with sampling 400
+ * bytes per Gaussian and 256 KB more). */
+GSGI_API gsgi_result gsgi_bake_open(
+    const void* data, size_t size, const gsgi_open_options* options, gsgi_bake** bake);
+
+/* Fill `info`, whose struct_size is set. */
+GSGI_API gsgi_result gsgi_bake_info(const gsgi_bake* bake, gsgi_info* info);
+
+/* Fill `texels`, whose struct_size is set, for a level. */
+GSGI_API gsgi_result gsgi_bake_texels(const gsgi_bake* bake, gsgi_level level, gsgi_texels* texels);
+
+/* B at `count` surface points: moving objects, particles, probes, exporters. `surface` files only; others are
+ * GSGI_UNSUPPORTED. It is the light that gsgi_light_draw puts into a pixel that shows the point.
+ *
+ * positions: 3 * count, world space, m. normals: 3 * count, unit, world space. light: 3 * count, written; 0 where no
+ * Gaussian reaches. A number that is not finite gives a light of 0. */
+GSGI_API gsgi_result gsgi_bake_sample(
+    const gsgi_bake* bake, size_t count, const float* positions, const float* normals, float* light);
+
+/* Free the bake. Lights that were made of it stay. */
+GSGI_API void gsgi_bake_close(gsgi_bake* bake);
+
+/* ---- OpenGL --------------------------------------------------------------------------------------------------- */
+
+/* Address of the OpenGL function `name`, such as "glBindTexture", or NULL. eglGetProcAddress, glfwGetProcAddress and
+ * SDL_GL_GetProcAddress do, behind a function of these parameters. wglGetProcAddress does not know the functions of
+ * OpenGL 1.1: look into opengl32.dll for those. */
+typedef void (*gsgi_function)(void);
+typedef gsgi_function (*gsgi_get_proc_address)(const char* name, void* user);
+
+/* What becomes of the OpenGL state in every function below that calls OpenGL. */
+typedef enum gsgi_state {
+    /* All state that the library sets, or that would change what it draws, is read before and restored after. */
+    GSGI_STATE_RESTORE = 0,
+    /* Nothing is read. Afterwards the state that the library sets has OpenGL's initial values: no program, vertex array,
+     * framebuffer, renderbuffer and array or unpack buffer; no texture and sampler in units 0 to 4, unit 0 active; all
+     * switches off but dithering and multisampling, which are not touched; depth test LESS, all masks on, blending ONE,
+     * ZERO; clip control and pixel store as a new context has them. Only the viewport stays as the library set it. For
+     * hosts that set all state in each pass, or that can tell their state cache to forget. */
+    GSGI_STATE_DEFAULTS
+} gsgi_state;
+
+typedef struct gsgi_context_options {
+    size_t struct_size;
+    gsgi_callbacks callbacks;
+    gsgi_get_proc_address get_proc_address; /* needed */
+    void* get_proc_address_user;
+    gsgi_state state;
+} gsgi_context_options;
+
+/* Load the functions of the OpenGL context that is current. It needs OpenGL 3.3, core or compatibility, or OpenGL ES
+ * 3.0 with EXT_color_buffer_float and EXT_float_blend; GSGI_UNSUPPORTED names what lacks.
+ *
+ * Call nothing of this library inside of queries, transform feedback or conditional rendering. Extensions of vendors
+ * and, before OpenGL ES 3.2, blending by draw buffer are not looked at. GL_FRAMEBUFFER_SRGB is left as it is: enable
+ * it before gsgi_light_add to a target of an sRGB format. */
+GSGI_API gsgi_result gsgi_context_create(const gsgi_context_options* options, gsgi_context** context);
+
+/* Free the context. Destroy its lights before. */
+GSGI_API void gsgi_context_destroy(gsgi_context* context);
+
+/* Say that the OpenGL context was lost or is gone already. From now on nothing calls OpenGL: lights and context are
+ * still to be destroyed, which frees their memory, and all else is GSGI_CONTEXT_LOST. */
+GSGI_API void gsgi_context_forget(gsgi_context* context);
+
+/* Encodings of the host's textures. */
+typedef enum gsgi_depth {
+    GSGI_DEPTH_WINDOW = 0,  /* a depth buffer of a projection with -w <= z <= w, 1: no surface; OpenGL's usual one */
+    GSGI_DEPTH_ZERO_TO_ONE, /* one with 0 <= z <= w (glClipControl), 1: no surface */
+    GSGI_DEPTH_REVERSED,    /* one with 0 <= z <= w and near at 1; 0: no surface */
+    GSGI_DEPTH_LINEAR       /* metres along the view axis in floats, 0: no surface */
+} gsgi_depth;
+
+/* The normal points towards the camera and is the one before any normal map, which B ignores. */
+typedef enum gsgi_normal {
+    GSGI_NORMAL_SIGNED = 0, /* xyz of any length */
+    GSGI_NORMAL_UNSIGNED,   /* xyz moved from -1 ... 1 to 0 ... 1 */
+    GSGI_NORMAL_OCTAHEDRAL  /* two numbers, -1 ... 1 */
+} gsgi_normal;
+
+typedef enum gsgi_space { GSGI_SPACE_WORLD = 0, GSGI_SPACE_VIEW } gsgi_space;
+
+typedef enum gsgi_albedo {
+    GSGI_ALBEDO_LINEAR = 0, /* as the texture is sampled: linear numbers, or a texture of an sRGB format */
+    GSGI_ALBEDO_SRGB        /* sRGB values in a texture whose format does not say so */
+} gsgi_albedo;
+
+/* Which row of the textures is the first one in memory. */
+typedef enum gsgi_rows {
+    GSGI_ROWS_BOTTOM_UP = 0, /* the lowest of the image, as OpenGL draws */
+    GSGI_ROWS_TOP_DOWN       /* the highest, as under glClipControl(GL_UPPER_LEFT, ...) */
+} gsgi_rows;
+
+typedef struct gsgi_light_options {
+    size_t struct_size;
+    gsgi_depth depth;
+    gsgi_normal normal;
+    gsgi_space normal_space;
+    gsgi_albedo albedo;
+    gsgi_rows rows;
+    int32_t splat_scale;   /* `surface`: pixels of the frame per reading, along each axis, 1 to 4; 0: 2 */
+    float box_low[3];      /* `surface`: nothing outside of this box is lit, for one file per room; world space, m. */
+    float box_high[3];     /* Both 0: no box. */
+} gsgi_light_options;
+
+/* Upload a bake and compile its passes. `options` may be NULL. The bake may be closed afterwards. */
+GSGI_API gsgi_result gsgi_light_create(
+    gsgi_context* context, const gsgi_bake* bake, const gsgi_light_options* options, gsgi_light** light);
+
+/* Free the light, with its memory on the GPU. The host's textures are kept. */
+GSGI_API void gsgi_light_destroy(gsgi_light* light);
+
+/* A camera, and the part of the host's textures that shows its view. */
+typedef struct gsgi_view {
+    size_t struct_size;
+    float view_from_world[16]; /* a rotation and a translation */
+    float clip_from_view[16];  /* a perspective projection, which may lie off the axis or mirror; far may be infinite */
+    int32_t viewport[4];       /* px: x, y of the corner where the rows begin, width, height */
+} gsgi_view;
+
+/* Find the Gaussians that a camera may see; for `over` sort them. Calls no OpenGL, so that it may run in a job, while
+ * nothing else uses the light. The draws that follow are of this view. */
+GSGI_API gsgi_result gsgi_light_cull(gsgi_light* light, const gsgi_view* view);
+
+/* Draw B for the view of the last cull, from the names of the host's depth and normal textures, which are 2D, single
+ * sample and of one size (`over` reads neither). `indirect`, if not NULL, gets the name of the library's texture: RGBA16F,
+ * as large as the viewport, its rows in the order of the host's; valid until the next draw, reset or destroy.
+ *
+ * Where OpenGL can tell the textures' formats (3.3, ES 3.1), those that cannot be what the light's options say are
+ * GSGI_INVALID_ARGUMENT. They are checked when another texture is given. */
+GSGI_API gsgi_result gsgi_light_draw(gsgi_light* light, uint32_t depth, uint32_t normal, uint32_t* indirect);
+
+/* Add albedo * B of the last draw to GL_COLOR_ATTACHMENT0 of `framebuffer` (to the back buffer of framebuffer 0), in the
+ * viewport of that draw. It holds linear radiance. Alpha and other attachments do not change. `albedo` is a 2D texture
+ * of the size of the draw's, and none of the framebuffer's attachments. */
+GSGI_API gsgi_result gsgi_light_add(gsgi_light* light, uint32_t framebuffer, uint32_t albedo);
+
+typedef struct gsgi_stats {
+    size_t struct_size;
+    uint32_t drawn[2];     /* Gaussians of the last cull, by gsgi_level */
+    size_t gaussian_bytes; /* on the GPU */
+    size_t target_bytes;   /* on the GPU, for the size of the last draw: 8 bytes per pixel of the viewport and, with
+                              `surface`, 52 per reading (68 with a coarse level), 16 more from splat_scale 2 on */
+} gsgi_stats;
+
+/* Fill `stats`, whose struct_size is set. */
+GSGI_API gsgi_result gsgi_light_stats(const gsgi_light* light, gsgi_stats* stats);
+
+/* Free the targets, and forget the last cull and draw: for a light that is not drawn for a while. The next draw makes
+ * its targets anew. */
+GSGI_API gsgi_result gsgi_light_reset(gsgi_light* light);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

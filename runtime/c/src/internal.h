@@ -1,0 +1,115 @@
+/* What the sources share. Names that begin with gsgi__ are private. */
+#ifndef GSGI_INTERNAL_H
+#define GSGI_INTERNAL_H
+
+#include "gsgi.h"
+
+#include <stdbool.h>
+
+#if defined(__GNUC__)
+#define GSGI_PRINTF(text, first) __attribute__((format(printf, text, first)))
+#else
+#define GSGI_PRINTF(text, first)
+#endif
+
+/* ---- options.c ---- */
+
+void* gsgi__allocate(const gsgi_callbacks* callbacks, size_t size);
+void gsgi__release(const gsgi_callbacks* callbacks, void* memory);
+void gsgi__log(const gsgi_callbacks* callbacks, gsgi_severity severity, const char* format, ...) GSGI_PRINTF(3, 4);
+
+/* Log an error and return `result`. */
+gsgi_result gsgi__fail(const gsgi_callbacks* callbacks, gsgi_result result, const char* format, ...) GSGI_PRINTF(3, 4);
+
+/* Read a host's options, of whichever version, into `own`; NULL stands for zeros. */
+gsgi_result gsgi__read_options(const void* given, void* own, size_t own_size);
+
+/* Write as much of the struct `own` as the host's struct, of whichever version, has room for. */
+gsgi_result gsgi__write_struct(const void* own, size_t own_size, void* given);
+
+/* ---- bake.c ---- */
+
+#define GSGI_DATA_WIDTH 2048 /* texels; DATA_WIDTH of glsl/lib/gaussian.glsl */
+#define GSGI_SHAPE_FLOATS 12 /* per Gaussian: three texels */
+
+typedef struct gsgi__texels {
+    float* texels; /* NULL without any */
+    uint32_t floats; /* per Gaussian, a multiple of 4 */
+    uint32_t rows;
+} gsgi__texels;
+
+typedef struct gsgi__level {
+    uint32_t count, sh_degree;
+    bool sloped;
+    gsgi__texels shape, sh, slope;
+} gsgi__level;
+
+/* A grid of the Gaussians that reach into each cell; see sample.c. */
+typedef struct gsgi__grid {
+    struct gsgi__kernel* kernels; /* one per Gaussian */
+    uint32_t* begin;              /* of each cell's part of `index`; one more marks the end. NULL: all in one cell */
+    uint32_t* index;
+    double low[3], high[3], per_cell[3]; /* m, relative to the bake's origin; cells per m */
+    int32_t cells[3];
+    size_t bytes;
+} gsgi__grid;
+
+struct gsgi_bake {
+    gsgi_callbacks callbacks;
+    gsgi_info info;
+    double origin[3]; /* m; positions are relative to it */
+    gsgi__level levels[2];
+    gsgi__grid grids[2];
+};
+
+/* ---- sample.c ---- */
+
+/* The grid of a level; `radius` in standard deviations. Returns false if there is no memory. */
+bool gsgi__grid_create(gsgi__grid* grid, const gsgi_callbacks* callbacks, const gsgi__level* level, float radius);
+void gsgi__grid_destroy(gsgi__grid* grid, const gsgi_callbacks* callbacks);
+
+/* Columns of the rotation matrix of the quaternion xyzw: axes[0] is the rotated x axis (Shoemake 1985). */
+void gsgi__axes(const float* quaternion, float axes[3][3]);
+
+/* ---- view.c ---- */
+
+/* Rows first. */
+typedef struct gsgi__matrix {
+    double at[4][4];
+} gsgi__matrix;
+
+/* A camera as the passes need it. */
+typedef struct gsgi__camera {
+    gsgi__matrix view_from_world, world_from_view; /* relative to the bake's origin */
+    double fx, fy, cx, cy;                         /* px; rows go down; negative: mirrored */
+    double near_plane;                             /* m; nothing nearer is seen */
+    float z_to_clip[2];                            /* see glsl/surface/host.glsl */
+    int32_t x, y, width, height;                   /* px, of the viewport */
+} gsgi__camera;
+
+gsgi_result gsgi__camera_of_view(
+    const gsgi_view* view, const gsgi_light_options* options, const double origin[3], const gsgi_callbacks* callbacks,
+    gsgi__camera* camera);
+
+/* ---- cull.c ---- */
+
+/* What culling needs of a level, and what it found. */
+typedef struct gsgi__culled {
+    uint32_t count, visible;
+    float *x, *y, *z, *radius; /* m; beyond the radius a Gaussian has no weight. All in one block, which x begins. */
+    uint32_t* index;           /* the visible ones */
+    uint32_t *keys, *sorted_index, *sorted_keys; /* `over`: to sort */
+} gsgi__culled;
+
+/* Returns false if there is no memory. */
+bool gsgi__culled_create(
+    gsgi__culled* culled, const gsgi_callbacks* callbacks, const gsgi__level* level, const gsgi_info* info);
+void gsgi__culled_destroy(gsgi__culled* culled, const gsgi_callbacks* callbacks);
+
+/* Spheres that reach into the pyramid of the view, by ascending index. */
+void gsgi__cull_pyramid(gsgi__culled* culled, const gsgi__camera* camera);
+
+/* Gaussians that may be visible in the image, farthest first; at equal depth the earlier one is in front. */
+void gsgi__cull_and_sort(gsgi__culled* culled, const gsgi__camera* camera, const gsgi_info* info);
+
+#endif

@@ -1,0 +1,90 @@
+/* A context, a light in it, and the passes of both operators. */
+#ifndef GSGI_LIGHT_H
+#define GSGI_LIGHT_H
+
+#include "gl.h"
+
+struct gsgi_context {
+    gsgi_callbacks callbacks;
+    gsgi_state state;
+    bool lost;
+    gsgi__gl gl;
+    GLuint sampler;  /* reads single texels, whatever the textures say */
+    GLuint triangle; /* vertex array without attributes */
+};
+
+/* The Gaussians of a level on the GPU, and the pass that draws them. */
+typedef struct gsgi__gaussians {
+    GLuint shape, sh, slope, index, strips; /* data textures, instance buffer, vertex array */
+    gsgi__program program;
+} gsgi__gaussians;
+
+/* Targets for one size of the view. Those of `surface` are as large as the readings but for `indirect`. */
+typedef struct gsgi__targets {
+    int32_t width, height;           /* px, of the view; 0: none yet */
+    int32_t read_width, read_height; /* px */
+    size_t bytes;
+    GLuint position, plane, fine, coarse, filled, indirect, depth;
+    GLuint points, gap, fine_sums, coarse_sums, filled_sums, resolved; /* framebuffers */
+} gsgi__targets;
+
+/* Names that passed the checks; other names are looked at again. */
+typedef struct gsgi__checked {
+    GLuint depth, normal, framebuffer, albedo;
+    int32_t viewport[4];
+} gsgi__checked;
+
+struct gsgi_light {
+    gsgi_context* context;
+    gsgi_light_options options;
+    gsgi_info info;
+    double origin[3];
+    gsgi__culled culled[2];
+    gsgi__camera camera;
+    bool has_view, has_drawn;
+    gsgi__gaussians levels[2];
+    gsgi__program points, gap, fill, resolve, add_light;
+    gsgi__targets targets;
+    gsgi__checked checked;
+};
+
+/* ---- light.c ---- */
+
+void gsgi__bind_texture(const gsgi__gl* gl, GLuint unit, GLuint texture);
+void gsgi__use_sampler(const gsgi_context* context);
+/* A pass over all pixels of the framebuffer and viewport that are set. */
+void gsgi__draw_triangle(const gsgi_context* context, const gsgi__program* program);
+/* Upload which Gaussians of a level are visible, and draw a strip of `vertices` for each. */
+void gsgi__draw_gaussians(const gsgi_light* light, int level, GLsizei vertices);
+/* Texture of a target, or 0; its bytes are added to those of the light's targets. */
+GLuint gsgi__target_texture(gsgi_light* light, GLenum format, int32_t width, int32_t height);
+/* Framebuffer with these attachments; those that are 0 are left out. Fails if the driver does not take it. */
+gsgi_result gsgi__target(gsgi_light* light, GLuint color, GLuint second, GLuint depth, GLuint* framebuffer);
+void gsgi__targets_release(gsgi_light* light);
+void gsgi__clear_color(const gsgi__gl* gl, GLuint framebuffer);
+
+/* ---- surface.c, over.c ---- */
+
+gsgi_result gsgi__surface_create(gsgi_light* light);
+gsgi_result gsgi__surface_draw(gsgi_light* light, GLuint depth, GLuint normal);
+gsgi_result gsgi__over_create(gsgi_light* light);
+gsgi_result gsgi__over_draw(gsgi_light* light);
+
+/* ---- host_textures.c ---- */
+
+/* Refuse textures that cannot be what the light's options say. Changes unit 0. */
+gsgi_result gsgi__check_surfaces(gsgi_light* light, GLuint depth, GLuint normal);
+gsgi_result gsgi__check_addition(gsgi_light* light, GLuint framebuffer, GLuint albedo);
+
+/* Parameters of a host's texture that passes need otherwise. */
+typedef struct gsgi__readable {
+    GLuint texture;
+    GLint base_level, stencil_mode;
+} gsgi__readable;
+
+/* Let shaders read level 0 of a host's texture, and the depth of one that has stencil too; undo that. Both change unit
+ * 0. */
+gsgi__readable gsgi__make_readable(const gsgi__gl* gl, GLuint texture);
+void gsgi__unmake_readable(const gsgi__gl* gl, const gsgi__readable* readable);
+
+#endif

@@ -1,0 +1,222 @@
+/* The passes of the `surface` operator: Gaussians read at surface points, summed unsorted, divided once. */
+#include "light.h"
+#include "shaders.h"
+
+#include <stdio.h>
+
+#define OUTLINE_CORNERS 8 /* vertices of a strip; OUTLINE_CORNERS of glsl/lib/ellipsoid.glsl */
+#define DEFINES_MAX 512
+
+static bool has_coarse(const gsgi_light* light) { return light->info.gaussian_count[GSGI_COARSE] > 0; }
+
+static bool has_box(const gsgi_light_options* options) {
+    for (int k = 0; k < 3; ++k)
+        if (options->box_low[k] != 0.0f || options->box_high[k] != 0.0f) return true;
+    return false;
+}
+
+static gsgi_result create_pass(
+    gsgi_light* light, const char* name, const char* fragment, const char* defines, gsgi__program* program) {
+    const gsgi_context* context = light->context;
+    return gsgi__program_create(&context->gl, &context->callbacks, name, gsgi__shader_lib_fullscreen_vert, fragment,
+                                defines, program);
+}
+
+/* Defines of the passes that read the host's textures. */
+static void reading_defines(const gsgi_light* light, char defines[DEFINES_MAX]) {
+    const gsgi_light_options* o = &light->options;
+    snprintf(defines, DEFINES_MAX,
+             "#define SPLAT_SCALE %d\n#define BOX %d\n#define COARSE %d\n#define DEPTH_WINDOW %d\n"
+             "#define DEPTH_REVERSED %d\n#define NORMAL_OCTAHEDRAL %d\n#define NORMAL_UNSIGNED %d\n"
+             "#define NORMAL_VIEW_SPACE %d\n",
+             (int)o->splat_scale, has_box(o), has_coarse(light),
+             o->depth == GSGI_DEPTH_WINDOW || o->depth == GSGI_DEPTH_ZERO_TO_ONE, o->depth == GSGI_DEPTH_REVERSED,
+             o->normal == GSGI_NORMAL_OCTAHEDRAL, o->normal == GSGI_NORMAL_UNSIGNED,
+             o->normal_space == GSGI_SPACE_VIEW);
+}
+
+static gsgi_result create_level(gsgi_light* light, int l) {
+    const gsgi_context* context = light->context;
+    const gsgi__gl* gl = &context->gl;
+    const gsgi_info* info = &light->info;
+    char defines[DEFINES_MAX];
+    snprintf(defines, sizeof defines, "#define SH_DEGREE %u\n#define NORMAL_POWER %u\n#define SLOPED %d\n",
+             info->sh_degree[l], l == GSGI_FINE ? info->sharpness : 0u, info->sloped[l]);
+    gsgi__program* program = &light->levels[l].program;
+    gsgi_result result = gsgi__program_create(gl, &context->callbacks, "surface/gaussians",
+                                              gsgi__shader_surface_gaussians_vert, gsgi__shader_surface_gaussians_frag,
+                                              defines, program);
+    if (result) return result;
+    gsgi__set_float(gl, program, "radius", info->radius);
+    gsgi__set_float(gl, program, "cutoff", info->cutoff);
+    return GSGI_OK;
+}
+
+gsgi_result gsgi__surface_create(gsgi_light* light) {
+    const gsgi__gl* gl = &light->context->gl;
+    const gsgi_light_options* o = &light->options;
+    char defines[DEFINES_MAX];
+    reading_defines(light, defines);
+    gsgi_result result = create_pass(light, "surface/points", gsgi__shader_surface_points_frag, defines, &light->points);
+    if (result) return result;
+    if (has_box(o)) {
+        const char* const names[] = {"box_low", "box_high"};
+        const float* const corners[] = {o->box_low, o->box_high};
+        for (int i = 0; i < 2; ++i)
+            gl->Uniform3f(gl->GetUniformLocation(light->points.name, names[i]),
+                          (float)(corners[i][0] - light->origin[0]), (float)(corners[i][1] - light->origin[1]),
+                          (float)(corners[i][2] - light->origin[2]));
+    }
+    for (int l = 0; l < 2; ++l)
+        if (light->info.gaussian_count[l] > 0 && (result = create_level(light, l))) return result;
+    if (has_coarse(light)) {
+        result = create_pass(light, "surface/gap", gsgi__shader_surface_gap_frag, "", &light->gap);
+        if (result) return result;
+        gsgi__set_float(gl, &light->gap, "weight_floor", light->info.weight_floor);
+    }
+    if (o->splat_scale > 1) {
+        result = create_pass(light, "surface/fill", gsgi__shader_surface_fill_frag, defines, &light->fill);
+        if (result) return result;
+        gsgi__set_float(gl, &light->fill, "weight_floor", light->info.weight_floor);
+    }
+    result = create_pass(light, "surface/resolve", gsgi__shader_surface_resolve_frag, defines, &light->resolve);
+    if (!result) gsgi__set_float(gl, &light->resolve, "weight_floor", light->info.weight_floor);
+    return result;
+}
+
+/* Sums are whole floats: halves have 11 significant bits, so that after 2,048 Gaussians of the same weight each further
+ * one would be lost. */
+static gsgi_result create_targets(gsgi_light* light) {
+    const gsgi__gl* gl = &light->context->gl;
+    const int32_t scale = light->options.splat_scale, width = light->camera.width, height = light->camera.height;
+    const int32_t read_width = (width + scale - 1) / scale, read_height = (height + scale - 1) / scale;
+    gsgi__targets* t = &light->targets;
+    t->width = width;
+    t->height = height;
+    t->read_width = read_width;
+    t->read_height = read_height;
+    t->position = gsgi__target_texture(light, GL_RGBA32F, read_width, read_height);
+    t->plane = gsgi__target_texture(light, GL_RGBA32F, read_width, read_height);
+    t->fine = gsgi__target_texture(light, GL_RGBA32F, read_width, read_height);
+    if (has_coarse(light)) t->coarse = gsgi__target_texture(light, GL_RGBA32F, read_width, read_height);
+    if (scale > 1) t->filled = gsgi__target_texture(light, GL_RGBA32F, read_width, read_height);
+    t->indirect = gsgi__target_texture(light, GL_RGBA16F, width, height);
+    gl->GenRenderbuffers(1, &t->depth);
+    gl->BindRenderbuffer(GL_RENDERBUFFER, t->depth);
+    gl->RenderbufferStorage(GL_RENDERBUFFER, GL_DEPTH_COMPONENT24, read_width, read_height);
+    t->bytes += 4 * (size_t)read_width * read_height;
+
+    gsgi_result result = gsgi__target(light, t->position, t->plane, t->depth, &t->points);
+    if (!result) result = gsgi__target(light, t->fine, 0, t->depth, &t->fine_sums);
+    if (!result && t->coarse) result = gsgi__target(light, t->coarse, 0, t->depth, &t->coarse_sums);
+    if (!result && t->coarse) result = gsgi__target(light, 0, 0, t->depth, &t->gap);
+    if (!result && t->filled) result = gsgi__target(light, t->filled, 0, 0, &t->filled_sums);
+    if (!result) result = gsgi__target(light, t->indirect, 0, 0, &t->resolved);
+    return result;
+}
+
+/* Uniforms of the passes that read the host's textures. */
+static void set_host(const gsgi_light* light, const gsgi__program* program) {
+    const gsgi__gl* gl = &light->context->gl;
+    const gsgi__camera* c = &light->camera;
+    const double of_offset[4] = {1.0 / c->fx, 1.0 / c->fy, -1.0, 1.0};
+    gsgi__matrix world_from_offset;
+    for (int i = 0; i < 4; ++i)
+        for (int k = 0; k < 4; ++k) world_from_offset.at[i][k] = c->world_from_view.at[i][k] * of_offset[k];
+    gl->UseProgram(program->name);
+    gsgi__set_matrix(gl, program, U_WORLD_FROM_VIEW, &c->world_from_view);
+    gsgi__set_matrix(gl, program, U_WORLD_FROM_OFFSET, &world_from_offset);
+    gl->Uniform2f(program->at[U_AXIS], (float)c->cx, (float)(c->height - c->cy));
+    gl->Uniform2f(program->at[U_SIZE], (float)c->width, (float)c->height);
+    gl->Uniform2f(program->at[U_CORNER], (float)c->x, (float)c->y);
+    gl->Uniform2f(program->at[U_Z_TO_CLIP], c->z_to_clip[0], c->z_to_clip[1]);
+    gl->Uniform1f(program->at[U_NEAR], (float)c->near_plane);
+}
+
+static void write_depth(const gsgi__gl* gl, GLuint framebuffer) {
+    gl->BindFramebuffer(GL_DRAW_FRAMEBUFFER, framebuffer);
+    gsgi__blend(gl, false, GL_ONE, GL_ZERO);
+    gl->Enable(GL_DEPTH_TEST); /* without it no depth is written */
+    gl->DepthFunc(GL_ALWAYS);
+    gl->DepthMask(GL_TRUE);
+}
+
+/* Sums of a level, where the depth buffer lets Gaussians pass. */
+static void draw_level(const gsgi_light* light, int l, GLuint framebuffer) {
+    const gsgi__gl* gl = &light->context->gl;
+    const gsgi__camera* c = &light->camera;
+    const gsgi__program* program = &light->levels[l].program;
+    const double scale = light->options.splat_scale, rows = light->targets.read_height - c->height / scale;
+    gsgi__clear_color(gl, framebuffer);
+    if (light->culled[l].visible == 0) return;
+    gsgi__blend(gl, true, GL_ONE, GL_ONE);
+    gl->Enable(GL_DEPTH_TEST);
+    gl->DepthFunc(GL_LESS);
+    gl->DepthMask(GL_FALSE);
+    gl->UseProgram(program->name);
+    gsgi__set_matrix(gl, program, U_VIEW_FROM_WORLD, &c->view_from_world);
+    gl->Uniform1f(program->at[U_NEAR], (float)c->near_plane);
+    gl->Uniform2f(program->at[U_SIZE], (float)light->targets.read_width, (float)light->targets.read_height);
+    gl->Uniform2f(program->at[U_FOCAL], (float)(c->fx / scale), (float)(c->fy / scale));
+    gl->Uniform2f(program->at[U_CENTRE], (float)(c->cx / scale), (float)(c->cy / scale + rows));
+    gl->Uniform1f(program->at[U_MARGIN], scale > 1.0 ? 0.5f : 0.0f);
+    gsgi__bind_texture(gl, 2, light->targets.position);
+    gsgi__bind_texture(gl, 3, light->targets.plane);
+    gsgi__draw_gaussians(light, l, OUTLINE_CORNERS);
+}
+
+/* The passes of a frame, in the order of glsl/README.md. */
+static void draw_passes(const gsgi_light* light, GLuint depth, GLuint normal) {
+    const gsgi_context* context = light->context;
+    const gsgi__gl* gl = &context->gl;
+    const gsgi__targets* t = &light->targets;
+
+    gsgi__viewport(gl, 0, 0, t->read_width, t->read_height);
+    write_depth(gl, t->points);
+    gsgi__bind_texture(gl, 0, normal);
+    gsgi__bind_texture(gl, 1, depth);
+    set_host(light, &light->points);
+    gsgi__draw_triangle(context, &light->points);
+
+    draw_level(light, GSGI_FINE, t->fine_sums);
+    if (t->coarse) {
+        write_depth(gl, t->gap);
+        gsgi__bind_texture(gl, 2, t->fine);
+        gsgi__draw_triangle(context, &light->gap);
+        draw_level(light, GSGI_COARSE, t->coarse_sums);
+    }
+
+    gsgi__blend(gl, false, GL_ONE, GL_ZERO);
+    gl->Disable(GL_DEPTH_TEST);
+    gsgi__bind_texture(gl, 2, t->fine);
+    gsgi__bind_texture(gl, 4, t->coarse);
+    if (t->filled) {
+        gl->BindFramebuffer(GL_DRAW_FRAMEBUFFER, t->filled_sums);
+        gsgi__draw_triangle(context, &light->fill);
+        gsgi__bind_texture(gl, 0, normal);
+        gsgi__bind_texture(gl, 1, depth);
+        gsgi__bind_texture(gl, 2, t->filled);
+        gsgi__bind_texture(gl, 3, t->plane);
+        set_host(light, &light->resolve);
+    }
+    gl->BindFramebuffer(GL_DRAW_FRAMEBUFFER, t->resolved);
+    gsgi__viewport(gl, 0, 0, t->width, t->height);
+    gsgi__draw_triangle(context, &light->resolve);
+}
+
+gsgi_result gsgi__surface_draw(gsgi_light* light, GLuint depth, GLuint normal) {
+    const gsgi__gl* gl = &light->context->gl;
+    if (light->targets.width == 0) {
+        gsgi_result result = create_targets(light);
+        if (result) {
+            gsgi__targets_release(light);
+            return result;
+        }
+    }
+    gsgi__readable depth_read = gsgi__make_readable(gl, depth), normal_read = gsgi__make_readable(gl, normal);
+    gsgi__use_sampler(light->context);
+    draw_passes(light, depth, normal);
+    gsgi__unmake_readable(gl, &normal_read); /* the reverse order: they may be the same texture */
+    gsgi__unmake_readable(gl, &depth_read);
+    return GSGI_OK;
+}

@@ -1,0 +1,103 @@
+/* A host's matrices as the camera that the passes need. All arithmetic is that of runtime/gl/view.py. */
+#include "internal.h"
+
+#include <math.h>
+
+static gsgi__matrix inverse_of_rigid(const gsgi__matrix* m) {
+    gsgi__matrix inverse = {{{0.0}}};
+    for (int i = 0; i < 3; ++i) {
+        for (int k = 0; k < 3; ++k) inverse.at[i][k] = m->at[k][i];
+        inverse.at[i][3] = -m->at[0][i] * m->at[0][3] - m->at[1][i] * m->at[1][3] - m->at[2][i] * m->at[2][3];
+    }
+    inverse.at[3][3] = 1.0;
+    return inverse;
+}
+
+static bool is_rigid(const gsgi__matrix* m) {
+    const gsgi__matrix inverse = inverse_of_rigid(m);
+    for (int i = 0; i < 4; ++i)
+        for (int k = 0; k < 4; ++k) {
+            double sum = 0.0;
+            for (int j = 0; j < 4; ++j) sum += m->at[i][j] * inverse.at[j][k];
+            if (!(fabs(sum - (i == k)) <= 1e-4)) return false;
+        }
+    return true;
+}
+
+static double determinant(const gsgi__matrix* m) {
+    const double *x = m->at[0], *y = m->at[1], *z = m->at[2];
+    return x[0] * (y[1] * z[2] - y[2] * z[1]) - x[1] * (y[0] * z[2] - y[2] * z[0]) + x[2] * (y[0] * z[1] - y[1] * z[0]);
+}
+
+/* Whether only the elements of a perspective projection that looks down -z differ from 0. */
+static bool is_perspective(const gsgi__matrix* p) {
+    static const bool varies[4][4] = {{1, 0, 1, 0}, {0, 1, 1, 0}, {0, 0, 1, 1}, {0, 0, 1, 0}};
+    for (int i = 0; i < 4; ++i)
+        for (int k = 0; k < 4; ++k)
+            if (!isfinite(p->at[i][k]) || (!varies[i][k] && fabs(p->at[i][k]) > 1e-8)) return false;
+    return fabs(p->at[3][2] + 1.0) <= 1e-5 && p->at[0][0] * p->at[1][1] != 0.0;
+}
+
+static gsgi__matrix matrix_of(const float columns[16]) {
+    gsgi__matrix m;
+    for (int i = 0; i < 16; ++i) m.at[i % 4][i / 4] = columns[i];
+    return m;
+}
+
+/* Refuse a projection that cannot have drawn a depth buffer of this encoding. */
+static gsgi_result check_depth(double z, double one, gsgi_depth depth, const gsgi_callbacks* callbacks) {
+    if ((depth == GSGI_DEPTH_WINDOW || depth == GSGI_DEPTH_ZERO_TO_ONE) && one > 0.0)
+        return gsgi__fail(callbacks, GSGI_INVALID_ARGUMENT,
+                          "clip_from_view: near has the largest z, which needs GSGI_DEPTH_REVERSED");
+    if (depth == GSGI_DEPTH_REVERSED && one < 0.0)
+        return gsgi__fail(callbacks, GSGI_INVALID_ARGUMENT,
+                          "clip_from_view: near has the smallest z, but depth is GSGI_DEPTH_REVERSED");
+    if (depth == GSGI_DEPTH_REVERSED && z > 1.0)
+        return gsgi__fail(callbacks, GSGI_INVALID_ARGUMENT,
+                          "clip_from_view: GSGI_DEPTH_REVERSED needs 0 <= z <= w and a far plane beyond twice the near "
+                          "plane; this projection has -w <= z <= w");
+    return GSGI_OK;
+}
+
+gsgi_result gsgi__camera_of_view(
+    const gsgi_view* view, const gsgi_light_options* options, const double origin[3], const gsgi_callbacks* callbacks,
+    gsgi__camera* camera) {
+    const gsgi__matrix given = matrix_of(view->view_from_world), p = matrix_of(view->clip_from_view);
+    const int32_t* viewport = view->viewport;
+    if (!is_rigid(&given))
+        return gsgi__fail(callbacks, GSGI_INVALID_ARGUMENT,
+                          "view_from_world: a rigid matrix is needed, without scale or shear");
+    if (determinant(&given) < 0.0)
+        return gsgi__fail(callbacks, GSGI_INVALID_ARGUMENT, "view_from_world: a rigid matrix is needed, this one mirrors");
+    if (!is_perspective(&p))
+        return gsgi__fail(callbacks, GSGI_INVALID_ARGUMENT,
+                          "clip_from_view: a perspective projection that looks down -z is needed");
+    if (viewport[0] < 0 || viewport[1] < 0 || viewport[2] < 1 || viewport[3] < 1)
+        return gsgi__fail(callbacks, GSGI_INVALID_ARGUMENT, "viewport: %d, %d, %d, %d is not x, y, width, height",
+                          viewport[0], viewport[1], viewport[2], viewport[3]);
+    const double z = p.at[2][2], one = p.at[2][3];
+    camera->near_plane = one / (z + copysign(1.0, one));
+    if (!(isfinite(camera->near_plane) && camera->near_plane > 0.0))
+        return gsgi__fail(callbacks, GSGI_INVALID_ARGUMENT, "clip_from_view: a near plane in front of the eye is needed");
+    gsgi_result result = check_depth(z, one, options->depth, callbacks);
+    if (result) return result;
+
+    camera->world_from_view = inverse_of_rigid(&given);
+    for (int i = 0; i < 3; ++i) camera->world_from_view.at[i][3] -= origin[i];
+    camera->view_from_world = inverse_of_rigid(&camera->world_from_view);
+
+    const double mirror = options->rows == GSGI_ROWS_TOP_DOWN ? -1.0 : 1.0, width = viewport[2], height = viewport[3];
+    camera->fx = p.at[0][0] * width / 2.0;
+    camera->fy = mirror * p.at[1][1] * height / 2.0;
+    camera->cx = (1.0 - p.at[0][2]) * width / 2.0;
+    camera->cy = (1.0 + mirror * p.at[1][2]) * height / 2.0;
+    camera->x = viewport[0];
+    camera->y = viewport[1];
+    camera->width = viewport[2];
+    camera->height = viewport[3];
+    /* What a depth buffer with 0 <= z <= w holds, one with -w <= z <= w holds for this third row. */
+    const bool zero_to_one = options->depth == GSGI_DEPTH_ZERO_TO_ONE;
+    camera->z_to_clip[0] = (float)(zero_to_one ? 2.0 * z + 1.0 : z);
+    camera->z_to_clip[1] = (float)(zero_to_one ? 2.0 * one : one);
+    return GSGI_OK;
+}

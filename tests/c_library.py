@@ -1,0 +1,217 @@
+"""The C library, built by CMake and called through ctypes: its structs, and the light pass with IndirectLight's names."""
+
+import ctypes
+import shutil
+import subprocess
+from ctypes import c_char_p, c_double, c_float, c_int32, c_size_t, c_uint32, c_uint64, c_void_p
+from pathlib import Path
+
+import numpy as np
+import pytest
+from repository import ROOT
+
+SOURCE = ROOT / "runtime" / "c"
+OK, INVALID_ARGUMENT, INVALID_FILE, OUT_OF_MEMORY, UNSUPPORTED, DRIVER_ERROR, NOTHING_CULLED, CONTEXT_LOST = range(8)
+RESTORE, DEFAULTS = range(2)
+# Numbers of gsgi.h for the words of gsgi.Encoding.
+DEPTHS = {"window": 0, "zero to one": 1, "reversed": 2, "linear": 3}
+NORMALS = {"signed": 0, "unsigned": 1, "octahedral": 2}
+SPACES = {"world": 0, "view": 1}
+ALBEDOS = {"linear": 0, "srgb": 1}
+
+ALLOCATE = ctypes.CFUNCTYPE(c_void_p, c_size_t, c_void_p)
+RELEASE = ctypes.CFUNCTYPE(None, c_void_p, c_void_p)
+LOG = ctypes.CFUNCTYPE(None, ctypes.c_int, c_char_p, c_void_p)
+GET_PROC_ADDRESS = ctypes.CFUNCTYPE(c_void_p, c_char_p, c_void_p)
+
+
+class Sized(ctypes.Structure):
+    """A struct whose first member is its size."""
+
+    def __init__(self, **values):
+        super().__init__(struct_size=ctypes.sizeof(self), **values)
+
+
+class Callbacks(ctypes.Structure):
+    _fields_ = (("allocate", ALLOCATE), ("release", RELEASE), ("log", LOG), ("user", c_void_p))
+
+
+class OpenOptions(Sized):
+    _fields_ = (("struct_size", c_size_t), ("callbacks", Callbacks), ("sampling", c_int32))
+
+
+class Info(Sized):
+    _fields_ = (
+        ("struct_size", c_size_t), ("blend", c_int32), ("effects", c_uint32), ("bounces", c_uint32),
+        ("sharpness", c_uint32), ("scene", c_uint64), ("tone_scale", c_float), ("near_plane", c_float),
+        ("dilation", c_float), ("alpha_min", c_float), ("alpha_max", c_float), ("cutoff", c_float),
+        ("weight_floor", c_float), ("radius", c_float), ("gaussian_count", c_uint32 * 2), ("sh_degree", c_uint32 * 2),
+        ("sloped", c_int32 * 2), ("bounds_low", c_double * 3), ("bounds_high", c_double * 3),
+        ("bake_bytes", c_size_t), ("light_bytes", c_size_t),
+    )  # fmt: skip
+
+
+class Texels(Sized):
+    _fields_ = (
+        ("struct_size", c_size_t), ("shape", ctypes.POINTER(c_float)), ("sh", ctypes.POINTER(c_float)),
+        ("slope", ctypes.POINTER(c_float)), ("shape_rows", c_uint32), ("sh_rows", c_uint32), ("slope_rows", c_uint32),
+        ("origin", c_double * 3),
+    )  # fmt: skip
+
+
+class ContextOptions(Sized):
+    _fields_ = (
+        ("struct_size", c_size_t), ("callbacks", Callbacks), ("get_proc_address", GET_PROC_ADDRESS),
+        ("get_proc_address_user", c_void_p), ("state", c_int32),
+    )  # fmt: skip
+
+
+class LightOptions(Sized):
+    _fields_ = (
+        ("struct_size", c_size_t), ("depth", c_int32), ("normal", c_int32), ("normal_space", c_int32),
+        ("albedo", c_int32), ("rows", c_int32), ("splat_scale", c_int32), ("box_low", c_float * 3),
+        ("box_high", c_float * 3),
+    )  # fmt: skip
+
+
+class View(Sized):
+    _fields_ = (
+        ("struct_size", c_size_t), ("view_from_world", c_float * 16), ("clip_from_view", c_float * 16),
+        ("viewport", c_int32 * 4),
+    )  # fmt: skip
+
+
+class Stats(Sized):
+    _fields_ = (
+        ("struct_size", c_size_t), ("drawn", c_uint32 * 2), ("gaussian_bytes", c_size_t), ("target_bytes", c_size_t),
+    )  # fmt: skip
+
+
+def need_compiler() -> None:
+    """Skip the test where the library cannot be built."""
+    for tool in ("cmake", "cc"):
+        if shutil.which(tool) is None:
+            pytest.skip(f"the C library needs {tool}")
+
+
+def build(folder: Path, *options: str, source: Path = SOURCE) -> Path:
+    """Configure and build a CMake project in `folder`, with all warnings as errors; returns the folder."""
+    need_compiler()
+    generator = ["-G", "Ninja"] if shutil.which("ninja") else []
+    configure = ["cmake", "-S", source, "-B", folder, *generator, "-DCMAKE_C_FLAGS=-Wall -Wextra -Wpedantic -Werror"]
+    for command in ([*configure, *options], ["cmake", "--build", folder]):
+        run = subprocess.run(command, capture_output=True, text=True)
+        assert run.returncode == 0, run.stdout + run.stderr
+    return folder
+
+
+class Messages(list):
+    """The lines that the library logs, and the callbacks that collect them."""
+
+    def __init__(self):
+        self._log = LOG(lambda severity, message, user: self.append(message.decode()))
+        self.callbacks = Callbacks(log=self._log)
+
+
+class Library:
+    """The functions of the shared library."""
+
+    def __init__(self, path: Path):
+        self.functions = ctypes.CDLL(str(path))
+        self.functions.gsgi_result_string.restype = c_char_p
+
+    def open(self, data: bytes, options: OpenOptions | None = None) -> tuple[int, c_void_p]:
+        bake = c_void_p()
+        given = None if options is None else ctypes.byref(options)
+        return self.functions.gsgi_bake_open(data, c_size_t(len(data)), given, ctypes.byref(bake)), bake
+
+    def opened(self, data: bytes, sampling: bool = False) -> c_void_p:
+        result, bake = self.open(data, OpenOptions(sampling=sampling))
+        assert result == OK
+        return bake
+
+    def close(self, bake: c_void_p) -> None:
+        self.functions.gsgi_bake_close(bake)
+
+    def info(self, bake: c_void_p) -> Info:
+        info = Info()
+        assert self.functions.gsgi_bake_info(bake, ctypes.byref(info)) == OK
+        return info
+
+    def texels(self, bake: c_void_p, level: int) -> dict[str, np.ndarray]:
+        """Arrays (texels, 4) of a level by name, and `origin` (3,)."""
+        found = Texels()
+        assert self.functions.gsgi_bake_texels(bake, level, ctypes.byref(found)) == OK
+        texels = {}
+        for name in ("shape", "sh", "slope"):
+            rows = getattr(found, f"{name}_rows")
+            texels[name] = np.ctypeslib.as_array(getattr(found, name), (2048 * rows, 4)).copy() if rows else None
+        return texels | {"origin": np.array(found.origin)}
+
+    def sample(self, bake: c_void_p, position: np.ndarray, normal: np.ndarray) -> np.ndarray:
+        """B (N, 3) float32 at points (N, 3) with normals (N, 3)."""
+        arrays = [np.ascontiguousarray(array, np.float32) for array in (position, normal)]
+        light = np.empty_like(arrays[0])
+        pointers = (array.ctypes.data_as(c_void_p) for array in (*arrays, light))
+        assert self.functions.gsgi_bake_sample(bake, c_size_t(len(light)), *pointers) == OK
+        return light
+
+
+class Context:
+    """A gsgi_context in a context of moderngl, which is current."""
+
+    def __init__(self, library: Library, gl, state: int = RESTORE):
+        self.library, self.messages, self.handle = library, Messages(), c_void_p()
+        load = gl.mglo._context.load_opengl_function
+        self._load = GET_PROC_ADDRESS(lambda name, user: load(name.decode()) or None)
+        options = ContextOptions(callbacks=self.messages.callbacks, get_proc_address=self._load, state=state)
+        result = library.functions.gsgi_context_create(ctypes.byref(options), ctypes.byref(self.handle))
+        assert result == OK, self.messages
+
+    def destroy(self) -> None:
+        self.library.functions.gsgi_context_destroy(self.handle)
+
+
+class Light:
+    """A gsgi_light; `encoding` is a gsgi.Encoding, whose depth may also be "zero to one"."""
+
+    def __init__(self, context: Context, data: bytes, encoding, splat_scale: int = 0, box=None, top_down: bool = False):
+        self.context, self.functions, self.handle = context, context.library.functions, c_void_p()
+        options = LightOptions(
+            depth=DEPTHS[encoding.depth], normal=NORMALS[encoding.normal], normal_space=SPACES[encoding.normal_space],
+            albedo=ALBEDOS[encoding.albedo], rows=int(top_down), splat_scale=splat_scale,
+        )  # fmt: skip
+        if box is not None:
+            options.box_low[:], options.box_high[:] = box
+        bake = context.library.opened(data)
+        arguments = context.handle, bake, ctypes.byref(options), ctypes.byref(self.handle)
+        self.result = self.functions.gsgi_light_create(*arguments)
+        context.library.close(bake)
+
+    def cull(self, view_from_world: np.ndarray, clip_from_view: np.ndarray, viewport) -> int:
+        view = View(viewport=tuple(viewport))
+        view.view_from_world[:] = np.float32(view_from_world).T.ravel()
+        view.clip_from_view[:] = np.float32(clip_from_view).T.ravel()
+        return self.functions.gsgi_light_cull(self.handle, ctypes.byref(view))
+
+    def draw(self, depth: int, normal: int) -> tuple[int, int]:
+        """The result, and the name of the texture with B."""
+        indirect = c_uint32()
+        result = self.functions.gsgi_light_draw(
+            self.handle, c_uint32(depth), c_uint32(normal), ctypes.byref(indirect)
+        )
+        return result, indirect.value
+
+    def add(self, framebuffer: int, albedo: int) -> int:
+        return self.functions.gsgi_light_add(self.handle, c_uint32(framebuffer), c_uint32(albedo))
+
+    def stats(self) -> Stats:
+        stats = Stats()
+        assert self.functions.gsgi_light_stats(self.handle, ctypes.byref(stats)) == OK
+        return stats
+
+    def reset(self) -> int:
+        return self.functions.gsgi_light_reset(self.handle)
+
+    def destroy(self) -> None:
+        self.functions.gsgi_light_destroy(self.handle)

@@ -1,0 +1,61 @@
+/* Opens untrusted bytes and reads all that a bake gives: for libFuzzer, or for a file of files, each after its length. */
+#include "gsgi.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size);
+
+/* Returns 1 if the bytes were opened. */
+static int open_and_read(const uint8_t* data, size_t size) {
+    gsgi_open_options options = {.struct_size = sizeof options, .sampling = 1};
+    gsgi_info info = {.struct_size = sizeof info};
+    gsgi_bake* bake;
+    if (gsgi_bake_open(data, size, &options, &bake)) return 0;
+    if (gsgi_bake_info(bake, &info)) abort();
+    for (int level = 0; level < 2; ++level) {
+        gsgi_texels texels = {.struct_size = sizeof texels};
+        float sum = 0.0f;
+        if (gsgi_bake_texels(bake, (gsgi_level)level, &texels)) abort();
+        for (size_t i = 0; i < (size_t)texels.shape_rows * 2048 * 4; ++i) sum += texels.shape[i];
+        for (size_t i = 0; i < (size_t)texels.sh_rows * 2048 * 4; ++i) sum += texels.sh[i];
+        if (sum != sum && info.gaussian_count[level] == 0) abort();
+    }
+    if (info.blend == GSGI_SURFACE) {
+        float positions[6], normals[6] = {0.0f, 1.0f, 0.0f, 0.0f, 0.0f, 1.0f}, light[6];
+        for (int k = 0; k < 3; ++k) {
+            positions[k] = (float)info.bounds_low[k];
+            positions[3 + k] = (float)info.bounds_high[k];
+        }
+        if (gsgi_bake_sample(bake, 2, positions, normals, light)) abort();
+        for (int i = 0; i < 6; ++i)
+            if (!(light[i] >= 0.0f && light[i] <= 65504.0f)) abort();
+    }
+    gsgi_bake_close(bake);
+    return 1;
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+    open_and_read(data, size);
+    return 0;
+}
+
+#ifndef FUZZER
+int main(int argc, char** argv) {
+    FILE* file = argc == 2 ? fopen(argv[1], "rb") : NULL;
+    int counts[2] = {0, 0};
+    uint8_t length[4];
+    if (!file) return 1;
+    while (fread(length, 1, 4, file) == 4) {
+        size_t size = length[0] | (size_t)length[1] << 8 | (size_t)length[2] << 16 | (size_t)length[3] << 24;
+        uint8_t* data = malloc(size ? size : 1); /* of just that size, so that reads beyond it are found */
+        if (!data || fread(data, 1, size, file) != size) return 1;
+        ++counts[open_and_read(data, size)];
+        free(data);
+    }
+    fclose(file);
+    printf("%d opened, %d refused\n", counts[1], counts[0]);
+    return 0;
+}
+#endif
