@@ -94,11 +94,12 @@ def need_compiler() -> None:
             pytest.skip(f"the C library needs {tool}")
 
 
-def build(folder: Path, *options: str, source: Path = SOURCE) -> Path:
+def build(folder: Path, *options: str, source: Path = SOURCE, flags: str = "") -> Path:
     """Configure and build a CMake project in `folder`, with all warnings as errors; returns the folder."""
     need_compiler()
     generator = ["-G", "Ninja"] if shutil.which("ninja") else []
-    configure = ["cmake", "-S", source, "-B", folder, *generator, "-DCMAKE_C_FLAGS=-Wall -Wextra -Wpedantic -Werror"]
+    warnings = f"-DCMAKE_C_FLAGS=-Wall -Wextra -Wpedantic -Werror {flags}"
+    configure = ["cmake", "-S", source, "-B", folder, *generator, warnings]
     for command in ([*configure, *options], ["cmake", "--build", folder]):
         run = subprocess.run(command, capture_output=True, text=True)
         assert run.returncode == 0, run.stdout + run.stderr

@@ -130,3 +130,38 @@ def call(gl, name: str, *arguments) -> None:
     """Call OpenGL's function gl`name` behind moderngl's back. A Python float becomes a C float."""
     arguments = [ctypes.c_float(a) if isinstance(a, float) else a for a in arguments]
     ctypes.CFUNCTYPE(None)(gl.mglo._context.load_opengl_function(f"gl{name}"))(*arguments)
+
+
+# State that a host may leave set and that would change the light: a call, and what undoes it in a fresh context.
+SET = {
+    "clip control": ("ClipControl", 0x8CA1, 0x935F),
+    "viewports": ("ViewportIndexedf", 3, 1.0, 2.0, 3.0, 4.0),
+    "first viewport": ("ViewportIndexedf", 0, 1.5, 2.5, 3.5, 4.5),
+    "scissors": ("ScissorIndexed", 3, 1, 2, 3, 4),
+    "scissor test": ("Enablei", 0x0C11, 0),
+    "last scissor test": ("Enablei", 0x0C11, 3),
+    "blend functions": ("BlendFunci", 3, 0x0306, 0x0300),
+    "first blend function": ("BlendFunci", 0, 0x0306, 0x0300),
+    "blend equations": ("BlendEquationi", 2, 0x8007),
+    "first blend equation": ("BlendEquationi", 0, 0x8007),
+    "pack alignment": ("PixelStorei", 0x0D05, 8),
+    "pack rows": ("PixelStorei", 0x0D02, 7),
+    "unpack alignment": ("PixelStorei", 0x0CF5, 8),
+    "unpack row length": ("PixelStorei", 0x0CF2, 5),
+    "unpack rows": ("PixelStorei", 0x0CF3, 1),
+    "unpack pixels": ("PixelStorei", 0x0CF4, 3),
+    "unpack swap": ("PixelStorei", 0x0CF0, 1),
+    "unpack images": ("PixelStorei", 0x806D, 1),
+    "clip distances": ("Enable", 0x3002),
+    "sample mask": ("Enable", 0x8E51),
+    "smooth polygons": ("Enable", 0x0B41),
+    "restart": ("Disable", 0x8F9D),
+    "point size": ("Enable", 0x8642),
+}
+OLD = {
+    "alpha test": (("Enable", 0x0BC0), ("AlphaFunc", 0x0204, 0.9)),
+    "stipple": (("Enable", 0x0B42), ("PolygonStipple", bytes(128))),
+    "clamp": (("ClampColor", 0x891B, 1),),
+    "clip plane": (("Enable", 0x3000), ("ClipPlane", 0x3000, (ctypes.c_double * 4)(0, 0, 0, -1))),
+    "front polygons": (("PolygonMode", 0x0404, 0x1B01),),
+}

@@ -13,15 +13,16 @@ static gsgi__matrix inverse_of_rigid(const gsgi__matrix* m) {
     return inverse;
 }
 
+/* Far from the origin the translation is rounded more than the rotation, so only that is looked at. */
 static bool is_rigid(const gsgi__matrix* m) {
-    const gsgi__matrix inverse = inverse_of_rigid(m);
-    for (int i = 0; i < 4; ++i)
-        for (int k = 0; k < 4; ++k) {
-            double sum = 0.0;
-            for (int j = 0; j < 4; ++j) sum += m->at[i][j] * inverse.at[j][k];
-            if (!(fabs(sum - (i == k)) <= 1e-4)) return false;
+    for (int i = 0; i < 3; ++i) {
+        if (!isfinite(m->at[i][3]) || m->at[3][i] != 0.0) return false;
+        for (int k = 0; k < 3; ++k) {
+            const double dot = m->at[i][0] * m->at[k][0] + m->at[i][1] * m->at[k][1] + m->at[i][2] * m->at[k][2];
+            if (!(fabs(dot - (i == k)) <= 1e-4)) return false;
         }
-    return true;
+    }
+    return m->at[3][3] == 1.0;
 }
 
 static double determinant(const gsgi__matrix* m) {

@@ -1,0 +1,57 @@
+"""`cmake --install`, static and shared, and a program that finds the library by CMake's package or by pkg-config."""
+
+import os
+import shlex
+import shutil
+import subprocess
+
+import pytest
+from c_library import build
+
+PROGRAM = """#include <gsgi.h>
+#include <string.h>
+int main(void) { return gsgi_version() != GSGI_VERSION || strcmp(gsgi_result_string(GSGI_OK), "GSGI_OK") != 0; }
+"""
+PROJECT = """cmake_minimum_required(VERSION 3.18)
+project(program LANGUAGES C)
+find_package(gsgi 0.1 REQUIRED)
+add_executable(program program.c)
+target_link_libraries(program PRIVATE gsgi::gsgi)
+"""
+
+
+@pytest.mark.parametrize("shared", [False, True], ids=["static", "shared"])
+def test_a_program_finds_the_installed_library(tmp_path, shared):
+    folder = build(tmp_path / "build", f"-DBUILD_SHARED_LIBS={shared}", "-DCMAKE_INSTALL_LIBDIR=lib")
+    prefix = tmp_path / "some where" / "else"  # the package may be moved
+    subprocess.run(["cmake", "--install", folder, "--prefix", prefix], check=True, capture_output=True)
+    files = {str(path.relative_to(prefix)) for path in prefix.rglob("*") if path.is_file()}
+    assert {"include/gsgi.h", "lib/pkgconfig/gsgi.pc", "lib/cmake/gsgi/gsgi-config.cmake"} <= files
+    assert ("lib/libgsgi.a" in files) != shared
+    program = tmp_path / "program"
+    program.mkdir()
+    (program / "program.c").write_text(PROGRAM)
+    (program / "CMakeLists.txt").write_text(PROJECT)
+    built = build(program / "build", f"-DCMAKE_PREFIX_PATH={prefix}", source=program)
+    subprocess.run([built / "program"], check=True)
+
+    if shutil.which("pkg-config") is None:
+        pytest.skip("pkg-config is not installed")
+    environment = os.environ | {"PKG_CONFIG_PATH": str(prefix / "lib" / "pkgconfig")}
+    static = [] if shared else ["--static"]
+    flags = subprocess.run(
+        ["pkg-config", "--cflags", "--libs", *static, "gsgi"], env=environment, check=True, capture_output=True, text=True
+    ).stdout  # fmt: skip
+    subprocess.run(["cc", "program.c", *shlex.split(flags), "-o", "by_pkg_config"], cwd=program, check=True)
+    libraries = os.environ | {"LD_LIBRARY_PATH": str(prefix / "lib")}
+    subprocess.run([program / "by_pkg_config"], check=True, env=libraries)
+
+
+def test_a_shared_library_shows_its_functions_alone(library):
+    nm = shutil.which("nm")
+    if nm is None:
+        pytest.skip("nm is not installed")
+    listing = subprocess.run([nm, "-D", "--defined-only", library.functions._name], capture_output=True, text=True)
+    names = {line.split()[-1] for line in listing.stdout.splitlines()}
+    assert len(names) == 17
+    assert all(name.startswith("gsgi_") and not name.startswith("gsgi__") for name in names)
