@@ -1,4 +1,4 @@
-"""The C library, built by CMake and called through ctypes: its structs, and the light pass with IndirectLight's names."""
+"""The C library, built by CMake and called through ctypes."""
 
 import ctypes
 import shutil
@@ -198,9 +198,7 @@ class Light:
     def draw(self, depth: int, normal: int) -> tuple[int, int]:
         """The result, and the name of the texture with B."""
         indirect = c_uint32()
-        result = self.functions.gsgi_light_draw(
-            self.handle, c_uint32(depth), c_uint32(normal), ctypes.byref(indirect)
-        )
+        result = self.functions.gsgi_light_draw(self.handle, c_uint32(depth), c_uint32(normal), ctypes.byref(indirect))
         return result, indirect.value
 
     def add(self, framebuffer: int, albedo: int) -> int:

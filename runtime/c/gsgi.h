@@ -73,9 +73,9 @@ typedef enum gsgi_severity { GSGI_ERROR = 0, GSGI_WARNING, GSGI_INFORMATION } gs
 
 /* Where memory comes from and messages go. NULL: malloc, free, no messages. */
 typedef struct gsgi_callbacks {
-    void* (*allocate)(size_t size, void* user);                               /* aligned as malloc aligns */
-    void (*release)(void* memory, void* user);                                /* `memory` is not NULL */
-    void (*log)(gsgi_severity severity, const char* message, void* user);     /* one line, without a line feed */
+    void* (*allocate)(size_t size, void* user);                           /* aligned as malloc aligns */
+    void (*release)(void* memory, void* user);                            /* `memory` is not NULL */
+    void (*log)(gsgi_severity severity, const char* message, void* user); /* one line, without a line feed */
     void* user;
 } gsgi_callbacks;
 
@@ -126,8 +126,8 @@ typedef struct gsgi_info {
     float cutoff, weight_floor, radius;               /* surface; radius: standard deviations at which weights end */
     uint32_t gaussian_count[2];                       /* by gsgi_level */
     uint32_t sh_degree[2];
-    int32_t sloped[2];            /* whether the light changes linearly over a Gaussian */
-    double bounds_low[3];         /* of the centres of all Gaussians, world space, m; 0 without any */
+    int32_t sloped[2];    /* whether the light changes linearly over a Gaussian */
+    double bounds_low[3]; /* of the centres of all Gaussians, world space, m; 0 without any */
     double bounds_high[3];
     size_t bake_bytes;  /* memory that the bake holds */
     size_t light_bytes; /* memory on the GPU that a light of it holds for Gaussians: 48 bytes each, 16 for each four
@@ -139,9 +139,9 @@ typedef struct gsgi_info {
  * bake. Positions are relative to `origin`, m, which is 0 unless the scene lies far from the world's. */
 typedef struct gsgi_texels {
     size_t struct_size;
-    const float* shape; /* 3 texels per Gaussian: position, opacity; rotation xyzw; scale, 0 */
-    const float* sh;    /* (3 (sh_degree + 1)^2 + 3) / 4 texels per Gaussian */
-    const float* slope; /* 1 texel per Gaussian; NULL where the level is not sloped */
+    const float* shape;                       /* 3 texels per Gaussian: position, opacity; rotation xyzw; scale, 0 */
+    const float* sh;                          /* (3 (sh_degree + 1)^2 + 3) / 4 texels per Gaussian */
+    const float* slope;                       /* 1 texel per Gaussian; NULL where the level is not sloped */
     uint32_t shape_rows, sh_rows, slope_rows; /* 0 in a level without Gaussians */
     double origin[3];
 } gsgi_texels;
@@ -149,10 +149,9 @@ typedef struct gsgi_texels {
 /* Decode the `size` bytes of a .gsgi file. `data` may be freed afterwards. `options` may be NULL.
  *
  * Safe for untrusted files: what the specification says a reader must refuse is GSGI_INVALID_FILE, nothing is allocated
- * before all lengths are checked, and no file makes it allocate more than 5 times its size and 256 KB (with sampling 400
- * bytes per Gaussian and 256 KB more). */
-GSGI_API gsgi_result gsgi_bake_open(
-    const void* data, size_t size, const gsgi_open_options* options, gsgi_bake** bake);
+ * before all lengths are checked, and no file makes it allocate more than 5 times its size and 256 KB (with sampling
+ * 400 bytes per Gaussian and 256 KB more). */
+GSGI_API gsgi_result gsgi_bake_open(const void* data, size_t size, const gsgi_open_options* options, gsgi_bake** bake);
 
 /* Fill `info`, whose struct_size is set. */
 GSGI_API gsgi_result gsgi_bake_info(const gsgi_bake* bake, gsgi_info* info);
@@ -165,8 +164,8 @@ GSGI_API gsgi_result gsgi_bake_texels(const gsgi_bake* bake, gsgi_level level, g
  *
  * positions: 3 * count, world space, m. normals: 3 * count, unit, world space. light: 3 * count, written; 0 where no
  * Gaussian reaches. A number that is not finite gives a light of 0. */
-GSGI_API gsgi_result gsgi_bake_sample(
-    const gsgi_bake* bake, size_t count, const float* positions, const float* normals, float* light);
+GSGI_API gsgi_result gsgi_bake_sample(const gsgi_bake* bake, size_t count, const float* positions, const float* normals,
+                                      float* light);
 
 /* Free the bake. Lights that were made of it stay. */
 GSGI_API void gsgi_bake_close(gsgi_bake* bake);
@@ -183,11 +182,11 @@ typedef gsgi_function (*gsgi_get_proc_address)(const char* name, void* user);
 typedef enum gsgi_state {
     /* All state that the library sets, or that would change what it draws, is read before and restored after. */
     GSGI_STATE_RESTORE = 0,
-    /* Nothing is read. Afterwards the state that the library sets has OpenGL's initial values: no program, vertex array,
-     * framebuffer, renderbuffer and array or unpack buffer; no texture and sampler in units 0 to 4, unit 0 active; all
-     * switches off but dithering and multisampling, which are not touched; depth test LESS, all masks on, blending ONE,
-     * ZERO; clip control and pixel store as a new context has them. Only the viewport stays as the library set it. For
-     * hosts that set all state in each pass, or that can tell their state cache to forget. */
+    /* Nothing is read. Afterwards the state that the library sets has OpenGL's initial values: no program, vertex
+     * array, framebuffer, renderbuffer and array or unpack buffer; no texture and sampler in units 0 to 4, unit 0
+     * active; all switches off but dithering and multisampling, which are not touched; depth test LESS, all masks on,
+     * blending ONE, ZERO; clip control and pixel store as a new context has them. Only the viewport stays as the
+     * library set it. For hosts that set all state in each pass, or that can tell their state cache to forget. */
     GSGI_STATE_DEFAULTS
 } gsgi_state;
 
@@ -249,14 +248,14 @@ typedef struct gsgi_light_options {
     gsgi_space normal_space;
     gsgi_albedo albedo;
     gsgi_rows rows;
-    int32_t splat_scale;   /* `surface`: pixels of the frame per reading, along each axis, 1 to 4; 0: 2 */
-    float box_low[3];      /* `surface`: nothing outside of this box is lit, for one file per room; world space, m. */
-    float box_high[3];     /* Both 0: no box. */
+    int32_t splat_scale; /* `surface`: pixels of the frame per reading, along each axis, 1 to 4; 0: 2 */
+    float box_low[3];    /* `surface`: nothing outside of this box is lit, for one file per room; world space, m. */
+    float box_high[3];   /* Both 0: no box. */
 } gsgi_light_options;
 
 /* Upload a bake and compile its passes. `options` may be NULL. The bake may be closed afterwards. */
-GSGI_API gsgi_result gsgi_light_create(
-    gsgi_context* context, const gsgi_bake* bake, const gsgi_light_options* options, gsgi_light** light);
+GSGI_API gsgi_result gsgi_light_create(gsgi_context* context, const gsgi_bake* bake, const gsgi_light_options* options,
+                                       gsgi_light** light);
 
 /* Free the light, with its memory on the GPU. The host's textures are kept. */
 GSGI_API void gsgi_light_destroy(gsgi_light* light);
@@ -274,16 +273,16 @@ typedef struct gsgi_view {
 GSGI_API gsgi_result gsgi_light_cull(gsgi_light* light, const gsgi_view* view);
 
 /* Draw B for the view of the last cull, from the names of the host's depth and normal textures, which are 2D, single
- * sample and of one size (`over` reads neither). `indirect`, if not NULL, gets the name of the library's texture: RGBA16F,
- * as large as the viewport, its rows in the order of the host's; valid until the next draw, reset or destroy.
+ * sample and of one size (`over` reads neither). `indirect`, if not NULL, gets the name of the library's texture:
+ * RGBA16F, as large as the viewport, its rows in the order of the host's; valid until the next draw, reset or destroy.
  *
  * Where OpenGL can tell the textures' formats (3.3, ES 3.1), those that cannot be what the light's options say are
  * GSGI_INVALID_ARGUMENT. They are checked when another texture is given. */
 GSGI_API gsgi_result gsgi_light_draw(gsgi_light* light, uint32_t depth, uint32_t normal, uint32_t* indirect);
 
-/* Add albedo * B of the last draw to GL_COLOR_ATTACHMENT0 of `framebuffer` (to the back buffer of framebuffer 0), in the
- * viewport of that draw. It holds linear radiance. Alpha and other attachments do not change. `albedo` is a 2D texture
- * of the size of the draw's, and none of the framebuffer's attachments. */
+/* Add albedo * B of the last draw to GL_COLOR_ATTACHMENT0 of `framebuffer` (to the back buffer of framebuffer 0), in
+ * the viewport of that draw. It holds linear radiance. Alpha and other attachments do not change. `albedo` is a 2D
+ * texture of the size of the draw's, and none of the framebuffer's attachments. */
 GSGI_API gsgi_result gsgi_light_add(gsgi_light* light, uint32_t framebuffer, uint32_t albedo);
 
 typedef struct gsgi_stats {

@@ -3,7 +3,8 @@
  *     cmake -S samples/08_c_host -B build/c_host && cmake --build build/c_host
  *     build/c_host/host build/samples/cornell.gsgi frame.ppm [es]
  *
- * It opens OpenGL 3.3 core, or with `es` OpenGL ES 3.0, without a display. Lines that call gsgi are marked by >. */
+ * It opens OpenGL 3.3 core, or with `es` OpenGL ES 3.0, without a display. */
+#define GL_GLEXT_PROTOTYPES
 #include <EGL/egl.h>
 #include <EGL/eglext.h>
 #include <GL/glcorearb.h>
@@ -12,21 +13,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-#define FUNCTIONS(X) \
-    X(ATTACHSHADER, AttachShader) X(BINDBUFFER, BindBuffer) X(BINDFRAMEBUFFER, BindFramebuffer) \
-    X(BINDTEXTURE, BindTexture) X(BINDVERTEXARRAY, BindVertexArray) X(BUFFERDATA, BufferData) X(CLEAR, Clear) \
-    X(COMPILESHADER, CompileShader) X(CREATEPROGRAM, CreateProgram) X(CREATESHADER, CreateShader) \
-    X(DRAWARRAYS, DrawArrays) X(DRAWBUFFERS, DrawBuffers) X(ENABLE, Enable) \
-    X(ENABLEVERTEXATTRIBARRAY, EnableVertexAttribArray) X(FRAMEBUFFERTEXTURE2D, FramebufferTexture2D) \
-    X(GENBUFFERS, GenBuffers) X(GENFRAMEBUFFERS, GenFramebuffers) X(GENTEXTURES, GenTextures) \
-    X(GENVERTEXARRAYS, GenVertexArrays) X(GETUNIFORMLOCATION, GetUniformLocation) X(LINKPROGRAM, LinkProgram) \
-    X(READPIXELS, ReadPixels) X(SHADERSOURCE, ShaderSource) X(TEXSTORAGE2D, TexStorage2D) \
-    X(UNIFORMMATRIX4FV, UniformMatrix4fv) X(USEPROGRAM, UseProgram) X(VERTEXATTRIBPOINTER, VertexAttribPointer) \
-    X(VIEWPORT, Viewport)
-#define DECLARE(type, name) static PFNGL##type##PROC gl##name;
-#define LOAD(type, name) gl##name = (PFNGL##type##PROC)eglGetProcAddress("gl" #name);
-FUNCTIONS(DECLARE)
 
 enum { WIDTH = 320, HEIGHT = 320, VERTICES = 6 * 15 };
 
@@ -46,9 +32,9 @@ static const float walls[5][4][3] = {
     {{.278f, 0, -.5592f}, {.278f, 0, 0}, {.278f, .5488f, 0}, {.278f, .5488f, -.5592f}},
     {{-.2748f, 0, 0}, {-.2716f, 0, -.5592f}, {-.278f, .5488f, -.5592f}, {-.278f, .5488f, 0}}};
 static const float colors[3][3] = {{.73f, .73f, .73f}, {.12f, .45f, .15f}, {.65f, .05f, .05f}};
-static const float blocks[2][9] = { /* x, z of four corners, height */
-    {.148f, -.065f, .196f, -.225f, .038f, -.272f, -.012f, -.114f, .165f},
-    {-.145f, -.247f, .013f, -.296f, -.036f, -.456f, -.194f, -.406f, .330f}};
+static const float blocks[2][9] = {/* x, z of four corners, height */
+                                   {.148f, -.065f, .196f, -.225f, .038f, -.272f, -.012f, -.114f, .165f},
+                                   {-.145f, -.247f, .013f, -.296f, -.036f, -.456f, -.194f, -.406f, .330f}};
 
 static void* fail(const char* what) {
     fprintf(stderr, "host: %s\n", what);
@@ -94,13 +80,13 @@ static void draw_box(void) {
 
 static void open_opengl(int es) {
     const EGLint attributes[] = {EGL_CONTEXT_MAJOR_VERSION, 3, EGL_CONTEXT_MINOR_VERSION, es ? 0 : 3, EGL_NONE};
-    PFNEGLGETPLATFORMDISPLAYEXTPROC get = (PFNEGLGETPLATFORMDISPLAYEXTPROC)eglGetProcAddress("eglGetPlatformDisplayEXT");
+    PFNEGLGETPLATFORMDISPLAYEXTPROC get =
+        (PFNEGLGETPLATFORMDISPLAYEXTPROC)eglGetProcAddress("eglGetPlatformDisplayEXT");
     EGLDisplay display = get ? get(EGL_PLATFORM_SURFACELESS_MESA, EGL_DEFAULT_DISPLAY, NULL) : NULL;
     if (!display || !eglInitialize(display, NULL, NULL) || !eglBindAPI(es ? EGL_OPENGL_ES_API : EGL_OPENGL_API))
         fail("no EGL without a display");
     EGLContext context = eglCreateContext(display, EGL_NO_CONFIG_KHR, EGL_NO_CONTEXT, attributes);
     if (!context || !eglMakeCurrent(display, EGL_NO_SURFACE, EGL_NO_SURFACE, context)) fail("no OpenGL context");
-    FUNCTIONS(LOAD)
 }
 
 static GLuint shader(GLenum stage, const char* header, const char* text) {
@@ -111,14 +97,14 @@ static GLuint shader(GLenum stage, const char* header, const char* text) {
     return made;
 }
 
-static gsgi_function load(const char* name, void* user) { /* > */
+static gsgi_function load(const char* name, void* user) {
     (void)user;
-    return eglGetProcAddress(name); /* > */
+    return eglGetProcAddress(name);
 }
 
-static void print(gsgi_severity severity, const char* message, void* user) { /* > */
+static void print(gsgi_severity severity, const char* message, void* user) {
     (void)severity, (void)user;
-    fprintf(stderr, "gsgi: %s\n", message); /* > */
+    fprintf(stderr, "gsgi: %s\n", message);
 }
 
 int main(int argc, char** argv) {
@@ -140,7 +126,8 @@ int main(int argc, char** argv) {
     gsgi_bake_close(bake);
 
     const GLenum formats[4] = {GL_RGBA16F, GL_RGBA8, GL_RGB10_A2, GL_DEPTH_COMPONENT24};
-    const GLenum attachments[4] = {GL_COLOR_ATTACHMENT0, GL_COLOR_ATTACHMENT1, GL_COLOR_ATTACHMENT2, GL_DEPTH_ATTACHMENT};
+    const GLenum attachments[4] = {GL_COLOR_ATTACHMENT0, GL_COLOR_ATTACHMENT1, GL_COLOR_ATTACHMENT2,
+                                   GL_DEPTH_ATTACHMENT};
     GLuint textures[4], gbuffer, frame, vertices, program = glCreateProgram();
     glGenTextures(4, textures);
     glGenFramebuffers(1, &gbuffer);
@@ -158,11 +145,10 @@ int main(int argc, char** argv) {
     glUseProgram(program);
 
     const float f = 1.0f / tanf(0.686f / 2.0f), near = 0.01f;
-    gsgi_view view = {
-        .struct_size = sizeof view,
-        .view_from_world = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, -0.273f, -0.8f, 1},
-        .clip_from_view = {f * HEIGHT / WIDTH, 0, 0, 0, 0, f, 0, 0, 0, 0, -1, -1, 0, 0, -2 * near, 0},
-        .viewport = {0, 0, WIDTH, HEIGHT}};
+    gsgi_view view = {.struct_size = sizeof view,
+                      .view_from_world = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, -0.273f, -0.8f, 1},
+                      .clip_from_view = {f * HEIGHT / WIDTH, 0, 0, 0, 0, f, 0, 0, 0, 0, -1, -1, 0, 0, -2 * near, 0},
+                      .viewport = {0, 0, WIDTH, HEIGHT}};
     glUniformMatrix4fv(glGetUniformLocation(program, "view"), 1, GL_FALSE, view.view_from_world);
     glUniformMatrix4fv(glGetUniformLocation(program, "projection"), 1, GL_FALSE, view.clip_from_view);
     glGenVertexArrays(1, &vertices);
@@ -186,7 +172,8 @@ int main(int argc, char** argv) {
     fprintf(picture, "P6\n%d %d\n255\n", WIDTH, HEIGHT);
     for (int y = HEIGHT; y-- > 0;)
         for (int x = 0; x < WIDTH; ++x)
-            for (int k = 0; k < 3; ++k) fputc((int)(255.0f * powf(fminf(pixels[y][x][k], 1.0f), 1 / 2.2f) + 0.5f), picture);
+            for (int k = 0; k < 3; ++k)
+                fputc((int)(255.0f * powf(fminf(pixels[y][x][k], 1.0f), 1 / 2.2f) + 0.5f), picture);
     gsgi_light_destroy(light);
     gsgi_context_destroy(context);
     return fclose(picture) != 0;

@@ -56,10 +56,10 @@ def test_the_host_in_c_draws_what_our_own_renderer_draws(gl, host, tmp_path, ope
     light = renderer.read("indirect") * renderer.read("albedo")
     renderer.release()
     expected = 255 * np.clip(light, 0, 1) ** (1 / 2.2)
+    environment = os.environ | {"ASAN_OPTIONS": "detect_leaks=0"}  # the drivers' memory is theirs to free
     for flavour in ((), ("es",)):
         command = [host, tmp_path / "cornell.gsgi", tmp_path / "frame.ppm", *flavour]
-        # The drivers' memory is theirs to free.
-        run = subprocess.run(command, env=os.environ | {"ASAN_OPTIONS": "detect_leaks=0"}, capture_output=True, text=True)
+        run = subprocess.run(command, env=environment, capture_output=True, text=True)
         assert (run.returncode, run.stderr) == (0, "")
         error = np.abs(read_ppm(tmp_path / "frame.ppm") - expected).max(axis=-1)
         assert expected.mean() > 60
@@ -85,5 +85,6 @@ def test_the_code_of_the_page_is_that_of_the_sample():
     sample = (SAMPLE / "host.c").read_text()
     lines = {line.strip() for line in sample.splitlines()}
     assert len(shown) == 1
-    for line in filter(None, (line.strip() for line in shown[0].splitlines())):
-        assert line in lines, line
+    code = [line.strip() for line in shown[0].splitlines() if line.strip() and "/*" not in line]
+    assert len(code) > 10
+    assert set(code) <= lines

@@ -66,8 +66,8 @@ static uint32_t checksum(const uint8_t* data, size_t size) {
 }
 
 static level_header read_level_header(const uint8_t* at) {
-    level_header level = {read_u32(at), read_u16(at + 4), read_u16(at + 6), {0}, {0},
-                          read_f32(at + 32), read_f32(at + 36), read_f32(at + 40)};
+    level_header level = {read_u32(at), read_u16(at + 4),  read_u16(at + 6),  {0},
+                          {0},          read_f32(at + 32), read_f32(at + 36), read_f32(at + 40)};
     for (int i = 0; i < 3; ++i) {
         level.position_min[i] = read_f32(at + 8 + 4 * i);
         level.position_step[i] = read_f32(at + 20 + 4 * i);
@@ -103,9 +103,8 @@ static header read_header(const uint8_t* data) {
 static const char* const level_names[2] = {"fine", "coarse"};
 static const int level_offsets[2] = {56, 100};
 
-static gsgi_result refuse(
-    const gsgi_callbacks* callbacks, int offset, const char* level, const char* field, const char* expected,
-    double got) {
+static gsgi_result refuse(const gsgi_callbacks* callbacks, int offset, const char* level, const char* field,
+                          const char* expected, double got) {
     return gsgi__fail(callbacks, GSGI_INVALID_FILE, "byte %d (%s%s%s): expected %s, got %.9g", offset, level,
                       *level ? "." : "", field, expected, got);
 }
@@ -264,8 +263,8 @@ static bool allocate_texels(gsgi__texels* data, const gsgi_callbacks* callbacks,
 
 /* Decode the arrays at `at`, whose length is checked. Each value is computed as the Python reader computes it, to the
  * last bit; the exponential is rounded once, from double precision. */
-static bool decode_level(
-    gsgi__level* level, const level_header* record, const uint8_t* at, const gsgi_callbacks* callbacks) {
+static bool decode_level(gsgi__level* level, const level_header* record, const uint8_t* at,
+                         const gsgi_callbacks* callbacks) {
     const uint32_t count = record->count, coefficients = 3 * (record->sh_degree + 1) * (record->sh_degree + 1);
     const uint32_t sh_floats = (coefficients + 3) / 4 * 4;
     level->count = count;
@@ -323,7 +322,8 @@ static bool decode_level(
     return true;
 }
 
-/* Find the bounds of all centres. If the scene is far from the world's origin, make positions relative to its middle. */
+/* Find the bounds of all centres. If the scene is far from the world's origin, make positions relative to its middle.
+ */
 static void place(gsgi_bake* bake) {
     double *low = bake->info.bounds_low, *high = bake->info.bounds_high, from_origin = 0.0, diagonal = 0.0;
     bool any = false;
@@ -390,8 +390,8 @@ gsgi_result gsgi_bake_open(const void* data, size_t size, const gsgi_open_option
     const gsgi_callbacks* callbacks = &options.callbacks;
     if (!out || (!data && size)) return gsgi__fail(callbacks, GSGI_INVALID_ARGUMENT, "data, bake: must not be NULL");
     if (size < HEADER_BYTES)
-        return gsgi__fail(callbacks, GSGI_INVALID_FILE,
-                          "byte %d: expected a header of 144 bytes, the file ends here", (int)size);
+        return gsgi__fail(callbacks, GSGI_INVALID_FILE, "byte %d: expected a header of 144 bytes, the file ends here",
+                          (int)size);
     const uint8_t* bytes = data;
     header h = read_header(bytes);
     if ((result = check_file(&h, bytes, size, callbacks))) return result;
@@ -425,8 +425,9 @@ gsgi_result gsgi_bake_texels(const gsgi_bake* bake, gsgi_level which, gsgi_texel
     if (which != GSGI_FINE && which != GSGI_COARSE)
         return gsgi__fail(&bake->callbacks, GSGI_INVALID_ARGUMENT, "level: %d is none", (int)which);
     const gsgi__level* level = &bake->levels[which];
-    gsgi_texels found = {sizeof found, level->shape.texels, level->sh.texels, level->slope.texels, level->shape.rows,
-                         level->sh.rows, level->slope.rows, {bake->origin[0], bake->origin[1], bake->origin[2]}};
+    gsgi_texels found = {
+        sizeof found,      level->shape.texels, level->sh.texels,  level->slope.texels,
+        level->shape.rows, level->sh.rows,      level->slope.rows, {bake->origin[0], bake->origin[1], bake->origin[2]}};
     return gsgi__write_struct(&found, sizeof found, texels);
 }
 

@@ -8,8 +8,8 @@
 #define DIGIT_BITS 11 /* three rounds of the radix sort; a histogram fits in the L1 cache */
 #define DIGITS (1u << DIGIT_BITS)
 
-bool gsgi__culled_create(
-    gsgi__culled* culled, const gsgi_callbacks* callbacks, const gsgi__level* level, const gsgi_info* info) {
+bool gsgi__culled_create(gsgi__culled* culled, const gsgi_callbacks* callbacks, const gsgi__level* level,
+                         const gsgi_info* info) {
     const bool sorts = info->blend == GSGI_OVER;
     const size_t count = level->count, words = sorts ? 8 : 5;
     culled->count = level->count;
@@ -51,7 +51,8 @@ void gsgi__cull_pyramid(gsgi__culled* culled, const gsgi__camera* camera) {
         {1, 0, fmin(a, b)}, {-1, 0, -fmax(a, b)}, {0, 1, fmin(c, d)}, {0, -1, -fmax(c, d)}, {0, 0, -1}};
     float planes[5][4];
     for (int p = 0; p < 5; ++p) {
-        const double length = sqrt(inward[p][0] * inward[p][0] + inward[p][1] * inward[p][1] + inward[p][2] * inward[p][2]);
+        const double length =
+            sqrt(inward[p][0] * inward[p][0] + inward[p][1] * inward[p][1] + inward[p][2] * inward[p][2]);
         for (int k = 0; k < 4; ++k) {
             double sum = 0.0;
             for (int j = 0; j < 3; ++j) sum += inward[p][j] / length * camera->view_from_world.at[j][k];
@@ -93,9 +94,8 @@ static void sort_by_key(gsgi__culled* culled) {
 }
 
 /* Bound, in px, on the size of a splat: the spectral norm of the projection's Jacobian times its radius. */
-static bool overlaps_image(
-    float x, float y, float depth, float radius, const gsgi__camera* camera, float limit_x, float limit_y,
-    float widest) {
+static bool overlaps_image(float x, float y, float depth, float radius, const gsgi__camera* camera, float limit_x,
+                           float limit_y, float widest) {
     const float slope_x = fminf(fmaxf(x, -limit_x), limit_x), slope_y = fminf(fmaxf(y, -limit_y), limit_y);
     const float focal = (float)fmax(fabs(camera->fx), fabs(camera->fy));
     const float reach = radius * focal / depth * sqrtf(1.0f + slope_x * slope_x + slope_y * slope_y) + widest;
@@ -119,8 +119,8 @@ void gsgi__cull_and_sort(gsgi__culled* culled, const gsgi__camera* camera, const
         const float right = rows[0][0] * x + rows[0][1] * y + rows[0][2] * z + rows[0][3];
         const float up = rows[1][0] * x + rows[1][1] * y + rows[1][2] * z + rows[1][3];
         const float depth = -(rows[2][0] * x + rows[2][1] * y + rows[2][2] * z + rows[2][3]);
-        if (!(depth >= info->near_plane) || !overlaps_image(right / depth, up / depth, depth, culled->radius[i], camera,
-                                                            limit_x, limit_y, widest))
+        if (!(depth >= info->near_plane) ||
+            !overlaps_image(right / depth, up / depth, depth, culled->radius[i], camera, limit_x, limit_y, widest))
             continue;
         uint32_t bits;
         memcpy(&bits, &depth, sizeof bits); /* floats >= 0 sort as their bits do */

@@ -25,11 +25,11 @@ static gsgi_result load_optional(gsgi__gl* gl, const gsgi_context_options* optio
     gl->indexed = desktop || gl->version >= 320;
     gl->indexed_blending = desktop ? gl->version >= 400 || has_extension(gl, "GL_ARB_draw_buffers_blend") : gl->indexed;
     gl->viewports = desktop && (gl->version >= 410 || has_extension(gl, "GL_ARB_viewport_array"));
-    gl->clip_control = desktop ? gl->version >= 450 || has_extension(gl, "GL_ARB_clip_control") :
-                                 has_extension(gl, "GL_EXT_clip_control");
+    gl->clip_control = desktop ? gl->version >= 450 || has_extension(gl, "GL_ARB_clip_control")
+                               : has_extension(gl, "GL_EXT_clip_control");
     gl->texture_levels = desktop || gl->version >= 310;
-    gl->stencil_textures = desktop ? gl->version >= 430 || has_extension(gl, "GL_ARB_stencil_texturing") :
-                                     gl->version >= 310;
+    gl->stencil_textures =
+        desktop ? gl->version >= 430 || has_extension(gl, "GL_ARB_stencil_texturing") : gl->version >= 310;
     if (desktop) {
         GSGI_GL_DESKTOP(LOAD)
     } else {
@@ -88,6 +88,7 @@ gsgi_result gsgi__gl_load(gsgi__gl* gl, const gsgi_context_options* options) {
 
 /* ---- Programs ---- */
 
+/* clang-format off */
 static const char* const uniform_names[U_COUNT] = {
     "view_from_world", "world_from_view", "world_from_offset", "axis", "centre", "corner", "eye", "focal", "margin",
     "near", "size", "z_to_clip"};
@@ -97,13 +98,13 @@ static const struct { const char* name; GLint unit; } samplers[] = {
     {"shape_data", 0}, {"sh_data", 1}, {"surface_position", 2}, {"surface_plane", 3}, {"slope_data", 4},
     {"normal", 0}, {"depth", 1}, {"fine_sums", 2}, {"coarse_sums", 4}, {"filled_sums", 2},
     {"albedo", 0}, {"indirect", 1}};
+/* clang-format on */
 
-static GLuint compile(
-    const gsgi__gl* gl, const gsgi_callbacks* callbacks, const char* pass, GLenum stage, const char* text,
-    const char* defines) {
+static GLuint compile(const gsgi__gl* gl, const gsgi_callbacks* callbacks, const char* pass, GLenum stage,
+                      const char* text, const char* defines) {
     const char* header = gl->es ? "#version 300 es\nprecision highp float;\nprecision highp int;\n"
-                                  "precision highp sampler2D;\nprecision highp sampler2DShadow;\n" :
-                                  "#version 330\n";
+                                  "precision highp sampler2D;\nprecision highp sampler2DShadow;\n"
+                                : "#version 330\n";
     const char* parts[] = {header, defines, text};
     char message[900] = "";
     GLint compiled = 0;
@@ -118,9 +119,9 @@ static GLuint compile(
     return 0;
 }
 
-gsgi_result gsgi__program_create(
-    const gsgi__gl* gl, const gsgi_callbacks* callbacks, const char* pass, const char* vertex, const char* fragment,
-    const char* defines, gsgi__program* program) {
+gsgi_result gsgi__program_create(const gsgi__gl* gl, const gsgi_callbacks* callbacks, const char* pass,
+                                 const char* vertex, const char* fragment, const char* defines,
+                                 gsgi__program* program) {
     char message[900] = "";
     GLint linked = 0;
     GLuint stages[2] = {compile(gl, callbacks, pass, GL_VERTEX_SHADER, vertex, defines),
@@ -150,7 +151,8 @@ void gsgi__set_float(const gsgi__gl* gl, const gsgi__program* program, const cha
     gl->Uniform1f(gl->GetUniformLocation(program->name, name), (float)value);
 }
 
-void gsgi__set_matrix(const gsgi__gl* gl, const gsgi__program* program, gsgi__uniform uniform, const gsgi__matrix* value) {
+void gsgi__set_matrix(const gsgi__gl* gl, const gsgi__program* program, gsgi__uniform uniform,
+                      const gsgi__matrix* value) {
     float columns[16];
     for (int i = 0; i < 16; ++i) columns[i] = (float)value->at[i % 4][i / 4];
     gl->UniformMatrix4fv(program->at[uniform], 1, GL_FALSE, columns);

@@ -18,6 +18,7 @@ typedef ptrdiff_t GLsizeiptr, GLintptr;
 #define GSGI_GLAPI
 #endif
 
+/* clang-format off */
 enum {
     GL_FALSE = 0, GL_TRUE = 1, GL_NONE = 0, GL_ZERO = 0, GL_ONE = 1, GL_NO_ERROR = 0,
     GL_POINTS = 0x0000, GL_TRIANGLES = 0x0004, GL_TRIANGLE_STRIP = 0x0005,
@@ -56,6 +57,7 @@ enum {
     GL_CONTEXT_PROFILE_MASK = 0x9126, GL_CLIP_ORIGIN = 0x935C, GL_CLIP_DEPTH_MODE = 0x935D,
     GL_NEGATIVE_ONE_TO_ONE = 0x935E
 };
+/* clang-format on */
 
 /* X(result, name, parameters): functions of OpenGL 3.3 and OpenGL ES 3.0 alike. */
 #define GSGI_GL_COMMON(X) \
@@ -157,9 +159,11 @@ enum {
 #define GSGI_GL_CLIP_CONTROL(X) X(void, ClipControl, (GLenum, GLenum))
 #define GSGI_GL_TEXTURE_LEVELS(X) X(void, GetTexLevelParameteriv, (GLenum, GLint, GLenum, GLint*))
 
+/* clang-format off */
 #define GSGI_GL_ALL(X) \
     GSGI_GL_COMMON(X) GSGI_GL_DESKTOP(X) GSGI_GL_ES(X) GSGI_GL_INDEXED(X) GSGI_GL_INDEXED_BLENDING(X) \
     GSGI_GL_VIEWPORTS(X) GSGI_GL_CLIP_CONTROL(X) GSGI_GL_TEXTURE_LEVELS(X)
+/* clang-format on */
 
 typedef struct gsgi__gl {
 #define GSGI_GL_MEMBER(result, name, parameters) result(GSGI_GLAPI* name) parameters;
@@ -179,8 +183,19 @@ gsgi_result gsgi__gl_load(gsgi__gl* gl, const gsgi_context_options* options);
 /* ---- Programs ---- */
 
 typedef enum gsgi__uniform {
-    U_VIEW_FROM_WORLD, U_WORLD_FROM_VIEW, U_WORLD_FROM_OFFSET, U_AXIS, U_CENTRE, U_CORNER, U_EYE, U_FOCAL, U_MARGIN,
-    U_NEAR, U_SIZE, U_Z_TO_CLIP, U_COUNT
+    U_VIEW_FROM_WORLD,
+    U_WORLD_FROM_VIEW,
+    U_WORLD_FROM_OFFSET,
+    U_AXIS,
+    U_CENTRE,
+    U_CORNER,
+    U_EYE,
+    U_FOCAL,
+    U_MARGIN,
+    U_NEAR,
+    U_SIZE,
+    U_Z_TO_CLIP,
+    U_COUNT
 } gsgi__uniform;
 
 typedef struct gsgi__program {
@@ -188,13 +203,14 @@ typedef struct gsgi__program {
     GLint at[U_COUNT];
 } gsgi__program;
 
-/* Compile a pass. `pass` names it in messages; `defines` is GLSL, lines of #define. The program is in use afterwards. */
-gsgi_result gsgi__program_create(
-    const gsgi__gl* gl, const gsgi_callbacks* callbacks, const char* pass, const char* vertex, const char* fragment,
-    const char* defines, gsgi__program* program);
+/* Compile a pass. `pass` names it in messages; `defines` is GLSL, lines of #define. The program is in use afterwards.
+ */
+gsgi_result gsgi__program_create(const gsgi__gl* gl, const gsgi_callbacks* callbacks, const char* pass,
+                                 const char* vertex, const char* fragment, const char* defines, gsgi__program* program);
 
 void gsgi__set_float(const gsgi__gl* gl, const gsgi__program* program, const char* name, double value);
-void gsgi__set_matrix(const gsgi__gl* gl, const gsgi__program* program, gsgi__uniform uniform, const gsgi__matrix* value);
+void gsgi__set_matrix(const gsgi__gl* gl, const gsgi__program* program, gsgi__uniform uniform,
+                      const gsgi__matrix* value);
 
 /* ---- State ---- */
 
@@ -216,7 +232,8 @@ typedef struct gsgi__state {
 void gsgi__state_begin(const gsgi__gl* gl, gsgi_state mode, gsgi__state* state);
 void gsgi__state_end(const gsgi__gl* gl, gsgi_state mode, const gsgi__state* state);
 
-/* State that the passes change. Those of blending and of the viewport leave draw buffers and viewports above 1 alone. */
+/* State that the passes change. Those of blending and of the viewport leave draw buffers and viewports above 1 alone.
+ */
 void gsgi__blend(const gsgi__gl* gl, bool on, GLenum source, GLenum destination);
 void gsgi__viewport(const gsgi__gl* gl, GLint x, GLint y, GLsizei width, GLsizei height);
 

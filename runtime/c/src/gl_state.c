@@ -6,30 +6,52 @@
 typedef enum where { ANYWHERE, DESKTOP, COMPATIBILITY, ES, SINCE_ES_310 } where;
 
 /* Switches that would change what the passes draw. All are off in them. */
-static const struct { GLenum name; where where; } switches[] = {
-    {GL_CULL_FACE, ANYWHERE}, {GL_DEPTH_TEST, ANYWHERE}, {GL_STENCIL_TEST, ANYWHERE},
-    {GL_POLYGON_OFFSET_FILL, ANYWHERE}, {GL_SAMPLE_ALPHA_TO_COVERAGE, ANYWHERE}, {GL_SAMPLE_COVERAGE, ANYWHERE},
-    {GL_RASTERIZER_DISCARD, ANYWHERE}, {GL_PRIMITIVE_RESTART_FIXED_INDEX, ES}, {GL_SAMPLE_MASK, SINCE_ES_310},
-    {GL_COLOR_LOGIC_OP, DESKTOP}, {GL_POLYGON_SMOOTH, DESKTOP}, {GL_PRIMITIVE_RESTART, DESKTOP},
-    {GL_DEPTH_CLAMP, DESKTOP}, {GL_CLIP_DISTANCE0, DESKTOP}, {GL_CLIP_DISTANCE0 + 1, DESKTOP},
-    {GL_CLIP_DISTANCE0 + 2, DESKTOP}, {GL_CLIP_DISTANCE0 + 3, DESKTOP}, {GL_CLIP_DISTANCE0 + 4, DESKTOP},
-    {GL_CLIP_DISTANCE0 + 5, DESKTOP}, {GL_CLIP_DISTANCE0 + 6, DESKTOP}, {GL_CLIP_DISTANCE0 + 7, DESKTOP},
-    {GL_ALPHA_TEST, COMPATIBILITY}, {GL_POLYGON_STIPPLE, COMPATIBILITY}};
+static const struct {
+    GLenum name;
+    where where;
+} switches[] = {{GL_CULL_FACE, ANYWHERE},
+                {GL_DEPTH_TEST, ANYWHERE},
+                {GL_STENCIL_TEST, ANYWHERE},
+                {GL_POLYGON_OFFSET_FILL, ANYWHERE},
+                {GL_SAMPLE_ALPHA_TO_COVERAGE, ANYWHERE},
+                {GL_SAMPLE_COVERAGE, ANYWHERE},
+                {GL_RASTERIZER_DISCARD, ANYWHERE},
+                {GL_PRIMITIVE_RESTART_FIXED_INDEX, ES},
+                {GL_SAMPLE_MASK, SINCE_ES_310},
+                {GL_COLOR_LOGIC_OP, DESKTOP},
+                {GL_POLYGON_SMOOTH, DESKTOP},
+                {GL_PRIMITIVE_RESTART, DESKTOP},
+                {GL_DEPTH_CLAMP, DESKTOP},
+                {GL_CLIP_DISTANCE0, DESKTOP},
+                {GL_CLIP_DISTANCE0 + 1, DESKTOP},
+                {GL_CLIP_DISTANCE0 + 2, DESKTOP},
+                {GL_CLIP_DISTANCE0 + 3, DESKTOP},
+                {GL_CLIP_DISTANCE0 + 4, DESKTOP},
+                {GL_CLIP_DISTANCE0 + 5, DESKTOP},
+                {GL_CLIP_DISTANCE0 + 6, DESKTOP},
+                {GL_CLIP_DISTANCE0 + 7, DESKTOP},
+                {GL_ALPHA_TEST, COMPATIBILITY},
+                {GL_POLYGON_STIPPLE, COMPATIBILITY}};
 #define SWITCH_COUNT (sizeof switches / sizeof *switches)
 
 /* How uploads read memory. OpenGL ES has all but the first two. */
-static const GLenum unpack[8] = {
-    GL_UNPACK_SWAP_BYTES, GL_UNPACK_LSB_FIRST, GL_UNPACK_ROW_LENGTH, GL_UNPACK_SKIP_ROWS, GL_UNPACK_SKIP_PIXELS,
-    GL_UNPACK_SKIP_IMAGES, GL_UNPACK_IMAGE_HEIGHT, GL_UNPACK_ALIGNMENT};
+static const GLenum unpack[8] = {GL_UNPACK_SWAP_BYTES,   GL_UNPACK_LSB_FIRST,   GL_UNPACK_ROW_LENGTH,
+                                 GL_UNPACK_SKIP_ROWS,    GL_UNPACK_SKIP_PIXELS, GL_UNPACK_SKIP_IMAGES,
+                                 GL_UNPACK_IMAGE_HEIGHT, GL_UNPACK_ALIGNMENT};
 #define UNPACK_ALIGNMENT 7
 
 static bool has(const gsgi__gl* gl, where where) {
     switch (where) {
-        case ANYWHERE: return true;
-        case DESKTOP: return !gl->es;
-        case COMPATIBILITY: return gl->compatible;
-        case ES: return gl->es;
-        case SINCE_ES_310: return !gl->es || gl->version >= 310;
+        case ANYWHERE:
+            return true;
+        case DESKTOP:
+            return !gl->es;
+        case COMPATIBILITY:
+            return gl->compatible;
+        case ES:
+            return gl->es;
+        case SINCE_ES_310:
+            return !gl->es || gl->version >= 310;
     }
     return false;
 }

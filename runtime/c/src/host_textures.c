@@ -25,7 +25,8 @@ static GLint level_parameter(const gsgi__gl* gl, GLenum name) {
 }
 
 static format format_of_bound(const gsgi__gl* gl) {
-    format f = {KIND_INTEGER, level_parameter(gl, GL_TEXTURE_WIDTH), level_parameter(gl, GL_TEXTURE_HEIGHT), 0, 0, false};
+    format f = {KIND_INTEGER, level_parameter(gl, GL_TEXTURE_WIDTH), level_parameter(gl, GL_TEXTURE_HEIGHT), 0, 0,
+                false};
     for (GLenum channel = 0; channel < 4; ++channel)
         if (level_parameter(gl, GL_TEXTURE_RED_SIZE + channel) > 0) ++f.channels;
     f.bits = level_parameter(gl, GL_TEXTURE_RED_SIZE);
@@ -37,8 +38,10 @@ static format format_of_bound(const gsgi__gl* gl) {
         return f;
     }
     GLint type = level_parameter(gl, GL_TEXTURE_RED_TYPE), internal = level_parameter(gl, GL_TEXTURE_INTERNAL_FORMAT);
-    f.kind = type == GL_FLOAT ? KIND_FLOAT : type == GL_UNSIGNED_NORMALIZED ? KIND_UNSIGNED :
-             type == GL_SIGNED_NORMALIZED ? KIND_SIGNED : KIND_INTEGER;
+    f.kind = type == GL_FLOAT                 ? KIND_FLOAT
+             : type == GL_UNSIGNED_NORMALIZED ? KIND_UNSIGNED
+             : type == GL_SIGNED_NORMALIZED   ? KIND_SIGNED
+                                              : KIND_INTEGER;
     f.srgb = internal >= GL_SRGB && internal <= GL_SRGB8_ALPHA8;
     return f;
 }
@@ -75,8 +78,9 @@ static gsgi_result check_normal(const gsgi_light* light, const format* normal) {
         return refuse(light, "normal", "needed are three channels (octahedral: two), float or normalised");
     if (normal->srgb) return refuse(light, "normal", "the format is sRGB, which bends normals: use a linear format");
     if (normal->kind == KIND_UNSIGNED && encoding != GSGI_NORMAL_UNSIGNED)
-        return refuse(light, "normal", "the format has no negative numbers: use GSGI_NORMAL_UNSIGNED for xyz moved to "
-                                       "0 ... 1, or a float texture");
+        return refuse(light, "normal",
+                      "the format has no negative numbers: use GSGI_NORMAL_UNSIGNED for xyz moved to "
+                      "0 ... 1, or a float texture");
     return GSGI_OK;
 }
 
@@ -139,8 +143,9 @@ gsgi_result gsgi__check_addition(gsgi_light* light, GLuint framebuffer, GLuint a
             return refuse(light, "albedo", "the viewport does not lie within it");
     }
     if (framebuffer && is_attached(&light->context->gl, framebuffer, albedo_name))
-        return refuse(light, "framebuffer", "albedo is one of its attachments, and cannot be read while it is drawn to: "
-                                            "make a framebuffer of the radiance alone");
+        return refuse(light, "framebuffer",
+                      "albedo is one of its attachments, and cannot be read while it is drawn to: "
+                      "make a framebuffer of the radiance alone");
     checked->framebuffer = framebuffer;
     checked->albedo = albedo_name;
     return GSGI_OK;

@@ -33,7 +33,7 @@ gsgi_result gsgi__write_struct(const void* own, size_t own_size, void* given);
 #define GSGI_SHAPE_FLOATS 12 /* per Gaussian: three texels */
 
 typedef struct gsgi__texels {
-    float* texels; /* NULL without any */
+    float* texels;   /* NULL without any */
     uint32_t floats; /* per Gaussian, a multiple of 4 */
     uint32_t rows;
 } gsgi__texels;
@@ -87,9 +87,8 @@ typedef struct gsgi__camera {
     int32_t x, y, width, height;                   /* px, of the viewport */
 } gsgi__camera;
 
-gsgi_result gsgi__camera_of_view(
-    const gsgi_view* view, const gsgi_light_options* options, const double origin[3], const gsgi_callbacks* callbacks,
-    gsgi__camera* camera);
+gsgi_result gsgi__camera_of_view(const gsgi_view* view, const gsgi_light_options* options, const double origin[3],
+                                 const gsgi_callbacks* callbacks, gsgi__camera* camera);
 
 /* ---- cull.c ---- */
 
@@ -102,8 +101,8 @@ typedef struct gsgi__culled {
 } gsgi__culled;
 
 /* Returns false if there is no memory. */
-bool gsgi__culled_create(
-    gsgi__culled* culled, const gsgi_callbacks* callbacks, const gsgi__level* level, const gsgi_info* info);
+bool gsgi__culled_create(gsgi__culled* culled, const gsgi_callbacks* callbacks, const gsgi__level* level,
+                         const gsgi_info* info);
 void gsgi__culled_destroy(gsgi__culled* culled, const gsgi_callbacks* callbacks);
 
 /* Spheres that reach into the pyramid of the view, by ascending index. */

@@ -152,13 +152,15 @@ static gsgi_result check_memory(const gsgi_context* context) {
 /* ---- Lights ---- */
 
 static gsgi_result check_options(const gsgi_light_options* o, const gsgi_callbacks* callbacks) {
-    const struct { const char* name; int value, first, last; } fields[] = {
-        {"depth", (int)o->depth, 0, GSGI_DEPTH_LINEAR},
-        {"normal", (int)o->normal, 0, GSGI_NORMAL_OCTAHEDRAL},
-        {"normal_space", (int)o->normal_space, 0, GSGI_SPACE_VIEW},
-        {"albedo", (int)o->albedo, 0, GSGI_ALBEDO_SRGB},
-        {"rows", (int)o->rows, 0, GSGI_ROWS_TOP_DOWN},
-        {"splat_scale", o->splat_scale, 1, 4}};
+    const struct {
+        const char* name;
+        int value, first, last;
+    } fields[] = {{"depth", (int)o->depth, 0, GSGI_DEPTH_LINEAR},
+                  {"normal", (int)o->normal, 0, GSGI_NORMAL_OCTAHEDRAL},
+                  {"normal_space", (int)o->normal_space, 0, GSGI_SPACE_VIEW},
+                  {"albedo", (int)o->albedo, 0, GSGI_ALBEDO_SRGB},
+                  {"rows", (int)o->rows, 0, GSGI_ROWS_TOP_DOWN},
+                  {"splat_scale", o->splat_scale, 1, 4}};
     for (size_t i = 0; i < sizeof fields / sizeof *fields; ++i)
         if (fields[i].value < fields[i].first || fields[i].value > fields[i].last)
             return gsgi__fail(callbacks, GSGI_INVALID_ARGUMENT, "%s: %d is none of %d to %d", fields[i].name,
@@ -206,8 +208,8 @@ static gsgi_result create_on_gpu(gsgi_light* light, const gsgi_bake* bake) {
     return result ? result : check_memory(context);
 }
 
-gsgi_result gsgi_light_create(
-    gsgi_context* context, const gsgi_bake* bake, const gsgi_light_options* given, gsgi_light** out) {
+gsgi_result gsgi_light_create(gsgi_context* context, const gsgi_bake* bake, const gsgi_light_options* given,
+                              gsgi_light** out) {
     const gsgi_callbacks* callbacks = &context->callbacks;
     gsgi_light_options options;
     gsgi__state host;
@@ -245,8 +247,9 @@ void gsgi_light_destroy(gsgi_light* light) {
     if (!light) return;
     const gsgi_context* context = light->context;
     const gsgi__gl* gl = &context->gl;
-    const gsgi__program* programs[] = {&light->points, &light->gap, &light->fill, &light->resolve, &light->add_light,
-                                       &light->levels[0].program, &light->levels[1].program};
+    const gsgi__program* programs[] = {&light->points,           &light->gap,       &light->fill,
+                                       &light->resolve,          &light->add_light, &light->levels[0].program,
+                                       &light->levels[1].program};
     gsgi__targets_release(light);
     for (size_t i = 0; i < sizeof programs / sizeof *programs && !context->lost; ++i)
         gl->DeleteProgram(programs[i]->name);
@@ -268,7 +271,8 @@ gsgi_result gsgi_light_cull(gsgi_light* light, const gsgi_view* given) {
     gsgi_view view;
     gsgi__camera camera;
     if (!given || gsgi__read_options(given, &view, sizeof view))
-        return gsgi__fail(callbacks, GSGI_INVALID_ARGUMENT, "view: struct_size is not that of any version of this library");
+        return gsgi__fail(callbacks, GSGI_INVALID_ARGUMENT,
+                          "view: struct_size is not that of any version of this library");
     gsgi_result result = gsgi__camera_of_view(&view, &light->options, light->origin, callbacks, &camera);
     if (result) return result;
     light->camera = camera;
@@ -285,8 +289,7 @@ gsgi_result gsgi_light_cull(gsgi_light* light, const gsgi_view* given) {
 /* Release the targets if the size of the view has changed. */
 static void keep_targets_of_size(gsgi_light* light) {
     const gsgi__targets* targets = &light->targets;
-    if (targets->width != light->camera.width || targets->height != light->camera.height)
-        gsgi__targets_release(light);
+    if (targets->width != light->camera.width || targets->height != light->camera.height) gsgi__targets_release(light);
 }
 
 gsgi_result gsgi_light_draw(gsgi_light* light, uint32_t depth, uint32_t normal, uint32_t* indirect) {
@@ -353,7 +356,9 @@ gsgi_result gsgi_light_add(gsgi_light* light, uint32_t framebuffer, uint32_t alb
 }
 
 gsgi_result gsgi_light_stats(const gsgi_light* light, gsgi_stats* stats) {
-    gsgi_stats found = {sizeof found, {light->culled[0].visible, light->culled[1].visible}, light->info.light_bytes,
+    gsgi_stats found = {sizeof found,
+                        {light->culled[0].visible, light->culled[1].visible},
+                        light->info.light_bytes,
                         light->targets.bytes};
     return gsgi__write_struct(&found, sizeof found, stats);
 }

@@ -10,14 +10,22 @@ int gsgi_version(void) { return GSGI_VERSION; }
 
 const char* gsgi_result_string(gsgi_result result) {
     switch (result) {
-        case GSGI_OK: return "GSGI_OK";
-        case GSGI_INVALID_ARGUMENT: return "GSGI_INVALID_ARGUMENT";
-        case GSGI_INVALID_FILE: return "GSGI_INVALID_FILE";
-        case GSGI_OUT_OF_MEMORY: return "GSGI_OUT_OF_MEMORY";
-        case GSGI_UNSUPPORTED: return "GSGI_UNSUPPORTED";
-        case GSGI_DRIVER_ERROR: return "GSGI_DRIVER_ERROR";
-        case GSGI_NOTHING_CULLED: return "GSGI_NOTHING_CULLED";
-        case GSGI_CONTEXT_LOST: return "GSGI_CONTEXT_LOST";
+        case GSGI_OK:
+            return "GSGI_OK";
+        case GSGI_INVALID_ARGUMENT:
+            return "GSGI_INVALID_ARGUMENT";
+        case GSGI_INVALID_FILE:
+            return "GSGI_INVALID_FILE";
+        case GSGI_OUT_OF_MEMORY:
+            return "GSGI_OUT_OF_MEMORY";
+        case GSGI_UNSUPPORTED:
+            return "GSGI_UNSUPPORTED";
+        case GSGI_DRIVER_ERROR:
+            return "GSGI_DRIVER_ERROR";
+        case GSGI_NOTHING_CULLED:
+            return "GSGI_NOTHING_CULLED";
+        case GSGI_CONTEXT_LOST:
+            return "GSGI_CONTEXT_LOST";
     }
     return "unknown gsgi_result";
 }

@@ -5,7 +5,7 @@
 #include <math.h>
 #include <string.h>
 
-#define CELLS_MAX 32     /* along the longest axis */
+#define CELLS_MAX 32      /* along the longest axis */
 #define LIST_PER_COUNT 64 /* a grid whose lists would be longer, per Gaussian, gets larger cells */
 
 /* What decides the weight of a Gaussian. */
@@ -17,10 +17,9 @@ typedef struct gsgi__kernel {
 
 void gsgi__axes(const float* q, float axes[3][3]) {
     const float x = q[0], y = q[1], z = q[2], w = q[3];
-    const float rotated[3][3] = {
-        {1.0f - 2.0f * (y * y + z * z), 2.0f * (x * y + w * z), 2.0f * (x * z - w * y)},
-        {2.0f * (x * y - w * z), 1.0f - 2.0f * (x * x + z * z), 2.0f * (y * z + w * x)},
-        {2.0f * (x * z + w * y), 2.0f * (y * z - w * x), 1.0f - 2.0f * (x * x + y * y)}};
+    const float rotated[3][3] = {{1.0f - 2.0f * (y * y + z * z), 2.0f * (x * y + w * z), 2.0f * (x * z - w * y)},
+                                 {2.0f * (x * y - w * z), 1.0f - 2.0f * (x * x + z * z), 2.0f * (y * z + w * x)},
+                                 {2.0f * (x * z + w * y), 2.0f * (y * z - w * x), 1.0f - 2.0f * (x * x + y * y)}};
     memcpy(axes, rotated, sizeof rotated);
 }
 
@@ -54,8 +53,7 @@ static int32_t cell_of(const gsgi__grid* grid, int axis, double x) {
 }
 
 /* Cells that the Gaussian's bounding box touches: first[k] ... last[k]. Returns how many. */
-static uint64_t cells_of(
-    const gsgi__grid* grid, const float* shape, float radius, int32_t first[3], int32_t last[3]) {
+static uint64_t cells_of(const gsgi__grid* grid, const float* shape, float radius, int32_t first[3], int32_t last[3]) {
     double extent[3];
     uint64_t cells = 1;
     half_extent(shape, radius, extent);
@@ -140,8 +138,7 @@ bool gsgi__grid_create(gsgi__grid* grid, const gsgi_callbacks* callbacks, const 
     grid->index = gsgi__allocate(callbacks, (size_t)entries * sizeof *grid->index);
     if (!grid->kernels || !grid->begin || !grid->index) return false;
     grid->bytes = kernel_bytes + begin_bytes + (size_t)entries * sizeof *grid->index;
-    for (size_t i = 0; i < level->count; ++i)
-        grid->kernels[i] = kernel_of(level->shape.texels + i * GSGI_SHAPE_FLOATS);
+    for (size_t i = 0; i < level->count; ++i) grid->kernels[i] = kernel_of(level->shape.texels + i * GSGI_SHAPE_FLOATS);
     fill_lists(grid, level, radius);
     return true;
 }
@@ -172,9 +169,8 @@ static void sh_basis(const float d[3], float basis[9]) {
 static float clamped(float x, float low, float high) { return x < low ? low : x > high ? high : x; }
 
 /* Add w c and w of Gaussian `i`, as glsl/surface/gaussians.frag does. `sharpness` 0: it faces every direction. */
-static void add_gaussian(
-    const gsgi__level* level, const gsgi__kernel* kernel, size_t i, const gsgi_info* info, uint32_t sharpness,
-    const float x[3], const float n[3], const float basis[9], float sums[4]) {
+static void add_gaussian(const gsgi__level* level, const gsgi__kernel* kernel, size_t i, const gsgi_info* info,
+                         uint32_t sharpness, const float x[3], const float n[3], const float basis[9], float sums[4]) {
     float offset[3], e[3], light[3] = {0.0f, 0.0f, 0.0f}, squares = 0.0f;
     for (int k = 0; k < 3; ++k) offset[k] = x[k] - kernel->center[k];
     for (int j = 0; j < 3; ++j) {
@@ -206,9 +202,8 @@ static void add_gaussian(
 }
 
 /* Sums of w c and w of a level at the point `x`, m, relative to the bake's origin. */
-static void level_sums(
-    const gsgi_bake* bake, int l, uint32_t sharpness, const double x[3], const float n[3], const float basis[9],
-    float sums[4]) {
+static void level_sums(const gsgi_bake* bake, int l, uint32_t sharpness, const double x[3], const float n[3],
+                       const float basis[9], float sums[4]) {
     const gsgi__level* level = &bake->levels[l];
     const gsgi__grid* grid = &bake->grids[l];
     const float place[3] = {(float)x[0], (float)x[1], (float)x[2]};
@@ -230,10 +225,11 @@ static void level_sums(
     }
 }
 
-gsgi_result gsgi_bake_sample(
-    const gsgi_bake* bake, size_t count, const float* positions, const float* normals, float* light) {
+gsgi_result gsgi_bake_sample(const gsgi_bake* bake, size_t count, const float* positions, const float* normals,
+                             float* light) {
     if (bake->info.blend != GSGI_SURFACE)
-        return gsgi__fail(&bake->callbacks, GSGI_UNSUPPORTED, "bake: light of the operator over is no function of points");
+        return gsgi__fail(&bake->callbacks, GSGI_UNSUPPORTED,
+                          "bake: light of the operator over is no function of points");
     if (count && (!positions || !normals || !light))
         return gsgi__fail(&bake->callbacks, GSGI_INVALID_ARGUMENT, "positions, normals, light: must not be NULL");
     for (size_t p = 0; p < count; ++p) {

@@ -15,8 +15,8 @@ static bool has_box(const gsgi_light_options* options) {
     return false;
 }
 
-static gsgi_result create_pass(
-    gsgi_light* light, const char* name, const char* fragment, const char* defines, gsgi__program* program) {
+static gsgi_result create_pass(gsgi_light* light, const char* name, const char* fragment, const char* defines,
+                               gsgi__program* program) {
     const gsgi_context* context = light->context;
     return gsgi__program_create(&context->gl, &context->callbacks, name, gsgi__shader_lib_fullscreen_vert, fragment,
                                 defines, program);
@@ -43,9 +43,9 @@ static gsgi_result create_level(gsgi_light* light, int l) {
     snprintf(defines, sizeof defines, "#define SH_DEGREE %u\n#define NORMAL_POWER %u\n#define SLOPED %d\n",
              info->sh_degree[l], l == GSGI_FINE ? info->sharpness : 0u, info->sloped[l]);
     gsgi__program* program = &light->levels[l].program;
-    gsgi_result result = gsgi__program_create(gl, &context->callbacks, "surface/gaussians",
-                                              gsgi__shader_surface_gaussians_vert, gsgi__shader_surface_gaussians_frag,
-                                              defines, program);
+    gsgi_result result =
+        gsgi__program_create(gl, &context->callbacks, "surface/gaussians", gsgi__shader_surface_gaussians_vert,
+                             gsgi__shader_surface_gaussians_frag, defines, program);
     if (result) return result;
     gsgi__set_float(gl, program, "radius", info->radius);
     gsgi__set_float(gl, program, "cutoff", info->cutoff);
@@ -57,7 +57,8 @@ gsgi_result gsgi__surface_create(gsgi_light* light) {
     const gsgi_light_options* o = &light->options;
     char defines[DEFINES_MAX];
     reading_defines(light, defines);
-    gsgi_result result = create_pass(light, "surface/points", gsgi__shader_surface_points_frag, defines, &light->points);
+    gsgi_result result =
+        create_pass(light, "surface/points", gsgi__shader_surface_points_frag, defines, &light->points);
     if (result) return result;
     if (has_box(o)) {
         const char* const names[] = {"box_low", "box_high"};

@@ -60,16 +60,16 @@ static gsgi_result check_depth(double z, double one, gsgi_depth depth, const gsg
     return GSGI_OK;
 }
 
-gsgi_result gsgi__camera_of_view(
-    const gsgi_view* view, const gsgi_light_options* options, const double origin[3], const gsgi_callbacks* callbacks,
-    gsgi__camera* camera) {
+gsgi_result gsgi__camera_of_view(const gsgi_view* view, const gsgi_light_options* options, const double origin[3],
+                                 const gsgi_callbacks* callbacks, gsgi__camera* camera) {
     const gsgi__matrix given = matrix_of(view->view_from_world), p = matrix_of(view->clip_from_view);
     const int32_t* viewport = view->viewport;
     if (!is_rigid(&given))
         return gsgi__fail(callbacks, GSGI_INVALID_ARGUMENT,
                           "view_from_world: a rigid matrix is needed, without scale or shear");
     if (determinant(&given) < 0.0)
-        return gsgi__fail(callbacks, GSGI_INVALID_ARGUMENT, "view_from_world: a rigid matrix is needed, this one mirrors");
+        return gsgi__fail(callbacks, GSGI_INVALID_ARGUMENT,
+                          "view_from_world: a rigid matrix is needed, this one mirrors");
     if (!is_perspective(&p))
         return gsgi__fail(callbacks, GSGI_INVALID_ARGUMENT,
                           "clip_from_view: a perspective projection that looks down -z is needed");
@@ -79,7 +79,8 @@ gsgi_result gsgi__camera_of_view(
     const double z = p.at[2][2], one = p.at[2][3];
     camera->near_plane = one / (z + copysign(1.0, one));
     if (!(isfinite(camera->near_plane) && camera->near_plane > 0.0))
-        return gsgi__fail(callbacks, GSGI_INVALID_ARGUMENT, "clip_from_view: a near plane in front of the eye is needed");
+        return gsgi__fail(callbacks, GSGI_INVALID_ARGUMENT,
+                          "clip_from_view: a near plane in front of the eye is needed");
     gsgi_result result = check_depth(z, one, options->depth, callbacks);
     if (result) return result;
 

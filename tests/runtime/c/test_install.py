@@ -21,8 +21,8 @@ target_link_libraries(program PRIVATE gsgi::gsgi)
 
 
 @pytest.mark.parametrize("shared", [False, True], ids=["static", "shared"])
-def test_a_program_finds_the_installed_library(tmp_path, shared):
-    folder = build(tmp_path / "build", f"-DBUILD_SHARED_LIBS={shared}", "-DCMAKE_INSTALL_LIBDIR=lib")
+def test_a_program_finds_the_installed_library(shared_build, tmp_path, shared):
+    folder = shared_build if shared else build(tmp_path / "build", "-DCMAKE_INSTALL_LIBDIR=lib")
     prefix = tmp_path / "some where" / "else"  # the package may be moved
     subprocess.run(["cmake", "--install", folder, "--prefix", prefix], check=True, capture_output=True)
     files = {str(path.relative_to(prefix)) for path in prefix.rglob("*") if path.is_file()}
@@ -39,10 +39,9 @@ def test_a_program_finds_the_installed_library(tmp_path, shared):
         pytest.skip("pkg-config is not installed")
     environment = os.environ | {"PKG_CONFIG_PATH": str(prefix / "lib" / "pkgconfig")}
     static = [] if shared else ["--static"]
-    flags = subprocess.run(
-        ["pkg-config", "--cflags", "--libs", *static, "gsgi"], env=environment, check=True, capture_output=True, text=True
-    ).stdout  # fmt: skip
-    subprocess.run(["cc", "program.c", *shlex.split(flags), "-o", "by_pkg_config"], cwd=program, check=True)
+    find = ["pkg-config", "--cflags", "--libs", *static, "gsgi"]
+    flags = shlex.split(subprocess.run(find, env=environment, check=True, capture_output=True, text=True).stdout)
+    subprocess.run(["cc", "program.c", *flags, "-o", "by_pkg_config"], cwd=program, check=True)
     libraries = os.environ | {"LD_LIBRARY_PATH": str(prefix / "lib")}
     subprocess.run([program / "by_pkg_config"], check=True, env=libraries)
 

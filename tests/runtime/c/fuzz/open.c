@@ -1,4 +1,5 @@
-/* Opens untrusted bytes and reads all that a bake gives: for libFuzzer, or for a file of files, each after its length. */
+/* Opens untrusted bytes and reads all that a bake gives: for libFuzzer, or for a file of files, each after its length.
+ */
 #include "gsgi.h"
 
 #include <stdio.h>
