@@ -16,6 +16,9 @@ from .runtime.file.reader import read_bake as read_bake
 from .runtime.gl.context import create_context as create_context
 from .runtime.gl.host_textures import Encoding as Encoding
 from .runtime.gl.indirect_light import IndirectLight as IndirectLight
+from .runtime.gl.indirect_lookup import IndirectLookup as IndirectLookup
 from .runtime.gl.renderer import DeferredRenderer as DeferredRenderer
 from .runtime.gltf.scene_file import read_scene as read_scene
 from .runtime.lighting import Lighting as Lighting
+from .runtime.sampling import Sampler as Sampler
+from .runtime.sampling import sample as sample

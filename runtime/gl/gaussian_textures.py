@@ -53,8 +53,15 @@ def _data_texture(ctx: moderngl.Context, texels: np.ndarray) -> moderngl.Texture
     if height > limit:
         most = limit * DATA_WIDTH // texels.shape[1]
         raise UnsupportedError(f"{len(texels)} Gaussians: this driver's textures hold {most}")
-    padded = np.zeros((height * DATA_WIDTH, 4), np.float32)
-    padded[:count] = texels.reshape(-1, 4)
-    result = ctx.texture((DATA_WIDTH, height), 4, padded, dtype="f4")
+    return data_texture(ctx, texels.reshape(count, 4))
+
+
+def data_texture(ctx: moderngl.Context, texels: np.ndarray) -> moderngl.Texture:
+    """Texture of texels (T, C), float32, uint16 or uint32, in rows of DATA_WIDTH."""
+    height = max(-(-len(texels) // DATA_WIDTH), 1)
+    padded = np.zeros((height * DATA_WIDTH, texels.shape[1]), texels.dtype)
+    padded[: len(texels)] = texels
+    kind = f"{texels.dtype.kind}{texels.itemsize}"
+    result = ctx.texture((DATA_WIDTH, height), texels.shape[1], padded, dtype=kind)
     result.filter = (moderngl.NEAREST, moderngl.NEAREST)
     return result

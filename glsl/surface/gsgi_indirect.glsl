@@ -1,0 +1,12 @@
+// The look-up for a host's own shaders, of any stage: include this, bind three textures, call one function.
+#include "surface/lookup.glsl"
+
+uniform highp sampler2D gsgi_gaussians;
+uniform highp usampler2D gsgi_cells;
+uniform highp usampler2D gsgi_lists;
+
+// B, linear Rec.709 radiance for albedo 1: add albedo * B to the radiance of a surface. `position`: world space, m;
+// `normal`: world space, towards the side that is seen, before any normal map.
+vec3 gsgi_indirect(vec3 position, vec3 normal) {
+    return look_up(gsgi_gaussians, gsgi_cells, gsgi_lists, position, normal);
+}

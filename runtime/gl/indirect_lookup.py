@@ -1,0 +1,108 @@
+"""B at any point, for shaders of a host that have no G-buffer: textures for glsl/surface/gsgi_indirect.glsl."""
+
+import re
+
+import moderngl
+import numpy as np
+
+from gsgi.runtime.cell_lists import CellLists, cell_lists
+from gsgi.runtime.constants import HALF_MAX, SH_C0
+from gsgi.runtime.errors import UnsupportedError
+from gsgi.runtime.gaussians import Bake, Gaussians
+from gsgi.runtime.rebase import local_bake, origin_of_bake
+from gsgi.runtime.sampling import check_operator
+
+from .gaussian_textures import DATA_WIDTH, data_texture
+from .gl_state import HostState
+from .shader import set_uniforms, source
+
+HEADER_TEXELS = 8  # 2 * LEVEL_TEXELS + 2 of glsl/surface/lookup.glsl
+EXACT = 1 << 24  # integers that float32 holds; the header stores them so
+
+
+class IndirectLookup:
+    """A bake's light as the GLSL function `vec3 gsgi_indirect(vec3 position, vec3 normal)`.
+
+        lookup = IndirectLookup(ctx, gsgi.read_bake("room.gsgi"))
+        program = ctx.program(vertex_shader=..., fragment_shader="#version 330\\n" + lookup.source + forward_shading)
+        lookup.bind(program, unit=4)  # before each draw
+        mesh.render()
+
+    It serves forward shading, transparent and moving surfaces, vertices and particles. The result is that of the pass
+    (`IndirectLight`) up to rounding. The textures are RGBA32F, R32UI and R16UI or R32UI, read by texelFetch alone.
+    Raises UnsupportedError for a bake of the `over` operator, and for more Gaussians than the driver's textures hold.
+    """
+
+    source = re.sub(r"(?m)^#line.*\n", "", source("surface/gsgi_indirect.glsl", {}, [], header=""))
+
+    def __init__(self, ctx: moderngl.Context, bake: Bake):
+        check_operator(bake)
+        self.ctx = ctx
+        tables = lookup_tables(bake)
+        most = max(map(len, tables)), len(tables[0])
+        if most[0] > ctx.info["GL_MAX_TEXTURE_SIZE"] * DATA_WIDTH or most[1] > EXACT:
+            raise UnsupportedError(f"{len(bake.gaussians)} Gaussians: too many for a look-up in this driver's textures")
+        state = HostState(ctx)
+        with state.kept():
+            self.gaussians, self.cells, self.lists = (data_texture(ctx, table) for table in tables)
+        state.release()
+
+    def bind(self, program: moderngl.Program, unit: int = 0) -> None:
+        """Bind the three textures to the units from `unit` on, and tell `program`, which contains `source`."""
+        set_uniforms(program, gsgi_gaussians=unit, gsgi_cells=unit + 1, gsgi_lists=unit + 2)
+        for offset, texture in enumerate((self.gaussians, self.cells, self.lists)):
+            texture.use(unit + offset)
+
+    def release(self) -> None:
+        """Free the GPU memory."""
+        for texture in (self.gaussians, self.cells, self.lists):
+            texture.release()
+
+
+def lookup_tables(bake: Bake) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The texels (T, 4) float32 and (T, 1) uint32 and uint16 or uint32 that glsl/surface/lookup.glsl describes."""
+    origin = origin_of_bake(bake).astype(np.float32)  # what the shader subtracts, exactly
+    local, blend = local_bake(bake, origin), bake.blend
+    header, gaussians, cells, lists = [], [], [], [np.zeros(1, np.uint32)]  # no list begins at 0
+    for level, sharpness in ((local.gaussians, blend.sharpness), (local.coarse, 0)):
+        grid, rows = cell_lists(level, blend.radius), _gaussian_texels(level)
+        first_node, first_texel = sum(map(len, cells)), HEADER_TEXELS + sum(map(len, gaussians))
+        header += [[*grid.low, 1 / grid.edge], [*grid.size, first_node], [first_texel, level.sh.shape[1], sharpness, 0]]
+        for table, part in zip((cells, lists), _packed(grid, first_node, sum(map(len, lists))), strict=True):
+            table.append(part)
+        gaussians.append(rows)
+    header += [[*origin, blend.cutoff], [blend.floor, 0, 0, 0]]
+    entries = np.concatenate(lists)
+    kind = np.uint16 if max(len(local.gaussians), len(local.coarse)) <= 1 << 16 else np.uint32
+    return (
+        np.concatenate([np.array(header, np.float32), *gaussians]),
+        np.concatenate(cells)[:, None],
+        entries.astype(kind)[:, None],
+    )
+
+
+def _gaussian_texels(level: Gaussians) -> np.ndarray:
+    """(N (3 + K), 4) float32."""
+    count, k = len(level), level.sh.shape[1]
+    texels = np.zeros((count, 3 + k, 4), np.float32)
+    texels[:, 0, :3], texels[:, 0, 3] = level.position, level.opacity
+    texels[:, 1], texels[:, 2, :3] = level.rotation, level.scale
+    texels[:, 3:, :3] = np.clip(level.sh, -HALF_MAX / SH_C0, HALF_MAX / SH_C0)
+    if level.sloped:
+        texels[:, 2:4, 3] = np.clip(level.slope, -1, 1)
+    return texels.reshape(-1, 4)
+
+
+def _packed(grid: CellLists, first_node: int, first_place: int) -> tuple[np.ndarray, np.ndarray]:
+    """Words (M,) of the nodes, and the part of `lists` that they point to, both uint32."""
+    count, inner = np.diff(grid.first), grid.child > 0
+    head = np.where(inner, 3, np.where(count > 0, 1, 0))  # numbers before the first Gaussian
+    length = head + count
+    place = np.cumsum(length) - length
+    lists = np.zeros(int(length.sum()), np.uint32)
+    child = grid.child[inner] + first_node
+    lists[place[inner]], lists[place[inner] + 1] = child & 0xFFFF, child >> 16
+    used = head > 0
+    lists[(place + head - 1)[used]] = count[used]
+    lists[np.arange(len(grid.entry)) + np.repeat(place + head - grid.first[:-1], count)] = grid.entry
+    return np.where(used, 2 * (place + first_place) + inner, 0).astype(np.uint32), lists
