@@ -4,6 +4,7 @@ import subprocess
 import sys
 
 import pytest
+from compatibility import create_compatibility_context
 
 from gsgi.runtime.errors import UnsupportedError
 from gsgi.runtime.gl.context import create_context
@@ -71,6 +72,18 @@ def current_again(gl):
 def fresh_gl(gl):
     """A context whose state may stay as it is."""
     made = create_context()
+    yield made
+    made.release()
+    gl.__enter__()
+
+
+@pytest.fixture
+def old_gl(gl):
+    """A fresh context of the compatibility profile."""
+    try:
+        made = create_compatibility_context()
+    except OSError as error:
+        pytest.skip(str(error))
     yield made
     made.release()
     gl.__enter__()

@@ -150,7 +150,7 @@ typedef struct gsgi_texels {
  *
  * Safe for untrusted files: what the specification says a reader must refuse is GSGI_INVALID_FILE, nothing is allocated
  * before all lengths are checked, and no file makes it allocate more than 5 times its size and 256 KB (with sampling
- * 400 bytes per Gaussian and 256 KB more). */
+ * 310 bytes per Gaussian and 260 KB more). */
 GSGI_API gsgi_result gsgi_bake_open(const void* data, size_t size, const gsgi_open_options* options, gsgi_bake** bake);
 
 /* Fill `info`, whose struct_size is set. */

@@ -83,6 +83,10 @@ gsgi_result gsgi__gl_load(gsgi__gl* gl, const gsgi_context_options* options) {
         gl->compatible = (profile & 2) != 0;
     }
     gl->GetIntegerv(GL_MAX_TEXTURE_SIZE, &gl->texture_size_max);
+    gl->GetIntegerv(GL_MAX_DRAW_BUFFERS, &gl->draw_buffers);
+    gl->GetIntegerv(GL_MAX_COLOR_ATTACHMENTS, &gl->color_attachments);
+    if (gl->draw_buffers > GSGI_DRAW_BUFFERS) gl->draw_buffers = GSGI_DRAW_BUFFERS;
+    if (gl->color_attachments > GSGI_DRAW_BUFFERS) gl->color_attachments = GSGI_DRAW_BUFFERS;
     return load_optional(gl, options);
 }
 

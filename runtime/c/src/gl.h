@@ -30,7 +30,8 @@ enum {
     GL_COLOR_LOGIC_OP = 0x0BF2, GL_SCISSOR_TEST = 0x0C11, GL_COLOR_WRITEMASK = 0x0C23,
     GL_UNPACK_SWAP_BYTES = 0x0CF0, GL_UNPACK_LSB_FIRST = 0x0CF1, GL_UNPACK_ROW_LENGTH = 0x0CF2,
     GL_UNPACK_SKIP_ROWS = 0x0CF3, GL_UNPACK_SKIP_PIXELS = 0x0CF4, GL_UNPACK_ALIGNMENT = 0x0CF5,
-    GL_MAX_TEXTURE_SIZE = 0x0D33, GL_TEXTURE_2D = 0x0DE1, GL_TEXTURE_WIDTH = 0x1000, GL_TEXTURE_HEIGHT = 0x1001,
+    GL_MAX_TEXTURE_SIZE = 0x0D33, GL_MAX_DRAW_BUFFERS = 0x8824,
+    GL_MAX_COLOR_ATTACHMENTS = 0x8CDF, GL_TEXTURE_2D = 0x0DE1, GL_TEXTURE_WIDTH = 0x1000, GL_TEXTURE_HEIGHT = 0x1001,
     GL_TEXTURE_INTERNAL_FORMAT = 0x1003, GL_INT = 0x1404, GL_UNSIGNED_INT = 0x1405, GL_FLOAT = 0x1406,
     GL_HALF_FLOAT = 0x140B, GL_COLOR = 0x1800, GL_TEXTURE = 0x1702, GL_DEPTH_COMPONENT = 0x1902, GL_RGBA = 0x1908,
     GL_FILL = 0x1B02, GL_VERSION = 0x1F02, GL_EXTENSIONS = 0x1F03, GL_NEAREST = 0x2600,
@@ -165,6 +166,8 @@ enum {
     GSGI_GL_VIEWPORTS(X) GSGI_GL_CLIP_CONTROL(X) GSGI_GL_TEXTURE_LEVELS(X)
 /* clang-format on */
 
+#define GSGI_DRAW_BUFFERS 16 /* of a host's framebuffer that are looked at */
+
 typedef struct gsgi__gl {
 #define GSGI_GL_MEMBER(result, name, parameters) result(GSGI_GLAPI* name) parameters;
     GSGI_GL_ALL(GSGI_GL_MEMBER)
@@ -174,7 +177,7 @@ typedef struct gsgi__gl {
     bool indexed;          /* switches and masks by draw buffer */
     bool indexed_blending; /* blend functions by draw buffer */
     bool viewports, clip_control, texture_levels, stencil_textures;
-    GLint texture_size_max;
+    GLint texture_size_max, draw_buffers, color_attachments; /* the latter two at most GSGI_DRAW_BUFFERS */
 } gsgi__gl;
 
 /* Load what the current context has. */

@@ -114,7 +114,8 @@ gsgi_result gsgi__check_surfaces(gsgi_light* light, GLuint depth_name, GLuint no
 /* Whether the texture is a colour attachment of the framebuffer, which is left bound for drawing. */
 static bool is_attached(const gsgi__gl* gl, GLuint framebuffer, GLuint texture) {
     gl->BindFramebuffer(GL_DRAW_FRAMEBUFFER, framebuffer);
-    for (GLenum attachment = GL_COLOR_ATTACHMENT0; attachment < GL_COLOR_ATTACHMENT0 + 4; ++attachment) {
+    for (int i = 0; i < gl->color_attachments; ++i) {
+        const GLenum attachment = GL_COLOR_ATTACHMENT0 + (GLenum)i;
         GLint type = 0, name = 0;
         gl->GetFramebufferAttachmentParameteriv(GL_DRAW_FRAMEBUFFER, attachment, GL_FRAMEBUFFER_ATTACHMENT_OBJECT_TYPE,
                                                 &type);

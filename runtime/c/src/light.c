@@ -320,10 +320,10 @@ static void add_to(const gsgi_light* light, GLuint framebuffer, GLuint albedo) {
     static const GLenum first = GL_COLOR_ATTACHMENT0;
     const gsgi_context* context = light->context;
     const gsgi__gl* gl = &context->gl;
-    GLenum buffers[8];
+    GLenum buffers[GSGI_DRAW_BUFFERS];
     gl->BindFramebuffer(GL_DRAW_FRAMEBUFFER, framebuffer);
     if (framebuffer) {
-        for (GLenum i = 0; i < 8; ++i) gl->GetIntegerv(GL_DRAW_BUFFER0 + i, (GLint*)&buffers[i]);
+        for (int i = 0; i < gl->draw_buffers; ++i) gl->GetIntegerv(GL_DRAW_BUFFER0 + (GLenum)i, (GLint*)&buffers[i]);
         gl->DrawBuffers(1, &first);
     }
     gsgi__blend(gl, true, GL_ONE, GL_ONE);
@@ -334,7 +334,7 @@ static void add_to(const gsgi_light* light, GLuint framebuffer, GLuint albedo) {
     gl->UseProgram(light->add_light.name);
     gl->Uniform2f(light->add_light.at[U_CORNER], (GLfloat)light->camera.x, (GLfloat)light->camera.y);
     gsgi__draw_triangle(context, &light->add_light);
-    if (framebuffer) gl->DrawBuffers(8, buffers);
+    if (framebuffer) gl->DrawBuffers(gl->draw_buffers, buffers);
 }
 
 gsgi_result gsgi_light_add(gsgi_light* light, uint32_t framebuffer, uint32_t albedo) {

@@ -94,6 +94,9 @@ def test_info_is_the_header(library, name):
         positions = np.concatenate([level.position for level in levels]).astype(float)
         np.testing.assert_array_equal([*info.bounds_low, *info.bounds_high], [*positions.min(0), *positions.max(0)])
     assert info.bake_bytes <= 5 * len(FILES[name]) + 2**18
+    sampled = library.opened(FILES[name], sampling=True)
+    assert 0 <= library.info(sampled).bake_bytes - info.bake_bytes <= 310 * sum(info.gaussian_count) + 260_000
+    library.close(sampled)
     library.close(bake)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from c_library import DEFAULTS, OK, RESTORE, Context, Light
 from c_light import OVER, SURFACE, WHOLE, of_python
-from host import CAMERA, SET, SIZE, Host, call, projection, texture
+from host import CAMERA, OLD, SET, SIZE, Host, call, projection, texture
 
 from gsgi.runtime.gl.gl_state import HostState
 from gsgi.runtime.gl.host_textures import Encoding
@@ -140,3 +140,22 @@ def test_without_restoring_it_leaves_the_defaults(fresh_gl, library):
     light.destroy()
     context.destroy()
     assert left == {"VIEWPORT 0", 0x0BA2}
+
+
+@pytest.mark.parametrize("data", [SURFACE, OVER], ids=["surface", "over"])
+@pytest.mark.parametrize("name", OLD)
+def test_state_of_the_compatibility_profile_changes_no_light_and_is_kept(old_gl, library, name, data):
+    gl, textures = old_gl, Host(old_gl).textures(old_gl, Encoding())
+    expected = of_python(gl, data, textures, CAMERA.view_from_world, projection())
+    for function, *arguments in (("UseProgram", 0), *OLD[name]):
+        call(gl, function, *arguments)
+    before = settled(gl)
+    context = Context(library, gl)
+    light = Light(context, data, Encoding())
+    assert light.cull(CAMERA.view_from_world, projection(), WHOLE) == OK
+    result, made = light.draw(*(texture_.glo for texture_ in textures))
+    assert result == OK
+    assert differences(before, every_number(gl)) == set()
+    np.testing.assert_array_equal(read_back(gl, made, SIZE).view(np.uint16), expected)
+    light.destroy()
+    context.destroy()

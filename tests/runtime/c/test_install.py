@@ -6,7 +6,7 @@ import shutil
 import subprocess
 
 import pytest
-from c_library import build
+from c_library import SOURCE, build
 
 PROGRAM = """#include <gsgi.h>
 #include <string.h>
@@ -44,6 +44,14 @@ def test_a_program_finds_the_installed_library(shared_build, tmp_path, shared):
     subprocess.run(["cc", "program.c", *flags, "-o", "by_pkg_config"], cwd=program, check=True)
     libraries = os.environ | {"LD_LIBRARY_PATH": str(prefix / "lib")}
     subprocess.run([program / "by_pkg_config"], check=True, env=libraries)
+
+
+def test_the_header_is_cplusplus_too(tmp_path):
+    if shutil.which("c++") is None:
+        pytest.skip("c++ is not installed")
+    (tmp_path / "program.cpp").write_text(PROGRAM)
+    flags = ["-std=c++11", "-Wall", "-Wextra", "-Wpedantic", "-Werror", f"-I{SOURCE}", "-fsyntax-only"]
+    subprocess.run(["c++", *flags, "program.cpp"], cwd=tmp_path, check=True)
 
 
 def test_a_shared_library_shows_its_functions_alone(library):

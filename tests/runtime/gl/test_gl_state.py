@@ -5,7 +5,6 @@ import ctypes
 import moderngl
 import numpy as np
 import pytest
-from compatibility import create_compatibility_context
 from host import CAMERA, OLD, SET, SIZE, Host, bake, call, drawn, pixels, projection, rasterised, texture
 
 from gsgi.runtime.gaussians import Bake, OverBlend
@@ -15,18 +14,6 @@ from gsgi.runtime.gl.host_textures import Encoding
 from gsgi.runtime.gl.indirect_light import IndirectLight
 
 OVER = Bake(bake().gaussians, OverBlend(near=0.05))
-
-
-@pytest.fixture
-def old_gl(gl):
-    """A fresh context of the compatibility profile."""
-    try:
-        made = create_compatibility_context()
-    except OSError as error:
-        pytest.skip(str(error))
-    yield made
-    made.release()
-    gl.__enter__()
 
 
 def light_of(gl, given, host, setting=()) -> tuple[np.ndarray, np.ndarray]:
