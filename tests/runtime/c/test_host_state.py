@@ -6,8 +6,8 @@ import moderngl
 import numpy as np
 import pytest
 from c_library import DEFAULTS, OK, RESTORE, Context, Light
-from c_light import OVER, SURFACE, WHOLE, of_python
-from host import CAMERA, OLD, SET, SIZE, Host, call, projection, texture
+from c_light import OVER, SURFACE, WHOLE, drawn, of_python
+from host import CAMERA, OLD, SET, SIZE, Host, call, projection, rasterised, texture
 
 from gsgi.runtime.gl.gl_state import HostState
 from gsgi.runtime.gl.host_textures import Encoding
@@ -48,28 +48,37 @@ class Hostile:
         gl.error  # noqa: B018
 
 
-def every_number(gl) -> dict:
-    """All state that glGet knows, whatever it is, and all that HostState reads."""
-    get = ctypes.CFUNCTYPE(None, ctypes.c_uint, ctypes.c_void_p)(gl.mglo._context.load_opengl_function("glGetDoublev"))
-    found = {}
-    for number in (*range(0x0B00, 0x0E00), *range(0x8000, 0x9400)):
-        values = (ctypes.c_double * 1024)(*[-7.5] * 4)
-        get(number, values)
-        if values[0] != -7.5:
-            found[number] = tuple(values)
-    found |= HostState(gl).read()
-    gl.error  # noqa: B018  of the numbers that stand for nothing
-    return found
+class Dump:
+    """All state that glGet knows, whatever it stands for, and all that HostState reads, but for clocks."""
 
+    def __init__(self, gl):
+        self._gl, self._host = gl, HostState(gl)
+        load = gl.mglo._context.load_opengl_function
+        self._get = ctypes.CFUNCTYPE(None, ctypes.c_uint, ctypes.c_void_p)(load("glGetDoublev"))
+        self._values = (ctypes.c_double * 1024)()
+        self._numbers = [n for n in (*range(0x0B00, 0x0E00), *range(0x8000, 0x9400)) if self._read(n)]
+        first, second = self._read_all(), self._read_all()
+        self._before = {name: value for name, value in second.items() if first[name] == value}
 
-def settled(gl) -> dict:
-    """Without the clocks among the numbers."""
-    first, second = every_number(gl), every_number(gl)
-    return {name: value for name, value in second.items() if first[name] == value}
+    def __len__(self) -> int:
+        return len(self._before)
 
+    def changed(self) -> set:
+        """Names and numbers of what has changed since."""
+        after = self._read_all()
+        return {name for name, value in self._before.items() if after[name] != value}
 
-def differences(before: dict, after: dict) -> set:
-    return {name for name, value in before.items() if after[name] != value}
+    def _read(self, number: int) -> bytes:
+        """Nothing for a number that stands for nothing."""
+        ctypes.memset(self._values, 0, 512)
+        unset = self._values[0] = -7.5
+        self._get(number, self._values)
+        return b"" if self._values[0] == unset else bytes(self._values)[:512]
+
+    def _read_all(self) -> dict:
+        found = {number: self._read(number) for number in self._numbers} | self._host.read()
+        self._gl.error  # noqa: B018  of the numbers that stand for nothing
+        return found
 
 
 @pytest.mark.parametrize("state", [RESTORE, DEFAULTS], ids=["restore", "defaults"])
@@ -84,9 +93,10 @@ def test_whatever_a_host_has_set_the_light_is_the_same(fresh_gl, library, data, 
     expected = of_python(gl, data, textures, CAMERA.view_from_world, clip, part)
     albedo, colour = (texture(gl, np.full((SIZE[1], SIZE[0], 4), value)) for value in (1.0, 0.0))
     target = gl.framebuffer([colour, gl.texture(SIZE, 4)])
+    attach_stencil(gl, target)
     Hostile(gl)
-    before = settled(gl)
-    assert len(before) > 300
+    dump = Dump(gl)
+    assert len(dump) > 300
     context = Context(library, gl, state)
     light = Light(context, data, Encoding())
     assert light.cull(CAMERA.view_from_world, clip, part) == OK
@@ -97,18 +107,30 @@ def test_whatever_a_host_has_set_the_light_is_the_same(fresh_gl, library, data, 
     assert light.cull(CAMERA.view_from_world, clip, part) == OK
     result, name = light.draw(*(made.glo for made in textures))
     if state == RESTORE:
-        assert differences(before, every_number(gl)) == set()
+        assert dump.changed() == set()
     found = read_back(gl, name, part[2:])
     added = read_back(gl, colour.glo, SIZE, "f4")
     light.destroy()
     context.destroy()
     if state == RESTORE:
-        assert differences(before, every_number(gl)) == set()
+        assert dump.changed() == set()
     assert context.messages == []
     np.testing.assert_array_equal(found.view(np.uint16), expected)
     lit = np.zeros_like(added[..., :3])
     lit[2:62, 4:84] = expected.view(np.float16)[..., :3]
     np.testing.assert_array_equal(added[..., :3], lit)
+
+
+def attach_stencil(gl, target) -> None:
+    """Give a framebuffer a stencil of zeros, which no test against another number passes."""
+    name = (ctypes.c_uint * 1)()
+    call(gl, "GenRenderbuffers", 1, name)
+    for function, *arguments in (
+        ("BindFramebuffer", 0x8D40, target.glo), ("BindRenderbuffer", 0x8D41, name[0]),
+        ("RenderbufferStorage", 0x8D41, 0x88F0, *SIZE), ("FramebufferRenderbuffer", 0x8D40, 0x821A, 0x8D41, name[0]),
+        ("ClearStencil", 0), ("Clear", 0x0400),
+    ):  # fmt: skip
+        call(gl, function, *arguments)
 
 
 def read_back(gl, name: int, size, dtype: str = "f2") -> np.ndarray:
@@ -130,13 +152,13 @@ def test_without_restoring_it_leaves_the_defaults(fresh_gl, library):
     target = gl.framebuffer([texture(gl, np.zeros((SIZE[1], SIZE[0], 4)))])
     # moderngl sets others.
     state.write(fresh | {"PRIMITIVE_RESTART": (0,)} | {f"BLEND_FUNC {i}": (1, 0, 1, 0) for i in range(8)})
-    before = settled(gl)
+    dump = Dump(gl)
     context = Context(library, gl, DEFAULTS)
     light = Light(context, SURFACE, Encoding())
     assert light.cull(CAMERA.view_from_world, projection(), WHOLE) == OK
     assert light.draw(*(made.glo for made in textures))[0] == OK
     assert light.add(target.glo, albedo.glo) == OK
-    left = differences(before, every_number(gl))
+    left = dump.changed()
     light.destroy()
     context.destroy()
     assert left == {"VIEWPORT 0", 0x0BA2}
@@ -149,13 +171,72 @@ def test_state_of_the_compatibility_profile_changes_no_light_and_is_kept(old_gl,
     expected = of_python(gl, data, textures, CAMERA.view_from_world, projection())
     for function, *arguments in (("UseProgram", 0), *OLD[name]):
         call(gl, function, *arguments)
-    before = settled(gl)
+    dump = Dump(gl)
     context = Context(library, gl)
     light = Light(context, data, Encoding())
     assert light.cull(CAMERA.view_from_world, projection(), WHOLE) == OK
     result, made = light.draw(*(texture_.glo for texture_ in textures))
     assert result == OK
-    assert differences(before, every_number(gl)) == set()
+    assert dump.changed() == set()
     np.testing.assert_array_equal(read_back(gl, made, SIZE).view(np.uint16), expected)
+    light.destroy()
+    context.destroy()
+
+
+def draw_buffers(gl, target) -> list[int]:
+    """Which attachments drawing to a framebuffer writes to."""
+    call(gl, "BindFramebuffer", 0x8CA9, target.glo)
+    found = (ctypes.c_int * 1)()
+    buffers = []
+    for i in range(8):
+        call(gl, "GetIntegerv", 0x8825 + i, found)
+        buffers.append(found[0])
+    return buffers
+
+
+def test_the_framebuffer_that_gets_the_light_keeps_its_draw_buffers(fresh_gl, library):
+    gl, host = fresh_gl, Host(fresh_gl)
+    target = gl.framebuffer([gl.texture(SIZE, 4, dtype="f2") for _ in range(3)])
+    target.use()
+    before = draw_buffers(gl, target)
+    assert len(set(before)) == 4
+    context = Context(library, gl)
+    light = Light(context, SURFACE, Encoding())
+    drawn(gl, light, host.textures(gl, Encoding()))
+    assert light.add(target.glo, texture(gl, np.ones((SIZE[1], SIZE[0], 4))).glo) == OK
+    assert draw_buffers(gl, target) == before
+    light.destroy()
+    context.destroy()
+
+
+def parameter(gl, texture_, name: int) -> int:
+    """Of a texture, which is left bound to unit 0."""
+    texture_.use()
+    found = (ctypes.c_int * 1)()
+    call(gl, "GetTexParameteriv", 0x0DE1, name, found)
+    return found[0]
+
+
+def test_levels_and_stencil_of_a_hosts_textures_are_kept_and_not_read(fresh_gl, library):
+    gl, base_level, mode = fresh_gl, 0x813C, 0x90EA
+    depth, normal = rasterised(gl, projection(), False)
+    albedo = texture(gl, np.ones((SIZE[1], SIZE[0], 4)))
+    targets = [gl.framebuffer(gl.texture(SIZE, 4, dtype="f2")) for _ in range(2)]
+    context = Context(library, gl)
+    light = Light(context, SURFACE, Encoding("window", "signed"))
+    expected = drawn(gl, light, (depth, normal))
+    assert light.add(targets[0].glo, albedo.glo) == OK
+    for mapped in (normal, albedo):
+        mapped.build_mipmaps()
+        mapped.use()
+        call(gl, "TexParameteri", 0x0DE1, base_level, 2)
+    depth.use()
+    call(gl, "TexParameteri", 0x0DE1, mode, 0x1901)
+    light.reset()
+    np.testing.assert_array_equal(drawn(gl, light, (depth, normal)), expected)
+    assert light.add(targets[1].glo, albedo.glo) == OK
+    assert targets[0].read(components=4, dtype="f2") == targets[1].read(components=4, dtype="f2")
+    assert [parameter(gl, mapped, base_level) for mapped in (normal, albedo)] == [2, 2]
+    assert parameter(gl, depth, mode) == 0x1901
     light.destroy()
     context.destroy()
