@@ -153,9 +153,10 @@ def _descend(bodies: _Ellipsoids, edge: np.float32, size: np.ndarray, fineness: 
 
 def _roots(bodies: _Ellipsoids, edge: np.float32, size: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Pairs of Gaussians (P,) and the grid's cells (P,) that they reach, and the middles (3, R) of all cells."""
+    reach = bodies.bound + np.float32(SLACK * edge)
     with np.errstate(over="ignore"):
         begin, end = (
-            np.clip(np.floor((bodies.centre + sign * bodies.bound) / edge), 0, size[:, None] - 1).astype(np.int64)
+            np.clip(np.floor((bodies.centre + sign * reach) / edge), 0, size[:, None] - 1).astype(np.int64)
             for sign in (-1, 1)
         )
     span = end - begin + 1

@@ -1,6 +1,6 @@
 """The record of a bake: Gaussians and the parameters that turn them into pixels."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import IntFlag
 
 import numpy as np
@@ -49,6 +49,12 @@ class Gaussians:
     def sh_degree(self) -> int:
         """Highest SH degree, 0 to 3."""
         return int(self.sh.shape[1] ** 0.5) - 1
+
+    def clamped(self) -> "Gaussians":
+        """The same with scales from SCALE_MIN to SCALE_MAX, which is how the `surface` operator reads them."""
+        return replace(
+            self, scale=np.clip(self.scale, np.float32(constants.SCALE_MIN), np.float32(constants.SCALE_MAX))
+        )
 
     @property
     def sloped(self) -> bool:

@@ -29,8 +29,8 @@ class Sampler:
         check_operator(bake)
         self._origin, self._blend = origin_of_bake(bake), bake.blend
         bake = local_bake(bake, self._origin)
-        self._fine = _Level(bake.gaussians, bake.blend, bake.blend.sharpness)
-        self._coarse = _Level(bake.coarse, bake.blend, 0)
+        self._fine = _Level(bake.gaussians.clamped(), bake.blend, bake.blend.sharpness)
+        self._coarse = _Level(bake.coarse.clamped(), bake.blend, 0)
 
     def sample(self, positions: np.ndarray, normals: np.ndarray) -> np.ndarray:
         """The same as the function `sample`."""

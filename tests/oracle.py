@@ -6,7 +6,7 @@ import numpy as np
 import scenes
 
 from gsgi.runtime.camera import Pinhole
-from gsgi.runtime.constants import FRUSTUM_CLAMP, TRANSMITTANCE_MIN
+from gsgi.runtime.constants import FOOTPRINT_MAX, FRUSTUM_CLAMP, SCALE_MAX, SCALE_MIN, TRANSMITTANCE_MIN
 from gsgi.runtime.gaussians import Gaussians, OverBlend, SurfaceBlend
 
 
@@ -16,6 +16,7 @@ class Projected(NamedTuple):
     depth: np.ndarray  # (N,) m
     mean2d: np.ndarray  # (N, 2) px
     cov2d: np.ndarray  # (N, 2, 2) px^2, dilation included
+    whiten: np.ndarray  # (N, 2, 2) 1/px: turns offsets from the mean into standard deviations
     drawn: np.ndarray  # (N,) bool
 
 
@@ -52,7 +53,7 @@ def project(gaussians: Gaussians, pinhole: Pinhole, blend: OverBlend) -> Project
     """Project ellipsoids with the projection linearised at their centres (Zwicker et al. 2002)."""
     p = pinhole
     count = len(gaussians)
-    depth, mean2d, cov2d = np.zeros(count), np.zeros((count, 2)), np.zeros((count, 2, 2))
+    depth, mean2d, cov2d, whiten = np.zeros(count), np.zeros((count, 2)), *np.zeros((2, count, 2, 2))
     drawn = np.zeros(count, bool)
     rotations = rotation_matrix(gaussians.rotation.astype(float))
     for i in range(count):
@@ -61,20 +62,24 @@ def project(gaussians: Gaussians, pinhole: Pinhole, blend: OverBlend) -> Project
         if not (d > 0 and d >= blend.near):
             continue
         mean2d[i] = p.cx + p.fx * view[0] / d, p.cy - p.fy * view[1] / d
-        limit = FRUSTUM_CLAMP * np.array([p.width / 2 / p.fx, p.height / 2 / p.fy])
+        limit = FRUSTUM_CLAMP * np.abs([p.width / 2 / p.fx, p.height / 2 / p.fy])
         x, y = np.clip(view[:2] / d, -limit, limit) * d
         jacobian = np.array([[p.fx / d, 0, p.fx * x / d**2], [0, -p.fy / d, -p.fy * y / d**2]])
-        sigma = rotations[i] @ np.diag(gaussians.scale[i].astype(float) ** 2) @ rotations[i].T
-        to_image = jacobian @ p.view_from_world[:3, :3]
-        cov2d[i] = to_image @ sigma @ to_image.T + blend.dilation * np.eye(2)
-        drawn[i] = np.linalg.det(cov2d[i]) > 0
-    return Projected(depth, mean2d, cov2d, drawn)
+        axes = jacobian @ p.view_from_world[:3, :3] @ rotations[i] @ np.diag(gaussians.scale[i].astype(float))
+        # cov2d is this matrix times its transpose; its inverse would square the ratio of a needle's axes.
+        root = np.concatenate([axes, np.sqrt(blend.dilation) * np.eye(2)], axis=1)
+        cov2d[i] = root @ root.T
+        across, deviation, _ = np.linalg.svd(root, full_matrices=False)
+        if deviation[1] * FOOTPRINT_MAX > 1 and max(deviation[0], *np.abs(mean2d[i])) < FOOTPRINT_MAX:
+            whiten[i], drawn[i] = (across / deviation).T, True
+    return Projected(depth, mean2d, cov2d, whiten, drawn)
 
 
 def colour(gaussians: Gaussians, pinhole: Pinhole) -> np.ndarray:
     """Linear radiance (N, 3) towards the camera."""
     offset = gaussians.position - np.linalg.inv(pinhole.view_from_world)[:3, 3]
-    direction = offset / np.linalg.norm(offset, axis=1, keepdims=True)
+    distance = np.linalg.norm(offset, axis=1, keepdims=True)
+    direction = np.divide(offset, distance, out=np.zeros_like(offset), where=distance > 0)
     return np.maximum(0, np.einsum("nk,nkc->nc", sh_basis(direction, gaussians.sh_degree), gaussians.sh))
 
 
@@ -87,7 +92,7 @@ def splat(gaussians: Gaussians, pinhole: Pinhole, blend: OverBlend) -> tuple[np.
         if not projected.drawn[i]:
             continue
         offset = np.stack([columns, rows], axis=-1) - projected.mean2d[i]
-        power = -0.5 * np.einsum("hwi,ij,hwj->hw", offset, np.linalg.inv(projected.cov2d[i]), offset)
+        power = -0.5 * ((offset @ projected.whiten[i].T) ** 2).sum(axis=-1)
         alpha = np.minimum(blend.alpha_max, gaussians.opacity[i].astype(float) * np.exp(power))
         alpha = np.where((alpha >= blend.alpha_min) & (transmittance >= TRANSMITTANCE_MIN), alpha, 0)
         image += (transmittance * alpha)[..., None] * colours[i]
@@ -118,7 +123,7 @@ def level_sums(
     basis = sh_basis(normal, level.sh_degree)
     rotations = rotation_matrix(level.rotation.astype(float))
     for i in range(len(level)):
-        deviations = (position - level.position[i]) @ rotations[i] / level.scale[i]
+        deviations = (position - level.position[i]) @ rotations[i] / np.clip(level.scale[i], SCALE_MIN, SCALE_MAX)
         falloff = np.maximum(0, np.exp(-0.5 * (deviations**2).sum(axis=1)) - cutoff)
         facing = 1.0 if sharpness is None else np.maximum(0, normal @ rotations[i][:, 2]) ** sharpness
         w = level.opacity[i].astype(float) * falloff * facing

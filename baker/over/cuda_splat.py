@@ -90,7 +90,8 @@ def _colour(position: Tensor, sh: Tensor, pinhole: Pinhole) -> Tensor:
     """Linear radiance (N, 3) towards the camera, 0 or more."""
     eye = position.new_tensor(np.linalg.inv(pinhole.view_from_world)[:3, 3])
     direction = torch.nn.functional.normalize(position - eye, dim=1)
-    return torch.einsum("nk,nkc->nc", sh_basis(direction, sh.shape[1]), sh).clamp(min=0)
+    colour = torch.einsum("nk,nkc->nc", sh_basis(direction, sh.shape[1]), sh)
+    return torch.where(colour < 0, 0, colour)  # black can grow: it has a gradient, which clamp() does not give it
 
 
 def _radius(conic: Tensor) -> Tensor:

@@ -8,7 +8,13 @@
 #define ALPHA_MAX          0.99           // keeps 1 - alpha, by which the backward pass divides, above 0
 #define TRANSMITTANCE_MIN  0.0001         // (1 - ALPHA_MAX)^2; two opaque layers end a ray
 #define FRUSTUM_CLAMP      1.3            // of tan(fov/2); limits the point of linearisation, against off-screen fans
+#define FOOTPRINT_MAX      1e9            // px; larger and more distant footprints, and those thinner than its inverse,
+                                          // are dropped: float32 could not hold their determinants
 #define TILE_SIZE          16             // px; edge of a rasteriser tile: state of 256 pixels stays in the L1 cache
+
+// Reading Gaussians at surfaces (`surface` operator): standard deviations beyond these are clamped to them.
+#define SCALE_MIN  1e-12  // m; its inverse times any distance is finite in float32
+#define SCALE_MAX  1e18   // m; its square is finite in float32
 
 // Real spherical harmonics, orthonormal on the sphere, with the Condon-Shortley phase.
 // Order of the coefficients (l, m): 0,0; 1,-1 1,0 1,1; ...

@@ -37,6 +37,13 @@ vec3 whiten(Footprint f) {
     return vec3(sqrt(0.5 * f.cov2d.z / f.determinant), f.cov2d.y / f.cov2d.z, sqrt(0.5 / f.cov2d.z));
 }
 
+// Whether a footprint around `mean` (px) is drawn. Written so that NaN fails the test.
+bool is_drawn(vec2 mean, Footprint f) {
+    vec3 w = whiten(f);
+    return f.determinant > 0.0 && max(f.cov2d.x, f.cov2d.z) < FOOTPRINT_MAX * FOOTPRINT_MAX
+        && max(abs(mean.x), abs(mean.y)) < FOOTPRINT_MAX && max(max(w.x, w.z), abs(w.x * w.y)) < FOOTPRINT_MAX;
+}
+
 // Semi-axes of the ellipse at one standard deviation, in px: columns, longer one first.
 mat2 ellipse_axes(Footprint f) {
     vec3 cov2d = f.cov2d;

@@ -32,14 +32,21 @@ void main() {
     mat3 axes = mat3(view_from_world) * rotation_from_quaternion(g.rotation);
     axes = mat3(axes[0] * g.scale.x, axes[1] * g.scale.y, axes[2] * g.scale.z);
     Footprint f = project_covariance(t, axes, focal, size, dilation);
-    if (!(f.determinant > 0.0) || isinf(f.determinant)) return;
+    vec2 mean = pixel_from_view(t, focal, centre);
+    if (!is_drawn(mean, f)) return;
 
-    v_mean2d = pixel_from_view(t, focal, centre);
+    v_mean2d = mean;
     v_whiten = whiten(f);
     v_color = vec4(fetch_color(sh_data, int(index), normalize(g.position - eye)), g.opacity);
     // opacity * exp(-r^2 / 2) falls to alpha_min at r standard deviations.
     float r = sqrt(2.0 * log(g.opacity / alpha_min));
-    vec2 corner = vec2((gl_VertexID & 1) == 0 ? -r : r, (gl_VertexID & 2) == 0 ? -r : r);
-    vec2 ndc = 2.0 * (v_mean2d + ellipse_axes(f) * corner) / size - 1.0;
+    // A side ends where the image does: float32 cannot place corners that are very far away.
+    mat2 axes2d = ellipse_axes(f);
+    vec2 reach = r * vec2(length(axes2d[0]), length(axes2d[1]));
+    mat2 unit = mat2(normalize(axes2d[0]), normalize(axes2d[1]));
+    vec2 middle = (0.5 * size - mean) * unit, half_size = 0.5 * size * mat2(abs(unit[0]), abs(unit[1]));
+    vec2 low = max(-reach, middle - half_size), high = min(reach, middle + half_size);
+    vec2 corner = vec2((gl_VertexID & 1) == 0 ? low.x : high.x, (gl_VertexID & 2) == 0 ? low.y : high.y);
+    vec2 ndc = 2.0 * (mean + unit * corner) / size - 1.0;
     gl_Position = vec4(ndc.x, -ndc.y, 0.0, 1.0);
 }

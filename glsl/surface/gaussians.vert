@@ -34,8 +34,9 @@ void main() {
     gl_Position = vec4(2.0, 2.0, 2.0, 1.0);  // outside the clip volume: nothing is drawn
     Gaussian g = fetch_gaussian(shape_data, int(index));
     mat3 rotation = rotation_from_quaternion(g.rotation);
+    vec3 scale = clamp(g.scale, SCALE_MIN, SCALE_MAX);
     v_center = vec4(g.position, min(g.opacity, 1.0));
-    v_whiten = mat3(rotation[0] / g.scale.x, rotation[1] / g.scale.y, rotation[2] / g.scale.z);
+    v_whiten = mat3(rotation[0] / scale.x, rotation[1] / scale.y, rotation[2] / scale.z);
     fetch_sh(sh_data, int(index), v_sh);
     for (int k = 0; k < SH_COUNT; ++k) v_sh[k] = clamp(v_sh[k], -HALF_MAX / SH_C0, HALF_MAX / SH_C0);
 #if NORMAL_POWER > 0
@@ -46,7 +47,7 @@ void main() {
 #endif
 
     vec3 t = (view_from_world * vec4(g.position, 1.0)).xyz;
-    vec3 reach = radius * g.scale;
+    vec3 reach = radius * scale;
     mat3 axes = mat3(view_from_world) * mat3(rotation[0] * reach.x, rotation[1] * reach.y, rotation[2] * reach.z);
     vec3 extent = half_extent(axes);
     float nearest = max(near, -t.z - extent.z);

@@ -274,7 +274,8 @@ GSGI_API gsgi_result gsgi_light_cull(gsgi_light* light, const gsgi_view* view);
 
 /* Draw B for the view of the last cull, from the names of the host's depth and normal textures, which are 2D, single
  * sample and of one size (`over` reads neither). `indirect`, if not NULL, gets the name of the library's texture:
- * RGBA16F, as large as the viewport, its rows in the order of the host's; valid until the next draw, reset or destroy.
+ * RGBA16F (RGBA32F for `over`), as large as the viewport, its rows in the order of the host's; valid until the next
+ * draw, reset or destroy.
  *
  * Where OpenGL can tell the textures' formats (3.3, ES 3.1), those that cannot be what the light's options say are
  * GSGI_INVALID_ARGUMENT. They are checked when another texture is given. */

@@ -42,7 +42,10 @@ def arrays_bytes(level: np.ndarray) -> int:
 
 def encode_level(gaussians: Gaussians, level: np.ndarray) -> bytes:
     """The arrays of a level as bytes; fills in `level`, a LEVEL record."""
-    assert all(np.isfinite(getattr(gaussians, name)).all() for name in ("position", "scale", "opacity", "sh", "slope"))
+    for name in ("position", "rotation", "scale", "opacity", "sh", "slope"):
+        array = getattr(gaussians, name)
+        finite = np.isfinite(array).all(axis=tuple(range(1, array.ndim)))
+        assert finite.all(), f"Gaussian {finite.argmin()}: {name} is not finite"
     level["gaussian_count"], level["sh_degree"] = len(gaussians), gaussians.sh_degree
     level["basis"] = BASES.index(gaussians.basis)
     body = np.zeros((), _planes_of(level))

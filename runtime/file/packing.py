@@ -13,6 +13,7 @@ def pack_rotation(rotation: np.ndarray) -> np.ndarray:
 
     The top 2 bits hold the index of the largest component; the others follow with 10 bits each, in xyzw order.
     """
+    rotation = rotation.astype(np.float64)  # in which no square overflows
     norm = np.linalg.norm(rotation, axis=1, keepdims=True)
     unit = np.where(norm > 0, rotation / np.where(norm > 0, norm, 1), [0, 0, 0, 1])
     largest = np.abs(unit).argmax(axis=1)

@@ -76,7 +76,7 @@ class IndirectLight:
         self, depth: moderngl.Texture, normal: moderngl.Texture,
         view_from_world: np.ndarray, clip_from_view: np.ndarray, viewport: Viewport | None = None,
     ) -> moderngl.Texture:  # fmt: skip
-        """B for one camera: RGBA16F of the size of `viewport`, valid until the next call.
+        """B for one camera: RGBA16F of the size of `viewport` (RGBA32F of an `over` file), valid until the next call.
 
         `viewport` is the part of the textures that shows the camera's view, by default all of it. Both matrices are
         (4, 4) as numpy prints them, for column vectors. Textures are taken to be drawn under the glClipControl that is

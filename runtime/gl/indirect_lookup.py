@@ -64,7 +64,7 @@ def lookup_tables(bake: Bake) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     origin = origin_of_bake(bake).astype(np.float32)  # what the shader subtracts, exactly
     local, blend = local_bake(bake, origin), bake.blend
     header, gaussians, cells, lists = [], [], [], [np.zeros(1, np.uint32)]  # no list begins at 0
-    for level, sharpness in ((local.gaussians, blend.sharpness), (local.coarse, 0)):
+    for level, sharpness in ((local.gaussians.clamped(), blend.sharpness), (local.coarse.clamped(), 0)):
         grid, rows = cell_lists(level, blend.radius), _gaussian_texels(level)
         first_node, first_texel = sum(map(len, cells)), HEADER_TEXELS + sum(map(len, gaussians))
         header += [[*grid.low, 1 / grid.edge], [*grid.size, first_node], [first_texel, level.sh.shape[1], sharpness, 0]]

@@ -16,7 +16,8 @@ from .view import View
 class Splats:
     """The Gaussians of a bake on the GPU, and the target into which they are drawn.
 
-    `indirect` RGBA16F, of the last view's size: rgb = B (linear Rec.709 radiance for albedo 1), a = 1 - transmittance.
+    `indirect` RGBA32F, of the last view's size: rgb = B (linear Rec.709 radiance for albedo 1), a = 1 - transmittance.
+    Halves would round after each blend, by some percent behind a thousand faint Gaussians.
     Raises UnsupportedError for more Gaussians than the driver's textures can hold.
     """
 
@@ -76,7 +77,7 @@ class Splats:
         if self.indirect is not None:
             self._target.release()
             self.indirect.release()
-        self.indirect = self.ctx.texture(size, 4, dtype="f2")
+        self.indirect = self.ctx.texture(size, 4, dtype="f4")
         self._target = self.ctx.framebuffer(self.indirect)
 
 

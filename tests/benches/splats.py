@@ -35,7 +35,7 @@ def splats() -> list[dict]:
         passes = {("over", 1): IndirectLight(ctx, Bake(fine, OverBlend(near=0.05)))}
         passes |= {("surface", scale): IndirectLight(ctx, bake, splat_scale=scale) for scale in SCALES}
         times = fastest({key: lambda p=p: (p.draw_view(*frame), ctx.finish()) for key, p in passes.items()})
-        light = {key: np.frombuffer(p.indirect.read(), np.float16).astype(np.float32) for key, p in passes.items()}
+        light = {key: np.frombuffer(p.indirect.read(), np.float32) for key, p in passes.items()}
         full = light["surface", 1]
         for (operator, scale), p in passes.items():
             row = {"gaussians": count, "operator": operator, "splat_scale": scale}

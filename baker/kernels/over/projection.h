@@ -12,9 +12,6 @@ namespace INSTRUCTION_SET {
 
 constexpr double LOG2_E = 1.4426950408889634, LN_2 = 0.6931471805599453;
 
-// Squares of smaller magnitudes are finite in single precision, in which the pixels are computed.
-constexpr double MAX_MAGNITUDE = 1e15;
-
 struct Gaussian {
     Vec3 position; // m
     Vec4 rotation; // quaternion xyzw, not normalised here
@@ -126,7 +123,7 @@ inline Projection project(const Gaussian& gaussian, const Camera& camera, const 
     p.half_width = sqrt(reach * cov_xx);
     p.half_height = sqrt(reach * cov_yy);
 
-    const Wide limit = MAX_MAGNITUDE, zero = 0;
+    const Wide limit = FOOTPRINT_MAX, zero = 0;
     const auto drawn = (zero < at.depth) & (Wide(blend.near) <= at.depth) &
         (Wide(blend.alpha_min) <= gaussian.opacity) & (zero < det) & (max(cov_xx, cov_yy) < limit * limit) &
         (max(absolute(p.mean_x), absolute(p.mean_y)) < limit) &

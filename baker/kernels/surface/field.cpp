@@ -9,8 +9,7 @@
 
 namespace {
 
-constexpr double SCALE_MIN = 1e-12; // m; its inverse times any distance is finite in float
-constexpr size_t FAN = 8;           // boxes of one level per box of the next
+constexpr size_t FAN = 8; // boxes of one level per box of the next
 constexpr size_t PREPARE_GRAIN = 1024, GAUSSIAN_GRAIN = 64, BLOCK_GRAIN = 32; // grain sizes of loops
 
 template <class Real> Box box_of(const PointBlock<Real>& block)
@@ -19,7 +18,7 @@ template <class Real> Box box_of(const PointBlock<Real>& block)
     for (int axis = 0; axis < 3; ++axis) {
         const auto [low, high] =
             std::minmax_element(block.position[axis], block.position[axis] + FIELD_LANES);
-        box.low[axis] = float(*low), box.high[axis] = float(*high);
+        box.low[axis] = *low, box.high[axis] = *high;
     }
     return box;
 }
@@ -47,7 +46,7 @@ template <class Real> PreparedGaussian<Real> prepared_gaussian(const FieldArrays
         {}, a.opacity[i], {}, {}};
     for (int axis = 0; axis < 3; ++axis) {
         r.position[axis] = a.position[3 * i + axis];
-        r.inverse_scale[axis] = 1 / std::max(a.scale[3 * i + axis], Real(SCALE_MIN));
+        r.inverse_scale[axis] = 1 / std::clamp(a.scale[3 * i + axis], Real(SCALE_MIN), Real(SCALE_MAX));
         r.tint[axis] = Real(SH_C0) * a.tint[a.tint_stride * i + axis];
     }
     for (size_t j = 0; j < a.slopes; ++j)

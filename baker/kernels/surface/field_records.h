@@ -55,7 +55,7 @@ template <class Real> struct PointBlock {
 
 // Bounding box of points, m.
 struct Box {
-    float low[3], high[3];
+    double low[3], high[3];
 };
 
 // A Gaussian that reaches a block, and the pair's index in the list grouped by Gaussian.

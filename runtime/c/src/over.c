@@ -27,7 +27,7 @@ static gsgi_result create_targets(gsgi_light* light) {
     gsgi__targets* t = &light->targets;
     t->width = light->camera.width;
     t->height = light->camera.height;
-    t->indirect = gsgi__target_texture(light, GL_RGBA16F, t->width, t->height);
+    t->indirect = gsgi__target_texture(light, GL_RGBA32F, t->width, t->height);
     return gsgi__target(light, t->indirect, 0, 0, &t->resolved);
 }
 

@@ -23,6 +23,8 @@ void gsgi__axes(const float* q, float axes[3][3]) {
     memcpy(axes, rotated, sizeof rotated);
 }
 
+static float clamped(float x, float low, float high) { return x < low ? low : x > high ? high : x; }
+
 static gsgi__kernel kernel_of(const float* shape) {
     gsgi__kernel kernel;
     float axes[3][3];
@@ -30,7 +32,8 @@ static gsgi__kernel kernel_of(const float* shape) {
     memcpy(kernel.center, shape, sizeof kernel.center);
     kernel.opacity = shape[3];
     for (int j = 0; j < 3; ++j)
-        for (int k = 0; k < 3; ++k) kernel.whiten[j][k] = axes[j][k] / shape[8 + j];
+        for (int k = 0; k < 3; ++k)
+            kernel.whiten[j][k] = axes[j][k] / clamped(shape[8 + j], (float)SCALE_MIN, (float)SCALE_MAX);
     return kernel;
 }
 
@@ -165,8 +168,6 @@ static void sh_basis(const float d[3], float basis[9]) {
     basis[7] = -c2 * d[0] * d[2];
     basis[8] = (float)SH_C2_2 * (xx - yy);
 }
-
-static float clamped(float x, float low, float high) { return x < low ? low : x > high ? high : x; }
 
 /* Add w c and w of Gaussian `i`, as glsl/surface/gaussians.frag does. `sharpness` 0: it faces every direction. */
 static void add_gaussian(const gsgi__level* level, const gsgi__kernel* kernel, size_t i, const gsgi_info* info,
