@@ -15,18 +15,6 @@ def order(position, radius=0.01, near=0.1):
     return visible_order(position, PINHOLE, OverBlend(near), np.full(position.shape[1], radius, np.float32))
 
 
-def test_farthest_first():
-    z = np.random.default_rng(0).uniform(-5, 4, 3000)
-    position = np.stack([0 * z, 0 * z, z], axis=1)
-    sorted_z = z[order(position)]
-    assert len(sorted_z) == 3000
-    assert np.diff(sorted_z).min() > -1e-6  # float32 rounding of depths up to 10 m
-
-
-def test_ties_keep_the_first_in_front():
-    assert order([[0, 0, 0]] * 5 + [[0, 0, 1]]).tolist() == [4, 3, 2, 1, 0, 5]
-
-
 def test_near_is_strict():
     assert order([[0, 0, 4.0], [0, 0, 4.01], [0, 0, 9.0]], near=1.0).tolist() == [0]
 

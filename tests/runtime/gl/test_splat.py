@@ -25,7 +25,7 @@ def draw(gl, gaussians, camera=CAMERA, blend=BLEND, size=SIZE):
     """(B (H, W, 3), transmittance (H, W)) as GL draws them, row 0 on top."""
     splats = Splats(gl, Bake(gaussians, blend))
     splats.draw(View.of_camera(camera, size))
-    image = np.frombuffer(splats.indirect.read(), np.float16).reshape(size[1], size[0], 4)[::-1].astype(float)
+    image = np.frombuffer(splats.indirect.read(), np.float32).reshape(size[1], size[0], 4)[::-1].astype(float)
     splats.release()
     return image[..., :3], 1 - image[..., 3]
 
@@ -49,28 +49,9 @@ def one(position=(0, 0, -1), scale=(0.1, 0.1, 0.1), opacity=0.9, rotation=(0, 0,
 FRONT = look_at(np.zeros(3), np.array([0.0, 0.0, -1.0]), np.array([0.0, 1.0, 0.0]), 1.0, 0.01)
 
 
-@pytest.mark.parametrize("degree", [0, 1, 2, 3])
-def test_random_gaussians(gl, degree):
-    image = assert_equals_oracle(gl, oracle.random_gaussians(200, degree, seed=degree))
-    assert image.mean() > 0.1
-
-
 def test_recorded_parameters_are_used(gl):
     blend = OverBlend(near=1.0, dilation=3.0, alpha_min=0.05, alpha_max=0.6)
     assert_equals_oracle(gl, oracle.random_gaussians(100, 0, seed=9), blend=blend)
-
-
-@pytest.mark.parametrize("turn", [0.0, 0.3, np.pi / 4, 1.2, np.pi / 2, 2.5])
-@pytest.mark.parametrize("scale", [(0.3, 0.02, 0.02), (0.3, 0.3, 1e-5), (1e-6, 1e-6, 1e-6), (0.02, 0.4, 0.1)])
-def test_ellipses_of_every_orientation(gl, turn, scale):
-    rotation = 0, 0, np.sin(turn / 2), np.cos(turn / 2)
-    assert_equals_oracle(gl, one((0.1, 0.05, -1), scale, rotation=rotation), FRONT)
-
-
-def test_off_screen_centres_with_a_large_extent(gl):
-    for position in ((2, 0, -1), (0, 1.5, -0.7), (-0.9, -0.9, -0.5)):
-        image = assert_equals_oracle(gl, one(position, (0.8, 0.5, 0.6)), FRONT)
-        assert image.any()
 
 
 def test_culling_never_shows(gl, monkeypatch):
@@ -104,21 +85,6 @@ def test_a_broken_gaussian_does_not_spread(gl, field, value):
         image, transmittance = draw(gl, Gaussians(**arrays))
     assert np.isfinite(image).all()
     assert np.isfinite(transmittance).all()
-
-
-def test_very_bright_light_stays_finite(gl):
-    gaussians = one()
-    image, _ = draw(gl, replace(gaussians, sh=gaussians.sh * np.float32(1e9)), FRONT)
-    assert np.isfinite(image).all()
-    assert image.max() > 5e4
-
-
-def test_no_gaussians_and_none_in_view(gl):
-    empty = Gaussians(*(np.zeros(shape, np.float32) for shape in ((0, 3), (0, 4), (0, 3), (0,), (0, 4, 3))))
-    for gaussians in (empty, one((0, 0, 5))):
-        image, transmittance = draw(gl, gaussians, FRONT)
-        assert not image.any()
-        assert (transmittance == 1).all()
 
 
 def test_more_gaussians_than_a_row_of_the_data_texture(gl):

@@ -1,0 +1,13 @@
+"""All hard cases."""
+
+from . import codec, gaussians, gradients, projection, sort, surface_gaussians
+from .case import Case
+
+CASES: list[Case] = [
+    *gaussians.CASES,
+    *surface_gaussians.CASES,
+    *projection.CASES,
+    *gradients.CASES,
+    *codec.CASES,
+    *sort.CASES,
+]
