@@ -1,5 +1,6 @@
 """Which Gaussians reach each cell of space: an octree of lists, made at load for look-ups at single points."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -14,8 +15,8 @@ SLACK = 1e-5  # of a root's edge and of an ellipsoid's radius; covers the roundi
 CHUNK = 2048  # pairs tested at once: their temporary arrays stay in the L2 cache
 
 # Edge of a leaf over the mean in-plane radius of the Gaussians in it. Half the edge takes 4 to 5 times the bytes, so
-# that small bakes have the finest cells that pay and those of 10,500 Gaussians and more 110 bytes per Gaussian.
-FINEST, COARSEST, FINEST_COUNT = 0.4, 0.8, 2600
+# that small bakes have the finest cells that pay and those of 10,500 Gaussians and more take 100 bytes for each.
+FINEST, COARSEST, FINEST_COUNT = 0.4, 0.85, 2600
 
 # The light of a surface is asked for where a Gaussian's sheet is: the plane of its two longer axes, near its centre.
 SHEET = 0.7  # standard deviations around the centre
@@ -47,8 +48,20 @@ class CellLists:
         """The node of all points outside of the grid."""
         return int(self.size.prod())
 
-    def locate(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Grid node (N,) int64 of points (N, 3) float32, m, and where they lie in it, (N, 3) float32 in [0, 1)."""
+    def descend(self, position: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """The nodes around points (N, 3) float32, m, from the grid's down: which points (M,) have one, and it (M,)."""
+        node, part = self._locate(position)
+        point = np.arange(len(position))
+        while len(point):
+            yield point, node
+            child = self.child[node]
+            inner = child > 0
+            point, part = point[inner], 2 * part[inner]
+            upper = part >= 1
+            node, part = child[inner] + upper @ np.array([4, 2, 1]), part - upper
+
+    def _locate(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Grid node (N,) int64 of points, and where they lie in it, (N, 3) float32 in [0, 1)."""
         with np.errstate(invalid="ignore", over="ignore"):
             at = (position - self.low) / self.edge
             inside = ((at >= 0) & (at < self.size)).all(axis=1)

@@ -77,15 +77,8 @@ class _Level:
     def sums(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
         """sum w c and sum w (N, 4) float32 at points (N, 3) with unit normals (N, 3), both float32."""
         result = np.zeros((len(points), 4), np.float32)
-        node, part = self._lists.locate(points)
-        index = np.arange(len(points))
-        while len(index):
+        for index, node in self._lists.descend(points):
             self._add(result, index, node, points, normals)
-            child = self._lists.child[node]
-            inner = child > 0
-            index, part = index[inner], 2 * part[inner]
-            upper = part >= 1
-            node, part = child[inner] + upper @ np.array([4, 2, 1]), part - upper
         return result
 
     def _add(self, result, index, node, points, normals) -> None:

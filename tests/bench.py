@@ -14,6 +14,7 @@ from benches.front import front
 from benches.host_state import host_state
 from benches.leak import leak
 from benches.looks import looks
+from benches.lookup import lookup_lists, lookup_passes, lookup_points
 from benches.operator_motion import operator_motion
 from benches.operator_pictures import operator_pictures
 from benches.operator_sphere import operator_sphere
@@ -30,13 +31,15 @@ from repository import ROOT
 from gsgi.runtime.atomic import check_writable, write_atomic
 
 FRAMES = frame_costs, frame_passes
-PASSES = splats, order, host_state
+LOOKUP = lookup_lists, lookup_passes, lookup_points
+PASSES = splats, order, host_state, *LOOKUP
 OPERATOR = operator_bakes, operator_equal, operator_scales, operator_motion, operator_sphere, operator_pictures
 BENCHES = {
     bench.__name__: bench
     for bench in (fit, stages, trace, scenes, *PASSES, triangles, dial, quality, leak, looks, front, *FRAMES, *OPERATOR)
 }
-GROUPS = {name: [bench.__name__ for bench in group] for name, group in (("frames", FRAMES), ("operator", OPERATOR))}
+GROUPED = {"frames": FRAMES, "operator": OPERATOR, "lookup": LOOKUP}
+GROUPS = {name: [bench.__name__ for bench in group] for name, group in GROUPED.items()}
 
 
 def machine() -> dict[str, str]:

@@ -3,17 +3,18 @@
 // gaussians (RGBA32F), cells (R32UI) and lists (R16UI or R32UI) are DATA_WIDTH texels wide, row-major.
 //
 // gaussians: per level (low corner of the grid, 1 / edge of its cells) (cells along each axis, its first node)
-//            (its first Gaussian's texel, SH coefficients, sharpness or 0, 0); for both (origin, cutoff) (weight
-//            floor, 0, 0, 0); then 3 + SH coefficients texels per Gaussian: (position xyz, opacity) (rotation xyzw)
-//            (scale xyz, slope along the first axis) (SH 0, slope along the second axis) (SH 1, 0) ...
+//            (its first Gaussian's texel, sharpness or 0, 0, 0); for both (origin, cutoff) (weight floor, 0, 0, 0);
+//            then 3 texels per Gaussian and one per SH coefficient: (position, opacity) (first axis / its scale,
+//            1 / scale of the third) (second axis / its scale, first slope) (SH 0, second slope) (SH 1, 0) ...
 // cells:     per node 0: nothing is listed in it, nor below it; else 2 * (its place in lists) + (1: it has children)
 // lists:     at a node's place, if it has children, low and high 16 bits of the first of the eight; then the number of
 //            Gaussians listed, then their indices
 //
+// Defines: FINE_SH_COUNT and COARSE_SH_COUNT, the numbers of SH coefficients of the levels: 1, 4 or 9.
+//
 // A level's nodes begin with the cells of its grid, z fastest, and one for all points outside.
 #define SH_DEGREE 2  // the highest of this operator
 #include "lib/gaussian.glsl"
-#include "lib/projection.glsl"
 #include "surface/weight.glsl"
 
 #define LEVEL_TEXELS  3   // at the start of `gaussians`, for each of the two levels
@@ -26,7 +27,6 @@ struct Reader {
     float basis[SH_COUNT];
     float cutoff;
     int first_texel;     // of the level's Gaussians
-    int sh_count;
     int sharpness;       // 0: Gaussians face every direction
 };
 
@@ -34,29 +34,29 @@ uint fetch_uint(highp usampler2D data, int texel) {
     return texelFetch(data, ivec2(texel % DATA_WIDTH, texel / DATA_WIDTH), 0).r;
 }
 
-// sum w c and sum w of one Gaussian, as surface/gaussians.frag has them.
-vec4 read_gaussian(highp sampler2D gaussians, int index, Reader reader) {
-    int texel = reader.first_texel + index * (3 + reader.sh_count);
-    vec4 center = fetch_data(gaussians, texel), shape = fetch_data(gaussians, texel + 2);
-    mat3 rotation = rotation_from_quaternion(fetch_data(gaussians, texel + 1));
-    vec3 e = (reader.x - center.xyz) * rotation / shape.xyz;
-    float w = min(center.w, 1.0) * falloff(e, reader.cutoff);
-    if (reader.sharpness > 0) w *= facing(dot(reader.n, rotation[2]), reader.sharpness);
+// sum w c and sum w of one Gaussian, as surface/gaussians.frag has them. `sh_count`: a literal, else loops stay loops.
+vec4 read_gaussian(highp sampler2D gaussians, int index, int sh_count, Reader reader) {
+    int texel = reader.first_texel + index * (3 + sh_count);
+    vec4 center = fetch_data(gaussians, texel);
+    vec4 first = fetch_data(gaussians, texel + 1), second = fetch_data(gaussians, texel + 2);
+    vec3 y = reader.x - center.xyz, normal = cross(normalize(first.xyz), normalize(second.xyz));
+    vec3 e = vec3(dot(y, first.xyz), dot(y, second.xyz), first.w * dot(y, normal));
+    float w = center.w * falloff(e, reader.cutoff);
+    if (reader.sharpness > 0) w *= facing(dot(reader.n, normal), reader.sharpness);
     if (!(w > 0.0)) return vec4(0.0);  // also NaN
     vec4 constant = fetch_data(gaussians, texel + 3);
-    vec3 light = constant.rgb * (SH_C0 * (1.0 + dot(vec2(shape.w, constant.w), e.xy)));
-    for (int k = 1; k < reader.sh_count; ++k) light += reader.basis[k] * fetch_data(gaussians, texel + 3 + k).rgb;
+    vec3 light = constant.rgb * (SH_C0 * (1.0 + dot(vec2(second.w, constant.w), e.xy)));
+    for (int k = 1; k < sh_count; ++k) light += reader.basis[k] * fetch_data(gaussians, texel + 3 + k).rgb;
     return w * vec4(light, 1.0);
 }
 
 // sum w c and sum w of level `level` (0: fine, 1: coarse).
 vec4 read_level(
-    highp sampler2D gaussians, highp usampler2D cells, highp usampler2D lists, int level, Reader reader) {
+    highp sampler2D gaussians, highp usampler2D cells, highp usampler2D lists, int level, int sh_count, Reader reader) {
     vec4 grid = fetch_data(gaussians, level * LEVEL_TEXELS), counts = fetch_data(gaussians, level * LEVEL_TEXELS + 1);
     vec4 rest = fetch_data(gaussians, level * LEVEL_TEXELS + 2);
     reader.first_texel = int(rest.x);
-    reader.sh_count = int(rest.y);
-    reader.sharpness = int(rest.z);
+    reader.sharpness = int(rest.y);
 
     vec3 at = (reader.x - grid.xyz) * grid.w;
     bool inside = all(greaterThanEqual(at, vec3(0.0))) && all(lessThan(at, counts.xyz));
@@ -79,7 +79,7 @@ vec4 read_level(
             at_list += 2;
         }
         int last = at_list + int(fetch_uint(lists, at_list));
-        while (at_list < last) sums += read_gaussian(gaussians, int(fetch_uint(lists, ++at_list)), reader);
+        while (at_list < last) sums += read_gaussian(gaussians, int(fetch_uint(lists, ++at_list)), sh_count, reader);
         if (!split) break;
     }
     return sums;
@@ -94,8 +94,8 @@ vec3 look_up(highp sampler2D gaussians, highp usampler2D cells, highp usampler2D
     reader.n = dot(normal, normal) > 0.0 ? normalize(normal) : vec3(0.0);
     reader.cutoff = common_to_both.w;
     sh_basis(reader.n, reader.basis);
-    vec4 fine = read_level(gaussians, cells, lists, 0, reader), coarse = vec4(0.0);
-    if (fine.a < weight_floor) coarse = read_level(gaussians, cells, lists, 1, reader);
+    vec4 fine = read_level(gaussians, cells, lists, 0, FINE_SH_COUNT, reader), coarse = vec4(0.0);
+    if (fine.a < weight_floor) coarse = read_level(gaussians, cells, lists, 1, COARSE_SH_COUNT, reader);
     vec4 sum = filled(fine, coarse, weight_floor);
     return clamp(sum.a > 0.0 ? sum.rgb / sum.a : vec3(0.0), 0.0, HALF_MAX);
 }

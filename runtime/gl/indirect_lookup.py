@@ -5,7 +5,7 @@ import re
 import moderngl
 import numpy as np
 
-from gsgi.runtime.cell_lists import CellLists, cell_lists
+from gsgi.runtime.cell_lists import CellLists, cell_lists, rotation_matrices
 from gsgi.runtime.constants import HALF_MAX, SH_C0
 from gsgi.runtime.errors import UnsupportedError
 from gsgi.runtime.gaussians import Bake, Gaussians
@@ -28,16 +28,15 @@ class IndirectLookup:
         lookup.bind(program, unit=4)  # before each draw
         mesh.render()
 
-    It serves forward shading, transparent and moving surfaces, vertices and particles. The result is that of the pass
-    (`IndirectLight`) up to rounding. The textures are RGBA32F, R32UI and R16UI or R32UI, read by texelFetch alone.
-    Raises UnsupportedError for a bake of the `over` operator, and for more Gaussians than the driver's textures hold.
+    `source` is its GLSL without #version, the same for all bakes of the same SH degrees. It serves forward shading,
+    transparent and moving surfaces, vertices and particles. The result is that of the pass (`IndirectLight`) up to
+    rounding. The textures are RGBA32F, R32UI and R16UI or R32UI, read by texelFetch alone. Raises UnsupportedError for
+    a bake of the `over` operator, and for more Gaussians than the driver's textures hold.
     """
-
-    source = re.sub(r"(?m)^#line.*\n", "", source("surface/gsgi_indirect.glsl", {}, [], header=""))
 
     def __init__(self, ctx: moderngl.Context, bake: Bake):
         check_operator(bake)
-        self.ctx = ctx
+        self.ctx, self.source = ctx, lookup_source(bake)
         tables = lookup_tables(bake)
         most = max(map(len, tables)), len(tables[0])
         if most[0] > ctx.info["GL_MAX_TEXTURE_SIZE"] * DATA_WIDTH or most[1] > EXACT:
@@ -59,6 +58,12 @@ class IndirectLookup:
             texture.release()
 
 
+def lookup_source(bake: Bake) -> str:
+    """GLSL of the function for a bake: the same for all whose levels have the same SH degrees."""
+    counts = {"FINE_SH_COUNT": bake.gaussians.sh.shape[1], "COARSE_SH_COUNT": bake.coarse.sh.shape[1]}
+    return re.sub(r"(?m)^#line.*\n", "", source("surface/gsgi_indirect.glsl", counts, [], header=""))
+
+
 def lookup_tables(bake: Bake) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The texels (T, 4) float32 and (T, 1) uint32 and uint16 or uint32 that glsl/surface/lookup.glsl describes."""
     origin = origin_of_bake(bake).astype(np.float32)  # what the shader subtracts, exactly
@@ -67,7 +72,7 @@ def lookup_tables(bake: Bake) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     for level, sharpness in ((local.gaussians.clamped(), blend.sharpness), (local.coarse.clamped(), 0)):
         grid, rows = cell_lists(level, blend.radius), _gaussian_texels(level)
         first_node, first_texel = sum(map(len, cells)), HEADER_TEXELS + sum(map(len, gaussians))
-        header += [[*grid.low, 1 / grid.edge], [*grid.size, first_node], [first_texel, level.sh.shape[1], sharpness, 0]]
+        header += [[*grid.low, 1 / grid.edge], [*grid.size, first_node], [first_texel, sharpness, 0, 0]]
         for table, part in zip((cells, lists), _packed(grid, first_node, sum(map(len, lists))), strict=True):
             table.append(part)
         gaussians.append(rows)
@@ -85,8 +90,10 @@ def _gaussian_texels(level: Gaussians) -> np.ndarray:
     """(N (3 + K), 4) float32."""
     count, k = len(level), level.sh.shape[1]
     texels = np.zeros((count, 3 + k, 4), np.float32)
-    texels[:, 0, :3], texels[:, 0, 3] = level.position, level.opacity
-    texels[:, 1], texels[:, 2, :3] = level.rotation, level.scale
+    axes = rotation_matrices(level.rotation).transpose(0, 2, 1)
+    texels[:, 0, :3], texels[:, 0, 3] = level.position, np.minimum(level.opacity, 1)
+    with np.errstate(divide="ignore"):  # what has no size is in no list
+        texels[:, 1:3, :3], texels[:, 1, 3] = axes[:, :2] / level.scale[:, :2, None], 1 / level.scale[:, 2]
     texels[:, 3:, :3] = np.clip(level.sh, -HALF_MAX / SH_C0, HALF_MAX / SH_C0)
     if level.sloped:
         texels[:, 2:4, 3] = np.clip(level.slope, -1, 1)

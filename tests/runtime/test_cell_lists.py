@@ -16,16 +16,11 @@ RADIUS = SurfaceBlend().radius
 
 
 def listed(lists: CellLists, position: np.ndarray) -> np.ndarray:
-    """How often (N, G) each Gaussian is listed for points (N, 3); walks down node by node."""
+    """How often (N, G) each Gaussian is listed for points (N, 3)."""
     result = np.zeros((len(position), lists.entry.max(initial=-1) + 1), int)
-    nodes, parts = lists.locate(position.astype(np.float32))
-    for row, node, part in zip(result, nodes, parts, strict=True):
-        while True:
-            np.add.at(row, lists.entry[lists.first[node] : lists.first[node + 1]], 1)
-            if not lists.child[node]:
-                break
-            part = 2 * part
-            node, part = lists.child[node] + (part >= 1) @ [4, 2, 1], part - (part >= 1)
+    for points, nodes in lists.descend(position.astype(np.float32)):
+        for point, node in zip(points, nodes, strict=True):
+            np.add.at(result[point], lists.entry[lists.first[node] : lists.first[node + 1]], 1)
     return result
 
 
@@ -117,7 +112,7 @@ def test_nobody(level):
 
 def test_points_that_are_not_finite_are_outside():
     lists = cell_lists(gaussians(20), RADIUS)
-    node, part = lists.locate(np.float32([[np.nan, 0, 0], [np.inf, 0, 0], [1e30, 0, 0], [0, 0, 0]]))
-    assert (node[:3] == lists.outside).all()
-    assert node[3] < lists.outside
-    assert np.isfinite(part).all()
+    points, nodes = next(lists.descend(np.float32([[np.nan, 0, 0], [np.inf, 0, 0], [1e30, 0, 0], [0, 0, 0]])))
+    assert list(points) == [0, 1, 2, 3]
+    assert (nodes[:3] == lists.outside).all()
+    assert nodes[3] < lists.outside

@@ -15,7 +15,7 @@ from gsgi.runtime.constants import GLSL_FOLDER
 from gsgi.runtime.errors import UnsupportedError
 from gsgi.runtime.gaussians import Bake, Gaussians, OverBlend, SurfaceBlend
 from gsgi.runtime.gl import shader
-from gsgi.runtime.gl.indirect_lookup import HEADER_TEXELS, IndirectLookup, lookup_tables
+from gsgi.runtime.gl.indirect_lookup import HEADER_TEXELS, IndirectLookup, lookup_source, lookup_tables
 
 TOLERANCE = 1e-3
 
@@ -128,8 +128,8 @@ def test_more_gaussians_than_16_bits_count(gl):
 @pytest.mark.parametrize("header", [shader.CORE, shader.ES], ids=["330", "300es"])
 def test_it_compiles_in_every_stage(gl, stage, header):
     call = "gsgi_indirect(vec3(1.0), vec3(0.0, 1.0, 0.0))"
-    vertex = header + (IndirectLookup.source if stage == "vertex" else "")
-    fragment = header + (IndirectLookup.source if stage == "fragment" else "")
+    source = lookup_source(Bake(gaussians(1, 4), SurfaceBlend(), coarse=gaussians(1, 9)))
+    vertex, fragment = (header + (source if stage == each else "") for each in ("vertex", "fragment"))
     vertex += f"out vec3 v; void main() {{ v = {call if stage == 'vertex' else 'vec3(1.0)'}; "
     vertex += "gl_Position = vec4(v, 1.0); }"
     fragment += f"in vec3 v; out vec4 o; void main() {{ o = vec4({call if stage == 'fragment' else 'v'}, 1.0); }}"

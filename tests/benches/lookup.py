@@ -1,0 +1,128 @@
+"""The look-up at single points beside the passes: lists, bytes, milliseconds."""
+
+import time
+
+import numpy as np
+import scenes
+
+from benches.splats import fastest, grid, on_surfaces, room
+from gsgi.runtime.gaussians import Bake, SurfaceBlend
+
+COUNTS = 1_000, 10_000
+SIZE = 1280, 720
+POINTS = 20_000  # on surfaces, for the lists
+READ = """
+uniform highp sampler2D position;
+uniform highp sampler2D plane;
+out vec4 light;
+void main() {
+    vec4 x = texelFetch(position, ivec2(gl_FragCoord.xy), 0), n = texelFetch(plane, ivec2(gl_FragCoord.xy), 0);
+    light = vec4(n == vec4(0.0) ? vec3(0.0) : gsgi_indirect(x.xyz, n.xyz), 1.0);
+}
+"""
+
+
+def lookup_lists() -> list[dict]:
+    """Lists of the fine level: Gaussians listed per Gaussian that reaches a surface point, bytes on the GPU, build."""
+    from gsgi.baker.views.surface_points import Triangles
+    from gsgi.runtime.cell_lists import cell_lists
+    from gsgi.runtime.gl.indirect_lookup import lookup_tables
+
+    points, rows = Triangles(room()).sample(POINTS, seed=1).position, []
+    for count in COUNTS:
+        bake = bake_of(count)
+        level, radius = bake.gaussians, bake.blend.radius
+        seconds = fastest({(): lambda level=level, radius=radius: cell_lists(level, radius)})[()]
+        lists = cell_lists(level, radius)
+        listed, reaching = pairs(lists, level, radius, points)
+        gaussians, cells, entries = (table.nbytes for table in lookup_tables(bake))
+        rows.append({
+            "gaussians": count, "reach": round(reaching / len(points), 1), "listed": round(listed / len(points), 1),
+            "listed_per_reach": round(listed / reaching, 2), "build_ms": round(1e3 * seconds),
+            "lists_kB": round((cells + entries) / 1e3), "gaussians_kB": round(gaussians / 1e3),
+        })  # fmt: skip
+    return rows
+
+
+def lookup_passes() -> list[dict]:
+    """Fastest of 12 draws at 1280 x 720: the passes at full, half and quarter resolution, and the look-up at the same
+    points."""
+    from gsgi.runtime.gl.context import create_context
+    from gsgi.runtime.gl.gbuffer import GBuffer
+    from gsgi.runtime.gl.geometry import Geometry
+    from gsgi.runtime.gl.indirect_lookup import IndirectLookup
+    from gsgi.runtime.gl.shader import CORE, source
+    from gsgi.runtime.gl.surface_splat import SurfaceSplats
+    from gsgi.runtime.gl.view import View
+
+    ctx, rows = create_context(), []
+    gbuffer = GBuffer(ctx, Geometry(ctx, room()), SIZE)
+    camera = scenes.inside_camera()
+    gbuffer.draw(camera)
+    frame = View.of_camera(camera, SIZE), gbuffer.depth, gbuffer.interpolated
+    vertex = source("lib/fullscreen.vert", {}, [])
+    for count in COUNTS:
+        bake = bake_of(count)
+        lookup = IndirectLookup(ctx, bake)
+        program = ctx.program(vertex_shader=vertex, fragment_shader=CORE + lookup.source + READ)
+        program["position"], program["plane"] = 0, 1
+        triangle = ctx.vertex_array(program, [])
+        for scale in (1, 2, 4):
+            passes = SurfaceSplats(ctx, bake, scale)
+            passes.draw(*frame)
+            read_size = passes.targets.read_size
+            target = ctx.framebuffer(ctx.texture(read_size, 4, dtype="f2"))
+
+            def look_up(passes=passes, target=target, lookup=lookup, program=program, triangle=triangle) -> None:
+                ctx.enable_only(ctx.NOTHING)
+                target.use()
+                passes.targets.position.use(0)
+                passes.targets.plane.use(1)
+                lookup.bind(program, 2)
+                triangle.render(vertices=3)
+                ctx.finish()
+
+            calls = {("passes",): lambda p=passes: (p.draw(*frame), ctx.finish()), ("look-up",): look_up}
+            times = fastest(calls)
+            rows.append({
+                "gaussians": count, "splat_scale": scale, "passes_ms": round(1e3 * times["passes",], 1),
+                "lookup_ms": round(1e3 * times["look-up",], 1),
+                "of_passes": round(times["look-up",] / times["passes",], 2),
+            })  # fmt: skip
+            passes.release()
+    return rows
+
+
+def lookup_points() -> list[dict]:
+    """Seconds of gsgi.sample() for a million points on surfaces."""
+    import gsgi
+    from gsgi.baker.views.surface_points import Triangles
+
+    points, rows = Triangles(room()).sample(POINTS, seed=1), []
+    many = np.random.default_rng(0).integers(POINTS, size=1_000_000)
+    for count in COUNTS:
+        sampler = gsgi.Sampler(bake_of(count))
+        start = time.perf_counter()
+        sampler.sample(points.position[many], points.normal[many])
+        rows.append({"gaussians": count, "points": len(many), "seconds": round(time.perf_counter() - start, 2)})
+    return rows
+
+
+def bake_of(count: int) -> Bake:
+    return Bake(on_surfaces(count), SurfaceBlend(), coarse=grid())
+
+
+def pairs(lists, level, radius: float, position: np.ndarray) -> tuple[int, int]:
+    """How many Gaussians are listed for points (N, 3), and how many reach them, in sum."""
+    from gsgi.runtime.cell_lists import rotation_matrices
+
+    whiten = rotation_matrices(level.rotation) / level.scale[:, None, :]
+    listed = reaching = 0
+    for index, node in lists.descend(position):
+        count = lists.first[node + 1] - lists.first[node]
+        point = np.repeat(index, count)
+        step = np.arange(len(point)) - np.repeat(np.cumsum(count) - count, count)
+        gaussian = lists.entry[np.repeat(lists.first[node], count) + step]
+        e = np.einsum("pi,pij->pj", position[point] - level.position[gaussian], whiten[gaussian])
+        listed, reaching = listed + len(point), reaching + int(((e * e).sum(axis=1) <= radius**2).sum())
+    return listed, reaching
