@@ -22,6 +22,7 @@ ALBEDOS = {"linear": 0, "srgb": 1}
 ALLOCATE = ctypes.CFUNCTYPE(c_void_p, c_size_t, c_void_p)
 RELEASE = ctypes.CFUNCTYPE(None, c_void_p, c_void_p)
 LOG = ctypes.CFUNCTYPE(None, ctypes.c_int, c_char_p, c_void_p)
+GET_INTEGER = ctypes.CFUNCTYPE(None, ctypes.c_uint, ctypes.POINTER(c_int32))
 GET_PROC_ADDRESS = ctypes.CFUNCTYPE(c_void_p, c_char_p, c_void_p)
 
 
@@ -159,12 +160,23 @@ class Library:
 
 
 class Context:
-    """A gsgi_context in a context of moderngl, which is current."""
+    """A gsgi_context in a context of moderngl, which is current. With `oldest` it is told that this is OpenGL 3.3."""
 
-    def __init__(self, library: Library, gl, state: int = RESTORE):
+    def __init__(self, library: Library, gl, state: int = RESTORE, oldest: bool = False):
         self.library, self.messages, self.handle = library, Messages(), c_void_p()
         load = gl.mglo._context.load_opengl_function
-        self._load = GET_PROC_ADDRESS(lambda name, user: load(name.decode()) or None)
+        get_integer = GET_INTEGER(load("glGetIntegerv"))
+        oldest_numbers = {0x821B: 3, 0x821C: 3, 0x821D: 0}  # major, minor version, number of extensions
+
+        def get(number, place):
+            if number in oldest_numbers:
+                place[0] = oldest_numbers[number]
+            else:
+                get_integer(number, place)
+
+        self._get = GET_INTEGER(get)
+        replaced = {b"glGetIntegerv": ctypes.cast(self._get, c_void_p).value} if oldest else {}
+        self._load = GET_PROC_ADDRESS(lambda name, user: replaced.get(name) or load(name.decode()) or None)
         options = ContextOptions(callbacks=self.messages.callbacks, get_proc_address=self._load, state=state)
         result = library.functions.gsgi_context_create(ctypes.byref(options), ctypes.byref(self.handle))
         assert result == OK, self.messages

@@ -162,8 +162,8 @@ GSGI_API gsgi_result gsgi_bake_texels(const gsgi_bake* bake, gsgi_level level, g
 /* B at `count` surface points: moving objects, particles, probes, exporters. `surface` files only; others are
  * GSGI_UNSUPPORTED. It is the light that gsgi_light_draw puts into a pixel that shows the point.
  *
- * positions: 3 * count, world space, m. normals: 3 * count, unit, world space. light: 3 * count, written; 0 where no
- * Gaussian reaches. A number that is not finite gives a light of 0. */
+ * positions: 3 * count, world space, m. normals: 3 * count, world space, of any length. light: 3 * count, written; 0 where
+ * no Gaussian reaches, where a number is not finite, and where a normal is 0. */
 GSGI_API gsgi_result gsgi_bake_sample(const gsgi_bake* bake, size_t count, const float* positions, const float* normals,
                                       float* light);
 

@@ -21,6 +21,15 @@ SIZE = 320, 320
 SCENE = read_gltf(SAMPLES / "scenes" / "cornell.glb")
 
 
+# Arguments of the program, and what makes Mesa say that it has no more than the oldest version.
+_LATER = "viewport_array clip_control draw_buffers_blend stencil_texturing"
+OLD = {
+    "MESA_GL_VERSION_OVERRIDE": "3.3",
+    "MESA_EXTENSION_OVERRIDE": " ".join(f"-GL_ARB_{name}" for name in _LATER.split()),
+}
+VERSIONS = ((), {}), ((), OLD), (("es",), {}), (("es",), {"MESA_GLES_VERSION_OVERRIDE": "3.0"})
+
+
 def bake(operator: str) -> Bake:
     points = Triangles(SCENE).sample(1500, 0)
     light = (0.5 + 0.4 * np.sin(9 * points.position)).astype(np.float32)
@@ -57,14 +66,22 @@ def test_the_host_in_c_draws_what_our_own_renderer_draws(gl, host, tmp_path, ope
     renderer.release()
     expected = 255 * np.clip(light, 0, 1) ** (1 / 2.2)
     environment = os.environ | {"ASAN_OPTIONS": "detect_leaks=0"}  # the drivers' memory is theirs to free
-    for flavour in ((), ("es",)):
+    for flavour, version in VERSIONS:
         command = [host, tmp_path / "cornell.gsgi", tmp_path / "frame.ppm", *flavour]
-        run = subprocess.run(command, env=environment, capture_output=True, text=True)
+        run = subprocess.run(command, env=environment | version, capture_output=True, text=True)
         assert (run.returncode, run.stderr) == (0, "")
         error = np.abs(read_ppm(tmp_path / "frame.ppm") - expected).max(axis=-1)
         assert expected.mean() > 60
         assert error.mean() < 1  # bytes of albedo
         assert (error > 4).mean() < 2e-3  # outlines
+
+
+def test_what_the_driver_lacks_is_named(host, tmp_path):
+    (tmp_path / "cornell.gsgi").write_bytes(codec.encode(bake("surface")))
+    without = {"MESA_EXTENSION_OVERRIDE": "-GL_EXT_float_blend", "ASAN_OPTIONS": "detect_leaks=0"}
+    command = [host, tmp_path / "cornell.gsgi", tmp_path / "frame.ppm", "es"]
+    run = subprocess.run(command, env=os.environ | without, capture_output=True, text=True)
+    assert run.stderr == "gsgi: context: GL_EXT_float_blend is needed\n"
 
 
 def test_a_file_that_is_none_is_one_line(host, tmp_path):

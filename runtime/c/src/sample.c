@@ -234,9 +234,14 @@ gsgi_result gsgi_bake_sample(const gsgi_bake* bake, size_t count, const float* p
     if (count && (!positions || !normals || !light))
         return gsgi__fail(&bake->callbacks, GSGI_INVALID_ARGUMENT, "positions, normals, light: must not be NULL");
     for (size_t p = 0; p < count; ++p) {
-        const float* n = normals + 3 * p;
+        const float* given = normals + 3 * p;
+        const double length =
+            sqrt((double)given[0] * given[0] + (double)given[1] * given[1] + (double)given[2] * given[2]);
         double x[3];
-        float basis[9], fine[4], coarse[4];
+        float n[3], basis[9], fine[4], coarse[4];
+        memset(light + 3 * p, 0, 3 * sizeof *light);
+        if (!(length > 0.0 && isfinite(length))) continue;
+        for (int k = 0; k < 3; ++k) n[k] = (float)(given[k] / length);
         for (int k = 0; k < 3; ++k) x[k] = (double)positions[3 * p + k] - bake->origin[k];
         sh_basis(n, basis);
         level_sums(bake, GSGI_FINE, bake->info.sharpness, x, n, basis, fine);

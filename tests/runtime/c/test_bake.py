@@ -31,6 +31,7 @@ from gsgi.runtime.file import codec
 from gsgi.runtime.gaussians import Bake, SurfaceBlend
 from gsgi.runtime.gl import gaussian_textures
 from gsgi.runtime.rebase import local_bake, origin_of_bake
+from gsgi.runtime.sampling import sample
 
 FILES = {
     **{name: stored(name) for name in STORED},
@@ -247,8 +248,9 @@ def test_light_at_points_is_the_oracles(library, degree, sloped, sampling):
     decoded, bake = codec.decode(data), library.opened(data, sampling)
     position, normal = points(500)
     _, expected = oracle.read_surface(decoded.gaussians, decoded.coarse, decoded.blend, position, normal)
-    found = library.sample(bake, position, normal)
+    found = library.sample(bake, position, 3 * normal)
     np.testing.assert_allclose(found, expected, rtol=2e-4, atol=2e-5)
+    np.testing.assert_allclose(found, sample(decoded, position, 3 * normal), rtol=1e-5, atol=1e-6)
     assert (expected > 0.01).mean() > 0.2
     library.close(bake)
 
@@ -266,9 +268,9 @@ def test_the_grid_leaves_no_gaussian_out(library):
 
 def test_points_that_are_no_numbers_have_no_light(library):
     bake = library.opened(codec.encode(readable_bake()), sampling=True)
-    position, normal = points(4)
+    position, normal = points(6)
     position[0, 1], position[1, 2], position[2, 0] = np.nan, np.inf, 3e38
-    normal[3] = np.nan
+    normal[3], normal[4], normal[5] = np.nan, 0, [0, np.inf, 0]
     np.testing.assert_array_equal(library.sample(bake, position, normal), 0)
     library.close(bake)
 
