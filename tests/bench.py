@@ -7,6 +7,7 @@ import platform
 import subprocess
 from pathlib import Path
 
+from benches.c_library import c_library
 from benches.dial import dial
 from benches.fit import fit
 from benches.frame_costs import frame_costs, frame_passes
@@ -32,7 +33,7 @@ from gsgi.runtime.atomic import check_writable, write_atomic
 
 FRAMES = frame_costs, frame_passes
 LOOKUP = lookup_lists, lookup_passes, lookup_points
-PASSES = splats, order, host_state, *LOOKUP
+PASSES = splats, order, host_state, c_library, *LOOKUP
 OPERATOR = operator_bakes, operator_equal, operator_scales, operator_motion, operator_sphere, operator_pictures
 BENCHES = {
     bench.__name__: bench
