@@ -16,8 +16,8 @@
  * Space is glTF's: right-handed, +Y up, metres; the camera looks down -Z. Matrices are for column vectors and lie
  * column by column, as OpenGL takes them.
  *
- * Options. Every struct begins with struct_size. Zero-initialise it and set struct_size to its size: zeros are the
- * defaults, and a program keeps working with later versions of the library, whose structs only grow at their ends.
+ * Structs that functions take begin with struct_size. Zero-initialise them and set struct_size to their size: zeros are
+ * the defaults, and a program keeps working with later versions of the library, whose structs only grow at their ends.
  *
  * Errors. Functions that can fail return a gsgi_result, and leave what they were to change as it was. The log callback
  * gets one line that names the argument or the place in the file. Wrong handles are not looked for; NULL is harmless
@@ -69,9 +69,9 @@ typedef enum gsgi_result {
     GSGI_CONTEXT_LOST      /* after gsgi_context_forget */
 } gsgi_result;
 
-typedef enum gsgi_severity { GSGI_ERROR = 0, GSGI_WARNING, GSGI_INFORMATION } gsgi_severity;
+typedef enum gsgi_severity { GSGI_ERROR = 0, GSGI_WARNING } gsgi_severity;
 
-/* Where memory comes from and messages go. NULL: malloc, free, no messages. */
+/* Where memory comes from and messages go. NULL: malloc, free, no messages. An arena has `allocate` alone. */
 typedef struct gsgi_callbacks {
     void* (*allocate)(size_t size, void* user);                           /* aligned as malloc aligns */
     void (*release)(void* memory, void* user);                            /* `memory` is not NULL */
@@ -162,8 +162,8 @@ GSGI_API gsgi_result gsgi_bake_texels(const gsgi_bake* bake, gsgi_level level, g
 /* B at `count` surface points: moving objects, particles, probes, exporters. `surface` files only; others are
  * GSGI_UNSUPPORTED. It is the light that gsgi_light_draw puts into a pixel that shows the point.
  *
- * positions: 3 * count, world space, m. normals: 3 * count, world space, of any length. light: 3 * count, written; 0 where
- * no Gaussian reaches, where a number is not finite, and where a normal is 0. */
+ * positions: 3 * count, world space, m. normals: 3 * count, world space, of any length. light: 3 * count, written; 0
+ * where no Gaussian reaches, where a number is not finite, and where a normal is 0. */
 GSGI_API gsgi_result gsgi_bake_sample(const gsgi_bake* bake, size_t count, const float* positions, const float* normals,
                                       float* light);
 
@@ -275,10 +275,10 @@ GSGI_API gsgi_result gsgi_light_cull(gsgi_light* light, const gsgi_view* view);
 /* Draw B for the view of the last cull, from the names of the host's depth and normal textures, which are 2D, single
  * sample and of one size (`over` reads neither). `indirect`, if not NULL, gets the name of the library's texture:
  * RGBA16F (RGBA32F for `over`), as large as the viewport, its rows in the order of the host's; valid until the next
- * draw, reset or destroy.
+ * draw, reset or destroy. Its alpha is 1 with `surface`, and 1 - transmittance with `over`.
  *
  * Where OpenGL can tell the textures' formats (3.3, ES 3.1), those that cannot be what the light's options say are
- * GSGI_INVALID_ARGUMENT. They are checked when another texture is given. */
+ * GSGI_INVALID_ARGUMENT. They are checked when another texture or viewport is given. */
 GSGI_API gsgi_result gsgi_light_draw(gsgi_light* light, uint32_t depth, uint32_t normal, uint32_t* indirect);
 
 /* Add albedo * B of the last draw to GL_COLOR_ATTACHMENT0 of `framebuffer` (to the back buffer of framebuffer 0), in

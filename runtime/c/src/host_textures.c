@@ -1,8 +1,6 @@
 /* Checks of what a host hands over: what cannot be read rightly is an error, not plausible wrong light. */
 #include "light.h"
 
-#include <string.h>
-
 #define DEPTH_BITS_MIN 16
 
 typedef enum kind { KIND_INTEGER, KIND_FLOAT, KIND_UNSIGNED, KIND_SIGNED, KIND_DEPTH } kind;
@@ -86,13 +84,10 @@ static gsgi_result check_normal(const gsgi_light* light, const format* normal) {
 
 gsgi_result gsgi__check_surfaces(gsgi_light* light, GLuint depth_name, GLuint normal_name) {
     const gsgi__camera* c = &light->camera;
-    const int32_t viewport[4] = {c->x, c->y, c->width, c->height};
     gsgi__checked* checked = &light->checked;
     format depth, normal;
     gsgi_result result;
-    if (depth_name == checked->depth && normal_name == checked->normal && depth_name && normal_name &&
-        memcmp(viewport, checked->viewport, sizeof viewport) == 0)
-        return GSGI_OK;
+    if (depth_name && depth_name == checked->depth && normal_name && normal_name == checked->normal) return GSGI_OK;
     if (!light->context->gl.texture_levels) {
         if (depth_name && normal_name) return GSGI_OK;
         return refuse(light, depth_name ? "normal" : "depth", "0 is no texture");
@@ -107,7 +102,6 @@ gsgi_result gsgi__check_surfaces(gsgi_light* light, GLuint depth_name, GLuint no
         return refuse(light, "viewport", "it does not lie within the textures");
     checked->depth = depth_name;
     checked->normal = normal_name;
-    memcpy(checked->viewport, viewport, sizeof viewport);
     return GSGI_OK;
 }
 
@@ -132,7 +126,7 @@ gsgi_result gsgi__check_addition(gsgi_light* light, GLuint framebuffer, GLuint a
     gsgi__checked* checked = &light->checked;
     format albedo;
     gsgi_result result;
-    if (framebuffer == checked->framebuffer && albedo_name == checked->albedo && albedo_name) return GSGI_OK;
+    if (albedo_name && albedo_name == checked->albedo && framebuffer == checked->framebuffer) return GSGI_OK;
     if (albedo_name == 0) return refuse(light, "albedo", "0 is no texture");
     if (light->context->gl.texture_levels) {
         if ((result = read_format(light, "albedo", albedo_name, &albedo))) return result;

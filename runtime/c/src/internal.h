@@ -46,8 +46,8 @@ typedef struct gsgi__level {
 
 /* A grid of the Gaussians that reach into each cell; see sample.c. */
 typedef struct gsgi__grid {
-    struct gsgi__kernel* kernels; /* one per Gaussian */
-    uint32_t* begin;              /* of each cell's part of `index`; one more marks the end. NULL: all in one cell */
+    struct gsgi__kernel* kernels; /* one per Gaussian; NULL: there is no grid */
+    uint32_t* begin;              /* of each cell's part of `index`; one more marks the end */
     uint32_t* index;
     double low[3], high[3], per_cell[3]; /* m, relative to the bake's origin; cells per m */
     int32_t cells[3];

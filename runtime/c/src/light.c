@@ -144,9 +144,15 @@ static void drain_errors(const gsgi_context* context) {
     }
 }
 
+/* Whether OpenGL had the memory for what was just made. */
 static gsgi_result check_memory(const gsgi_context* context) {
-    if (context->gl.GetError() != GL_OUT_OF_MEMORY) return GSGI_OK;
-    return gsgi__fail(&context->callbacks, GSGI_OUT_OF_MEMORY, "context: OpenGL has no memory");
+    bool enough = true;
+    for (int i = 0; i < 16; ++i) {
+        GLenum error = context->gl.GetError();
+        if (error == GL_NO_ERROR) break;
+        if (error == GL_OUT_OF_MEMORY) enough = false;
+    }
+    return enough ? GSGI_OK : gsgi__fail(&context->callbacks, GSGI_OUT_OF_MEMORY, "context: OpenGL has no memory");
 }
 
 /* ---- Lights ---- */
@@ -205,7 +211,7 @@ static gsgi_result create_on_gpu(gsgi_light* light, const gsgi_bake* bake) {
                                       gsgi__shader_lib_fullscreen_vert, gsgi__shader_surface_add_light_frag, defines,
                                       &light->add_light);
     }
-    return result ? result : check_memory(context);
+    return result;
 }
 
 gsgi_result gsgi_light_create(gsgi_context* context, const gsgi_bake* bake, const gsgi_light_options* given,
@@ -233,6 +239,8 @@ gsgi_result gsgi_light_create(gsgi_context* context, const gsgi_bake* bake, cons
         drain_errors(context);
         gsgi__state_begin(&context->gl, context->state, &host);
         result = create_on_gpu(light, bake);
+        gsgi_result memory = check_memory(context);
+        if (!result) result = memory;
         gsgi__state_end(&context->gl, context->state, &host);
     }
     if (result) {
@@ -275,6 +283,9 @@ gsgi_result gsgi_light_cull(gsgi_light* light, const gsgi_view* given) {
                           "view: struct_size is not that of any version of this library");
     gsgi_result result = gsgi__camera_of_view(&view, &light->options, light->origin, callbacks, &camera);
     if (result) return result;
+    if (memcmp(view.viewport, light->viewport, sizeof view.viewport) != 0)
+        memset(&light->checked, 0, sizeof light->checked);
+    memcpy(light->viewport, view.viewport, sizeof view.viewport);
     light->camera = camera;
     light->has_view = true;
     light->has_drawn = false;
@@ -286,10 +297,19 @@ gsgi_result gsgi_light_cull(gsgi_light* light, const gsgi_view* given) {
     return GSGI_OK;
 }
 
-/* Release the targets if the size of the view has changed. */
-static void keep_targets_of_size(gsgi_light* light) {
+/* Make the targets anew if the size of the view has changed. */
+static gsgi_result prepare_targets(gsgi_light* light) {
+    const gsgi_context* context = light->context;
     const gsgi__targets* targets = &light->targets;
-    if (targets->width != light->camera.width || targets->height != light->camera.height) gsgi__targets_release(light);
+    if (targets->width == light->camera.width && targets->height == light->camera.height) return GSGI_OK;
+    gsgi__targets_release(light);
+    drain_errors(context);
+    gsgi_result result =
+        light->info.blend == GSGI_SURFACE ? gsgi__surface_create_targets(light) : gsgi__over_create_targets(light);
+    gsgi_result memory = check_memory(context);
+    if (!result) result = memory;
+    if (result) gsgi__targets_release(light);
+    return result;
 }
 
 gsgi_result gsgi_light_draw(gsgi_light* light, uint32_t depth, uint32_t normal, uint32_t* indirect) {
@@ -301,13 +321,11 @@ gsgi_result gsgi_light_draw(gsgi_light* light, uint32_t depth, uint32_t normal, 
     if (!light->has_view) return gsgi__fail(&context->callbacks, GSGI_NOTHING_CULLED, "light: cull first");
     light->has_drawn = false;
     gsgi__state_begin(gl, context->state, &host);
-    keep_targets_of_size(light);
-    if (light->info.blend == GSGI_SURFACE) {
-        result = gsgi__check_surfaces(light, depth, normal);
-        if (!result) result = gsgi__surface_draw(light, depth, normal);
-    } else {
-        result = gsgi__over_draw(light);
-    }
+    const bool surface = light->info.blend == GSGI_SURFACE;
+    if (surface) result = gsgi__check_surfaces(light, depth, normal);
+    if (!result) result = prepare_targets(light);
+    if (!result && surface) gsgi__surface_draw(light, depth, normal);
+    if (!result && !surface) gsgi__over_draw(light);
     gsgi__state_end(gl, context->state, &host);
     if (result) return result;
     light->has_drawn = true;

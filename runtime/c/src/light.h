@@ -28,10 +28,9 @@ typedef struct gsgi__targets {
     GLuint points, gap, fine_sums, coarse_sums, filled_sums, resolved; /* framebuffers */
 } gsgi__targets;
 
-/* Names that passed the checks; other names are looked at again. */
+/* Names that passed the checks for this viewport; others are looked at. 0: none did. */
 typedef struct gsgi__checked {
     GLuint depth, normal, framebuffer, albedo;
-    int32_t viewport[4];
 } gsgi__checked;
 
 struct gsgi_light {
@@ -46,6 +45,7 @@ struct gsgi_light {
     gsgi__program points, gap, fill, resolve, add_light;
     gsgi__targets targets;
     gsgi__checked checked;
+    int32_t viewport[4]; /* of the last cull */
 };
 
 /* ---- light.c ---- */
@@ -65,10 +65,13 @@ void gsgi__clear_color(const gsgi__gl* gl, GLuint framebuffer);
 
 /* ---- surface.c, over.c ---- */
 
+/* The passes; the targets for the size of the view; a frame. */
 gsgi_result gsgi__surface_create(gsgi_light* light);
-gsgi_result gsgi__surface_draw(gsgi_light* light, GLuint depth, GLuint normal);
+gsgi_result gsgi__surface_create_targets(gsgi_light* light);
+void gsgi__surface_draw(const gsgi_light* light, GLuint depth, GLuint normal);
 gsgi_result gsgi__over_create(gsgi_light* light);
-gsgi_result gsgi__over_draw(gsgi_light* light);
+gsgi_result gsgi__over_create_targets(gsgi_light* light);
+void gsgi__over_draw(const gsgi_light* light);
 
 /* ---- host_textures.c ---- */
 

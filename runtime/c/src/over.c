@@ -23,7 +23,7 @@ gsgi_result gsgi__over_create(gsgi_light* light) {
     return GSGI_OK;
 }
 
-static gsgi_result create_targets(gsgi_light* light) {
+gsgi_result gsgi__over_create_targets(gsgi_light* light) {
     gsgi__targets* t = &light->targets;
     t->width = light->camera.width;
     t->height = light->camera.height;
@@ -31,20 +31,13 @@ static gsgi_result create_targets(gsgi_light* light) {
     return gsgi__target(light, t->indirect, 0, 0, &t->resolved);
 }
 
-gsgi_result gsgi__over_draw(gsgi_light* light) {
+void gsgi__over_draw(const gsgi_light* light) {
     const gsgi_context* context = light->context;
     const gsgi__gl* gl = &context->gl;
     const gsgi__camera* c = &light->camera;
     const gsgi__program* program = &light->levels[GSGI_FINE].program;
-    if (light->targets.width == 0) {
-        gsgi_result result = create_targets(light);
-        if (result) {
-            gsgi__targets_release(light);
-            return result;
-        }
-    }
     gsgi__clear_color(gl, light->targets.resolved);
-    if (light->culled[GSGI_FINE].visible == 0) return GSGI_OK;
+    if (light->culled[GSGI_FINE].visible == 0) return;
     gsgi__blend(gl, true, GL_ONE, GL_ONE_MINUS_SRC_ALPHA);
     gsgi__viewport(gl, 0, 0, c->width, c->height);
     gsgi__use_sampler(context);
@@ -56,5 +49,4 @@ gsgi_result gsgi__over_draw(gsgi_light* light) {
     gl->Uniform2f(program->at[U_CENTRE], (float)c->cx, (float)c->cy);
     gl->Uniform2f(program->at[U_SIZE], (float)c->width, (float)c->height);
     gsgi__draw_gaussians(light, GSGI_FINE, QUAD_CORNERS);
-    return GSGI_OK;
 }

@@ -45,7 +45,10 @@ static void half_extent(const float* shape, float radius, double extent[3]) {
     gsgi__axes(shape + 4, axes);
     for (int k = 0; k < 3; ++k) {
         double squares = 0.0;
-        for (int j = 0; j < 3; ++j) squares += pow((double)axes[j][k] * shape[8 + j], 2.0);
+        for (int j = 0; j < 3; ++j) {
+            const double part = (double)axes[j][k] * shape[8 + j];
+            squares += part * part;
+        }
         extent[k] = 1.00001 * radius * sqrt(squares) + 1e-6 * fabs((double)shape[k]);
     }
 }

@@ -87,7 +87,7 @@ gsgi_result gsgi__surface_create(gsgi_light* light) {
 
 /* Sums are whole floats: halves have 11 significant bits, so that after 2,048 Gaussians of the same weight each further
  * one would be lost. */
-static gsgi_result create_targets(gsgi_light* light) {
+gsgi_result gsgi__surface_create_targets(gsgi_light* light) {
     const gsgi__gl* gl = &light->context->gl;
     const int32_t scale = light->options.splat_scale, width = light->camera.width, height = light->camera.height;
     const int32_t read_width = (width + scale - 1) / scale, read_height = (height + scale - 1) / scale;
@@ -205,19 +205,11 @@ static void draw_passes(const gsgi_light* light, GLuint depth, GLuint normal) {
     gsgi__draw_triangle(context, &light->resolve);
 }
 
-gsgi_result gsgi__surface_draw(gsgi_light* light, GLuint depth, GLuint normal) {
+void gsgi__surface_draw(const gsgi_light* light, GLuint depth, GLuint normal) {
     const gsgi__gl* gl = &light->context->gl;
-    if (light->targets.width == 0) {
-        gsgi_result result = create_targets(light);
-        if (result) {
-            gsgi__targets_release(light);
-            return result;
-        }
-    }
     gsgi__readable depth_read = gsgi__make_readable(gl, depth), normal_read = gsgi__make_readable(gl, normal);
     gsgi__use_sampler(light->context);
     draw_passes(light, depth, normal);
     gsgi__unmake_readable(gl, &normal_read); /* the reverse order: they may be the same texture */
     gsgi__unmake_readable(gl, &depth_read);
-    return GSGI_OK;
 }

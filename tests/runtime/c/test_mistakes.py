@@ -6,6 +6,7 @@ import re
 import numpy as np
 import pytest
 from c_library import (
+    DRIVER_ERROR,
     GET_PROC_ADDRESS,
     INVALID_ARGUMENT,
     OK,
@@ -15,7 +16,7 @@ from c_library import (
     LightOptions,
     Messages,
 )
-from c_light import SURFACE, WHOLE, drawn
+from c_light import OVER, SURFACE, WHOLE, drawn
 from host import CAMERA, SIZE, projection, projection_for
 
 from gsgi.runtime.gl.host_textures import Encoding
@@ -103,6 +104,26 @@ def test_an_addition_that_cannot_be_right_is_named(gl, context, host, message, h
     target = gl.framebuffer([gl.texture(SIZE, 4, dtype="f2"), made["attached"]])
     assert light.add(target.glo, made[how].glo) == INVALID_ARGUMENT
     assert context.messages[-1].startswith(message)
+    light.destroy()
+
+
+def test_another_viewport_is_checked_again(gl, context, host):
+    light, textures = Light(context, SURFACE, Encoding()), host.textures(gl, Encoding())
+    drawn(gl, light, textures)
+    assert light.cull(CAMERA.view_from_world, projection(), (8, 0, *SIZE)) == OK
+    assert light.draw(*(made.glo for made in textures))[0] == INVALID_ARGUMENT
+    assert context.messages[-1].startswith("viewport: ")
+    light.destroy()
+
+
+def test_a_viewport_that_no_driver_has_is_an_error_and_leaves_none(gl, context):
+    light = Light(context, OVER, Encoding())
+    gl.error  # noqa: B018
+    assert light.cull(CAMERA.view_from_world, projection(), (0, 0, 1 << 20, 1)) == OK
+    assert light.draw(0, 0)[0] == DRIVER_ERROR
+    assert context.messages[-1].startswith("viewport: ")
+    assert gl.error == "GL_NO_ERROR"
+    assert light.stats().target_bytes == 0
     light.destroy()
 
 
