@@ -15,10 +15,10 @@ WHOLE = (0, 0, *SIZE)
 
 
 def of_python(gl, data, textures, view, clip, viewport=WHOLE, encoding=OURS, splat_scale=2, **how) -> np.ndarray:
-    """What IndirectLight draws: (H, W, 4) halves as integers."""
+    """What IndirectLight draws: (H, W, 4) float32, as integers."""
     light = IndirectLight(gl, codec.decode(data), encoding, splat_scale, **how)
     made = light.draw(*textures, np.float32(view), np.float32(clip), viewport)
-    found = halves(made.glo, gl, made.size)
+    found = texels(made.glo, gl, made.size)
     light.release()
     return found
 
@@ -31,15 +31,16 @@ def of_c(gl, context, data, textures, view, clip, viewport=WHOLE, encoding=OURS,
     assert light.cull(view, clip, viewport) == OK, context.messages
     result, name = light.draw(*(made.glo for made in textures))
     assert result == OK, context.messages
-    found = halves(name, gl, viewport[2:])
+    found = texels(name, gl, viewport[2:])
     light.destroy()
     assert (gl.error, context.messages) == ("GL_NO_ERROR", [])
     return found
 
 
-def halves(name: int, gl, size) -> np.ndarray:
-    made = gl.external_texture(name, tuple(size), 4, 0, "f2")
-    return np.frombuffer(made.read(), np.uint16).reshape(size[1], size[0], 4)
+def texels(name: int, gl, size) -> np.ndarray:
+    """A texture of halves or floats: (H, W, 4) float32, as integers."""
+    made = gl.external_texture(name, tuple(size), 4, 0, "f4")
+    return np.frombuffer(made.read(), np.uint32).reshape(size[1], size[0], 4)
 
 
 def check_same(gl, context, *arguments, **how) -> None:
@@ -49,12 +50,12 @@ def check_same(gl, context, *arguments, **how) -> None:
     if "llvmpipe" in gl.info["GL_RENDERER"]:
         np.testing.assert_array_equal(found, expected)
     else:
-        np.testing.assert_allclose(found.view(np.float16), expected.view(np.float16), atol=2**-9, rtol=2**-9)
+        np.testing.assert_allclose(found.view(np.float32), expected.view(np.float32), atol=2**-9, rtol=2**-9)
 
 
 def drawn(gl, light: Light, textures, clip=None) -> np.ndarray:
-    """What the light draws of a whole host: (H, W, 4) halves as integers."""
+    """What the light draws of a whole host: (H, W, 4) float32, as integers."""
     assert light.cull(CAMERA.view_from_world, projection() if clip is None else clip, WHOLE) == OK
     result, name = light.draw(*(made.glo for made in textures))
     assert result == OK, light.context.messages
-    return halves(name, gl, SIZE)
+    return texels(name, gl, SIZE)

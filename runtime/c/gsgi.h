@@ -290,8 +290,8 @@ typedef struct gsgi_stats {
     size_t struct_size;
     uint32_t drawn[2];     /* Gaussians of the last cull, by gsgi_level */
     size_t gaussian_bytes; /* on the GPU */
-    size_t target_bytes;   /* on the GPU, for the size of the last draw: 8 bytes per pixel of the viewport and, with
-                              `surface`, 52 per reading (68 with a coarse level), 16 more from splat_scale 2 on */
+    size_t target_bytes;   /* on the GPU, for the size of the last draw. `over`: 16 bytes per pixel of the viewport.
+                              `surface`: 8, and 52 per reading (68 with a coarse level), 16 more from splat_scale 2 on */
 } gsgi_stats;
 
 /* Fill `stats`, whose struct_size is set. */

@@ -25,6 +25,11 @@ void gsgi__axes(const float* q, float axes[3][3]) {
 
 static float clamped(float x, float low, float high) { return x < low ? low : x > high ? high : x; }
 
+/* Standard deviation along an axis, m, as the operator reads it. */
+static float scale_of(const float* shape, int axis) {
+    return clamped(shape[8 + axis], (float)SCALE_MIN, (float)SCALE_MAX);
+}
+
 static gsgi__kernel kernel_of(const float* shape) {
     gsgi__kernel kernel;
     float axes[3][3];
@@ -32,8 +37,7 @@ static gsgi__kernel kernel_of(const float* shape) {
     memcpy(kernel.center, shape, sizeof kernel.center);
     kernel.opacity = shape[3];
     for (int j = 0; j < 3; ++j)
-        for (int k = 0; k < 3; ++k)
-            kernel.whiten[j][k] = axes[j][k] / clamped(shape[8 + j], (float)SCALE_MIN, (float)SCALE_MAX);
+        for (int k = 0; k < 3; ++k) kernel.whiten[j][k] = axes[j][k] / scale_of(shape, j);
     return kernel;
 }
 
@@ -46,7 +50,7 @@ static void half_extent(const float* shape, float radius, double extent[3]) {
     for (int k = 0; k < 3; ++k) {
         double squares = 0.0;
         for (int j = 0; j < 3; ++j) {
-            const double part = (double)axes[j][k] * shape[8 + j];
+            const double part = (double)axes[j][k] * scale_of(shape, j);
             squares += part * part;
         }
         extent[k] = 1.00001 * radius * sqrt(squares) + 1e-6 * fabs((double)shape[k]);

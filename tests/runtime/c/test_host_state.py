@@ -6,7 +6,7 @@ import moderngl
 import numpy as np
 import pytest
 from c_library import DEFAULTS, OK, RESTORE, Context, Light
-from c_light import OVER, SURFACE, WHOLE, drawn, of_python
+from c_light import OVER, SURFACE, WHOLE, drawn, of_python, texels
 from host import CAMERA, OLD, SET, SIZE, Host, call, projection, rasterised, texture
 
 from gsgi.runtime.gl.gl_state import HostState
@@ -115,17 +115,16 @@ def test_whatever_a_host_has_set_the_light_is_the_same(fresh_gl, library, data, 
     if state == RESTORE:
         assert dump.changed() == set()
     found = read_back(gl, name, part[2:])
-    added = read_back(gl, colour.glo, SIZE, "f4")
+    added = read_back(gl, colour.glo, SIZE)
     light.destroy()
     context.destroy()
     if state == RESTORE:
         assert dump.changed() == set()
     assert context.messages == []
-    np.testing.assert_array_equal(found.view(np.uint16), expected)
+    np.testing.assert_array_equal(found.view(np.uint32), expected)
     lit = np.zeros_like(added[..., :3])
-    lit[2:62, 4:84] = expected.view(np.float16)[..., :3]
-    # `over` is drawn in floats, of which `expected` has the halves.
-    np.testing.assert_allclose(added[..., :3], lit, rtol=2**-10 if data is OVER else 0, atol=0)
+    lit[2:62, 4:84] = expected.view(np.float32)[..., :3]
+    np.testing.assert_array_equal(added[..., :3], lit)
 
 
 def attach_stencil(gl, target) -> None:
@@ -140,12 +139,10 @@ def attach_stencil(gl, target) -> None:
         call(gl, function, *arguments)
 
 
-def read_back(gl, name: int, size, dtype: str = "f2") -> np.ndarray:
-    """The texture (H, W, 4), in whatever state `gl` is."""
-    state = HostState(gl)
-    with state.kept():
-        made = gl.external_texture(name, tuple(size), 4, 0, dtype)
-        return np.frombuffer(made.read(), f"<{dtype}").reshape(size[1], size[0], 4)
+def read_back(gl, name: int, size) -> np.ndarray:
+    """The texture (H, W, 4) float32, in whatever state `gl` is."""
+    with HostState(gl).kept():
+        return texels(name, gl, size).view(np.float32)
 
 
 def test_without_restoring_it_leaves_the_defaults(fresh_gl, library):
@@ -185,7 +182,7 @@ def test_state_of_the_compatibility_profile_changes_no_light_and_is_kept(old_gl,
     result, made = light.draw(*(texture_.glo for texture_ in textures))
     assert result == OK
     assert dump.changed() == set()
-    np.testing.assert_array_equal(read_back(gl, made, SIZE).view(np.uint16), expected)
+    np.testing.assert_array_equal(read_back(gl, made, SIZE).view(np.uint32), expected)
     light.destroy()
     context.destroy()
 
