@@ -124,11 +124,11 @@ class _Level:
             first = np.flatnonzero(np.diff(point, prepend=-1))
             sums[point[first]] = np.add.reduceat(rows, first, axis=0)
         coefficients = sums[:, :-1].reshape(len(index), -1, 3)
-        light = np.einsum("mk,mkc->mc", _basis(normals, coefficients.shape[1]), coefficients)
+        light = np.einsum("mk,mkc->mc", sh_basis(normals, coefficients.shape[1]), coefficients)
         return np.concatenate([light, sums[:, -1:]], axis=1)
 
 
-def _basis(direction: np.ndarray, count: int) -> np.ndarray:
+def sh_basis(direction: np.ndarray, count: int) -> np.ndarray:
     """Values (N, count) of the SH basis in unit directions (N, 3), as lib/sh.glsl has it."""
     x, y, z = direction.T
     functions = [

@@ -3,7 +3,21 @@
 Importing them loads nothing heavy, because `run` does the heavy imports.
 """
 
-from . import bake, cache, compare, doctor, inspect, plan, recommend, reference, render, tradeoff, validate, view
+from . import (
+    bake,
+    cache,
+    compare,
+    doctor,
+    export,
+    inspect,
+    plan,
+    recommend,
+    reference,
+    render,
+    tradeoff,
+    validate,
+    view,
+)
 
 # In the order in which `gsgi --help` lists them.
-COMMANDS = (plan, bake, render, view, reference, compare, tradeoff, recommend, inspect, validate, cache, doctor)
+COMMANDS = (plan, bake, render, view, reference, compare, tradeoff, recommend, export, inspect, validate, cache, doctor)
