@@ -1,18 +1,19 @@
-"""A headless OpenGL 4.5 context of the compatibility profile, which moderngl itself does not make."""
+"""Headless contexts that moderngl itself does not make: OpenGL 4.5 of the compatibility profile, OpenGL ES 3."""
 
 import ctypes
 
 import moderngl
 
-_SURFACELESS, _OPENGL_API = 0x31DD, 0x30A2
+_SURFACELESS, _OPENGL_ES_API, _OPENGL_API = 0x31DD, 0x30A0, 0x30A2
 # EGL/egl.h: CONTEXT_MAJOR_VERSION, CONTEXT_MINOR_VERSION, CONTEXT_OPENGL_PROFILE_MASK = compatibility, NONE.
-_ATTRIBUTES = (0x3098, 4, 0x30FB, 5, 0x30FD, 2, 0x3038)
+_COMPATIBILITY = (0x3098, 4, 0x30FB, 5, 0x30FD, 2, 0x3038)
+_ES = (0x3098, 3, 0x30FB, 0, 0x3038)
 
 
 class _Egl:
     """In the form that `moderngl.create_context(context=...)` accepts."""
 
-    def __init__(self):
+    def __init__(self, api: int, attributes: tuple[int, ...]):
         self.library = ctypes.CDLL("libEGL.so.1")
         pointer, integer = ctypes.c_void_p, ctypes.c_int
         for function, result, arguments in (
@@ -28,11 +29,12 @@ class _Egl:
             getattr(self.library, function).argtypes = arguments
         self.display = self.library.eglGetPlatformDisplay(_SURFACELESS, None, None)
         self.library.eglInitialize(self.display, None, None)
+        self.library.eglBindAPI(api)
+        given = (integer * len(attributes))(*attributes)
+        self.handle = self.library.eglCreateContext(self.display, None, None, given)
         self.library.eglBindAPI(_OPENGL_API)
-        attributes = (integer * len(_ATTRIBUTES))(*_ATTRIBUTES)
-        self.handle = self.library.eglCreateContext(self.display, None, None, attributes)
         if not self.handle:
-            raise OSError("EGL has no OpenGL 4.5 compatibility profile")
+            raise OSError("EGL has neither an OpenGL 4.5 compatibility profile nor OpenGL ES 3")
         self.__enter__()
 
     def load_opengl_function(self, name: str) -> int:
@@ -54,4 +56,9 @@ class _Egl:
 
 def create_compatibility_context() -> moderngl.Context:
     """Raises OSError if the driver has no such profile."""
-    return moderngl.create_context(context=_Egl(), require=450)
+    return moderngl.create_context(context=_Egl(_OPENGL_API, _COMPATIBILITY), require=450)
+
+
+def create_es_context() -> moderngl.Context:
+    """moderngl can make textures and framebuffers in it, and no programs. Raises OSError if the driver has no ES."""
+    return moderngl.create_context(context=_Egl(_OPENGL_ES_API, _ES), require=300)

@@ -4,7 +4,7 @@ import subprocess
 import sys
 
 import pytest
-from compatibility import create_compatibility_context
+from compatibility import create_compatibility_context, create_es_context
 
 from gsgi.runtime.errors import UnsupportedError
 from gsgi.runtime.gl.context import create_context
@@ -72,6 +72,18 @@ def current_again(gl):
 def fresh_gl(gl):
     """A context whose state may stay as it is."""
     made = create_context()
+    yield made
+    made.release()
+    gl.__enter__()
+
+
+@pytest.fixture
+def es_gl(gl):
+    """A fresh context of OpenGL ES."""
+    try:
+        made = create_es_context()
+    except OSError as error:
+        pytest.skip(str(error))
     yield made
     made.release()
     gl.__enter__()

@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-typedef enum where { ANYWHERE, DESKTOP, COMPATIBILITY, ES, SINCE_ES_310 } where;
+typedef enum where { ANYWHERE, DESKTOP, COMPATIBILITY, SINCE_ES_310 } where;
 
 /* Switches that would change what the passes draw. All are off in them. */
 static const struct {
@@ -16,7 +16,6 @@ static const struct {
                 {GL_SAMPLE_ALPHA_TO_COVERAGE, ANYWHERE},
                 {GL_SAMPLE_COVERAGE, ANYWHERE},
                 {GL_RASTERIZER_DISCARD, ANYWHERE},
-                {GL_PRIMITIVE_RESTART_FIXED_INDEX, ES},
                 {GL_SAMPLE_MASK, SINCE_ES_310},
                 {GL_COLOR_LOGIC_OP, DESKTOP},
                 {GL_POLYGON_SMOOTH, DESKTOP},
@@ -48,8 +47,6 @@ static bool has(const gsgi__gl* gl, where where) {
             return !gl->es;
         case COMPATIBILITY:
             return gl->compatible;
-        case ES:
-            return gl->es;
         case SINCE_ES_310:
             return !gl->es || gl->version >= 310;
     }

@@ -1,0 +1,82 @@
+"""The C library in OpenGL ES: the pixels of OpenGL, and the host's state as it was."""
+
+import ctypes
+
+import numpy as np
+import pytest
+from c_library import OK, Context, Light
+from c_light import OVER, SURFACE, of_python
+from gl_dump import Dump
+from host import CAMERA, SIZE, call, projection, texture
+
+from gsgi.runtime.gl.host_textures import Encoding
+
+# What a host may have set that would change the light.
+HOSTILE = [
+    ("Enable", 0x0B44), ("CullFace", 0x0408), ("Enable", 0x0B71), ("DepthFunc", 0x0200), ("DepthMask", 0),
+    ("DepthRangef", 0.9, 1.0), ("Enable", 0x0B90), ("StencilFunc", 0x0200, 0, 0), ("Enable", 0x0BE2),
+    ("BlendFuncSeparate", 0x0306, 0x0300, 0x0306, 0x0300), ("BlendEquationSeparate", 0x8007, 0x8008),
+    ("ColorMask", 0, 1, 0, 1), ("Enable", 0x0C11), ("Scissor", 1, 2, 3, 4), ("Viewport", 3, 4, 5, 6),
+    ("Enable", 0x8037), ("PolygonOffset", 9.0, 9.0), ("Enable", 0x809E), ("Enable", 0x80A0),
+    ("SampleCoverage", 0.25, 1), ("Enable", 0x8C89), ("PixelStorei", 0x0CF5, 8),
+    ("PixelStorei", 0x0CF2, 7), ("PixelStorei", 0x0CF3, 1), ("PixelStorei", 0x0CF4, 2), ("ActiveTexture", 0x84C2),
+]  # fmt: skip
+
+
+@pytest.fixture
+def drawn_in_opengl(gl, host):
+    """What IndirectLight draws of a part of the host, by the bytes of the file."""
+    part = (4, 2, 80, 60)
+    how = host.textures(gl, Encoding()), CAMERA.view_from_world, projection(part=part), part
+    return part, {data: of_python(gl, data, *how) for data in (SURFACE, OVER)}
+
+
+@pytest.mark.parametrize("data", [SURFACE, OVER], ids=["surface", "over"])
+def test_opengl_es_draws_the_same_and_finds_its_state(drawn_in_opengl, host, es_gl, library, data):
+    gl, (part, expected) = es_gl, drawn_in_opengl
+    depth, normal = host.textures(gl, Encoding())
+    albedo, colour = (texture(gl, np.full((SIZE[1], SIZE[0], 4), value)) for value in (1.0, 0.0))
+    target = gl.framebuffer(colour)
+    small = gl.framebuffer(gl.texture((9, 7), 4), gl.depth_renderbuffer((9, 7)))
+    unpacked, bound, sampler = gl.buffer(reserve=16), gl.texture((3, 3), 4), gl.sampler(compare_func="<=")
+    for unit in range(6):
+        bound.use(unit)
+        sampler.use(unit)
+    for name, *arguments in (
+        ("BindBuffer", 0x88EC, unpacked.glo), ("BindBuffer", 0x8892, unpacked.glo),
+        ("BindFramebuffer", 0x8D40, small.glo), *HOSTILE,
+    ):  # fmt: skip
+        call(gl, name, *arguments)
+    dump = Dump(gl)
+    assert len(dump) > 150
+
+    context = Context(library, gl)
+    light = Light(context, data, Encoding())
+    assert light.result == OK, context.messages
+    assert dump.changed() == set()
+    assert light.cull(CAMERA.view_from_world, projection(part=part), part) == OK
+    result, name = light.draw(depth.glo, normal.glo)
+    assert result == OK, context.messages
+    assert dump.changed() == set()
+    assert light.add(target.glo, albedo.glo) == OK, context.messages
+    assert dump.changed() == set()
+
+    found = [read_floats(gl, made, size) for made, size in ((name, part[2:]), (colour.glo, SIZE))]
+    np.testing.assert_array_equal(found[0].view(np.uint32), expected[data])
+    lit = np.zeros((SIZE[1], SIZE[0], 3), np.float32)
+    lit[2:62, 4:84] = expected[data].view(np.float32)[..., :3]
+    np.testing.assert_array_equal(found[1][..., :3], lit)
+    light.destroy()
+    context.destroy()
+
+
+def read_floats(gl, name: int, size) -> np.ndarray:
+    """The texture (H, W, 4) float32: OpenGL ES reads framebuffers alone."""
+    target, found = (ctypes.c_uint * 1)(), np.empty((size[1], size[0], 4), np.float32)
+    call(gl, "GenFramebuffers", 1, target)
+    for function, *arguments in (
+        ("BindFramebuffer", 0x8D40, target[0]), ("FramebufferTexture2D", 0x8D40, 0x8CE0, 0x0DE1, name, 0),
+        ("BindBuffer", 0x88EB, 0), ("ReadPixels", 0, 0, *size, 0x1908, 0x1406, found.ctypes.data_as(ctypes.c_void_p)),
+    ):  # fmt: skip
+        call(gl, function, *arguments)
+    return found
