@@ -2,6 +2,10 @@
 #include "pyrender/metallic_roughness.glsl"
 #include "lib/srgb.glsl"
 #include "lib/texture.glsl"
+#if LOOKUP
+#include "pyrender/seen_normal.glsl"
+#include "surface/gsgi_indirect.glsl"
+#endif
 
 #define GAMMA 2.2
 
@@ -54,6 +58,8 @@ uniform vec2 tile_high[LIGHTS];        // 0: no shadows
 #if INDIRECT
 uniform highp sampler2D indirect;
 uniform highp sampler2D surface_depth;
+#endif
+#if INDIRECT || LOOKUP
 uniform float black_metal;  // 1 if metals have no B, else 0
 #endif
 #endif
@@ -138,6 +144,15 @@ vec3 indirect_light() {
     }
     return texelFetch(indirect, best, 0).rgb;
 }
+#elif LOOKUP
+vec3 indirect_light() {
+#if NORMAL
+    vec3 interpolated = v_normal;
+#else
+    vec3 interpolated = vec3(0.0);
+#endif
+    return gsgi_indirect(v_position, seen_normal(v_position - eye, interpolated));
+}
 #endif
 
 vec3 lit_color(vec3 base) {
@@ -156,7 +171,7 @@ vec3 lit_color(vec3 base) {
     Surface surface = Surface(
         base * (1.0 - DIELECTRIC) * (1.0 - metal), mix(vec3(DIELECTRIC), base, metal), rough);
     vec3 color = occlusion * (primary_light(surface, shading_normal(v), v) + base * ambient);
-#if INDIRECT
+#if INDIRECT || LOOKUP
     color += base * (1.0 - black_metal * metal) * indirect_light();
 #endif
     return color + glow * emission;  // pyrender applies the factor twice

@@ -14,6 +14,7 @@ from gsgi.runtime.sampling import check_operator
 
 from .gaussian_textures import DATA_WIDTH, data_texture
 from .gl_state import HostState
+from .permutations import lookup_defines
 from .shader import set_uniforms, source
 
 HEADER_TEXELS = 8  # 2 * LEVEL_TEXELS + 2 of glsl/surface/lookup.glsl
@@ -36,7 +37,7 @@ class IndirectLookup:
 
     def __init__(self, ctx: moderngl.Context, bake: Bake):
         check_operator(bake)
-        self.ctx, self.source = ctx, lookup_source(bake)
+        self.ctx, self.sh_counts, self.source = ctx, sh_counts(bake), lookup_source(bake)
         tables = lookup_tables(bake)
         most = max(map(len, tables)), len(tables[0])
         if most[0] > ctx.info["GL_MAX_TEXTURE_SIZE"] * DATA_WIDTH or most[1] > EXACT:
@@ -48,9 +49,14 @@ class IndirectLookup:
 
     def bind(self, program: moderngl.Program, unit: int = 0) -> None:
         """Bind the three textures to the units from `unit` on, and tell `program`, which contains `source`."""
-        set_uniforms(program, gsgi_gaussians=unit, gsgi_cells=unit + 1, gsgi_lists=unit + 2)
-        for offset, texture in enumerate((self.gaussians, self.cells, self.lists)):
+        set_uniforms(program, **self.use(unit))
+
+    def use(self, unit: int) -> dict[str, int]:
+        """Bind the three textures to the units from `unit` on; return the uniforms that say so."""
+        textures = {"gsgi_gaussians": self.gaussians, "gsgi_cells": self.cells, "gsgi_lists": self.lists}
+        for offset, texture in enumerate(textures.values()):
             texture.use(unit + offset)
+        return {name: unit + offset for offset, name in enumerate(textures)}
 
     def release(self) -> None:
         """Free the GPU memory."""
@@ -60,8 +66,13 @@ class IndirectLookup:
 
 def lookup_source(bake: Bake) -> str:
     """GLSL of the function for a bake: the same for all whose levels have the same SH degrees."""
-    counts = {"FINE_SH_COUNT": bake.gaussians.sh.shape[1], "COARSE_SH_COUNT": bake.coarse.sh.shape[1]}
-    return re.sub(r"(?m)^#line.*\n", "", source("surface/gsgi_indirect.glsl", counts, [], header=""))
+    features = lookup_defines(*sh_counts(bake))
+    return re.sub(r"(?m)^#line.*\n", "", source("surface/gsgi_indirect.glsl", features, [], header=""))
+
+
+def sh_counts(bake: Bake) -> tuple[int, int]:
+    """Numbers of SH coefficients of the fine and of the coarse level."""
+    return bake.gaussians.sh.shape[1], bake.coarse.sh.shape[1]
 
 
 def lookup_tables(bake: Bake) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

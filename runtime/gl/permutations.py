@@ -50,6 +50,7 @@ class Primitive(NamedTuple):
     """A primitive of a pyrender scene.
 
     `slots`: names of the textures that it shows. `lights`, `shadows` and `indirect` say what lights it if it is `lit`.
+    `lookup`: it reads B by itself from a bake whose fine and coarse level have that many SH coefficients.
     """
 
     slots: Collection[str]
@@ -59,6 +60,7 @@ class Primitive(NamedTuple):
     lights: int = 0
     shadows: bool = False
     indirect: bool = False
+    lookup: tuple[int, int] | None = None
 
 
 def sampled(material: Material) -> dict[str, TextureSlot]:
@@ -79,6 +81,11 @@ def face_count(light: Light) -> int:
 
 def _masked(triangles: Triangles) -> bool:
     return triangles.material.alpha_cutoff is not None
+
+
+def lookup_defines(fine: int, coarse: int) -> dict[str, int]:
+    """Defines of surface/gsgi_indirect.glsl for levels with that many SH coefficients."""
+    return {"FINE_SH_COUNT": fine, "COARSE_SH_COUNT": coarse}
 
 
 # Defines that the host's Encoding sets.
@@ -148,6 +155,11 @@ PASSES: dict[str, dict[str, Callable[[Any], int]]] = {
         "LIGHTS": lambda p: p.lights,
         "SHADOWS": lambda p: p.shadows,
         "INDIRECT": lambda p: p.indirect,
+        "LOOKUP": lambda p: p.lookup is not None,
+        **{
+            name: lambda p, name=name: lookup_defines(*p.lookup)[name] if p.lookup else 0
+            for name in lookup_defines(0, 0)
+        },
     },
     "pyrender/silhouette": {},
     "pyrender/visible": {"NORMAL": lambda p: p.normals},  # Primitive

@@ -16,7 +16,7 @@ bake has them black. Other differences:
   a texture that the driver cannot hold, and `gi` with an OrthographicCamera.
 
 As in pyrender, alphaMode MASK cuts no holes, a light's `range` is ignored, and the emissive factor counts twice.
-Indirect light falls on triangles with an alpha of 1, but not on points, lines, wireframes or blended surfaces.
+Indirect light falls on triangles, but not on points, lines or wireframes. Blended ones have none with a bake of `over`.
 
 pyrender itself need not be installed; the extra `gsgi[pyrender]` installs it.
 """

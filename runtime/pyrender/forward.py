@@ -77,8 +77,9 @@ class Forward:
         """Return what lights a primitive, as values for its defines, and the uniforms for it."""
         chosen = lights.nearest(light.placed, item.pose[:3, 3])
         indirect = light.indirect if receives(item.primitive, flags) else None
+        lookup = indirect.lookup if indirect and item.primitive.is_transparent else None
         shadows = [light.shadows[i] for i in chosen]
-        lit = {"lit": True, "lights": len(chosen), "shadows": any(shadows), "indirect": indirect is not None}
+        lit = {"lit": True, "lights": len(chosen), "shadows": any(shadows)}
         uniforms = {"ambient": light.ambient}
         if chosen:
             uniforms |= lights.uniforms([light.placed[i] for i in chosen])
@@ -87,10 +88,15 @@ class Forward:
             each = [shadow or _NO_SHADOW for shadow in shadows]
             uniforms |= {name: [shadow[name] for shadow in each] for name in _NO_SHADOW} | {"shadow_maps": _MAPS_UNIT}
         if indirect:
+            uniforms["black_metal"] = float(indirect.black_metal)
+        if lookup:
+            lit["lookup"] = lookup.sh_counts
+            uniforms |= lookup.use(_LIGHT_UNIT)
+        elif indirect and not item.primitive.is_transparent:
+            lit["indirect"] = True
             indirect.light.use(_LIGHT_UNIT)
             indirect.depth.use(_DEPTH_UNIT)
             uniforms |= {"indirect": _LIGHT_UNIT, "surface_depth": _DEPTH_UNIT}
-            uniforms["black_metal"] = float(indirect.black_metal)
         return lit, uniforms
 
     def _program(self, look: Primitive) -> moderngl.Program:

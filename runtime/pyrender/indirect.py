@@ -2,8 +2,9 @@
 
 import moderngl
 
-from gsgi.runtime.gaussians import Bake, Effects
+from gsgi.runtime.gaussians import Bake, Effects, SurfaceBlend
 from gsgi.runtime.gl.indirect_light import IndirectLight
+from gsgi.runtime.gl.indirect_lookup import IndirectLookup
 from gsgi.runtime.gl.permutations import Primitive, defines
 from gsgi.runtime.gl.shader import program, set_uniforms
 from gsgi.runtime.gl.view import View
@@ -15,9 +16,8 @@ from .uploads import Uploads
 
 
 def receives(primitive, flags: int) -> bool:
-    """Whether a primitive receives indirect light: only solid, opaque triangles do."""
-    solid = primitive.mode in TRIANGLES and not wireframe(primitive.material, flags)
-    return solid and not primitive.is_transparent
+    """Whether a primitive receives indirect light: only filled triangles do."""
+    return primitive.mode in TRIANGLES and not wireframe(primitive.material, flags)
 
 
 class VisibleSurfaces:
@@ -37,14 +37,14 @@ class VisibleSurfaces:
         }
 
     def draw(self, lens: Lens, items: list[Draw], uploads: Uploads, flags: int) -> None:
-        """Fill both targets with the surfaces that receive indirect light."""
+        """Fill both targets with the opaque surfaces that receive indirect light."""
         self._resize(lens.size)
         self._target.use()
         self._target.clear()
         camera = {"clip_from_view": lens.projection, "view_from_world": lens.view_from_world, "eye": lens.position}
         for item in items:
             primitive = item.primitive
-            if receives(primitive, flags):
+            if receives(primitive, flags) and not primitive.is_transparent:
                 both = primitive.material.doubleSided or flags & RenderFlags.SKIP_CULL_FACES
                 self.ctx.enable_only(moderngl.DEPTH_TEST | (0 if both else moderngl.CULL_FACE))
                 shader = self._programs[primitive.normals is not None]
@@ -74,12 +74,13 @@ class VisibleSurfaces:
 class BakedLight:
     """B of `bake` in the texture `light` (rgb), and the `depth` (m) of the lit surfaces; both of the image's size.
 
-    `black_metal`: whether metals have no B in it.
+    They hold opaque surfaces. Blended ones read B by `lookup`. `black_metal`: whether metals have no B in it.
     """
 
     def __init__(self, ctx: moderngl.Context, bake: Bake):
         self._pass, self._surfaces = IndirectLight(ctx, bake, splat_scale=1), VisibleSurfaces(ctx)
         self.black_metal = Effects.METAL not in bake.effects
+        self._bake, self._lookup = bake, None
 
     @property
     def light(self) -> moderngl.Texture:
@@ -91,6 +92,13 @@ class BakedLight:
         """Texture of the last draw()."""
         return self._surfaces.depth
 
+    @property
+    def lookup(self) -> IndirectLookup | None:
+        """Made when a surface first asks for it; None with the `over` operator."""
+        if self._lookup is None and isinstance(self._bake.blend, SurfaceBlend):
+            self._lookup = IndirectLookup(self._pass.ctx, self._bake)
+        return self._lookup
+
     def draw(self, lens: Lens, items: list[Draw], uploads: Uploads, flags: int) -> None:
         """Fill both textures."""
         self._surfaces.draw(lens, items, uploads, flags)
@@ -101,3 +109,5 @@ class BakedLight:
         """Free the GPU memory."""
         self._pass.release()
         self._surfaces.release()
+        if self._lookup is not None:
+            self._lookup.release()

@@ -48,6 +48,7 @@ def primitives() -> list[Primitive]:
     for lights, shadows, indirect in itertools.product((0, 1, 3), BOTH, BOTH):
         if lights or not shadows:
             light.append({"lit": True, "lights": lights, "shadows": shadows, "indirect": indirect})
+    light += [{"lit": True, "lights": 1, "lookup": counts} for counts in ((1, 9), (4, 4))]
     looks = [(slots, normals) for slots in shown for normals in BOTH if normals or "normal" not in slots]
     return [Primitive(*look, colored, **lit) for look, colored, lit in itertools.product(looks, BOTH, light)]
 

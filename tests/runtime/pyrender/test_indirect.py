@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from gsgi_files import constant, surface_example
-from pyrender_scenes import SIZE, blended, cameras, empty, from_behind, points, quad, solids, translation
+from pyrender_scenes import SIZE, blended, cameras, empty, from_behind, material, points, quad, solids, translation
 from scipy.ndimage import binary_erosion
 
 from gsgi.runtime.camera import Camera
@@ -118,13 +118,41 @@ def test_what_has_no_surface_has_no_indirect_light(pyrender, draw, flags):
     assert np.array_equal(draw(solids(), constant(B), flags), draw(solids(), None, flags))
 
 
-def test_points_and_panes_stay_as_they_are(pyrender, draw):
+def test_points_stay_as_they_are(pyrender, draw):
     assert np.array_equal(draw(points(), constant(B)), draw(points()))
+
+
+@pytest.mark.parametrize("normals", [True, False], ids=["normals", "no_normals"])
+def test_blended_panes_are_lit_like_solids(pyrender, draw, normals):
+    scene = blended()
+    scene.ambient_light = np.zeros(3)
+    for node in scene.mesh_nodes:
+        node.mesh.primitives[0].normals = node.mesh.primitives[0].normals if normals else None
+    lit, without = draw(scene, constant(B)), draw(scene)
+    scene.ambient_light = B
+    off = np.abs(lit.astype(int) - draw(scene))
+    assert (off > 2).mean() < 0.01  # both panes and what is behind them are rounded one after the other
+    assert np.abs(lit.astype(int) - without).max() > 20
+
+
+def test_blended_panes_have_no_light_of_the_over_operator(pyrender, draw):
     scene = blended()
     for node in list(scene.mesh_nodes):
         if not node.mesh.is_transparent:
             scene.remove_node(node)
-    assert np.array_equal(draw(scene, constant(B)), draw(scene))
+    assert np.array_equal(draw(scene, constant(B, "over")), draw(scene))
+
+
+def test_a_pane_reads_the_light_where_it_is(pyrender, draw):
+    """A pane of next to full alpha looks like the same quad as a solid, under light that changes over it."""
+    bake, pictures = surface_example(count=400, degree=1), []
+    for alpha, mode in ((1.0, "OPAQUE"), (0.999, "BLEND")):
+        scene = empty(eye=(0.3, 0.8, 2.2), ambient_light=np.zeros(3), bg_color=np.zeros(3))
+        scene.add(quad(material=material((0.8, 0.5, 0.3, alpha), alphaMode=mode)), pose=translation(0.2, 0.1, 0))
+        pictures.append(draw(scene, bake))
+    assert next(iter(scene.mesh_nodes)).mesh.is_transparent
+    assert pictures[0].std() > 20
+    assert_alike(*pictures)
 
 
 def test_light_is_kept_from_surface_to_surface(pyrender, draw):
