@@ -3,7 +3,7 @@
 # Each stage of FOLDER becomes one array, gsgi__shader_<folder>_<pass>_<stage>, with its includes expanded once. Bytes,
 # not string literals: C99 promises those no more than 4,095 characters.
 
-cmake_minimum_required(VERSION 3.18)
+cmake_minimum_required(VERSION 3.21)
 
 set(STAGES
     lib/fullscreen.vert surface/points.frag surface/gaussians.vert surface/gaussians.frag surface/gap.frag

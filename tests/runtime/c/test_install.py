@@ -1,18 +1,20 @@
 """`cmake --install`, static and shared, and a program that finds the library by CMake's package or by pkg-config."""
 
 import os
+import re
 import shlex
 import shutil
 import subprocess
 
 import pytest
 from c_library import SOURCE, build
+from repository import ROOT
 
 PROGRAM = """#include <gsgi.h>
 #include <string.h>
 int main(void) { return gsgi_version() != GSGI_VERSION || strcmp(gsgi_result_string(GSGI_OK), "GSGI_OK") != 0; }
 """
-PROJECT = """cmake_minimum_required(VERSION 3.18)
+PROJECT = """cmake_minimum_required(VERSION 3.21)
 project(program LANGUAGES C)
 find_package(gsgi 0.1 REQUIRED)
 add_executable(program program.c)
@@ -62,3 +64,10 @@ def test_a_shared_library_shows_its_functions_alone(library):
     names = {line.split()[-1] for line in listing.stdout.splitlines()}
     assert len(names) == 17
     assert all(name.startswith("gsgi_") and not name.startswith("gsgi__") for name in names)
+
+
+def test_the_version_is_that_of_the_python_package():
+    stated = re.search(r'^version = "([\d.]+)"', (ROOT / "pyproject.toml").read_text(), re.M)[1]
+    header = (SOURCE / "gsgi.h").read_text()
+    assert ".".join(re.findall(r"^#define GSGI_VERSION_\w+ (\d+)$", header, re.M)) == stated
+    assert f"project(gsgi VERSION {stated} " in (SOURCE / "CMakeLists.txt").read_text()
