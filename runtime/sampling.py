@@ -8,6 +8,7 @@ from .errors import UnsupportedError
 from .gaussians import Bake, Gaussians, SurfaceBlend
 from .rebase import local_bake, origin_of_bake
 
+POINTS = 1 << 18  # read at once: memory beyond the result stays below 50 MB
 CHUNK = 1 << 14  # pairs of a point and a Gaussian at once: their arrays stay in the L2 cache
 
 
@@ -37,6 +38,11 @@ class Sampler:
         positions, normals = np.asarray(positions), np.asarray(normals)
         if positions.ndim != 2 or positions.shape[1] != 3 or normals.shape != positions.shape:
             raise ValueError(f"positions {positions.shape}, normals {normals.shape}: both must be (N, 3)")
+        blocks = [slice(begin, begin + POINTS) for begin in range(0, len(positions), POINTS)]
+        read = [self._read(positions[block], normals[block]) for block in blocks]
+        return np.concatenate(read) if read else np.zeros((0, 3), np.float32)
+
+    def _read(self, positions: np.ndarray, normals: np.ndarray) -> np.ndarray:
         with np.errstate(over="ignore", invalid="ignore"):
             points = (positions - self._origin).astype(np.float32)
             length = np.linalg.norm(normals.astype(np.float64), axis=1, keepdims=True)

@@ -45,11 +45,13 @@ def test_on_surfaces():
     assert (light > 0).any(axis=1).all()
 
 
-def test_many_points_are_read_in_parts():
+def test_many_points_are_read_in_parts(monkeypatch):
     bake = Bake(gaussians(200), SurfaceBlend(), coarse=gaussians(20, 9, seed=7))
     position, normal = points(5000)
     whole = gsgi.sample(bake, position, normal)
     assert len(position) * 200 > sampling.CHUNK
+    monkeypatch.setattr(sampling, "POINTS", 777)
+    np.testing.assert_allclose(gsgi.sample(bake, position, normal), whole, rtol=1e-5, atol=1e-6)
     some = np.random.default_rng(0).permutation(5000)[:50]
     np.testing.assert_allclose(gsgi.sample(bake, position[some], normal[some]), whole[some], rtol=1e-5, atol=1e-6)
 
