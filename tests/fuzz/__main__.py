@@ -1,34 +1,27 @@
-"""Fuzz one target: `python -m fuzz TARGET [LIBFUZZER OPTIONS] [CORPUS FOLDERS]`."""
+"""Fuzz all targets for MINUTES in all: `./dev fuzz MINUTES`."""
 
-import inspect
+import argparse
 import sys
-from types import ModuleType
 
-import atheris
+from repository import ROOT
 
-from fuzz.targets import TARGETS
-
-COVERED = "gsgi.runtime.gltf", "gsgi.runtime.file"
+from .corpus import fuzz, unpacked
+from .targets import TARGETS
 
 
 def main() -> None:
-    """Run libFuzzer, which ends the process."""
-    target, mutator = TARGETS[sys.argv.pop(1)]
-    for name, module in list(sys.modules.items()):
-        if name.startswith(COVERED):
-            instrument(module)
-    mutate = mutator and (lambda data, size, seed: mutator(data, size, seed, atheris.Mutate))
-    atheris.Setup(sys.argv, target, **({"custom_mutator": mutate} if mutate else {}))
-    atheris.Fuzz()
-
-
-def instrument(module: ModuleType) -> None:
-    """Count which branches of a module's functions and methods run; an editable install hides them from atheris."""
-    classes = [value for value in vars(module).values() if inspect.isclass(value)]
-    for holder in (module, *classes):
-        for value in vars(holder).values():
-            if inspect.isfunction(value) and value.__module__ == module.__name__:
-                atheris.instrument_func(value)
+    """Exit with 1 if a target broke a promise; build/fuzz/ then has the file that it broke it with."""
+    parser = argparse.ArgumentParser(prog="./dev fuzz", description=__doc__)
+    parser.add_argument("minutes", type=float, help="wall-clock time, shared by the targets")
+    seconds = 60 * parser.parse_args().minutes / len(TARGETS)
+    folder = ROOT / "build" / "fuzz"
+    broken = False
+    for target in TARGETS:
+        corpus = unpacked(target, folder / target)
+        run = fuzz(target, corpus, folder, f"-max_total_time={seconds:.0f}")
+        print(run.stdout)
+        broken |= run.returncode != 0
+    sys.exit(f"dev fuzz: see crash-* in {folder}" if broken else None)
 
 
 if __name__ == "__main__":

@@ -3,14 +3,11 @@
 import re
 from dataclasses import replace
 
-import numpy as np
 import pytest
 from gsgi_files import (
-    ARRAYS,
     NONSENSE,
     STORED,
     changed,
-    damaged_files,
     example,
     gaussians,
     reseal,
@@ -78,25 +75,6 @@ def test_an_unknown_basis_is_named(level):
 def test_an_error_names_the_place_in_the_file_itself(name, field, place):
     with pytest.raises(FormatError, match=re.escape(place)):
         codec.decode(changed(stored(name), field, -1))
-
-
-@pytest.mark.parametrize("name", STORED)
-def test_whatever_the_numbers_say_what_is_decoded_is_usable(name):
-    """Random bytes at random places behind the checksum: refused, or decoded to what the renderer can take."""
-    decoded = 0
-    for damaged in damaged_files(name, 1500):
-        try:
-            bake = codec.decode(damaged)
-        except FormatError:
-            continue
-        decoded += 1
-        assert (bake.coarse is not None) == isinstance(bake.blend, SurfaceBlend)
-        for level in filter(None, (bake.gaussians, bake.coarse)):
-            assert all(np.isfinite(getattr(level, field)).all() for field in ARRAYS)
-            assert (level.scale > 0).all()
-            assert level.sh[:, 0].min() >= 0
-            np.testing.assert_allclose(np.linalg.norm(level.rotation, axis=1), 1, rtol=1e-5)
-    assert 100 < decoded < 1400
 
 
 @pytest.mark.parametrize(
