@@ -14,6 +14,7 @@ from .problems import Code
 from .tangents import orthonormal, tangents
 
 JOINTS_PER_SET = 4
+POSITION_MAX = 1e15  # m; ray casting multiplies edges twice over, and float32 ends at 3e38: larger scenes were black
 
 
 @np.errstate(over="ignore", invalid="ignore")  # finished() refuses overflows
@@ -61,8 +62,8 @@ def finished(primitive: Primitive, paint: Paint, node: Json) -> Mesh | None:
 
     Raises SceneError, at the `node` that has placed it.
     """
-    if not np.isfinite(primitive.position).all():
-        raise node.refuse("positions that float32 holds", "an overflow in world space", Code.OVERFLOW)
+    if not (np.abs(primitive.position) <= POSITION_MAX).all():
+        raise node.refuse(f"positions within {POSITION_MAX:g} m in world space", "larger ones", Code.OVERFLOW)
     face = face_vectors(primitive.position, primitive.triangle)
     keep = face.any(axis=1)
     triangle, face = np.ascontiguousarray(primitive.triangle[keep]), face[keep]

@@ -1,6 +1,6 @@
 """All hard cases."""
 
-from . import codec, gaussians, gradients, projection, sort, surface_gaussians
+from . import codec, gaussians, gltf, gradients, light, projection, sort, surface_gaussians
 from .case import Case
 
 CASES: list[Case] = [
@@ -10,4 +10,6 @@ CASES: list[Case] = [
     *gradients.CASES,
     *codec.CASES,
     *sort.CASES,
+    *light.CASES,
+    *gltf.CASES,
 ]

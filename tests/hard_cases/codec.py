@@ -89,6 +89,7 @@ CASES = [
     kept("all at one place", lambda: over(gaussians(np.full((9, 3), 1.25)))),
     kept("on one line", lambda: over(gaussians(np.linspace(0, 1, 50)[:, None] * (1, 0, 0)))),
     kept("1e5 m from the origin", lambda: over(gaussians(np.random.default_rng(0).uniform(1e5, 1e5 + 10, (99, 3))))),
+    kept("1e-38 m apart", lambda: over(gaussians(np.float32([[0, 0, 0], [0, 0, 1.2e-38]])))),
     kept("1e30 m apart", lambda: over(gaussians(np.float32([[-1e30, 0, 0], [1e30, 1, 0], [0, 0, 0]])))),
     kept("one scale for all", lambda: over(gaussians(np.zeros((9, 3)), 0.37))),
     kept("scales from 1e-12 to 1e6", lambda: scaled(*spread(1e-12, 1e6, 3000).reshape(-1, 3))),

@@ -34,6 +34,9 @@ LAYERS = {
     "gradient, float": "the same in float32; with `surface` against double",
     "file": "encoded and decoded",
     "kernels": "C++ that has but one implementation",
+    "tracer": "the path tracer, on points",
+    "reader": "`read_gltf`",
+    "validator": "`gsgi validate`",
     "runtime": "numpy that has but one implementation",
 }
 WORST = "## Nearest to its tolerance, in each layer"

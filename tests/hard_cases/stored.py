@@ -70,7 +70,8 @@ def _error(before: Gaussians, after: Gaussians, level: np.void) -> float:
     shares = []
     for given, read, step in pairs:
         given, read = np.asarray(given, float), np.asarray(read, float)
-        slack = 2 * FLOAT * np.maximum(np.abs(given), np.abs(given).max(axis=0))  # of what float32 holds of the box
+        # What float32 holds of the box, and of steps that are denormal.
+        slack = 2 * FLOAT * np.maximum(np.abs(given), np.abs(given).max(axis=0)) + np.finfo(np.float32).tiny
         shares.append((np.maximum(np.abs(given - read) - slack, 0) / np.maximum(step / 2, 1e-300)).max())
     return float(max(*shares, _rotation_share(before.rotation, after.rotation)))
 
