@@ -1,6 +1,6 @@
 """All hard cases."""
 
-from . import codec, gaussians, gltf, gradients, light, projection, sort, surface_gaussians
+from . import codec, gaussians, gltf, gradients, light, loss, motion, projection, sort, surface_gaussians
 from .case import Case
 
 CASES: list[Case] = [
@@ -11,5 +11,7 @@ CASES: list[Case] = [
     *codec.CASES,
     *sort.CASES,
     *light.CASES,
+    *loss.CASES,
+    *motion.CASES,
     *gltf.CASES,
 ]

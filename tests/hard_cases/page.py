@@ -34,6 +34,7 @@ LAYERS = {
     "gradient, float": "the same in float32; with `surface` against double",
     "file": "encoded and decoded",
     "kernels": "C++ that has but one implementation",
+    "search": "the search for a budget",
     "tracer": "the path tracer, on points",
     "reader": "`read_gltf`",
     "validator": "`gsgi validate`",

@@ -134,21 +134,6 @@ def test_invalid_pixels_do_not_count_and_get_no_gradient():
         np.testing.assert_array_equal(other.by_image, loss.by_image)
 
 
-def test_an_image_without_any_surface_has_no_loss():
-    image, light = images()
-    loss = image_loss(image, target_of(light, np.zeros(image.shape[:2], bool)))
-    assert loss.value == 0
-    assert not loss.by_image.any()
-
-
-def test_black_is_data():
-    image, light = images()
-    black = np.zeros_like(image)
-    assert image_loss(black, target_of(black)).value == 0
-    assert image_loss(black, target_of(light)).value == pytest.approx(twin(black, target_of(light)).value, rel=1e-5)
-    assert np.isfinite(image_loss(black, target_of(light)).by_image).all()
-
-
 @pytest.mark.parametrize("shape", [(1, 1), (10, 40), (40, 10), (3, 70), (0, 5)])
 def test_images_without_a_window_have_l1_alone(shape):
     image_loss(*(a if i == 0 else target_of(a) for i, a in enumerate(images((40, shape[1] or 1)))))  # leaves no trace
