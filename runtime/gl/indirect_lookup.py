@@ -18,7 +18,7 @@ from .permutations import lookup_defines
 from .shader import set_uniforms, source
 
 HEADER_TEXELS = 8  # 2 * LEVEL_TEXELS + 2 of glsl/surface/lookup.glsl
-EXACT = 1 << 24  # integers that float32 holds; the header stores them so
+EXACT = 1 << 24  # texels; float32 counts no further, in which the header says where things begin
 
 
 class IndirectLookup:
@@ -38,9 +38,9 @@ class IndirectLookup:
     def __init__(self, ctx: moderngl.Context, bake: Bake):
         check_operator(bake)
         self.ctx, self.sh_counts, self.source = ctx, sh_counts(bake), lookup_source(bake)
-        tables = lookup_tables(bake)
-        most = max(map(len, tables)), len(tables[0])
-        if most[0] > ctx.info["GL_MAX_TEXTURE_SIZE"] * DATA_WIDTH or most[1] > EXACT:
+        tables, limit = lookup_tables(bake), ctx.info["GL_MAX_TEXTURE_SIZE"]
+        gaussians, cells, lists = map(len, tables)
+        if max(gaussians, cells) > EXACT or max(gaussians, cells, lists) > limit * DATA_WIDTH:
             raise UnsupportedError(f"{len(bake.gaussians)} Gaussians: too many for a look-up in this driver's textures")
         state = HostState(ctx)
         with state.kept():

@@ -14,7 +14,7 @@ from gsgi.runtime.cell_lists import DEPTH_MAX
 from gsgi.runtime.constants import GLSL_FOLDER
 from gsgi.runtime.errors import UnsupportedError
 from gsgi.runtime.gaussians import Bake, Gaussians, OverBlend, SurfaceBlend
-from gsgi.runtime.gl import shader
+from gsgi.runtime.gl import indirect_lookup, shader
 from gsgi.runtime.gl.indirect_lookup import HEADER_TEXELS, IndirectLookup, lookup_source, lookup_tables
 
 TOLERANCE = 1e-3
@@ -145,3 +145,12 @@ def test_the_header_of_the_texture_is_as_long_as_the_shader_takes_it():
 def test_a_bake_of_the_other_operator_is_refused(gl):
     with pytest.raises(UnsupportedError, match="`over`"):
         IndirectLookup(gl, Bake(one(), OverBlend(near=0.1)))
+
+
+def test_a_bake_that_the_textures_cannot_hold_is_refused(gl, monkeypatch):
+    bake = Bake(gaussians(30), SurfaceBlend(), coarse=nothing())
+    for name in ("EXACT", "DATA_WIDTH"):  # what can be counted, and what fits
+        with monkeypatch.context() as patch:
+            patch.setattr(indirect_lookup, name, 100 if name == "EXACT" else 0)
+            with pytest.raises(UnsupportedError, match="30 Gaussians: too many"):
+                IndirectLookup(gl, bake)
