@@ -11,7 +11,7 @@ import numpy as np
 from gsgi.baker.cache.checkpoint import Checkpoint
 from gsgi.baker.cache.records import from_arrays, to_arrays
 from gsgi.baker.fitting.blue_noise import CANDIDATES, levelled, spacing, thin
-from gsgi.baker.fitting.rotations import rotation_to
+from gsgi.baker.fitting.rotations import axes, rotation_to
 from gsgi.baker.fitting.schedule import Schedule, count_after
 from gsgi.baker.fitting.task import Monitor
 from gsgi.baker.views.surface_points import Triangles
@@ -42,6 +42,9 @@ SOLVE_FIRST, SOLVE_AGAIN, SOLVE_LAST = 10, 5, 10
 WIDTH, THICKNESS = 1.3, 0.5
 OPACITY = 0.5
 SPACING_MIN = 1e-6  # m; points can coincide
+
+CUT_COST = 0.01  # squared error relative to the light around, of a sample, that a leak less may cost
+HOLE_SAMPLES = 4  # least samples without a Gaussian for each that is added among them
 
 
 @dataclass(frozen=True)
@@ -85,14 +88,15 @@ def fit_surface(
     else:
         first = start(surface, round(START_SHARE * schedule.budget), rng)
         if occlusion:
-            first, _ = occlusion.cut(first)
+            first, _ = cut_where_better(first, optimiser, occlusion)
         run = _Run(SurfaceState.fresh(optimiser.solve(first, SOLVE_FIRST)), np.zeros(len(first), np.float32), 0)
     state, error = run.state, run.error
     changes = {round(share * schedule.iterations): (i + 1) / len(GROWTH) for i, share in enumerate(GROWTH)}
     for iteration in range(run.iteration, schedule.iterations):
         if iteration in changes and iteration > 0:
             limit = count_after(round(START_SHARE * schedule.budget), schedule.budget, changes[iteration])
-            state = changed(state, error, limit, optimiser, occlusion)
+            rng = np.random.default_rng([schedule.seed, iteration])
+            state = changed(state, error, limit, optimiser, surface, rng, occlusion)
         falling = RATE_END ** (iteration / schedule.iterations)
         try:
             state, result = optimiser.step(state, {name: falling * rate for name, rate in RATES.items()}, iteration + 1)
@@ -103,37 +107,81 @@ def fit_surface(
             monitor(iteration + 1, result.loss, lambda gaussians=state.gaussians: gaussians)
         if checkpoint and (iteration + 1) % LIST_STEPS == 0 and checkpoint.due():
             checkpoint.save(to_arrays(_Run(state, error, iteration + 1)))
-    last, _ = occlusion.cut(state.gaussians) if occlusion else (state.gaussians, None)
+    last = cut_where_better(state.gaussians, optimiser, occlusion)[0] if occlusion else state.gaussians
     return optimiser.solve(last, SOLVE_LAST)
 
 
-def start(samples: SurfaceSamples, count: int, rng: np.random.Generator) -> Gaussians:
-    """At most `count` Gaussians, as dense as the samples and flat along the normal, which is their +z axis."""
+def start(samples: SurfaceSamples, count: int, rng: np.random.Generator, beside: Gaussians | None = None) -> Gaussians:
+    """At most `count` Gaussians, as dense as the samples and flat along the normal, which is their +z axis.
+
+    They are as wide as they lie apart from each other and from those `beside` them.
+    """
     chosen = np.sort(rng.permutation(len(samples))[: CANDIDATES * count])
     position, normal = samples.position[chosen], samples.normal[chosen]
     even = thin(levelled(position), normal, count, rng)
     position, normal, light = position[even], normal[even], samples.indirect[chosen][even]
-    scale = np.maximum(spacing(position), np.float32(SPACING_MIN))[:, None] * np.array(
-        [WIDTH, WIDTH, THICKNESS], np.float32
-    )
+    all_positions, all_normals = position, normal
+    if beside is not None:
+        all_positions = np.concatenate([position, beside.position])
+        all_normals = np.concatenate([normal, axes(beside.rotation)[:, :, 2]])
+    apart = np.maximum(spacing(all_positions, all_normals)[: len(position)], np.float32(SPACING_MIN))
+    scale = apart[:, None] * np.array([WIDTH, WIDTH, THICKNESS], np.float32)
     opacity = np.full(len(position), OPACITY, np.float32)
     colour, slope = light[:, None, :] / np.float32(constants.SH_C0), np.zeros((len(position), 2), np.float32)
     return Gaussians(position, rotation_to(normal), scale, opacity, colour, slope)
 
 
 def changed(
-    state: SurfaceState, error: np.ndarray, limit: int, optimiser: SurfaceOptimiser, occlusion: Occlusion | None = None
+    state: SurfaceState,
+    error: np.ndarray,
+    limit: int,
+    optimiser: SurfaceOptimiser,
+    surface: SurfaceSamples,
+    rng: np.random.Generator,
+    occlusion: Occlusion | None = None,
 ) -> SurfaceState:
     """Change the number of Gaussians to at most `limit`, and solve for the colours.
 
-    Removes duplicates and Gaussians that hardly any sample sees, splits those with the most `error` (N,), and cuts
-    those that reach across an occluder.
+    Removes duplicates and Gaussians that hardly any sample sees, adds some where samples of the `surface` have none,
+    splits those with the most `error` (N,), and cuts those that reach across an occluder.
     """
     wanted = ~(
         to_remove(optimiser.share(state.gaussians)) | to_merge(state.gaussians, optimiser.level_of(state.gaussians))
     )
     state, error = state.keep(wanted), error[wanted]
-    state = state.split(to_split(error, limit - len(state)))
+    added = in_holes(state.gaussians, limit - len(state), optimiser, surface, rng)
+    state = state.split(to_split(error, limit - len(state) - len(added))).joined(added)
     if occlusion:
-        state = state.cut(*occlusion.cut(state.gaussians))
+        state = state.cut(*cut_where_better(state.gaussians, optimiser, occlusion))
     return replace(state, gaussians=optimiser.solve(state.gaussians, SOLVE_AGAIN))
+
+
+def in_holes(
+    gaussians: Gaussians, room: int, optimiser: SurfaceOptimiser, surface: SurfaceSamples, rng: np.random.Generator
+) -> Gaussians:
+    """Gaussians among samples of the `surface` that none covers: a share of `room` like that of all error there."""
+    error, weight = (values[: len(surface)] for values in optimiser.error(gaussians))
+    hole, error = weight < optimiser.blend.floor, np.maximum(error, 0)
+    share = float(error[hole].sum(dtype=np.float64)) / max(float(error.sum(dtype=np.float64)), 1e-30)
+    count = min(round(room * share), np.count_nonzero(hole) // HOLE_SAMPLES)
+    return start(surface[hole], count, rng, gaussians)
+
+
+def cut_where_better(
+    gaussians: Gaussians, optimiser: SurfaceOptimiser, occlusion: Occlusion
+) -> tuple[Gaussians, np.ndarray]:
+    """The Gaussians, cut at occluders, and which (N,) bool were.
+
+    A cut that raises the error by more than CUT_COST per sample is not made: it leaves a hole that none but the coarse
+    level fills.
+    """
+    cut, which = occlusion.cut(gaussians)
+    if not which.any():
+        return gaussians, which
+    whole, parts = (optimiser.solve(some, SOLVE_AGAIN) for some in (gaussians, cut))
+    which &= optimiser.gain(whole, parts) > -CUT_COST * optimiser.share(whole)
+    columns = (
+        np.where(which.reshape(-1, *[1] * (before.ndim - 1)), after, before)
+        for before, after in zip(vars(gaussians).values(), vars(cut).values(), strict=True)
+    )
+    return Gaussians(*columns), which

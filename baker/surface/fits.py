@@ -14,6 +14,7 @@ from gsgi.runtime.gaussians import Effects, Gaussians
 
 from .budget import coarse_count
 from .samples import CHUNK, Sampler, SurfaceSamples, free_layers, known_paths, path_count, point_count, surface_layers
+from .seen_surface import SeenSurface
 
 if TYPE_CHECKING:
     from gsgi.baker.plan import Plan
@@ -35,15 +36,8 @@ class SurfaceFits:
         self.tone_scale = plan.pilot.mean or 1.0
         settings = plan.settings
         dark = [name in plan.dark for name in plan.placement.fitted]
-        self.sampler = Sampler.gathering(
-            plan.tracer,
-            plan.cameras,
-            settings.bounces,
-            settings.seed + 1,
-            dark,
-            settings.error,
-            plan.placement.importance,
-        )
+        seen = SeenSurface(plan.tracer, plan.cameras, dark, plan.placement.importance)
+        self.sampler = Sampler.gathering(plan.tracer, seen, settings.bounces, settings.seed + 1, settings.error)
 
     def fit(self, budget: int, make_monitor: MakeMonitor) -> FitResult:
         """Fit both levels.

@@ -61,7 +61,7 @@ class SurfaceOptimiser:
         self, samples: SurfaceSamples, coarse: Gaussians, blend: SurfaceBlend, around: LocalLight | None = None
     ):
         """`around` is the light around the samples; by default that of their neighbours on the same surface."""
-        order = coherent(samples.position, samples.normal)
+        self._order = order = coherent(samples.position, samples.normal)
         around = around or local_light(samples.position, samples.normal, samples.indirect_a, samples.indirect_b)
         samples, around = samples[order], LocalLight(*(values[order] for values in around))
         self._a, self._b, self._light = samples.indirect_a, samples.indirect_b, samples.indirect
@@ -87,6 +87,23 @@ class SurfaceOptimiser:
         self._list(gaussians)
         light, inverse, _ = self._read(gaussians)
         return self._seen(gaussians, np.ones_like(light), inverse)[:, 0]
+
+    def error(self, gaussians: Gaussians) -> tuple[np.ndarray, np.ndarray]:
+        """Noise-free error (S,) of each sample, and the fine sum w (S,) there, in the order of the samples."""
+        self._list(gaussians)
+        reading, fine = self._read(gaussians), self._field.read(gaussians)[:, 3]
+        error, weight = np.empty_like(fine), np.empty_like(fine)
+        error[self._order], weight[self._order] = self._error(reading.light), fine
+        return error, weight
+
+    def gain(self, gaussians: Gaussians, others: Gaussians) -> np.ndarray:
+        """By how much (N,) float32 the error of the samples that each Gaussian accounts for falls with `others`."""
+        lights = []
+        for some in (others, gaussians):
+            self._list(some)
+            lights.append((reading := self._read(some)).light)
+        after, before = (self._error(light) for light in lights)
+        return self._seen(gaussians, np.repeat((before - after)[:, None], 3, axis=1), reading.inverse)[:, 0]
 
     def level_of(self, gaussians: Gaussians) -> np.ndarray:
         """Mean level (N, 1) around the samples that each Gaussian accounts for; 0 where there is none."""
@@ -144,12 +161,14 @@ class SurfaceOptimiser:
 
     def _derivatives(self, gaussians: Gaussians, reading: _Reading) -> tuple[np.ndarray, float, float]:
         """The derivatives (N, 16) (see FIELD_DERIVATIVES), the loss, and the noise-free part of the loss."""
-        light, importance = reading.light, self._importance
-        residual = light - self._light
-        error = importance * ((light - self._a) * (light - self._b)).sum(axis=1)
-        loss = importance * np.square(residual).sum(axis=1)
-        means = (float(part.sum(dtype=np.float64)) / max(len(light), 1) for part in (loss, error))
+        residual, error = reading.light - self._light, self._error(reading.light)
+        loss = self._importance * np.square(residual).sum(axis=1)
+        means = (float(part.sum(dtype=np.float64)) / max(len(error), 1) for part in (loss, error))
         return self._backward(gaussians, reading, residual, error), *means
+
+    def _error(self, light: np.ndarray) -> np.ndarray:
+        """Noise-free error (S,) of light (S, 3), which is below 0 where the noise of both halves happens to agree."""
+        return self._importance * ((light - self._a) * (light - self._b)).sum(axis=1)
 
     def _gradient_noise(self, gaussians: Gaussians, reading: _Reading) -> np.ndarray:
         """Absolute half difference (N, 15) of the halves' gradients: their signs agree where the gradient is larger."""

@@ -1,36 +1,24 @@
 """The samples of the `surface` operator: points at which B is traced in two independent halves."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from gsgi.baker.cache.digest import digest
 from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.baker.trace.irradiance_cache import IrradianceCache
 from gsgi.baker.trace.local_light import local_light
 from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling, Tracer
-from gsgi.baker.views.importance import ImportanceField
-from gsgi.baker.views.visibility import COS_MIN
-from gsgi.runtime.camera import Camera
 
 from .budget import PATHS_STEP, free_count, sample_count
+from .seen_surface import SeenSurface
 
 CHUNK = 1 << 16  # points that are drawn together
-LOOK_SIZE = 64  # px, edge of the images that find surface points
-DARK_STEP = 4  # a camera that sees no light uses only every DARK_STEP-th pixel: enough to learn this
-
-# Range of points in free space, as shares of the line of sight from the camera to the surface.
-FREE = 0.05, 0.95
 
 # Before the samples, B is traced twice at other points of the same surfaces, with the layers of each of KNOWN: first by
 # whole paths, then by paths that end where they meet the light of the round before, which leaves far less noise.
 KNOWN = [1], [1, 1]
-
-AREA_SHARE = 1 / 2  # of the samples go by area, so that no surface is left without; the rest by importance
-MASS = 1 / 4, 4  # range of the share of the samples around a point of importance, relative to the mean of all points
-FOOTPRINT_QUANTILE = 0.999  # larger pixel footprints are cut to this: at glancing angles they have no limit
 
 
 @dataclass(frozen=True)
@@ -121,42 +109,27 @@ class Sampler:
     def __init__(
         self,
         tracer: CachedTracer,
-        cameras: list[Camera],
+        seen: SeenSurface,
         bounces: int,
         seed: int,
-        dark: Sequence[bool] = (),
         known: "Known | None" = None,
         error: float = 0.0,
-        importance: ImportanceField | None = None,
     ):
-        """`dark` marks the cameras that see no light; if it is empty, all of them see light.
+        """Points are drawn from the surfaces `seen`.
 
         Paths end at the first surface whose B is `known` (final gathering, Reichert 1992). A sample
-        takes no further layer once the noise around it is below `error` times the light there. Surface samples are as
-        dense as `importance` is, or evenly spread without it.
+        takes no further layer once the noise around it is below `error` times the light there.
         """
-        self._importance = importance
-        self._tracer, self._cameras, self._seed, self._known = tracer, cameras, seed, known
+        self._tracer, self._seen, self._seed, self._known = tracer, seen, seed, known
         self._sampling, self._error = Sampling(PASS_SAMPLES, bounces), error
-        self._steps = [DARK_STEP if is_dark else 1 for is_dark in dark or [False] * len(cameras)]
-        self._views = digest({"cameras": cameras, "steps": self._steps, "importance": importance})
 
     @classmethod
-    def gathering(
-        cls,
-        tracer: CachedTracer,
-        cameras: list[Camera],
-        bounces: int,
-        seed: int,
-        dark: Sequence[bool],
-        error: float,
-        importance: ImportanceField | None = None,
-    ) -> "Sampler":
+    def gathering(cls, tracer: CachedTracer, seen: SeenSurface, bounces: int, seed: int, error: float) -> "Sampler":
         """A sampler whose paths end in light that others have traced before, each with a bounce less than the next."""
         known, rounds = None, known_rounds(bounces)
         for layers, fewer in zip(rounds, range(len(rounds), 0, -1), strict=True):
-            known = Known(cls(tracer, cameras, bounces - fewer, seed + fewer, dark, known, 0.0, importance), layers)
-        return cls(tracer, cameras, bounces, seed, dark, known, error, importance)
+            known = Known(cls(tracer, seen, bounces - fewer, seed + fewer, known), layers)
+        return cls(tracer, seen, bounces, seed, known, error)
 
     def prepare(self, advance: Callable[..., None]) -> None:
         """Trace the light in which paths end. `advance(paths)` is called with a total of `known_paths(bounces)`."""
@@ -181,7 +154,7 @@ class Sampler:
 
     def _chunk(self, stage: str, chunk: int, layers: int, advance, draw) -> SurfaceSamples:
         seed = self._seed, chunk, int(stage == "free")
-        key = self._tracer.key(stage, __name__, views=self._views, seed=seed)
+        key = self._tracer.key(stage, __name__, views=self._seen.digest, seed=seed)
         rng = np.random.default_rng(np.random.SeedSequence(seed))
         points, _ = self._tracer.once(key, _Points, lambda: _Points(*draw(rng)))
         traced: list[_Layer] = []
@@ -225,7 +198,7 @@ class Sampler:
             known = {
                 "paths": sampler._paths,
                 "seed": sampler._seed,
-                "views": sampler._views,
+                "views": sampler._seen.digest,
                 "layers": self._known.layers,
             }
         return {"sampling": self._sampling, "known": known}
@@ -237,10 +210,6 @@ class Sampler:
             return None, None
         known = self._known_samples
         return IrradianceCache.halves(known.position, known.normal, known.indirect_a, known.indirect_b)
-
-    @cached_property
-    def _seen(self) -> "_SeenSurface":
-        return _look(self._tracer.tracer, self._cameras, self._steps, self._importance)
 
 
 @dataclass(frozen=True)
@@ -308,71 +277,3 @@ def _mean(layers: list[_Layer], half: str) -> np.ndarray:
     total = sum(getattr(layer, f"indirect_{half}") * count for layer, count in zip(layers, counts, strict=True))
     paths = sum(counts)
     return np.divide(total, paths, out=np.full(total.shape, np.nan), where=paths > 0).astype(np.float32)
-
-
-@dataclass(frozen=True)
-class _SeenSurface:
-    """Surface points (P, 3) float32 behind the pixels of cameras, with their normals and viewpoints.
-
-    `below` (P,) is the cumulative share of the samples, including each point's own.
-    """
-
-    position: np.ndarray
-    normal: np.ndarray
-    geometric_normal: np.ndarray
-    viewpoint: np.ndarray
-    below: np.ndarray
-
-    def surface(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Position, normal and geometric normal (count, 3), stratified by share."""
-        if not len(self.position):
-            return (np.empty((0, 3), np.float32),) * 3
-        at = (np.arange(count) + rng.random(count)) / count * self.below[-1]
-        index = np.minimum(np.searchsorted(self.below, at, side="right"), len(self.position) - 1)
-        return self.position[index], self.normal[index], self.geometric_normal[index]
-
-    def free(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Points on lines of sight to surface points, and uniform random directions as both normals."""
-        if not len(self.position):
-            return (np.empty((0, 3), np.float32),) * 3
-        index = rng.integers(len(self.position), size=count)
-        way = rng.uniform(*FREE, (count, 1))
-        position = self.viewpoint[index] + way * (self.position[index] - self.viewpoint[index])
-        normal = rng.normal(size=(count, 3))
-        normal = (normal / np.linalg.norm(normal, axis=1, keepdims=True)).astype(np.float32)
-        return position.astype(np.float32), normal, normal
-
-
-def _look(tracer: Tracer, cameras: list[Camera], steps: list[int], importance: ImportanceField | None) -> _SeenSurface:
-    """Find surface points: every `steps[i]`-th diffuse pixel of camera i counts."""
-    columns = []
-    for camera, step in zip(cameras, steps, strict=True):
-        position, normal, geometric = (surface := tracer.surface(camera, LOOK_SIZE, LOOK_SIZE)).points()
-        depth = surface.depth[surface.diffuse].astype(np.float64)
-        above = np.abs(((camera.position - position) * geometric).sum(axis=1))  # of the camera over the surface
-        area = depth**3 / np.maximum(above, np.finfo(np.float32).tiny) / camera.pinhole(LOOK_SIZE, LOOK_SIZE).fx ** 2
-        eye = np.broadcast_to(camera.position.astype(np.float32), position.shape)
-        upright = above >= COS_MIN * np.linalg.norm(camera.position - position, axis=1)
-        columns.append([column[::step] for column in (position, normal, geometric, eye, area, upright)])
-    *arrays, area, upright = (np.concatenate(column) for column in zip(*columns, strict=True))
-    if len(area):
-        area = np.minimum(area, np.quantile(area, FOOTPRINT_QUANTILE))
-        if importance is not None and len(importance.position):
-            looks = _looks(arrays[0], arrays[1], area * upright, importance)
-            area = AREA_SHARE * area / area.sum() + (1 - AREA_SHARE) * looks / max(
-                looks.sum(), np.finfo(np.float64).tiny
-            )
-    return _SeenSurface(*arrays, np.cumsum(area, dtype=np.float64))
-
-
-def _looks(position: np.ndarray, normal: np.ndarray, area: np.ndarray, importance: ImportanceField) -> np.ndarray:
-    """How often people look (P,) at what is behind pixels whose footprints have areas (P,), m^2.
-
-    What several views see counts once. The points of `importance` have nearly the same share each, so that a footprint
-    that is nearest to the wrong point, like one beside a wall that is nearest to a point behind it, gains nothing.
-    """
-    near = importance.nearest(position, normal)
-    looks = area * importance.density[near] / np.maximum(importance.views[near], 1)
-    around = np.bincount(near, looks, len(importance.position))
-    share = np.clip(around, *np.divide(MASS, len(around)))
-    return looks * np.divide(share, around, out=np.zeros_like(around), where=around > 0)[near]

@@ -64,6 +64,10 @@ class SurfaceState:
             largest=np.where(which[:, None], gaussians.scale, self.largest),
         )
 
+    def joined(self, others: Gaussians) -> "SurfaceState":
+        """The state with other Gaussians at the end."""
+        return _joined(self, SurfaceState.fresh(others))
+
     def split(self, which: np.ndarray) -> "SurfaceState":
         """Replace each Gaussian of the indices `which` (D,) by two halves, appended at the end."""
         others = np.ones(len(self), bool)

@@ -55,7 +55,7 @@ def run(at_points: Callable, position: np.ndarray, normal: np.ndarray, seed: int
     """Trace B at surface points (N, 3), along the same paths for each number of bounces, so that noise cancels.
 
     `at_points(position, normal, sampling, seed)` traces. Light is compared as it is perceived, through the tone curve
-    B / (B + mean B), so the light that bounces add counts most where the scene is dark.
+    B / (B + level) with the level to which eyes adapt there: far from all lights, nearly all of it comes from bounces.
     """
 
     def trace(bounces: int):
@@ -64,8 +64,10 @@ def run(at_points: Callable, position: np.ndarray, normal: np.ndarray, seed: int
     whole = trace(BOUNCES_MAX)
     mean = float(whole.mean.mean(dtype=np.float64)) if len(position) else 0.0
 
+    level = local_light(position, normal, whole.mean, whole.mean).level[:, None]
+
     def picture(light: np.ndarray) -> float:
-        return float((light / (light + mean)).mean(dtype=np.float64)) if mean > 0 else 0.0
+        return float((light / (light + level)).mean(dtype=np.float64)) if mean > 0 else 0.0
 
     full, lost = picture(whole.mean), {}
     for bounces in STEPS[:-1]:

@@ -4,7 +4,7 @@
 reaches x directly from a punctual light. B contains all light from emissive surfaces, including their direct light.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -114,26 +114,23 @@ class Tracer:
 
     def surface(self, camera: Camera, width: int, height: int) -> Surface:
         """The surfaces seen through the pixel centres of an image of this size (px)."""
+        return next(self.surfaces([camera], width, height))
+
+    def surfaces(self, cameras: Sequence[Camera], width: int, height: int) -> Iterator[Surface]:
+        """The same for each of the cameras; those of small images share launches."""
         from . import paths
 
-        pinhole = camera.pinhole(width, height)
-        y, x = np.mgrid[0:height, 0:width] + 0.5
-        local = np.stack([(x - pinhole.cx) / pinhole.fx, (pinhole.cy - y) / pinhole.fy, -np.ones_like(x)], axis=-1)
-        direction = local.reshape(-1, 3) @ camera.world_from_view[:3, :3].T
-        origin = camera.position + camera.znear * direction
-        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-        hits = self._launched(paths.first_hits, origin, direction)
         position, corner = self.corners
-        met = origin + hits.pop("distance")[:, None].astype(np.float64) * direction
-        hits["position"] = onto_planes(met, position[corner[hits.pop("triangle")]])
-        depth = (camera.position - hits["position"]) @ camera.world_from_view[:3, 2]
-        valid = hits.pop("valid") & (depth <= camera.zfar)
-        diffuse = hits.pop("diffuse") & valid
-        background = hits.pop("background")
-        columns = {name: np.where(valid[:, None], column, 0) for name, column in hits.items()}
-        columns["emission"] = np.where(valid[:, None], hits["emission"], background)
-        columns |= {"depth": np.where(valid, depth, 0).astype(np.float32), "valid": valid, "diffuse": diffuse}
-        return Surface(**{name: column.reshape(height, width, *column.shape[1:]) for name, column in columns.items()})
+        together = max(LAUNCH_POINTS // (width * height), 1)
+        for first in range(0, len(cameras), together):
+            some = cameras[first : first + together]
+            rays = [_rays(camera, width, height) for camera in some]
+            origin, direction = (np.concatenate(part) for part in zip(*rays, strict=True))
+            hits = self._launched(paths.first_hits, origin, direction)
+            met = origin + hits.pop("distance")[:, None].astype(np.float64) * direction
+            hits["position"] = onto_planes(met, position[corner[hits.pop("triangle")]])
+            for camera, *columns in zip(some, *(np.split(c, len(some)) for c in hits.values()), strict=True):
+                yield _surface(camera, dict(zip(hits, columns, strict=True)), width, height)
 
     def indirect(
         self, position, normal, geometric_normal, sampling: Sampling, seed: int, advance=None,
@@ -200,6 +197,28 @@ class Tracer:
             sums.add(at, paths.indirect(self, *padded, PASS_SAMPLES, bounces, seed, known))
             if advance:
                 advance(len(at))
+
+
+def _rays(camera: Camera, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
+    """Origin and unit direction (height * width, 3) float64 of the rays through the pixel centres."""
+    pinhole = camera.pinhole(width, height)
+    y, x = np.mgrid[0:height, 0:width] + 0.5
+    local = np.stack([(x - pinhole.cx) / pinhole.fx, (pinhole.cy - y) / pinhole.fy, -np.ones_like(x)], axis=-1)
+    direction = local.reshape(-1, 3) @ camera.world_from_view[:3, :3].T
+    origin = camera.position + camera.znear * direction
+    return origin, direction / np.linalg.norm(direction, axis=1, keepdims=True)
+
+
+def _surface(camera: Camera, hits: dict[str, np.ndarray], width: int, height: int) -> Surface:
+    """The Surface of a camera whose rays met `hits` (height * width, ...)."""
+    depth = (camera.position - hits["position"]) @ camera.world_from_view[:3, 2]
+    valid = hits.pop("valid") & (depth <= camera.zfar)
+    diffuse = hits.pop("diffuse") & valid
+    background = hits.pop("background")
+    columns = {name: np.where(valid[:, None], column, 0) for name, column in hits.items()}
+    columns["emission"] = np.where(valid[:, None], hits["emission"], background)
+    columns |= {"depth": np.where(valid, depth, 0).astype(np.float32), "valid": valid, "diffuse": diffuse}
+    return Surface(**{name: column.reshape(height, width, *column.shape[1:]) for name, column in columns.items()})
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from gsgi.baker.progress import Display, Progress
 from gsgi.baker.settings import Settings
 from gsgi.baker.surface.fits import SurfaceFits
 from gsgi.baker.surface.samples import Sampler, known_paths
+from gsgi.baker.surface.seen_surface import SeenSurface
 from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.baker.trace.irradiance_cache import IrradianceCache
 from gsgi.baker.trace.reference import Reference
@@ -84,9 +85,9 @@ class Ground:
         """B where moving objects may be, traced once."""
 
         def trace(progress: Progress) -> FreeLight:
-            sampler = Sampler(self.cold, self.plan.cameras, self.plan.settings.bounces, seed=7)
-            points = sampler.free([1], lambda *_: None)[:FREE_POINTS]
-            sampling = Sampling(FREE_SAMPLES // 2, self.plan.settings.bounces)
+            seen, bounces = SeenSurface(self.cold, self.plan.cameras), self.plan.settings.bounces
+            points = Sampler(self.cold, seen, bounces, seed=7).free([1], lambda *_: None)[:FREE_POINTS]
+            sampling = Sampling(FREE_SAMPLES // 2, bounces)
             where = points.position, points.normal, points.normal
             with progress.stage("free space", 2 * len(points), "points") as advance:
                 halves = [self.cold.tracer.indirect(*where, sampling, seed, advance).mean for seed in (11, 12)]

@@ -15,6 +15,7 @@ from gsgi.baker.over.rasterise import set_thread_count
 from gsgi.baker.surface import fit as fitting
 from gsgi.baker.surface.fit import fit_surface
 from gsgi.baker.surface.lookup import look_up
+from gsgi.baker.surface.optimiser import SurfaceOptimiser
 from gsgi.baker.surface.samples import SurfaceSamples
 from gsgi.baker.surface.state import axes
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
@@ -278,3 +279,48 @@ def test_the_start_leaves_free_space_to_the_coarse_level():
     )
     assert (on_walls > BLEND.floor).mean() > 0.97
     assert (before < BLEND.floor).all()
+
+
+class Sampled:
+    """Cuts the Gaussians in `which` to a hundredth of their size, as if an occluder ran through them."""
+
+    def __init__(self, which: np.ndarray):
+        self.which = which
+
+    def cut(self, some: Gaussians) -> tuple[Gaussians, np.ndarray]:
+        scale = np.where(self.which[:, None], some.scale / 100, some.scale).astype(np.float32)
+        return replace(some, scale=scale), self.which.copy()
+
+
+def test_a_cut_that_only_leaves_holes_is_not_made():
+    """Every Gaussian is cut. Where light is smooth, nothing is gained."""
+    samples = noisy()
+    optimiser = SurfaceOptimiser(samples, NOBODY, BLEND)
+    whole = optimiser.solve(fitting.start(samples, 200, np.random.default_rng(0)), fitting.SOLVE_FIRST)
+    kept, which = fitting.cut_where_better(whole, optimiser, Sampled(np.ones(len(whole), bool)))
+    assert not which.any()
+    assert_same(kept, whole)
+
+
+def test_a_cut_that_keeps_light_from_where_there_is_none_is_made():
+    """A wide Gaussian lies across the border between light and dark; the others there are right on both sides."""
+    position, normal = corner(20_000)
+    light = np.where(position[:, :1] < 1, 1.0, 1e-3).repeat(3, axis=1).astype(np.float32)
+    samples = samples_of(light, position, normal, 0)
+    others = fitting.start(samples, 300, np.random.default_rng(0))
+    first = np.arange(len(others)) == np.linalg.norm(others.position - [1, 0, 1], axis=1).argmin()
+    wide = replace(others, scale=np.where(first[:, None], np.float32([0.5, 0.5, 0.1]), others.scale))
+    cut, which = fitting.cut_where_better(wide, SurfaceOptimiser(samples, NOBODY, BLEND), Sampled(first))
+    np.testing.assert_array_equal(which, first)
+    np.testing.assert_allclose(cut.scale[first], wide.scale[first] / 100)
+
+
+def test_samples_that_none_covers_get_gaussians():
+    samples = noisy()
+    floor = samples[samples.normal[:, 1] > 0]
+    alone = fitting.start(floor, 100, np.random.default_rng(0))
+    optimiser = SurfaceOptimiser(samples, NOBODY, BLEND)
+    added = fitting.in_holes(alone, 60, optimiser, samples, np.random.default_rng(1))
+    assert 30 < len(added) <= 60
+    assert (axes(added.rotation)[:, 1, 2] < 0.5).all()  # none on the floor
+    assert len(fitting.in_holes(alone, 0, optimiser, samples, np.random.default_rng(1))) == 0

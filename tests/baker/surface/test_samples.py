@@ -6,7 +6,7 @@ import scenes
 from traced_paths import counted
 
 from gsgi.baker.cache.store import Cache, entries
-from gsgi.baker.surface import budget, samples
+from gsgi.baker.surface import budget, samples, seen_surface
 from gsgi.baker.surface.budget import COARSE_MOST, COARSE_SHARE, FREE_PER_GAUSSIAN, PATHS_STEP
 from gsgi.baker.surface.samples import (
     Sampler,
@@ -17,6 +17,7 @@ from gsgi.baker.surface.samples import (
     path_count,
     surface_layers,
 )
+from gsgi.baker.surface.seen_surface import SeenSurface
 from gsgi.baker.trace import cached_tracer
 from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.baker.trace.tracer import BOUNCES_MAX, Tracer
@@ -39,7 +40,8 @@ def ignore(*_):
 
 
 def sampler(scene: Scene, cameras=(), cache=None, bounces=BOUNCES, seed=0) -> Sampler:
-    return Sampler(CachedTracer(scene, cache or Cache()), [*(cameras or [scenes.inside_camera()])], bounces, seed)
+    light = CachedTracer(scene, cache or Cache())
+    return Sampler(light, SeenSurface(light, cameras or [scenes.inside_camera()]), bounces, seed)
 
 
 @pytest.fixture
@@ -107,14 +109,15 @@ def test_what_the_cache_holds_is_not_traced_again(tmp_path):
     assert len(entries(tmp_path)) == 2 + 3  # the points of each chunk, and layers
     light, done = CachedTracer(scene, cache), []
     light.__dict__["tracer"] = None  # whoever asks it for anything fails
-    again = Sampler(light, [scenes.inside_camera()], BOUNCES, 0)
+    inside = SeenSurface(light, [scenes.inside_camera()])
+    again = Sampler(light, inside, BOUNCES, 0)
     assert_same(again.surface([1, 2], lambda *args: done.append(args[0])), first)
     assert sum(done) == path_count([1, 2])
     for other in (
-        Sampler(light, [above([0.0, 0.5, 0.0], 1.0)], BOUNCES, 0),
-        Sampler(light, [scenes.inside_camera()], BOUNCES + 1, 0),
-        Sampler(light, [scenes.inside_camera()], BOUNCES, 1),
-        Sampler(light, [scenes.inside_camera()], BOUNCES, 0, [True]),
+        Sampler(light, SeenSurface(light, [above([0.0, 0.5, 0.0], 1.0)]), BOUNCES, 0),
+        Sampler(light, inside, BOUNCES + 1, 0),
+        Sampler(light, inside, BOUNCES, 1),
+        Sampler(light, SeenSurface(light, [scenes.inside_camera()], [True]), BOUNCES, 0),
     ):
         with pytest.raises(AttributeError):
             other.surface([1], ignore)
@@ -139,7 +142,7 @@ def test_more_samples_trace_only_the_difference(tmp_path, traced):
 
 def test_scene_and_cameras_are_hashed_once(tmp_path, monkeypatch):
     hashed = []
-    for module, name in ((cached_tracer, "scene_digest"), (samples, "digest")):
+    for module, name in ((cached_tracer, "scene_digest"), (seen_surface, "digest")):
         original = getattr(module, name)
         monkeypatch.setattr(module, name, lambda value, f=original, name=name: (hashed.append(name), f(value))[1])
     asked = sampler(scenes.furnace(), cache=Cache(tmp_path))
@@ -278,7 +281,8 @@ def test_parts_of_samples_and_sets_together():
 
 
 def gathering(scene: Scene, bounces=BOUNCES, error=0.0, cache=None) -> Sampler:
-    return Sampler.gathering(CachedTracer(scene, cache or Cache()), [scenes.inside_camera()], bounces, 0, (), error)
+    light = CachedTracer(scene, cache or Cache())
+    return Sampler.gathering(light, SeenSurface(light, [scenes.inside_camera()]), bounces, 0, error)
 
 
 def prepared(sampler: Sampler) -> Sampler:

@@ -44,6 +44,20 @@ def test_darkness_needs_the_fewest_bounces():
     assert (found.mean, found.bounces(0.005)) == (0.0, pilot.STEPS[0])
 
 
+def test_a_dim_room_beside_a_bright_one_keeps_its_bounces():
+    """Half of the points are lit directly; the light of the others, a thousandth, comes with the fourth bounce."""
+    position = np.zeros((2048, 3), np.float32)
+    position[1024:, 0] = 100 + np.arange(1024) / 100
+    normal = np.broadcast_to(np.float32([0, 1, 0]), position.shape)
+
+    def at_points(position, normal, sampling, seed, known=None):
+        dim = 1e-3 * (sampling.bounces >= 4)
+        mean = np.where(position[:, :1] < 50, 1.0, dim).repeat(3, axis=1).astype(np.float32)
+        return Light(mean, np.zeros(len(position), np.float32), np.full(len(position), sampling.samples), 0)
+
+    assert pilot.run(at_points, position, normal, 0).bounces(0.005) == 4
+
+
 def test_samples_follow_the_noise_between_a_pass_and_the_cap():
     found = pilot.run(geometric(0.0, deviation=1.0), POSITION, NORMAL, 0)
     assert found.samples(Sampling(1024, error=0.0)) == 1024

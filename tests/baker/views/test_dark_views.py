@@ -8,7 +8,7 @@ import pytest
 import scenes
 
 from gsgi.baker.cache.store import Cache
-from gsgi.baker.surface import samples
+from gsgi.baker.surface import samples, seen_surface
 from gsgi.baker.surface.samples import Sampler
 from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling
@@ -77,8 +77,8 @@ def test_without_any_light_no_view_is_darker_than_the_others():
 def test_fewer_samples_are_taken_in_the_dark(light, monkeypatch):
     monkeypatch.setattr(samples, "CHUNK", 4096)
     cameras = list(CAMERAS.values())
-    for dark, expected in (((), 0.5), ((False, True), 1 / (1 + samples.DARK_STEP))):
-        sampler = Sampler(light, cameras, 2, 0, dark)
+    for dark, expected in (((), 0.5), ((False, True), 1 / (1 + seen_surface.DARK_STEP))):
+        sampler = Sampler(light, seen_surface.SeenSurface(light, cameras, dark), 2, 0)
         for drawn in (sampler.surface([1], print), sampler.free([1], print)):
             assert (drawn.position[:, 0] > APART / 2).mean() == pytest.approx(expected, abs=0.03)
 

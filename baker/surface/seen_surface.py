@@ -1,0 +1,110 @@
+"""The surfaces that a bake's cameras see, from which it draws the points of its samples."""
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from gsgi.baker.cache.digest import digest
+from gsgi.baker.trace.cached_tracer import CachedTracer
+from gsgi.baker.views.importance import ImportanceField
+from gsgi.baker.views.visibility import COS_MIN
+from gsgi.runtime.camera import Camera
+
+SIZE = 64  # px, edge of the images that find surface points
+DARK_STEP = 4  # a camera that sees no light uses only every DARK_STEP-th pixel: enough to learn this
+
+# Range of points in free space, as shares of the line of sight from the camera to the surface.
+FREE = 0.05, 0.95
+
+AREA_SHARE = 1 / 2  # of the samples go by area, so that no surface is left without; the rest by importance
+MASS = 1 / 4, 4  # range of the share of the samples around a point of importance, relative to the mean of all points
+FOOTPRINT_QUANTILE = 0.999  # larger pixel footprints are cut to this: at glancing angles they have no limit
+
+
+class SeenSurface:
+    """Surface points behind the diffuse pixels of cameras, found when they are first needed.
+
+    Points drawn from it are as dense as `importance` is, or evenly spread over each camera's visible area without it.
+    """
+
+    def __init__(
+        self,
+        tracer: CachedTracer,
+        cameras: Sequence[Camera],
+        dark: Sequence[bool] = (),
+        importance: ImportanceField | None = None,
+    ):
+        """`dark` marks the cameras that see no light; if it is empty, all of them see light."""
+        self._tracer, self._cameras, self._importance = tracer, cameras, importance
+        self._steps = [DARK_STEP if is_dark else 1 for is_dark in dark or [False] * len(cameras)]
+        self.digest = digest({"cameras": cameras, "steps": self._steps, "importance": importance})
+
+    def surface(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Position, normal and geometric normal (count, 3) float32 of surface points, stratified."""
+        seen = self._pixels
+        if not len(seen.position):
+            return (np.empty((0, 3), np.float32),) * 3
+        at = (np.arange(count) + rng.random(count)) / count * seen.below[-1]
+        index = np.minimum(np.searchsorted(seen.below, at, side="right"), len(seen.position) - 1)
+        return seen.position[index], seen.normal[index], seen.geometric_normal[index]
+
+    def free(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Points on lines of sight to surface points, and uniform random directions as both normals."""
+        seen = self._pixels
+        if not len(seen.position):
+            return (np.empty((0, 3), np.float32),) * 3
+        index = rng.integers(len(seen.position), size=count)
+        way = rng.uniform(*FREE, (count, 1))
+        position = seen.viewpoint[index] + way * (seen.position[index] - seen.viewpoint[index])
+        normal = rng.normal(size=(count, 3))
+        normal = (normal / np.linalg.norm(normal, axis=1, keepdims=True)).astype(np.float32)
+        return position.astype(np.float32), normal, normal
+
+    @cached_property
+    def _pixels(self) -> "_Pixels":
+        columns = []
+        surfaces = self._tracer.tracer.surfaces(self._cameras, SIZE, SIZE)
+        for camera, step, surface in zip(self._cameras, self._steps, surfaces, strict=True):
+            position, normal, geometric = surface.points()
+            depth = surface.depth[surface.diffuse].astype(np.float64)
+            above = np.abs(((camera.position - position) * geometric).sum(axis=1))  # of the camera over the surface
+            area = depth**3 / np.maximum(above, np.finfo(np.float32).tiny) / camera.pinhole(SIZE, SIZE).fx ** 2
+            eye = np.broadcast_to(camera.position.astype(np.float32), position.shape)
+            upright = above >= COS_MIN * np.linalg.norm(camera.position - position, axis=1)
+            columns.append([column[::step] for column in (position, normal, geometric, eye, area, upright)])
+        *arrays, area, upright = (np.concatenate(column) for column in zip(*columns, strict=True))
+        if len(area):
+            area = np.minimum(area, np.quantile(area, FOOTPRINT_QUANTILE))
+            if self._importance is not None and len(self._importance.position):
+                looks = _looks(arrays[0], arrays[1], area * upright, self._importance)
+                looks /= max(looks.sum(), np.finfo(np.float64).tiny)
+                area = AREA_SHARE * area / area.sum() + (1 - AREA_SHARE) * looks
+        return _Pixels(*arrays, np.cumsum(area, dtype=np.float64))
+
+
+class _Pixels(NamedTuple):
+    """Surface points (P, 3) float32 behind pixels, with their normals and viewpoints.
+
+    `below` (P,) is the cumulative share of the samples, including each point's own.
+    """
+
+    position: np.ndarray
+    normal: np.ndarray
+    geometric_normal: np.ndarray
+    viewpoint: np.ndarray
+    below: np.ndarray
+
+
+def _looks(position: np.ndarray, normal: np.ndarray, area: np.ndarray, importance: ImportanceField) -> np.ndarray:
+    """How often people look (P,) at what is behind pixels whose footprints have areas (P,), m^2.
+
+    What several views see counts once. The points of `importance` have nearly the same share each, so that a footprint
+    that is nearest to the wrong point, like one beside a wall that is nearest to a point behind it, gains nothing.
+    """
+    near = importance.nearest(position, normal)
+    looks = area * importance.density[near] / np.maximum(importance.views[near], 1)
+    around = np.bincount(near, looks, len(importance.position))
+    share = np.clip(around, *np.divide(MASS, len(around)))
+    return looks * np.divide(share, around, out=np.zeros_like(around), where=around > 0)[near]
