@@ -8,7 +8,6 @@ import numpy as np
 CANDIDATES = 5  # random points per point that is kept (Yuksel 2015 finds no gain beyond five)
 AROUND = 24  # nearest other points, whose distance tells the density
 NEIGHBOURS = 3  # a point's spacing is the mean distance to these
-SOUGHT, ALIKE = 24, 0.5  # nearest other points among which they are, and the least cosine between their normals
 
 ATTEMPTS = 4  # at finding the radius
 SURPLUS = 1.04  # dropping points at random from more than this times the count would leave gaps
@@ -61,25 +60,15 @@ def levelled(position: np.ndarray) -> np.ndarray:
     return np.column_stack([scaled, 4 * (float(np.ptp(scaled)) + 1) * step])
 
 
-def spacing(position: np.ndarray, normal: np.ndarray | None = None) -> np.ndarray:
-    """Mean distance (N,) float32, m, to the nearest NEIGHBOURS other points.
-
-    With normals (N, 3) of the points (N, 3), m, those on the back of a thin wall and around a corner do not count, as
-    far as there are others among the SOUGHT nearest.
-    """
+def spacing(position: np.ndarray) -> np.ndarray:
+    """Mean distance (N,) float32, m, to the nearest NEIGHBOURS other points."""
     from scipy.spatial import cKDTree
 
     if len(position) <= NEIGHBOURS:
         extent = float(np.linalg.norm(np.ptp(position, axis=0))) if len(position) else 0.0
         return np.full(len(position), extent or 1.0, np.float32)
-    sought = min(NEIGHBOURS if normal is None else SOUGHT, len(position) - 1)
-    distance, near = cKDTree(position).query(position, k=sought + 1)
-    distance, near = distance[:, 1:], near[:, 1:]
-    if normal is None:
-        return distance.mean(axis=1).astype(np.float32)
-    faced = np.einsum("nc,nkc->nk", normal, normal[near]) > ALIKE
-    order = np.argsort(~faced, axis=1, kind="stable")[:, :NEIGHBOURS]
-    return np.take_along_axis(distance, order, axis=1).mean(axis=1).astype(np.float32)
+    distance, _ = cKDTree(position).query(position, k=NEIGHBOURS + 1)
+    return distance[:, 1:].mean(axis=1).astype(np.float32)
 
 
 def _apart(position: np.ndarray, normal: np.ndarray, radius: float, rank: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ import numpy as np
 from gsgi.baker.cache.checkpoint import Checkpoint
 from gsgi.baker.cache.records import from_arrays, to_arrays
 from gsgi.baker.fitting.blue_noise import CANDIDATES, levelled, spacing, thin
-from gsgi.baker.fitting.rotations import axes, rotation_to
+from gsgi.baker.fitting.rotations import rotation_to
 from gsgi.baker.fitting.schedule import Schedule, count_after
 from gsgi.baker.fitting.task import Monitor
 from gsgi.baker.views.surface_points import Triangles
@@ -120,11 +120,8 @@ def start(samples: SurfaceSamples, count: int, rng: np.random.Generator, beside:
     position, normal = samples.position[chosen], samples.normal[chosen]
     even = thin(levelled(position), normal, count, rng)
     position, normal, light = position[even], normal[even], samples.indirect[chosen][even]
-    all_positions, all_normals = position, normal
-    if beside is not None:
-        all_positions = np.concatenate([position, beside.position])
-        all_normals = np.concatenate([normal, axes(beside.rotation)[:, :, 2]])
-    apart = np.maximum(spacing(all_positions, all_normals)[: len(position)], np.float32(SPACING_MIN))
+    centres = position if beside is None else np.concatenate([position, beside.position])
+    apart = np.maximum(spacing(centres)[: len(position)], np.float32(SPACING_MIN))
     scale = apart[:, None] * np.array([WIDTH, WIDTH, THICKNESS], np.float32)
     opacity = np.full(len(position), OPACITY, np.float32)
     colour, slope = light[:, None, :] / np.float32(constants.SH_C0), np.zeros((len(position), 2), np.float32)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from gsgi.baker.fitting.blue_noise import levelled, spacing, thin
+from gsgi.baker.fitting.blue_noise import levelled, thin
 
 UP = np.array([0.0, 1.0, 0.0])
 
@@ -118,13 +118,3 @@ def test_the_same_generator_state_keeps_the_same_points():
 def test_the_unit_of_length_does_not_matter(scale):
     position, normal = plane(2000)
     np.testing.assert_array_equal(thinned(scale * position, normal, 300), thinned(position, normal, 300))
-
-
-def test_the_back_of_a_thin_wall_is_no_neighbour():
-    """Two grids of points at a distance of 1 m, on both sides of a wall of 1 cm."""
-    x, y = (axis.ravel() for axis in np.meshgrid(np.arange(12.0), np.arange(12.0)))
-    front = np.stack([x, y, np.zeros_like(x)], axis=1)
-    position = np.concatenate([front, front - [0.3, 0.2, 0.01]])
-    normal = np.repeat([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]], len(front), axis=0)
-    np.testing.assert_allclose(spacing(position, normal), spacing(front)[np.tile(np.arange(len(front)), 2)], rtol=1e-6)
-    assert (spacing(position) < 0.8).all()
