@@ -10,6 +10,7 @@ import numpy as np
 from .errors import UsageError
 from .gaussians import Bake
 from .sampling import Sampler, sh_basis
+from .vectors import sphere
 
 COEFFICIENTS = 9  # SH degree 2: of B, which is a cosine's convolution, it keeps 99 % (Ramamoorthi and Hanrahan 2001)
 NORMALS = 64  # at which B is read in each probe
@@ -55,7 +56,7 @@ def probe_grid(bake: Bake, spacing: float) -> ProbeGrid:
     size = size.astype(int)
     first = low + (extent - spacing * (size - 1)) / 2
     position = first + spacing * np.stack(np.meshgrid(*map(np.arange, size), indexing="ij"), axis=-1).reshape(-1, 3)
-    normal = _fibonacci_sphere(NORMALS)
+    normal = sphere(NORMALS)
     from_light = np.linalg.pinv(sh_basis(normal, COEFFICIENTS))
     sh = np.empty((len(position), COEFFICIENTS, 3), np.float32)
     for begin in range(0, len(position), CHUNK):
@@ -85,11 +86,3 @@ def check_path(path: str | Path) -> None:
     """Raise UsageError for a file name whose ending is none of FORMATS."""
     if Path(path).suffix not in FORMATS:
         raise UsageError(f"{path}: probes are written as {' or '.join(FORMATS)}")
-
-
-def _fibonacci_sphere(count: int) -> np.ndarray:
-    """Unit directions (count, 3) float64, evenly spread."""
-    i = np.arange(count)
-    y, angle = 1 - (2 * i + 1) / count, i * np.pi * (3 - np.sqrt(5))
-    radius = np.sqrt(1 - y * y)
-    return np.stack([radius * np.cos(angle), y, radius * np.sin(angle)], axis=1)

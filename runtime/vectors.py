@@ -8,3 +8,12 @@ def unit(vectors: np.ndarray) -> np.ndarray:
     # Divide by the largest component first: squares of tiny or huge components leave the range of floats.
     vectors = vectors / np.abs(vectors).max(axis=-1, keepdims=True)
     return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+
+
+def sphere(count: int) -> np.ndarray:
+    """`count` unit directions (count, 3) float64, evenly spread: a Fibonacci spiral about +Y."""
+    i = np.arange(count)
+    y = 1 - (2 * i + 1) / count
+    angle = i * np.pi * (3 - np.sqrt(5))
+    radius = np.sqrt(1 - y * y)
+    return np.stack([radius * np.cos(angle), y, radius * np.sin(angle)], axis=1)

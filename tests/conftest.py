@@ -68,13 +68,17 @@ def current_again(gl):
     gl.__enter__()
 
 
-@pytest.fixture
-def fresh_gl(gl):
-    """A context whose state may stay as it is."""
-    made = create_context()
+def _in_turn(gl, made):
+    """Another context, released after the test, which leaves the shared one current again."""
     yield made
     made.release()
     gl.__enter__()
+
+
+@pytest.fixture
+def fresh_gl(gl):
+    """A context whose state may stay as it is."""
+    yield from _in_turn(gl, create_context())
 
 
 @pytest.fixture
@@ -84,9 +88,7 @@ def es_gl(gl):
         made = create_es_context()
     except OSError as error:
         pytest.skip(str(error))
-    yield made
-    made.release()
-    gl.__enter__()
+    yield from _in_turn(gl, made)
 
 
 @pytest.fixture
@@ -96,6 +98,4 @@ def old_gl(gl):
         made = create_compatibility_context()
     except OSError as error:
         pytest.skip(str(error))
-    yield made
-    made.release()
-    gl.__enter__()
+    yield from _in_turn(gl, made)

@@ -12,8 +12,8 @@ from benches.operators import gaussians_at, smallest
 from benches.probes import Probes, grid_size
 
 from gsgi.baker.native import kernels
-from gsgi.baker.views.free_space import sphere
 from gsgi.runtime.camera import look_at
+from gsgi.runtime.vectors import sphere
 
 BAKES = [SimpleNamespace(gaussians=n, ssim=ssim) for n, ssim in ((100, 0.90), (200, 0.94), (400, 0.93), (800, 0.96))]
 

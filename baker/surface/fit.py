@@ -176,7 +176,7 @@ def cut_where_better(
     if not which.any():
         return gaussians, which
     whole, parts = (optimiser.solve(some, SOLVE_AGAIN) for some in (gaussians, cut))
-    which &= optimiser.gain(whole, parts) > -CUT_COST * optimiser.share(whole)
+    which &= optimiser.gain(whole, parts) > -CUT_COST
     columns = (
         np.where(which.reshape(-1, *[1] * (before.ndim - 1)), after, before)
         for before, after in zip(vars(gaussians).values(), vars(cut).values(), strict=True)

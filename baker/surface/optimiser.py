@@ -91,19 +91,22 @@ class SurfaceOptimiser:
     def error(self, gaussians: Gaussians) -> tuple[np.ndarray, np.ndarray]:
         """Noise-free error (S,) of each sample, and the fine sum w (S,) there, in the order of the samples."""
         self._list(gaussians)
-        reading, fine = self._read(gaussians), self._field.read(gaussians)[:, 3]
-        error, weight = np.empty_like(fine), np.empty_like(fine)
-        error[self._order], weight[self._order] = self._error(reading.light), fine
+        fine = self._field.read(gaussians)
+        error, weight = np.empty_like(fine[:, 3]), np.empty_like(fine[:, 3])
+        error[self._order], weight[self._order] = self._error(self._reading(fine).light), fine[:, 3]
         return error, weight
 
     def gain(self, gaussians: Gaussians, others: Gaussians) -> np.ndarray:
-        """By how much (N,) float32 the error of the samples that each Gaussian accounts for falls with `others`."""
+        """By how much (N,) float32 the mean error of the samples that each Gaussian accounts for falls with `others`.
+
+        It is -inf where there is none.
+        """
         lights = []
         for some in (others, gaussians):
             self._list(some)
             lights.append((reading := self._read(some)).light)
         after, before = (self._error(light) for light in lights)
-        return self._seen(gaussians, np.repeat((before - after)[:, None], 3, axis=1), reading.inverse)[:, 0]
+        return self._mean(gaussians, before - after, reading.inverse, -np.inf)[:, 0]
 
     def level_of(self, gaussians: Gaussians) -> np.ndarray:
         """Mean level (N, 1) around the samples that each Gaussian accounts for; 0 where there is none."""
@@ -139,9 +142,13 @@ class SurfaceOptimiser:
         return replace(state, gaussians=stepped, mean=mean.astype(np.float32), square=square.astype(np.float32)), result
 
     def _level_of(self, gaussians: Gaussians, inverse: np.ndarray) -> np.ndarray:
-        ones = np.ones_like(self._level)
-        sums = self._seen(gaussians, np.stack([self._level, ones, ones], axis=1), inverse)
-        return np.divide(sums[:, :1], sums[:, 1:2], out=np.zeros_like(sums[:, :1]), where=sums[:, 1:2] > 0)
+        return self._mean(gaussians, self._level, inverse, 0)
+
+    def _mean(self, gaussians: Gaussians, values: np.ndarray, inverse: np.ndarray, none: float) -> np.ndarray:
+        """Mean (N, 1) of values (S,) over the samples that each Gaussian accounts for; `none` where there are none."""
+        ones = np.ones_like(values)
+        sums = self._seen(gaussians, np.stack([values, ones, ones], axis=1), inverse)
+        return np.divide(sums[:, :1], sums[:, 1:2], out=np.full_like(sums[:, :1], none), where=sums[:, 1:2] > 0)
 
     def _seen(self, gaussians: Gaussians, values: np.ndarray, inverse: np.ndarray) -> np.ndarray:
         """Sums (N, 3) of w / sum w times values (S, 3) over the samples."""
@@ -153,7 +160,10 @@ class SurfaceOptimiser:
         self._listed, self._noise = len(gaussians), None
 
     def _read(self, gaussians: Gaussians) -> _Reading:
-        fine = self._field.read(gaussians)
+        return self._reading(self._field.read(gaussians))
+
+    def _reading(self, fine: np.ndarray) -> _Reading:
+        """What the sums (S, 4) of the fine level come to."""
         sums = fine + filling(fine, self._coarse, self.blend)
         inverse = inverse_weight(sums)
         light = sums[:, :3] * inverse[:, None]

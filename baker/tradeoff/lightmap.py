@@ -8,10 +8,10 @@ import numpy as np
 
 from gsgi.baker.progress import Progress
 from gsgi.baker.trace import denoise
-from gsgi.baker.views.free_space import sphere
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime import constants
 from gsgi.runtime.display import auto_exposure
+from gsgi.runtime.vectors import sphere
 
 from .atlas import Atlas, Texels, rasterise, unwrap
 from .ground import PATHS, Ground

@@ -7,8 +7,8 @@ import numpy as np
 
 from gsgi.baker.native import kernels
 from gsgi.baker.progress import Progress
-from gsgi.baker.views.free_space import sphere
 from gsgi.baker.views.surface_points import Triangles
+from gsgi.runtime.vectors import sphere
 
 from .ground import Ground
 from .method import Method

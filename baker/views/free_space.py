@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gsgi.runtime.camera import Camera
+from gsgi.runtime.vectors import sphere
 
 from .surface_points import SurfacePoints, Triangles
 
@@ -108,15 +109,6 @@ def look_around(triangles: Triangles, viewpoints: np.ndarray) -> Surroundings:
     shares = (np.where(count, seen.sum(axis=1) / np.maximum(count, 1), 1.0) for seen in (backs, double_backs))
     below = 1 - met[:, directions[:, 1] < BELOW].mean(axis=1)
     return Surroundings(1 - count / LOOKS, below, *shares)
-
-
-def sphere(count: int) -> np.ndarray:
-    """`count` unit directions (count, 3) float64, evenly spread: a Fibonacci spiral about +Y."""
-    i = np.arange(count)
-    y = 1 - (2 * i + 1) / count
-    angle = i * np.pi * (3 - np.sqrt(5))
-    radius = np.sqrt(1 - y * y)
-    return np.stack([radius * np.cos(angle), y, radius * np.sin(angle)], axis=1)
 
 
 def cosine_directions(normal: np.ndarray, rng: np.random.Generator) -> np.ndarray:

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from .free_space import sphere
+from gsgi.runtime.vectors import sphere
+
 from .visibility import VIEWS, Lens, SightLines, texel
 
 DIRECTIONS = 64  # viewing directions at each viewpoint

@@ -8,8 +8,8 @@ import numpy as np
 
 from gsgi.baker.surface.lookup import look_up
 from gsgi.baker.trace.tracer import Sampling, Tracer
-from gsgi.baker.views.free_space import sphere
 from gsgi.baker.views.surface_points import Triangles
+from gsgi.runtime.vectors import sphere
 
 from .operator_bakes import scene_files, surface_bakes
 from .operator_frames import lit_scene, placement

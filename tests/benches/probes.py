@@ -6,7 +6,7 @@ import numpy as np
 
 from gsgi.baker.native import kernels
 from gsgi.baker.trace.tracer import Sampling, Tracer
-from gsgi.baker.views.free_space import sphere
+from gsgi.runtime.vectors import sphere
 
 DEGREE = 2
 PROBE_BYTES = 2 * 3 * (DEGREE + 1) ** 2  # half floats
