@@ -11,7 +11,7 @@ from repository import ROOT
 
 RUNTIME = sorted((ROOT / "runtime").rglob("*.py"))
 BAKER = sorted((ROOT / "baker").rglob("*.py"))
-ROOMS_THAT_DRAW = "gl", "pyrender", "testing", "viewer"  # folders of the runtime; all others hold data alone
+ROOMS_THAT_DRAW = "gl", "panda3d", "pyrender", "testing", "viewer"  # folders of the runtime; all others hold data alone
 DATA_MODULES = sorted(
     ".".join(path.relative_to(ROOT).with_suffix("").parts)
     for path in RUNTIME

@@ -3,7 +3,7 @@
 #include "lib/srgb.glsl"
 #include "lib/texture.glsl"
 #if LOOKUP
-#include "pyrender/seen_normal.glsl"
+#include "lib/seen_normal.glsl"
 #include "surface/gsgi_indirect.glsl"
 #endif
 
@@ -151,7 +151,7 @@ vec3 indirect_light() {
 #else
     vec3 interpolated = vec3(0.0);
 #endif
-    return gsgi_indirect(v_position, seen_normal(v_position - eye, interpolated));
+    return gsgi_indirect(v_position, seen_normal(v_position, v_position - eye, interpolated));
 }
 #endif
 

@@ -1,6 +1,6 @@
 // Normal and depth of the nearest surface: the part of a G-buffer that the passes that read Gaussians need.
 #include "lib/octahedral.glsl"
-#include "pyrender/seen_normal.glsl"
+#include "lib/seen_normal.glsl"
 
 in vec3 v_offset;
 in float v_depth;
@@ -17,6 +17,6 @@ void main() {
 #else
     vec3 interpolated = vec3(0.0);
 #endif
-    out_normal = vec4(octahedral_from_normal(seen_normal(v_offset, interpolated)), 0.0, 1.0);
+    out_normal = vec4(octahedral_from_normal(seen_normal(v_offset, v_offset, interpolated)), 0.0, 1.0);
     out_depth = vec4(v_depth, 0.0, 0.0, 1.0);
 }

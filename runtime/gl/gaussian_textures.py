@@ -56,12 +56,17 @@ def _data_texture(ctx: moderngl.Context, texels: np.ndarray) -> moderngl.Texture
     return data_texture(ctx, texels.reshape(count, 4))
 
 
-def data_texture(ctx: moderngl.Context, texels: np.ndarray) -> moderngl.Texture:
-    """Texture of texels (T, C), float32, uint16 or uint32, in rows of DATA_WIDTH."""
+def data_rows(texels: np.ndarray) -> np.ndarray:
+    """Texels (T, C) in rows of DATA_WIDTH, the last one padded with 0: (H, DATA_WIDTH, C)."""
     height = max(-(-len(texels) // DATA_WIDTH), 1)
     padded = np.zeros((height * DATA_WIDTH, texels.shape[1]), texels.dtype)
     padded[: len(texels)] = texels
-    kind = f"{texels.dtype.kind}{texels.itemsize}"
-    result = ctx.texture((DATA_WIDTH, height), texels.shape[1], padded, dtype=kind)
+    return padded.reshape(height, DATA_WIDTH, -1)
+
+
+def data_texture(ctx: moderngl.Context, texels: np.ndarray) -> moderngl.Texture:
+    """Texture of texels (T, C), float32, uint16 or uint32, in rows of DATA_WIDTH."""
+    rows = data_rows(texels)
+    result = ctx.texture((DATA_WIDTH, len(rows)), rows.shape[2], rows, dtype=f"{texels.dtype.kind}{texels.itemsize}")
     result.filter = (moderngl.NEAREST, moderngl.NEAREST)
     return result

@@ -143,6 +143,10 @@ PASSES: dict[str, dict[str, Callable[[Any], int]]] = {
         "NORMAL_COLOR": lambda bake: isinstance(bake.blend, SurfaceBlend),
     },
     "viewer/overlay": {},
+    "panda3d/light": {  # (int, int): numbers of SH coefficients of the fine and of the coarse level
+        name: lambda counts, name=name: lookup_defines(*counts)[name] for name in lookup_defines(0, 0)
+    },
+    "panda3d/add": {},
     "tradeoff/ambient": {},
     "tradeoff/lightmap": _SURFACE,  # Triangles
     "tradeoff/probes": {"VISIBILITY": lambda tested: tested},  # bool: whether probes are tested for visibility

@@ -74,6 +74,7 @@ SUBJECTS = {
     "surface/add_light": encodings(),
     "frame/display": BOTH,
     "viewer/ellipsoids": [Bake(g, blend) for g in of_degree(0, 1, 2, 3) for blend in (OverBlend(0.1), SurfaceBlend())],
+    "panda3d/light": [(1, 9), (4, 1), (9, 4)],
     "tradeoff/lightmap": triangles(),
     "tradeoff/probes": BOTH,
     "pyrender/forward": primitives(),
