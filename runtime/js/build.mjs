@@ -1,8 +1,11 @@
-// Lifts the shaders of glsl/ into shaders.js:   node build.mjs [--check]
-// With --check nothing is written, and the exit code says whether the file is what it would be.
-import { readFileSync, writeFileSync } from "node:fs";
+// Writes what this folder takes from elsewhere:   node build.mjs [--check]
+//   shaders.js, page/shaders.js         from glsl/
+//   page/three.js, page/three.LICENSE   from three.js, bundled by esbuild: after `npm ci`, else they stay as they are
+// With --check nothing is written, and the exit code says whether the files are what they would be.
+import { existsSync, readFileSync, writeFileSync } from "node:fs";
 
 const GLSL = new URL("../../glsl/", import.meta.url);
+const NOTE = "// Written by build.mjs from glsl/. Do not edit.\n";
 const CONSTANTS = ["DATA_WIDTH", "HALF_MAX", "LEVEL_TEXELS", "SCALE_MIN", "SH_C0"];
 
 /** Source of glsl/`name` with each include expanded once. */
@@ -18,9 +21,11 @@ function bare(source) {
     return source.replace(/ *\/\/.*$/gm, "").replace(/\n+/g, "\n");
 }
 
-/** Without indentation and columns. */
+/** Without the space that only people need. */
 function packed(source) {
-    return source.replace(/^ +/gm, "").replace(/ +/g, " ").trim();
+    const lines = source.replace(/^ +/gm, "").replace(/ +/g, " ").trim().split("\n");
+    const code = (line) => line.replace(/ ?([-+*\/%=<>?:,;{}()|&]) ?/g, "$1");
+    return lines.map((line) => (line.startsWith("#") ? `${line}\n` : code(line))).join("").replace(/(?<=[^\n])#/g, "\n#");
 }
 
 /** With `#if SH_DEGREE > N` resolved. */
@@ -33,13 +38,22 @@ const DEFINE = /^#define (\w+).*\n/gm;
 const FUNCTION = /^\w+ (\w+)\([^)]*\) \{\n[^]*?^\}\n/gm;
 const STRUCT = /^struct (\w+) \{\n[^]*?^\};\n/gm;
 
-/** Without the functions, structs and defines that nothing uses. */
-function needed(source) {
+/** Without the functions, structs and defines that nothing uses; the functions in `kept` are for others to call. */
+function needed(source, kept) {
     const used = (text, name) => text.match(new RegExp(`\\b${name}\\b`, "g")).length > 1;
     for (let before = ""; before !== source; ) {
         before = source;
         for (const pattern of [FUNCTION, STRUCT, DEFINE])
-            source = source.replace(pattern, (all, name) => (name === "gsgi_indirect" || used(source, name) ? all : ""));
+            source = source.replace(pattern, (all, name) => (kept.includes(name) || used(source, name) ? all : ""));
+    }
+    return source;
+}
+
+/** With the value of each define that is no longer than its name in its place. */
+function inlined(source) {
+    for (let found; (found = /^#define (\w+) +(\S{1,8}|\(.*\)) *\n/m.exec(source)); ) {
+        const [line, name, value] = found;
+        source = source.replace(line, "").replace(new RegExp(`\\b${name}\\b`, "g"), value);
     }
     return source;
 }
@@ -51,10 +65,33 @@ function prefixed(source) {
     return source.replace(new RegExp(`\\b(${own.join("|")})\\b`, "g"), "gsgi_$1");
 }
 
-const whole = bare(expanded("surface/gsgi_indirect.glsl"));
-const lookup = packed(prefixed(needed(resolved(whole))));
-const numbers = CONSTANTS.map((name) => `export const ${name} = ${new RegExp(`#define ${name} +(\\S+)`).exec(whole)[1]};\n`);
-const output = new URL("shaders.js", import.meta.url);
-const module = `// Written by build.mjs from glsl/. Do not edit.\n${numbers.join("")}export const LOOKUP = \`${lookup}\n\`;\n`;
-if (!process.argv.includes("--check")) writeFileSync(output, module);
-else if (readFileSync(output, "utf8") !== module) throw new Error("shaders.js is not what build.mjs makes of glsl/");
+function shaders() {
+    const whole = bare(expanded("surface/gsgi_indirect.glsl"));
+    // A $, which no name has, stands for the prefix.
+    const lookup = packed(inlined(prefixed(needed(resolved(whole), ["gsgi_indirect"])))).replaceAll("gsgi_", "$");
+    const value = (name) => new RegExp(`#define ${name} +(\\S+)`).exec(whole)[1];
+    const numbers = CONSTANTS.map((name) => `export const ${name} = ${value(name)};\n`).join("");
+    return `${NOTE}${numbers}export const LOOKUP = \`${lookup}\n\`;\n`;
+}
+
+function pageShaders() {
+    const part = (name, ...functions) => prefixed(needed(bare(expanded(name)), functions));
+    const light = part("frame/light.glsl", "range_attenuation", "cone_attenuation");
+    const environment = part("frame/environment.glsl", "environment_texel");
+    return `${NOTE}export const LIGHT = \`${light}\`;\nexport const ENVIRONMENT = \`${environment}\`;\n`;
+}
+
+const written = { "shaders.js": shaders(), "page/shaders.js": pageShaders() };
+const three = new URL("node_modules/three/", import.meta.url);
+if (existsSync(three)) {
+    const { build } = await import("esbuild");
+    const entry = new URL("page/vendor.js", import.meta.url).pathname;
+    const bundle = await build({ entryPoints: [entry], bundle: true, minify: true, format: "esm", write: false });
+    written["page/three.js"] = bundle.outputFiles[0].text;
+    written["page/three.LICENSE"] = readFileSync(new URL("LICENSE", three), "utf8");
+}
+for (const [name, text] of Object.entries(written)) {
+    const path = new URL(name, import.meta.url);
+    if (!process.argv.includes("--check")) writeFileSync(path, text);
+    else if (readFileSync(path, "utf8") !== text) throw new Error(`${name} is not what build.mjs makes: run it`);
+}

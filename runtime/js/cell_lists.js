@@ -1,5 +1,7 @@
 /** Which Gaussians reach each cell of space: an octree of lists, as runtime/cell_lists.py builds it. */
 
+const { abs, ceil, floor, max, min, sqrt } = Math;
+
 const ROOTS = 8; // cells along the longest edge of the box, before any is split
 const DEPTH_MAX = 20; // splits of a root; float32 coordinates within it have 24 bits
 const SPLIT_MIN = 6; // sheets in a cell that is worth eight more
@@ -24,7 +26,7 @@ export function cellLists(gaussians, radius) {
     if (!used.length) return { low: [0, 0, 0], edge: 1, size: [0, 0, 0], nodes: [{ entries: [], child: 0 }] };
     const grid = gridAround(gaussians, used, radius), { edge, size } = grid;
     const bodies = ellipsoids(gaussians, used, radius, grid.low), reach = radius * (1 + SLACK), slack = SLACK * edge;
-    const fineness = Math.min(Math.max(FINEST * Math.sqrt(used.length / FINEST_COUNT), FINEST), COARSEST);
+    const fineness = min(max(FINEST * sqrt(used.length / FINEST_COUNT), FINEST), COARSEST);
 
     const outside = used.filter((_, i) => [0, 1, 2].some((k) => {
         const centre = bodies[SIZE * i + k], bound = bodies[SIZE * i + BOUND + k];
@@ -41,7 +43,7 @@ export function cellLists(gaussians, radius) {
 
 /** Lowest corner, edge and number of cells of a grid around the centres, and most of what they reach. */
 function gridAround({ position, scale }, used, radius) {
-    const bounds = used.map((i) => radius * Math.max(scale[3 * i], scale[3 * i + 1], scale[3 * i + 2]));
+    const bounds = used.map((i) => radius * max(scale[3 * i], scale[3 * i + 1], scale[3 * i + 2]));
     const sorted = Float64Array.from(bounds).sort(), half = sorted.length >> 1;
     const margin = sorted[half] + sorted[sorted.length - 1 - half]; // twice the median
     const low = [], high = [];
@@ -49,16 +51,16 @@ function gridAround({ position, scale }, used, radius) {
         let centreLow = Infinity, centreHigh = -Infinity, reachLow = Infinity, reachHigh = -Infinity;
         used.forEach((i, j) => {
             const x = position[3 * i + k];
-            centreLow = Math.min(centreLow, x);
-            centreHigh = Math.max(centreHigh, x);
-            reachLow = Math.min(reachLow, x - bounds[j]);
-            reachHigh = Math.max(reachHigh, x + bounds[j]);
+            centreLow = min(centreLow, x);
+            centreHigh = max(centreHigh, x);
+            reachLow = min(reachLow, x - bounds[j]);
+            reachHigh = max(reachHigh, x + bounds[j]);
         });
-        low.push(Math.fround(Math.max(reachLow, centreLow - margin)));
-        high.push(Math.min(reachHigh, centreHigh + margin));
+        low.push(Math.fround(max(reachLow, centreLow - margin)));
+        high.push(min(reachHigh, centreHigh + margin));
     }
-    const edge = Math.fround(Math.max(...high.map((x, k) => x - low[k])) / ROOTS);
-    return { low, edge, size: high.map((x, k) => Math.min(Math.max(Math.ceil((x - low[k]) / edge), 1), ROOTS)) };
+    const edge = Math.fround(max(...high.map((x, k) => x - low[k])) / ROOTS);
+    return { low, edge, size: high.map((x, k) => min(max(ceil((x - low[k]) / edge), 1), ROOTS)) };
 }
 
 // What tests need of a Gaussian, SIZE numbers of one Float64Array; lengths are relative to `low` of the grid, m.
@@ -82,7 +84,7 @@ function ellipsoids({ position, rotation, scale }, used, radius, low) {
         order.forEach((k, i) => {
             const [x, y, z] = matrix[k].map((value) => value * deviation[0] / deviation[i]);
             bodies.set([x, y, z], at + WHITEN + 3 * i);
-            bodies[at + WIDTH + i] = Math.abs(x) + Math.abs(y) + Math.abs(z);
+            bodies[at + WIDTH + i] = abs(x) + abs(y) + abs(z);
             [x * x, x * y, x * z, y * y, y * z, z * z].forEach((value, j) => { metric[j] += value; });
         });
         bodies.set(metric, at + METRIC);
@@ -112,8 +114,8 @@ function rootCells(bodies, radius, { edge, size }) {
         const from = [], to = [];
         for (let k = 0; k < 3; ++k) {
             const bound = bodies[at + BOUND + k] + SLACK * edge, last = size[k] - 1;
-            from.push(Math.min(Math.max(Math.floor((bodies[at + k] - bound) / edge), 0), last));
-            to.push(Math.min(Math.max(Math.floor((bodies[at + k] + bound) / edge), 0), last));
+            from.push(min(max(floor((bodies[at + k] - bound) / edge), 0), last));
+            to.push(min(max(floor((bodies[at + k] + bound) / edge), 0), last));
         }
         for (let x = from[0]; x <= to[0]; ++x)
             for (let y = from[1]; y <= to[1]; ++y)
@@ -174,13 +176,13 @@ function judge(bodies, members, middle, half, fineness) {
     for (let i = 0; i < members.length; ++i) {
         const at = members[i], w = at + WHITEN;
         const x = bodies[at] - mx, y = bodies[at + 1] - my, z = bodies[at + 2] - mz;
-        const through = Math.abs(x * bodies[w] + y * bodies[w + 1] + z * bodies[w + 2]);
+        const through = abs(x * bodies[w] + y * bodies[w + 1] + z * bodies[w + 2]);
         if (through > half * bodies[at + WIDTH]) continue;
         sheets += 1;
-        const first = Math.abs(x * bodies[w + 3] + y * bodies[w + 4] + z * bodies[w + 5]);
-        const second = Math.abs(x * bodies[w + 6] + y * bodies[w + 7] + z * bodies[w + 8]);
-        const u = Math.max(first - half * bodies[at + WIDTH + 1] / 2, 0);
-        const v = Math.max(second - half * bodies[at + WIDTH + 2] / 2, 0);
+        const first = abs(x * bodies[w + 3] + y * bodies[w + 4] + z * bodies[w + 5]);
+        const second = abs(x * bodies[w + 6] + y * bodies[w + 7] + z * bodies[w + 8]);
+        const u = max(first - half * bodies[at + WIDTH + 1] / 2, 0);
+        const v = max(second - half * bodies[at + WIDTH + 2] / 2, 0);
         if (u * u + v * v > (SHEET * bodies[at + SHORTEST]) ** 2) continue;
         // Where points lie on a sheet, as many more Gaussians than reach a point are listed as the cell's edge is
         // longer than their mean in-plane radius.
@@ -199,7 +201,7 @@ function judge(bodies, members, middle, half, fineness) {
  */
 function meet(bodies, at, mx, my, mz, half, reach) {
     const x = bodies[at] - mx, y = bodies[at + 1] - my, z = bodies[at + 2] - mz;
-    const dx = Math.abs(x) - half, dy = Math.abs(y) - half, dz = Math.abs(z) - half;
+    const dx = abs(x) - half, dy = abs(y) - half, dz = abs(z) - half;
     if (dx > bodies[at + BOUND] || dy > bodies[at + BOUND + 1] || dz > bodies[at + BOUND + 2]) return false;
     if (dx <= 0 && dy <= 0 && dz <= 0) return true; // the centre lies within
     const xx = bodies[at + METRIC], xy = bodies[at + METRIC + 1], xz = bodies[at + METRIC + 2];
@@ -209,11 +211,11 @@ function meet(bodies, at, mx, my, mz, half, reach) {
     let gy = xy * (px - x) + yy * (py - y) + yz * (pz - z);
     let gz = xz * (px - x) + yz * (py - y) + zz * (pz - z);
     for (let round = 0; round < 2; ++round) {
-        let moved = clamp(px - gx / Math.max(xx, TINY), half), step = moved - px;
+        let moved = clamp(px - gx / max(xx, TINY), half), step = moved - px;
         px = moved, gx += xx * step, gy += xy * step, gz += xz * step;
-        moved = clamp(py - gy / Math.max(yy, TINY), half), step = moved - py;
+        moved = clamp(py - gy / max(yy, TINY), half), step = moved - py;
         py = moved, gx += xy * step, gy += yy * step, gz += yz * step;
-        moved = clamp(pz - gz / Math.max(zz, TINY), half), step = moved - pz;
+        moved = clamp(pz - gz / max(zz, TINY), half), step = moved - pz;
         pz = moved, gx += xz * step, gy += yz * step, gz += zz * step;
     }
     let square = 0;
@@ -224,8 +226,8 @@ function meet(bodies, at, mx, my, mz, half, reach) {
         gx += ax * white, gy += ay * white, gz += az * white;
         square += white * white;
     }
-    const gap = -(gx * x + gy * y + gz * z) - half * (Math.abs(gx) + Math.abs(gy) + Math.abs(gz));
-    return !(gap > reach * bodies[at + SHORTEST] * Math.sqrt(square));
+    const gap = -(gx * x + gy * y + gz * z) - half * (abs(gx) + abs(gy) + abs(gz));
+    return !(gap > reach * bodies[at + SHORTEST] * sqrt(square));
 }
 
 function clamp(x, half) {

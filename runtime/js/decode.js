@@ -29,11 +29,10 @@ function expect(condition, byte, field, expected, got) {
 export function decode(data) {
     const bytes = ArrayBuffer.isView(data)
         ? new Uint8Array(data.buffer, data.byteOffset, data.byteLength) : new Uint8Array(data);
-    if (bytes.length < HEADER_BYTES)
-        throw new FormatError(`byte ${bytes.length}: expected a header of ${HEADER_BYTES} bytes, the file ends here`);
+    expect(bytes.length >= HEADER_BYTES, bytes.length, "header", `${HEADER_BYTES} bytes`, bytes.length);
     const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
     const magic = view.getUint32(0, true), version = view.getUint16(4, true), header = view.getUint16(6, true);
-    expect(magic === MAGIC, 0, "magic", "GSGI", `0x${magic.toString(16)}`);
+    expect(magic === MAGIC, 0, "magic", MAGIC, magic);
     expect(version === VERSION, 4, "version", VERSION, version);
     expect(header === HEADER_BYTES, 6, "header_bytes", HEADER_BYTES, header);
 
@@ -43,7 +42,7 @@ export function decode(data) {
     const size = HEADER_BYTES + levels[0].bytes + levels[1].bytes;
     expect(bytes.length === size, Math.min(bytes.length, size), "length", `${size} bytes`, bytes.length);
     const crc = crc32(bytes), stored = view.getUint32(8, true);
-    expect(stored === crc, 8, "crc32", `0x${crc.toString(16)}`, `0x${stored.toString(16)}: the file is damaged`);
+    expect(stored === crc, 8, "crc32", crc, `${stored}: the file is damaged`);
 
     const bake = readHeader(view, levels);
     bake.fine = decodeLevel(view, HEADER_BYTES, levels[0]);

@@ -20,8 +20,8 @@ export function shCounts(bake) {
  * usampler2D: the textures of lookupTables().
  */
 export function lookupSource([fine, coarse], prefix = "gsgi_") {
-    const defines = `#define gsgi_FINE_SH_COUNT ${fine}\n#define gsgi_COARSE_SH_COUNT ${coarse}\n`;
-    return (defines + LOOKUP).replaceAll("gsgi_", prefix);
+    const defines = `#define $FINE_SH_COUNT ${fine}\n#define $COARSE_SH_COUNT ${coarse}\n`;
+    return (defines + LOOKUP).replaceAll("$", prefix);
 }
 
 /**

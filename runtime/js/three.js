@@ -1,0 +1,251 @@
+/** An add-on for three.js (WebGLRenderer): the light of a .gsgi file on every lit material of a scene. */
+
+import {
+    DataTexture, FileLoader, FloatType, Loader, Matrix4, Object3D, RGBAFormat, RedIntegerFormat, UnsignedIntType,
+    UnsignedShortType,
+} from "three";
+import { decode } from "./decode.js";
+import { lookupSource, lookupTables, shCounts } from "./lookup.js";
+
+const LIT = ["isMeshStandardMaterial", "isMeshLambertMaterial", "isMeshPhongMaterial", "isMeshToonMaterial"];
+const CHUNK = "#include <lights_fragment_begin>";
+
+/** Loads .gsgi files: `scene.add(await new GsgiLoader().loadAsync("room.gsgi"))`. */
+export class GsgiLoader extends Loader {
+    /** Calls onLoad(light) with an IndirectLight; errors go to onError. */
+    load(url, onLoad, onProgress, onError) {
+        const loader = new FileLoader(this.manager).setPath(this.path).setResponseType("arraybuffer")
+            .setRequestHeader(this.requestHeader).setWithCredentials(this.withCredentials);
+        const parse = (data) => {
+            try {
+                onLoad(this.parse(data));
+            } catch (error) {
+                error.message = `${url}: ${error.message}`;
+                if (onError) onError(error);
+                else console.error(error);
+                this.manager.itemError(url);
+            }
+        };
+        loader.load(url, parse, onProgress, onError);
+    }
+
+    /** The IndirectLight in the bytes of a file, an ArrayBuffer. Throws FormatError, and RangeError for `over`. */
+    parse(data) {
+        return new IndirectLight(decode(data));
+    }
+}
+
+/**
+ * The light of a bake. While it is in a scene, all standard, physical, Lambert, Phong and toon materials of the meshes
+ * there show it: those that are shared, cloned or added later too, and those that have an onBeforeCompile of their own.
+ *
+ * `intensity` is a factor, and `visible` turns it off, without compiling anything. The bake moves, turns and grows with
+ * the object. Removing it from the scene, or dispose(), leaves all materials as they were. Throws RangeError for a bake
+ * of the `over` operator.
+ */
+export class IndirectLight extends Object3D {
+    type = "IndirectLight";
+    intensity = 1;
+    #uniforms;
+    #lit = new Set(); // materials that show the light
+    #ancestors = [];
+    #leave = () => this.#release();
+
+    constructor(bake) {
+        super();
+        this.bake = bake;
+        const { width, gaussians, cells, lists } = lookupTables(bake);
+        const texture = (data, channels, format, type, internalFormat) => {
+            const made = new DataTexture(data, width, data.length / (width * channels), format, type);
+            return Object.assign(made, { internalFormat, needsUpdate: true });
+        };
+        this.#uniforms = {
+            gaussians: texture(gaussians, 4, RGBAFormat, FloatType, "RGBA32F"),
+            cells: texture(cells, 1, RedIntegerFormat, UnsignedIntType, "R32UI"),
+            lists: lists instanceof Uint16Array
+                ? texture(lists, 1, RedIntegerFormat, UnsignedShortType, "R16UI")
+                : texture(lists, 1, RedIntegerFormat, UnsignedIntType, "R32UI"),
+            from_world: new Matrix4(),
+            intensity: 1,
+        };
+    }
+
+    updateMatrixWorld(force) {
+        super.updateMatrixWorld(force);
+        this.update();
+    }
+
+    /** Bring the scene's materials up to date. Each render() does; call it yourself before renderer.compile(). */
+    update() {
+        this.#follow();
+        const root = this.#ancestors.at(-1);
+        if (!root) return;
+        this.#uniforms.from_world.copy(this.matrixWorld).invert();
+        const seen = this.visible && this.#ancestors.every((object) => object.visible);
+        this.#uniforms.intensity = seen ? this.intensity : 0;
+        const left = this.#lit;
+        this.#lit = new Set();
+        root.traverse((object) => {
+            if (!object.isMesh) return;
+            for (const material of [object.material].flat())
+                if (material && LIT.some((kind) => material[kind])) this.#lit.add(material);
+        });
+        for (const material of this.#lit) {
+            left.delete(material);
+            Patch.of(material).show(this, root);
+        }
+        for (const material of left) Patch.of(material).hide(this);
+    }
+
+    /** Leave the scene, and free the GPU memory. */
+    dispose() {
+        this.removeFromParent();
+        this.#release();
+        for (const value of Object.values(this.#uniforms)) value.dispose?.();
+    }
+
+    clone(recursive) {
+        return new this.constructor(this.bake).copy(this, recursive);
+    }
+
+    copy(source, recursive) {
+        super.copy(source, recursive);
+        this.intensity = source.intensity;
+        return this;
+    }
+
+    /** What materials need to show the light. */
+    get look() {
+        return { shCounts: shCounts(this.bake), uniforms: this.#uniforms, root: this.#ancestors.at(-1) };
+    }
+
+    /** Listens to the removal of the light and of what it is in. */
+    #follow() {
+        const found = [];
+        for (let object = this.parent; object; object = object.parent) found.push(object);
+        if (found.length === this.#ancestors.length && found.every((object, i) => object === this.#ancestors[i])) return;
+        this.#release();
+        this.#ancestors = found;
+        for (const object of [this, ...found]) object.addEventListener("removed", this.#leave);
+    }
+
+    #release() {
+        for (const object of [this, ...this.#ancestors]) object.removeEventListener("removed", this.#leave);
+        for (const material of this.#lit) Patch.of(material).hide(this);
+        this.#ancestors = [];
+        this.#lit.clear();
+    }
+}
+
+const patches = new WeakMap(); // by material; kept, as three.js keeps programs that refer to their uniforms
+const replaced = new WeakMap(); // by a function of ours, that which it stands for
+
+/** The change to one material, and the lights that it shows. */
+class Patch {
+    #material;
+    #lights = [];
+    #slots = []; // uniforms of each light
+    #renderers = new Set();
+    #saved = {};
+    #hooks = {};
+
+    static of(material) {
+        if (!patches.has(material)) patches.set(material, new Patch(material));
+        return patches.get(material);
+    }
+
+    constructor(material) {
+        this.#material = material;
+    }
+
+    /** Shows `light` in the frame of the scene `root` that is about to be drawn. */
+    show(light, root) {
+        const known = this.#lights.includes(light);
+        if (!known) this.#lights.push(light);
+        const changed = !known || this.#material.onBeforeCompile !== this.#hooks.onBeforeCompile;
+        if (changed) this.#install();
+        this.#lights.forEach((each, i) => {
+            const { uniforms, root: home } = each.look, slot = (this.#slots[i] ??= {});
+            for (const name in uniforms) (slot[name] ??= {}).value = uniforms[name];
+            if (home !== root) slot.intensity.value = 0;
+        });
+        // A program that three.js has kept is used with the uniforms of the one that was compiled last.
+        if (changed)
+            for (const { properties } of this.#renderers) this.#bind(properties.get(this.#material).uniforms ?? {});
+    }
+
+    #bind(uniforms) {
+        this.#slots.forEach((slot, i) => {
+            for (const name in slot) uniforms[`gsgi${i}_${name}`] = slot[name];
+        });
+    }
+
+    hide(light) {
+        this.#lights = this.#lights.filter((each) => each !== light);
+        for (const slot of this.#slots.slice(this.#lights.length))
+            for (const name in slot) slot[name].value = null;
+        this.#restore();
+        if (this.#lights.length) this.#install();
+    }
+
+    #install() {
+        this.#restore();
+        const material = this.#material, saved = this.#saved, lights = this.#lights.map((light) => light.look.shCounts);
+        for (const name of ["onBeforeCompile", "customProgramCacheKey"])
+            saved[name] = { own: Object.hasOwn(material, name), value: original(material[name]) };
+        this.#hooks = {
+            onBeforeCompile: (shader, renderer) => {
+                saved.onBeforeCompile.value.call(material, shader, renderer);
+                this.#renderers.add(renderer);
+                this.#bind(shader.uniforms);
+                this.#inject(shader, lights);
+            },
+            customProgramCacheKey: () => {
+                const before = Object.create(material, { onBeforeCompile: { value: saved.onBeforeCompile.value } });
+                return `${saved.customProgramCacheKey.value.call(before)} gsgi ${lights.join(" ")}`;
+            },
+        };
+        for (const [name, hook] of Object.entries(this.#hooks)) {
+            replaced.set(hook, saved[name].value);
+            material[name] = hook;
+        }
+        material.needsUpdate = true;
+    }
+
+    #restore() {
+        const material = this.#material;
+        for (const [name, hook] of Object.entries(this.#hooks)) {
+            if (material[name] !== hook) continue; // somebody else has set another one meanwhile
+            if (this.#saved[name].own) material[name] = this.#saved[name].value;
+            else delete material[name];
+        }
+        this.#hooks = {};
+        material.needsUpdate = true;
+    }
+
+    #inject(shader, lights) {
+        if (!shader.fragmentShader.includes(CHUNK)) {
+            console.warn(`gsgi: no light on ${this.#material.name}: its shader has no ${CHUNK}`);
+            return;
+        }
+        // B belongs to the normal before any normal map. Three.js divides irradiance by pi, which B has behind it.
+        let functions = "";
+        let sum = `vec4 gsgi_x = vec4(((vec4(-vViewPosition, 1) - viewMatrix[3]) * viewMatrix).xyz, 1);
+vec4 gsgi_n = vec4(nonPerturbedNormal, 0) * viewMatrix;`;
+        lights.forEach((counts, i) => {
+            const own = `gsgi${i}_`, world = `${own}from_world`, intensity = `${own}intensity`;
+            functions += `${lookupSource(counts, own)}uniform mat4 ${world};uniform float ${intensity};\n`;
+            sum += `if (${intensity} > 0.0) irradiance += PI * ${intensity} *
+${own}indirect((${world} * gsgi_x).xyz, mat3(${world}) * gsgi_n.xyz);`;
+        });
+        shader.fragmentShader = shader.fragmentShader
+            .replace("void main() {", `${functions}void main() {`)
+            .replace(CHUNK, `${CHUNK}\n${sum}`);
+    }
+}
+
+/** A function that is not ours: some hosts copy onBeforeCompile from one material to another. */
+function original(hook) {
+    while (replaced.has(hook)) hook = replaced.get(hook);
+    return hook;
+}

@@ -1,0 +1,86 @@
+"""The add-on for three.js, in a browser."""
+
+import numpy as np
+import pytest
+from browser import visit
+from gsgi_files import constant, example
+from javascript import JS
+from repository import TESTS
+from surface_frames import nothing, one
+
+from gsgi.runtime.file import codec
+from gsgi.runtime.gaussians import Bake, SurfaceBlend
+
+PAGES = TESTS / "runtime" / "js" / "pages"
+EVEN, OTHER = np.array([0.5, 0.25, 0.125]), np.array([0.125, 0.5, 0.25])
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory):
+    """What pages/materials.js saw."""
+    folder = tmp_path_factory.mktemp("files")
+    spot = Bake(one(rotation=(0, 0, 0, 1), scale=(0.5, 0.5, 0.5)), SurfaceBlend(), coarse=nothing())
+    files = {"even": constant(EVEN), "other": constant(OTHER), "spot": spot, "over": example(3)}
+    for name, bake in files.items():
+        (folder / f"{name}.gsgi").write_bytes(codec.encode(bake))
+    (folder / "damaged.gsgi").write_bytes(codec.encode(files["even"])[:-1])
+    result = visit("pages/materials.html", {"pages": PAGES, "js": JS, "files": folder})
+    assert "error" not in result, result["error"]
+    return result
+
+
+@pytest.mark.parametrize("kind", ["lambert", "phong", "toon", "physical", "flat", "list", "instanced", "skinned"])
+def test_a_white_material_shows_the_light(found, kind):
+    np.testing.assert_allclose(found["kinds"][kind], EVEN, rtol=2e-3)
+
+
+def test_a_standard_material_keeps_what_its_specular_part_takes(found):
+    share = np.array(found["kinds"]["standard"]) / EVEN
+    assert np.ptp(share) < 1e-3
+    assert 0.9 < share[0] < 1
+
+
+def test_without_the_light_everything_is_as_before(found):
+    assert not np.any(list(found["without"].values()))
+    assert found["restored"]
+    assert not np.any(found["none"])
+    assert not np.any(found["disposed"])
+
+
+def test_hooks_clones_and_shared_materials(found):
+    np.testing.assert_allclose(found["hook"], [*EVEN[:2], 0.75], rtol=2e-3)
+    np.testing.assert_allclose(found["copiedHook"], [*EVEN[:2], 0.75], rtol=2e-3)
+    np.testing.assert_allclose(found["clone"], EVEN, rtol=2e-3)  # three.js leaves the hook behind
+    np.testing.assert_allclose(found["shared"], [EVEN] * 2, rtol=2e-3)
+
+
+def test_intensity_and_visibility(found):
+    np.testing.assert_allclose(found["doubled"], 2 * EVEN, rtol=2e-3)
+    assert not np.any(found["invisible"])
+    assert found["newPrograms"] == 0
+
+
+def test_several_lights_add_up_and_leave_one_by_one(found):
+    np.testing.assert_allclose(found["both"], EVEN + OTHER, rtol=2e-3)
+    np.testing.assert_allclose(found["hiddenGroup"], EVEN, rtol=2e-3)
+    np.testing.assert_allclose(found["second"], OTHER, rtol=2e-3)
+    np.testing.assert_allclose(found["again"], EVEN, rtol=2e-3)
+    np.testing.assert_allclose(found["here"], [EVEN, OTHER, EVEN], rtol=2e-3)
+
+
+def test_the_bake_moves_with_the_object(found):
+    assert found["spot"][0] > 0.1
+    assert not np.any(found["away"])
+    assert not np.any(found["turned"])  # its Gaussian faces the other way
+    np.testing.assert_allclose(found["cloned"], 2 * np.array(found["spot"]), rtol=2e-3)
+
+
+def test_files_that_cannot_be_shown_are_errors(found):
+    over, damaged, missing = found["errors"]
+    assert over.startswith("RangeError: over.gsgi: the bake has the operator")
+    assert damaged.startswith("FormatError: damaged.gsgi: byte ")
+    assert "404" in missing
+
+
+def test_the_console_is_silent(found):
+    assert [line for line in found["console"] if "missing.gsgi" not in line] == []
