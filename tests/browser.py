@@ -1,4 +1,4 @@
-"""A headless browser with WebGL2: it opens a page that a server of the test serves, and the page posts what it found."""
+"""A headless browser with WebGL2: it opens a page that the test serves, and the page posts what it found."""
 
 import contextlib
 import json
@@ -41,7 +41,7 @@ class _Handler(SimpleHTTPRequestHandler):
         folder = self._folders.get(name)
         return str(folder / rest) if folder else os.devnull + "/"
 
-    def do_POST(self):  # noqa: N802
+    def do_POST(self):
         self._results.put(self.rfile.read(int(self.headers["Content-Length"])))
         self.send_response(204)
         self.end_headers()

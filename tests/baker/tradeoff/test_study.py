@@ -5,11 +5,11 @@ import csv
 import io
 import json
 import re
-import shutil
 import subprocess
 
 import numpy as np
 import pytest
+from browser import find_browser
 
 from gsgi.baker.cache.store import Cache
 from gsgi.baker.trace.cached_tracer import CachedTracer
@@ -17,7 +17,6 @@ from gsgi.baker.tradeoff import ambient, lightmap, none, path_tracing, report, s
 from gsgi.baker.tradeoff.plots import WIDTH, png, shapes
 
 METHODS = lightmap.PLAIN, ambient.METHOD, path_tracing.DENOISED, none.METHOD
-BROWSERS = "chromium-headless-shell", "chromium", "chromium-browser", "google-chrome"
 
 
 @pytest.fixture(scope="module")
@@ -101,9 +100,7 @@ def test_plots_are_files_too(made):
 
 
 def test_a_browser_shows_the_page(made, tmp_path):
-    browser = next((path for path in map(shutil.which, BROWSERS) if path), None)
-    if browser is None:
-        pytest.skip(f"none of {', '.join(BROWSERS)} is installed")
+    browser = find_browser()
     folder = made[1]
     command = [browser, "--headless", "--no-sandbox", "--virtual-time-budget=10000", "--enable-logging=stderr"]
     url = (folder / report.PAGE).as_uri()

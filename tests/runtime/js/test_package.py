@@ -47,9 +47,9 @@ def test_the_types_fit_what_the_documentation_does(tmp_path):
     statement, rest = documented()
     source = f'import {{ Scene }} from "three";\n{statement.replace("gsgi/three", "./gsgi/three.js")}\n'
     source += 'import { decode, lookupSource, lookupTables, shCounts, type Bake } from "./gsgi/index.js";\n'
-    source += f"const scene = new Scene();\n{rest}\n"
+    source += f"const scene = new Scene();\n{rest}\nexport {{}};\n"
     source += "const bake: Bake = decode(new ArrayBuffer(0));\n"
-    source += 'if (bake.operator === "surface") lookupSource(shCounts(bake)) + lookupTables(bake).cells[0];\nexport {};\n'
+    source += 'if (bake.operator === "surface") lookupSource(shCounts(bake)) + lookupTables(bake).cells[0];\n'
     (tmp_path / "sample.ts").write_text(source)
     options = "--noEmit", "--strict", "--skipLibCheck", "--target", "esnext", "--module", "nodenext"
     (tmp_path / "package.json").write_text('{"type": "module"}')
