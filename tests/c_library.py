@@ -15,7 +15,7 @@ OK, INVALID_ARGUMENT, INVALID_FILE, OUT_OF_MEMORY, UNSUPPORTED, DRIVER_ERROR, NO
 RESTORE, DEFAULTS = range(2)
 # Numbers of gsgi.h for the words of gsgi.Encoding.
 DEPTHS = {"window": 0, "zero to one": 1, "reversed": 2, "linear": 3}
-NORMALS = {"signed": 0, "unsigned": 1, "octahedral": 2}
+NORMALS = {"signed": 0, "unsigned": 1, "octahedral": 2, "octahedral unsigned": 3}
 SPACES = {"world": 0, "view": 1}
 ALBEDOS = {"linear": 0, "srgb": 1}
 
@@ -71,7 +71,7 @@ class LightOptions(Sized):
     _fields_ = (
         ("struct_size", c_size_t), ("depth", c_int32), ("normal", c_int32), ("normal_space", c_int32),
         ("albedo", c_int32), ("rows", c_int32), ("splat_scale", c_int32), ("box_low", c_float * 3),
-        ("box_high", c_float * 3),
+        ("box_high", c_float * 3), ("depth_range", c_float * 2),
     )  # fmt: skip
 
 
@@ -186,7 +186,7 @@ class Context:
 
 
 class Light:
-    """A gsgi_light; `encoding` is a gsgi.Encoding, whose depth may also be "zero to one"."""
+    """A gsgi_light; `encoding` is a gsgi.Encoding."""
 
     def __init__(self, context: Context, data: bytes, encoding, splat_scale: int = 0, box=None, top_down: bool = False):
         self.context, self.functions, self.handle = context, context.library.functions, c_void_p()
@@ -194,6 +194,7 @@ class Light:
             depth=DEPTHS[encoding.depth], normal=NORMALS[encoding.normal], normal_space=SPACES[encoding.normal_space],
             albedo=ALBEDOS[encoding.albedo], rows=int(top_down), splat_scale=splat_scale,
         )  # fmt: skip
+        options.depth_range[:] = encoding.depth_range
         if box is not None:
             options.box_low[:], options.box_high[:] = box
         bake = context.library.opened(data)

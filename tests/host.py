@@ -62,9 +62,31 @@ def projection(kind="window", size=SIZE, part=None) -> np.ndarray:
     return p
 
 
+def orthographic(kind="window", near=-0.5) -> np.ndarray:
+    """(4, 4) of parallel rays along the axis of CAMERA, from `near` m to FAR, a bit off the axis."""
+    p = np.diag([0.6, 0.6 * SIZE[0] / SIZE[1], 0.0, 1.0])
+    p[0, 3], p[1, 3] = 0.05, -0.1
+    length = FAR - near
+    p[2, 2:] = {
+        "window": (-2 / length, -(FAR + near) / length), "zero to one": (-1 / length, -near / length),
+        "reversed": (1 / length, FAR / length),
+    }[kind]  # fmt: skip
+    return p
+
+
 def projection_for(encoding: Encoding, part=None) -> np.ndarray:
     """The projection of a host whose textures have this encoding."""
-    return projection("reversed" if encoding.depth == "reversed" else "window", part=part)
+    return projection("window" if encoding.depth == "linear" else encoding.depth, part=part)
+
+
+# What turns a view space into others that hosts have: y down, +z ahead, both.
+TURNS = {"y down": (1, -1, 1, 1), "z ahead": (1, 1, -1, 1), "y down, z ahead": (1, -1, -1, 1)}
+
+
+def turned(view_from_world: np.ndarray, clip_from_view: np.ndarray, turn: str) -> tuple[np.ndarray, np.ndarray]:
+    """The matrices of the same image by way of another view space."""
+    between = np.diag(TURNS[turn]).astype(float)
+    return between @ view_from_world, clip_from_view @ between
 
 
 class Host:
@@ -78,13 +100,18 @@ class Host:
         )
         renderer.release()
 
-    def textures(self, gl, encoding: Encoding):
-        p, z = projection_for(encoding), self.depth.astype(float)
-        depth = {"linear": z, "window": ((-p[2, 2] * z + p[2, 3]) / z + 1) / 2, "reversed": -p[2, 2] + p[2, 3] / z}
-        n = self.normal if encoding.normal_space == "world" else self.normal @ CAMERA.world_from_view[:3, :3]
-        normal = {"octahedral": octahedral(n), "signed": 2.5 * n, "unsigned": (n + 1) / 2}[encoding.normal]
+    def textures(self, gl, encoding: Encoding, view_from_world=CAMERA.view_from_world, clip_from_view=None):
+        """Depth and normals. With an orthographic projection, of other surfaces, of the same distances."""
+        p, z = projection_for(encoding) if clip_from_view is None else clip_from_view, self.depth.astype(float)
+        clip, (first, last) = (p[2, 3] - p[2, 2] * z) / (1 if p[3, 3] else z), encoding.depth_range
+        window = first + (last - first) * {"window": (clip + 1) / 2}.get(encoding.depth, clip)
+        n = self.normal if encoding.normal_space == "world" else self.normal @ view_from_world[:3, :3].T
+        normal = {
+            "octahedral": octahedral(n), "octahedral unsigned": (octahedral(n) + 1) / 2, "signed": 2.5 * n,
+            "unsigned": (n + 1) / 2,
+        }[encoding.normal]  # fmt: skip
         normal = np.concatenate([normal, np.full((*z.shape, 4 - normal.shape[-1]), 7)], axis=-1)
-        return texture(gl, depth[encoding.depth]), texture(gl, normal)
+        return texture(gl, z if encoding.depth == "linear" else window), texture(gl, normal)
 
 
 def octahedral(n: np.ndarray) -> np.ndarray:
@@ -110,7 +137,9 @@ def drawn(light, gl, host, **how) -> np.ndarray:
     return pixels(light.draw(*textures, CAMERA.view_from_world, clip_from_view, **how))[..., :3]
 
 
-def rasterised(gl, clip_from_view: np.ndarray, reversed_depth: bool) -> tuple[moderngl.Texture, moderngl.Texture]:
+def rasterised(
+    gl, clip_from_view: np.ndarray, reversed_depth: bool, view_from_world=CAMERA.view_from_world
+) -> tuple[moderngl.Texture, moderngl.Texture]:
     """Depth buffer and signed normals of ROOM, drawn in the state of `gl`, whatever its glClipControl."""
     depth, normal = gl.depth_texture(SIZE), gl.texture(SIZE, 4, dtype="f2")
     target, program = gl.framebuffer(normal, depth), gl.program(_VERTEX, _FRAGMENT)
@@ -118,7 +147,7 @@ def rasterised(gl, clip_from_view: np.ndarray, reversed_depth: bool) -> tuple[mo
     target.clear(depth=0.0 if reversed_depth else 1.0)
     gl.enable_only(moderngl.DEPTH_TEST)
     gl.depth_func = ">" if reversed_depth else "<"
-    program["view"].write(CAMERA.view_from_world.T.astype("f4").tobytes())
+    program["view"].write(view_from_world.T.astype("f4").tobytes())
     program["projection"].write(clip_from_view.T.astype("f4").tobytes())
     for mesh in ROOM.meshes:
         vertices = np.hstack([mesh.position, mesh.normal])[mesh.triangle.ravel()].astype(np.float32)

@@ -11,6 +11,17 @@ vec3 world_from_fragment(vec2 fragment, float depth, vec2 axis, mat4 world_from_
     return (world_from_offset * vec4(depth * vec3(fragment - axis, 1.0), 1.0)).xyz;
 }
 
+// The same with parallel rays, if `parallel`: `world_from_offset` then transforms (fragment - axis, depth, 1).
+vec3 world_from_fragment(vec2 fragment, float depth, vec2 axis, mat4 world_from_offset, bool parallel) {
+    if (!parallel) return world_from_fragment(fragment, depth, axis, world_from_offset);
+    return (world_from_offset * vec4(fragment - axis, depth, 1.0)).xyz;
+}
+
+// Distance, m, that says how coarse pixels are at `depth`: parallel rays count as from as far as the image is high.
+float viewing_distance(float depth, float height, mat4 world_from_offset, bool parallel) {
+    return parallel ? length(world_from_offset[1].xyz) * height : depth;
+}
+
 vec2 pixel_from_view(vec3 position, vec2 focal, vec2 centre) {
     return centre + focal * vec2(position.x, -position.y) / -position.z;
 }

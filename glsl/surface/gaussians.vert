@@ -9,7 +9,8 @@ uniform highp sampler2D sh_data;
 uniform highp sampler2D slope_data;
 #endif
 uniform mat4 view_from_world;
-uniform vec2 focal;   // px
+uniform bool parallel;  // whether rays are
+uniform vec2 focal;   // px; px/m if parallel
 uniform vec2 centre;  // px
 uniform vec2 size;    // px
 uniform float margin;  // px; largest distance along an axis from a surface point to the centre of its pixel
@@ -53,7 +54,7 @@ void main() {
     float nearest = max(near, -t.z - extent.z);
     // Written so that NaN fails the test.
     if (!(g.opacity > 0.0 && extent.z - t.z >= near)) return;
-    vec2 corner = outline_corner(gl_VertexID, t, axes, extent, near, focal, centre, size, margin);
+    vec2 corner = outline_corner(gl_VertexID, t, axes, extent, near, focal, centre, size, margin, parallel);
     vec2 ndc = 2.0 * corner / size - 1.0;
     float depth = window_depth(nearest, near) - DEPTH_SLACK;
     gl_Position = vec4(ndc.x, -ndc.y, max(2.0 * depth - 1.0, -1.0), 1.0);

@@ -11,7 +11,10 @@ uniform mat4 world_from_offset;
 uniform vec2 axis;
 uniform vec2 size;      // px, of the view
 uniform vec2 corner;    // px; origin of the view in the textures
+uniform vec2 depth_ends;
+uniform vec2 depth_line;
 uniform vec2 z_to_clip;
+uniform bool parallel;
 uniform float near;
 #if BOX
 uniform vec3 box_low;
@@ -22,7 +25,8 @@ layout(location = 0) out vec4 out_position;  // world space, m
 layout(location = 1) out vec4 out_plane;     // tangent plane: unit normal n, world space; -n . position; 0: no surface
 
 float depth_at(ivec2 texel) {
-    return depth_from_texel(texelFetch(depth, ivec2(corner) + texel, 0).r, z_to_clip);
+    float stored = texelFetch(depth, ivec2(corner) + texel, 0).r;
+    return depth_from_texel(stored, DepthCode(depth_ends, depth_line, z_to_clip, parallel));
 }
 
 #if SPLAT_SCALE == 1
@@ -30,8 +34,8 @@ ivec2 chosen_texel(ivec2 target) {
     return target;
 }
 #else
-// Ratio of depths above which pixels show different surfaces.
-#define DEPTH_STEP 1.1
+// Step of depth, relative to the distance, above which pixels show different surfaces.
+#define DEPTH_STEP 0.1
 
 // The middle of the block or, if the block shows several surfaces, the nearest and the farthest alternately in a
 // checkerboard pattern, so that any three neighbours contain both. Surfaces take precedence over the background.
@@ -51,7 +55,8 @@ ivec2 chosen_texel(ivec2 target) {
             far_texel = texel;
         }
     }
-    if (seen > 0.0 && farthest < nearest * DEPTH_STEP) return middle;
+    float same = DEPTH_STEP * viewing_distance(nearest, size.y, world_from_offset, parallel);
+    if (seen > 0.0 && farthest < nearest + same) return middle;
     return ((target.x + target.y) & 1) == 0 ? near_texel : far_texel;
 }
 #endif
@@ -59,7 +64,7 @@ ivec2 chosen_texel(ivec2 target) {
 void main() {
     ivec2 texel = chosen_texel(ivec2(gl_FragCoord.xy));
     float view_depth = depth_at(texel);
-    out_position = vec4(world_from_fragment(vec2(texel) + 0.5, view_depth, axis, world_from_offset), 1.0);
+    out_position = vec4(world_from_fragment(vec2(texel) + 0.5, view_depth, axis, world_from_offset, parallel), 1.0);
     bool seen = view_depth > 0.0;
 #if BOX
     seen = seen && all(greaterThanEqual(out_position.xyz, box_low)) && all(lessThanEqual(out_position.xyz, box_high));

@@ -14,8 +14,12 @@ uniform highp sampler2D depth;
 uniform mat4 world_from_view;
 uniform mat4 world_from_offset;
 uniform vec2 axis;
+uniform vec2 size;  // px, of the view
 uniform vec2 corner;
+uniform vec2 depth_ends;
+uniform vec2 depth_line;
 uniform vec2 z_to_clip;
+uniform bool parallel;
 #else
 uniform highp sampler2D fine_sums;
 #if COARSE
@@ -27,7 +31,7 @@ uniform float weight_floor;
 layout(location = 0) out vec4 out_indirect;  // B
 
 #if SPLAT_SCALE > 1
-#define PLANE_TOLERANCE 0.01  // of depth; a pixel further from a point's plane shows another surface
+#define PLANE_TOLERANCE 0.01  // of the distance; a pixel further from a point's plane shows another surface
 #define BLUR 0.01             // added to the weights by position, so that no neighbour is left out
 #define OTHERS 1e-7           // weight of points of other surfaces, which matter only if there are no others
 #define ALIKE_ENOUGH 0.5      // if one of the three nearest points is this alike, those around them are not used
@@ -42,10 +46,11 @@ float alike(vec4 plane, vec3 x, vec3 n, float tolerance) {
 
 vec4 upsampled(ivec2 texel) {
     // Kopf et al. 2007, "Joint Bilateral Upsampling"
-    float view_depth = depth_from_texel(texelFetch(depth, ivec2(corner) + texel, 0).r, z_to_clip);
-    vec3 x = world_from_fragment(gl_FragCoord.xy, view_depth, axis, world_from_offset);
+    DepthCode code = DepthCode(depth_ends, depth_line, z_to_clip, parallel);
+    float view_depth = depth_from_texel(texelFetch(depth, ivec2(corner) + texel, 0).r, code);
+    vec3 x = world_from_fragment(gl_FragCoord.xy, view_depth, axis, world_from_offset, parallel);
     vec3 n = normal_from_texel(texelFetch(normal, ivec2(corner) + texel, 0), world_from_view);
-    float tolerance = 1.0 / (PLANE_TOLERANCE * view_depth);
+    float tolerance = 1.0 / (PLANE_TOLERANCE * viewing_distance(view_depth, size.y, world_from_offset, parallel));
 
     // Interpolate linearly over the triangle of the three nearest points: two opposite corners of a square, one other.
     vec2 place = vec2(texel - SPLAT_SCALE / 2) / float(SPLAT_SCALE), part = fract(place);

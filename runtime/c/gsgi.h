@@ -223,9 +223,10 @@ typedef enum gsgi_depth {
 
 /* The normal points towards the camera and is the one before any normal map, which B ignores. */
 typedef enum gsgi_normal {
-    GSGI_NORMAL_SIGNED = 0, /* xyz of any length */
-    GSGI_NORMAL_UNSIGNED,   /* xyz moved from -1 ... 1 to 0 ... 1 */
-    GSGI_NORMAL_OCTAHEDRAL  /* two numbers, -1 ... 1 */
+    GSGI_NORMAL_SIGNED = 0,         /* xyz of any length */
+    GSGI_NORMAL_UNSIGNED,           /* xyz moved from -1 ... 1 to 0 ... 1 */
+    GSGI_NORMAL_OCTAHEDRAL,         /* two numbers, -1 ... 1 */
+    GSGI_NORMAL_OCTAHEDRAL_UNSIGNED /* the same moved to 0 ... 1 */
 } gsgi_normal;
 
 typedef enum gsgi_space { GSGI_SPACE_WORLD = 0, GSGI_SPACE_VIEW } gsgi_space;
@@ -248,9 +249,11 @@ typedef struct gsgi_light_options {
     gsgi_space normal_space;
     gsgi_albedo albedo;
     gsgi_rows rows;
-    int32_t splat_scale; /* `surface`: pixels of the frame per reading, along each axis, 1 to 4; 0: 2 */
-    float box_low[3];    /* `surface`: nothing outside of this box is lit, for one file per room; world space, m. */
-    float box_high[3];   /* Both 0: no box. */
+    int32_t splat_scale;  /* `surface`: pixels of the frame per reading, along each axis, 1 to 4; 0: 2 */
+    float box_low[3];     /* `surface`: nothing outside of this box is lit, for one file per room; world space, m. */
+    float box_high[3];    /* Both 0: no box. */
+    float depth_range[2]; /* of a depth buffer: the arguments of the glDepthRange it was drawn under; both 0: 0 and 1.
+                             What lies outside shows no surface. */
 } gsgi_light_options;
 
 /* Upload a bake and compile its passes. `options` may be NULL. The bake may be closed afterwards. */
@@ -263,8 +266,9 @@ GSGI_API void gsgi_light_destroy(gsgi_light* light);
 /* A camera, and the part of the host's textures that shows its view. */
 typedef struct gsgi_view {
     size_t struct_size;
-    float view_from_world[16]; /* a rotation and a translation */
-    float clip_from_view[16];  /* a perspective projection, which may lie off the axis or mirror; far may be infinite */
+    float view_from_world[16]; /* a rotation and a translation; it may mirror, and view space may look down either z */
+    float clip_from_view[16];  /* a projection, which may lie off the axis or mirror; far may be infinite. For `over` a
+                                  perspective one. An orthographic one of linear depth has near at the smallest z. */
     int32_t viewport[4];       /* px: x, y of the corner where the rows begin, width, height */
 } gsgi_view;
 

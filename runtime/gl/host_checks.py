@@ -9,6 +9,7 @@ import numpy as np
 from .gl_functions import Functions
 from .gl_values import DRAW_BUFFERS
 from .host_textures import Encoding
+from .view import View
 
 Viewport = tuple[int, int, int, int]  # x, y of the corner in which the rows begin, width, height; px
 
@@ -19,7 +20,7 @@ _SIZES = range(0x805C, 0x8060)  # red to alpha
 _OBJECT_TYPE, _OBJECT_NAME = 0x8CD0, 0x8CD1
 _KINDS = {0x1406: "float", 0x8C17: "unsigned", 0x8F9C: "signed", 0x1404: "integer", 0x1405: "integer"}
 _SRGB = range(0x8C40, 0x8C44)
-_NORMAL_CHANNELS = {"octahedral": 2, "signed": 3, "unsigned": 3}
+_NORMAL_CHANNELS = {"octahedral": 2, "octahedral unsigned": 2, "signed": 3, "unsigned": 3}
 _DEPTH_BITS = 16
 
 
@@ -81,11 +82,15 @@ def check_surfaces(depth: Format, normal: Format, encoding: Encoding, viewport: 
         raise ValueError(f"viewport: {viewport} is not x, y, width, height within textures of {_px(depth.size)}")
 
 
-def check_projection(clip_from_view: np.ndarray, encoding: Encoding) -> None:
-    """Raise ValueError if a perspective projection (4, 4) cannot have drawn a depth buffer of this encoding."""
-    z, one = np.asarray(clip_from_view)[2, 2:]
-    if encoding.depth == "window" and one > 0:
-        raise ValueError('clip_from_view: near has the largest z, but Encoding.depth is "window": use "reversed"')
+def check_projection(view: View, encoding: Encoding) -> None:
+    """Raise ValueError if a view's perspective projection cannot have drawn a depth buffer of this encoding."""
+    z, one = view.z_to_clip
+    if view.parallel:
+        return
+    if encoding.depth in ("window", "zero to one") and one > 0:
+        raise ValueError(
+            f'clip_from_view: near has the largest z, but Encoding.depth is "{encoding.depth}": use "reversed"'
+        )
     if encoding.depth == "reversed" and one < 0:
         raise ValueError('clip_from_view: near has the smallest z, but Encoding.depth is "reversed": use "window"')
     if encoding.depth == "reversed" and z > 1:
@@ -151,10 +156,11 @@ def _check_normal(normal: Format, encoding: Encoding) -> None:
         raise ValueError(f'normal: {normal}; Encoding.normal "{encoding.normal}" needs {needed}, float or normalised')
     if normal.srgb:
         raise ValueError("normal: the texture's format is sRGB, which bends normals: use a linear format")
-    if normal.kind == "unsigned" and encoding.normal != "unsigned":
+    if normal.kind == "unsigned" and "unsigned" not in encoding.normal:
+        moved = "octahedral unsigned" if encoding.normal == "octahedral" else "unsigned"
         raise ValueError(
             f'normal: {normal}, without negative numbers, which Encoding.normal "{encoding.normal}" needs: use '
-            '"unsigned" for xyz moved to 0 ... 1, or a float texture'
+            f'"{moved}" for what is moved to 0 ... 1, or a float texture'
         )
 
 

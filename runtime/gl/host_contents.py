@@ -40,20 +40,23 @@ def floats(gl: Functions, texture: moderngl.Texture, size: tuple[int, int]) -> n
     return found
 
 
-def findings(points: Points, view: View, clip_from_view: np.ndarray, encoding: Encoding, box) -> list[str]:
+def findings(points: Points, view: View, encoding: Encoding, box) -> list[str]:
     """One sentence for each finding, which begins with the argument that it is about.
 
     `view` and `box` (two corners (3,), or None) are in the space of `points`. Surfaces outside `box` are left out.
     """
     offset = points.position - view.world_from_view[:3, 3].astype(np.float32)
-    depth = -(offset @ view.world_from_view[:3, 2])
+    back = view.world_from_view[:3, 2]
+    depth = -(offset @ back)
     finite = np.isfinite(depth)
     seen = finite & (np.abs(depth) > 0.01 * view.near)
     if not seen.any():
         return ["depth: no pixel shows a surface"]
-    near, far = view.near, _far(np.asarray(clip_from_view))
+    depth -= view.shift
+    near, far = view.near - view.shift, _far(view)
+    slack = 0.01 * (far - near if view.parallel else near)
     low, high = np.percentile(depth[seen], (0.1, 99.9))
-    outside = (depth < 0.99 * near) | (depth > 1.01 * far)
+    outside = (depth < near - slack) | (depth > far + max(slack, 0.01 * far))
     planes = f"{near:.3g} to {far:.3g} m: most lies at {low:.3g} to {high:.3g} m"
     found = [
         _share("depth", ~finite, "is not finite", 0),
@@ -62,7 +65,8 @@ def findings(points: Points, view: View, clip_from_view: np.ndarray, encoding: E
     if box is not None:
         seen &= ((points.position >= box[0]) & (points.position <= box[1])).all(axis=-1)
     if seen.any():
-        found += _of_normals(points, offset, seen, encoding)
+        towards = np.broadcast_to(back, offset.shape) if view.parallel else -offset
+        found += _of_normals(points, towards, seen, encoding)
         why = "has no Gaussian: is it of this scene, in metres, and are depth and both matrices those of this frame?"
         found.append(_share("bake", points.weight[seen] <= 0, why, _MANY))
     return [*filter(None, found)]
@@ -74,29 +78,34 @@ def of_albedo(albedo: np.ndarray) -> list[str]:
     return [*filter(None, [_share("albedo", outside, "does not lie between 0 and 1")])]
 
 
-def _far(clip_from_view: np.ndarray) -> float:
-    """Distance, m, of the far plane of a perspective projection, whichever clip space it is for; may be infinite."""
-    z, one = clip_from_view[2, 2:]
+def _far(view: View) -> float:
+    """Distance, m, of the far plane from the host's eye, whichever clip space it is for; may be infinite."""
+    z, one = view.z_to_clip
+    if view.parallel:
+        return 2 * view.near - view.shift
     # Far has z = w; in a reversed projection z = 0 or, where near would lie at half its distance, z = -w.
     slope = z + 1 if one < 0 else z if z <= 1 else z - 1
     return one / slope if slope * one > 0 else np.inf
 
 
-def _of_normals(points: Points, offset: np.ndarray, seen: np.ndarray, encoding: Encoding) -> list[str | None]:
-    """`offset` (H, W, 3) from the eye, m; `seen` (H, W) marks the surfaces."""
+def _of_normals(points: Points, towards: np.ndarray, seen: np.ndarray, encoding: Encoding) -> list[str | None]:
+    """`towards` (H, W, 3): to the eye, of any length; `seen` (H, W) marks the surfaces."""
     normal, stored = points.normal[seen], points.texel[seen]
     empty = ~normal.any(axis=-1)
     found = [_share("normal", empty, "is empty")]
     if encoding.normal == "octahedral":
         broken = ~(np.abs(stored[:, :2]).max(axis=-1) <= 1.01)
         found.append(_share("normal", broken, "lies outside -1 ... 1, which octahedral normals do not"))
+    elif encoding.normal == "octahedral unsigned":
+        broken = ~(np.abs(stored[:, :2] - 0.5).max(axis=-1) <= 0.505)
+        found.append(_share("normal", broken, "lies outside 0 ... 1, which unsigned octahedral normals do not"))
     elif not empty.all():
         xyz = stored[~empty, :3] * 2 - 1 if encoding.normal == "unsigned" else stored[~empty, :3]
         short, long = np.percentile(np.linalg.norm(xyz, axis=-1), (5, 95))
         if not short >= _SHORTEST * long:
             found.append(f'normal: as Encoding.normal "{encoding.normal}" it is {short:.2f} to {long:.2f} long')
-    towards = -offset[seen] / np.linalg.norm(offset[seen], axis=-1, keepdims=True)
-    behind = (normal * towards).sum(axis=-1) < _BEHIND
+    cosine = (normal * towards[seen]).sum(axis=-1) / np.linalg.norm(towards[seen], axis=-1)
+    behind = cosine < _BEHIND
     found.append(_share("normal", behind, f"points away from the camera: is it in {encoding.normal_space} space?"))
     if (alike := _alike(points, seen)) < _ALIKE:
         found.append(

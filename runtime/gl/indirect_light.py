@@ -79,9 +79,10 @@ class IndirectLight:
         """B for one camera: RGBA16F of the size of `viewport` (RGBA32F of an `over` file), valid until the next call.
 
         `viewport` is the part of the textures that shows the camera's view, by default all of it. Both matrices are
-        (4, 4) as numpy prints them, for column vectors. Textures are taken to be drawn under the glClipControl that is
-        set now. Raises ValueError, which names the argument, for textures that cannot be what the encoding says, and
-        for matrices that are not a rigid pose and a perspective projection.
+        (4, 4) as numpy prints them, for column vectors; the view space may be mirrored and look down either z. Textures
+        are taken to be drawn under the glClipControl that is set now. Raises ValueError, which names the argument, for
+        textures that cannot be what the encoding says, and for matrices that are not a rigid pose and a projection,
+        which has to be perspective for a file of `over`.
         """
         self._check_not_released()
         flipped, zero_to_one = self._state.clip_control
@@ -92,10 +93,12 @@ class IndirectLight:
             as_stored = np.array(clip_from_view, float)
             if flipped:
                 as_stored[1] *= -1
-            view = View.of_matrices(view_from_world, as_stored, tuple(size))
-            check_projection(clip_from_view, self.encoding)
+            view = View.of_matrices(view_from_world, as_stored, tuple(size), self.encoding.depth == "reversed")
+            check_projection(view, self.encoding)
+            if view.parallel and isinstance(self._splats, Splats):
+                raise ValueError("clip_from_view: an orthographic one needs a file of the `surface` operator")
             with self._state.readable(depth, normal):
-                self.draw_view(view, depth, normal, (x, y), self._z_to_clip(clip_from_view, zero_to_one))
+                self.draw_view(view, depth, normal, (x, y), zero_to_one)
         self._size = found[0].size
         return self.indirect
 
@@ -115,7 +118,7 @@ class IndirectLight:
                 with self._state.readable(normal):
                     texels = floats(gl, normal, self._format("normal", normal).size)
                 points = self._splats.points_read(gl, texels, self._corner)
-                found += findings(points, self._view, clip_from_view, self.encoding, self._splats.box)
+                found += findings(points, self._view, self.encoding, self._splats.box)
             if albedo is not None:
                 format_ = self._format("albedo", albedo)
                 check_albedo(format_, self.encoding, self._size)
@@ -125,7 +128,7 @@ class IndirectLight:
 
     def draw_view(
         self, view: View, depth: moderngl.Texture, normal: moderngl.Texture, corner: tuple[int, int] = (0, 0),
-        z_to_clip: tuple[float, float] = (0.0, 0.0), profile: Profile | None = None,
+        zero_to_one: bool = False, profile: Profile | None = None,
     ) -> None:  # fmt: skip
         """Draw as draw() does without checks, in the state in which `ctx` is, for a renderer of our own."""
         self._corner, self._view = corner, view.moved(self._origin)
@@ -134,7 +137,7 @@ class IndirectLight:
             return
         for unit in range(UNITS):
             self._sampler.use(unit)
-        self._splats.draw(self._view, depth, normal, corner, z_to_clip, profile)
+        self._splats.draw(self._view, depth, normal, corner, zero_to_one, profile)
         for unit in range(UNITS):
             self._sampler.clear(unit)
 
@@ -190,13 +193,6 @@ class IndirectLight:
         if texture not in self._formats:
             self._formats[texture] = texture_format(self._state.gl, name, texture)
         return self._formats[texture]
-
-    def _z_to_clip(self, clip_from_view: np.ndarray, zero_to_one: bool) -> tuple[float, float]:
-        """Columns of z and 1 of the projection's third row, as glsl/surface/host.glsl needs them."""
-        z, one = np.asarray(clip_from_view)[2, 2:]
-        if self.encoding.depth == "window" and zero_to_one:  # the same depth buffer with -w <= z <= w
-            z, one = 2 * z + 1, 2 * one
-        return float(z), float(one)
 
     def _check_not_released(self) -> None:
         if self._state is None:

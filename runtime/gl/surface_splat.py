@@ -39,7 +39,7 @@ class SurfaceSplats:
         assert splat_scale in SCALES, splat_scale
         self.ctx, self.splat_scale, self._coarse_too = ctx, splat_scale, len(bake.coarse) > 0
         self.targets: SurfaceTargets | None = None
-        self.box = box
+        self.box, self._encoding = box, encoding
         blend, reading = bake.blend, Reading(splat_scale, encoding, self._coarse_too, box is not None)
         self._points = FullScreenPass(ctx, "surface/points", ("normal", "depth"), **defines("surface/points", reading))
         if box is not None:
@@ -65,16 +65,16 @@ class SurfaceSplats:
 
     def draw(
         self, view: View, depth: moderngl.Texture, normal: moderngl.Texture, corner: tuple[int, int] = (0, 0),
-        z_to_clip: tuple[float, float] = (0.0, 0.0), profile: Profile | None = None,
+        zero_to_one: bool = False, profile: Profile | None = None,
     ) -> None:  # fmt: skip
         """Fill `indirect` for a view that begins at the pixel `corner` of the textures.
 
-        `z_to_clip` holds the columns of z and 1 of the projection's third row, which are needed to read depth buffers.
+        `zero_to_one`: whether they were drawn under such a glClipControl.
         """
         targets, pinhole = self._targets_for(view.pinhole), view.pinhole
         host = {
-            "world_from_view": view.world_from_view, **view.uniforms(),
-            "size": targets.size, "corner": corner, "z_to_clip": z_to_clip, "near": view.near,
+            "world_from_view": view.world_from_host, **view.uniforms(), "size": targets.size, "corner": corner,
+            **self._encoding.depth_uniforms(zero_to_one, view.shift), "z_to_clip": view.z_to_clip, "near": view.near,
         }  # fmt: skip
         with measured(profile, "surface/points"):
             self._write_depth()
@@ -82,16 +82,17 @@ class SurfaceSplats:
         frame = {
             "view_from_world": pinhole.view_from_world,
             "near": view.near,
+            "parallel": view.parallel,
             **_pixel_uniforms(pinhole, targets.read_size, self.splat_scale),
         }
         with measured(profile, "surface/gaussians, fine") as cost:
-            cost.quads += self._fine.draw(pinhole, frame, targets, targets.fine_sums)
+            cost.quads += self._fine.draw(view, frame, targets, targets.fine_sums)
         if self._coarse:
             with measured(profile, "surface/gap"):
                 self._write_depth()
                 self._gap.draw(targets.gap, targets.fine)
             with measured(profile, "surface/gaussians, coarse") as cost:
-                cost.quads += self._coarse.draw(pinhole, frame, targets, targets.coarse_sums)
+                cost.quads += self._coarse.draw(view, frame, targets, targets.coarse_sums)
         levels = [targets.fine, *([targets.coarse] if targets.coarse else [])]
         with measured(profile, "surface/resolve"):
             self.ctx.enable_only(moderngl.NOTHING)
@@ -154,11 +155,11 @@ class _Level:
             set_uniforms(self._program, slope_data=4)
         self._outlines = ctx.vertex_array(self._program, [(self._index, "1u4/i", "index")])
 
-    def draw(self, pinhole: Pinhole, frame: dict, targets: SurfaceTargets, sums: moderngl.Framebuffer) -> int:
+    def draw(self, view: View, frame: dict, targets: SurfaceTargets, sums: moderngl.Framebuffer) -> int:
         """Fill `sums` with sum w c and sum w where its depth test lets Gaussians pass; return the number drawn."""
         sums.use()
         sums.clear()
-        index = in_view(self.position, self.radius, pinhole)
+        index = in_view(self.position, self.radius, view.pinhole, view.parallel)
         if not len(index):
             return 0
         self.ctx.enable_only(moderngl.BLEND | moderngl.DEPTH_TEST)

@@ -102,7 +102,7 @@ class BakedLight:
     def draw(self, lens: Lens, items: list[Draw], uploads: Uploads, flags: int) -> None:
         """Fill both textures."""
         self._surfaces.draw(lens, items, uploads, flags)
-        view = View(lens.pinhole(), lens.world_from_view, lens.znear)
+        view = View(lens.pinhole(), lens.world_from_view, lens.znear, lens.world_from_view)
         self._pass.draw_view(view, self._surfaces.depth, self._surfaces.interpolated)
 
     def release(self) -> None:

@@ -44,11 +44,13 @@ void gsgi__culled_destroy(gsgi__culled* culled, const gsgi_callbacks* callbacks)
 }
 
 void gsgi__cull_pyramid(gsgi__culled* culled, const gsgi__camera* camera) {
-    /* Slopes, x and y over depth, of the image's edges. A negative focal length mirrors the image. */
+    /* Slopes, x and y over depth, of the image's edges; with parallel rays x and y themselves. A negative focal length
+     * mirrors the image. */
     const double a = -camera->cx / camera->fx, b = (camera->width - camera->cx) / camera->fx;
     const double c = (camera->cy - camera->height) / camera->fy, d = camera->cy / camera->fy;
-    const double inward[5][3] = {
-        {1, 0, fmin(a, b)}, {-1, 0, -fmax(a, b)}, {0, 1, fmin(c, d)}, {0, -1, -fmax(c, d)}, {0, 0, -1}};
+    const double edges[4] = {fmin(a, b), -fmax(a, b), fmin(c, d), -fmax(c, d)};
+    double inward[5][3] = {{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, -1}};
+    for (int p = 0; p < 4 && !camera->parallel; ++p) inward[p][2] = edges[p];
     float planes[5][4];
     for (int p = 0; p < 5; ++p) {
         const double length =
@@ -56,7 +58,7 @@ void gsgi__cull_pyramid(gsgi__culled* culled, const gsgi__camera* camera) {
         for (int k = 0; k < 4; ++k) {
             double sum = 0.0;
             for (int j = 0; j < 3; ++j) sum += inward[p][j] / length * camera->view_from_world.at[j][k];
-            planes[p][k] = (float)sum;
+            planes[p][k] = (float)(camera->parallel && p < 4 && k == 3 ? sum - edges[p] : sum);
         }
     }
     culled->visible = 0;

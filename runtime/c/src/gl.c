@@ -94,8 +94,8 @@ gsgi_result gsgi__gl_load(gsgi__gl* gl, const gsgi_context_options* options) {
 
 /* clang-format off */
 static const char* const uniform_names[U_COUNT] = {
-    "view_from_world", "world_from_view", "world_from_offset", "axis", "centre", "corner", "eye", "focal", "margin",
-    "near", "size", "z_to_clip"};
+    "view_from_world", "world_from_view", "world_from_offset", "axis", "centre", "corner", "depth_ends", "depth_line",
+    "eye", "focal", "margin", "near", "parallel", "size", "z_to_clip"};
 
 /* Samplers of all passes. A sampler's unit is the same in each pass that has it. */
 static const struct { const char* name; GLint unit; } samplers[] = {

@@ -192,10 +192,13 @@ typedef enum gsgi__uniform {
     U_AXIS,
     U_CENTRE,
     U_CORNER,
+    U_DEPTH_ENDS,
+    U_DEPTH_LINE,
     U_EYE,
     U_FOCAL,
     U_MARGIN,
     U_NEAR,
+    U_PARALLEL,
     U_SIZE,
     U_Z_TO_CLIP,
     U_COUNT

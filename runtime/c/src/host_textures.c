@@ -72,13 +72,13 @@ static gsgi_result check_depth(const gsgi_light* light, const format* depth) {
 static gsgi_result check_normal(const gsgi_light* light, const format* normal) {
     const gsgi_normal encoding = light->options.normal;
     if (normal->kind == KIND_DEPTH) return refuse(light, "normal", "a depth buffer: are depth and normal swapped?");
-    if (normal->kind == KIND_INTEGER || normal->channels < (encoding == GSGI_NORMAL_OCTAHEDRAL ? 2 : 3))
+    if (normal->kind == KIND_INTEGER || normal->channels < (encoding >= GSGI_NORMAL_OCTAHEDRAL ? 2 : 3))
         return refuse(light, "normal", "needed are three channels (octahedral: two), float or normalised");
     if (normal->srgb) return refuse(light, "normal", "the format is sRGB, which bends normals: use a linear format");
-    if (normal->kind == KIND_UNSIGNED && encoding != GSGI_NORMAL_UNSIGNED)
+    if (normal->kind == KIND_UNSIGNED && (encoding == GSGI_NORMAL_SIGNED || encoding == GSGI_NORMAL_OCTAHEDRAL))
         return refuse(light, "normal",
-                      "the format has no negative numbers: use GSGI_NORMAL_UNSIGNED for xyz moved to "
-                      "0 ... 1, or a float texture");
+                      "the format has no negative numbers: use GSGI_NORMAL_UNSIGNED or GSGI_NORMAL_OCTAHEDRAL_UNSIGNED "
+                      "for what is moved to 0 ... 1, or a float texture");
     return GSGI_OK;
 }
 

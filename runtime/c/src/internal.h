@@ -80,11 +80,13 @@ typedef struct gsgi__matrix {
 
 /* A camera as the passes need it. */
 typedef struct gsgi__camera {
-    gsgi__matrix view_from_world, world_from_view; /* relative to the bake's origin */
-    double fx, fy, cx, cy;                         /* px; rows go down; negative: mirrored */
-    double near_plane;                             /* m; nothing nearer is seen */
-    float z_to_clip[2];                            /* see glsl/surface/host.glsl */
-    int32_t x, y, width, height;                   /* px, of the viewport */
+    gsgi__matrix view_from_world, world_from_view;    /* relative to the bake's origin; looks down -z, right-handed */
+    gsgi__matrix world_from_host;                     /* the host's own view space */
+    bool parallel;                                    /* whether the projection is orthographic */
+    double fx, fy, cx, cy;                            /* px (px/m if parallel); rows go down; negative: mirrored */
+    double near_plane;                                /* m; nothing nearer is seen */
+    float depth_ends[2], depth_line[2], z_to_clip[2]; /* DepthCode of glsl/surface/host.glsl */
+    int32_t x, y, width, height;                      /* px, of the viewport */
 } gsgi__camera;
 
 gsgi_result gsgi__camera_of_view(const gsgi_view* view, const gsgi_light_options* options, const double origin[3],

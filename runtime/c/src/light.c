@@ -162,7 +162,7 @@ static gsgi_result check_options(const gsgi_light_options* o, const gsgi_callbac
         const char* name;
         int value, first, last;
     } fields[] = {{"depth", (int)o->depth, 0, GSGI_DEPTH_LINEAR},
-                  {"normal", (int)o->normal, 0, GSGI_NORMAL_OCTAHEDRAL},
+                  {"normal", (int)o->normal, 0, GSGI_NORMAL_OCTAHEDRAL_UNSIGNED},
                   {"normal_space", (int)o->normal_space, 0, GSGI_SPACE_VIEW},
                   {"albedo", (int)o->albedo, 0, GSGI_ALBEDO_SRGB},
                   {"rows", (int)o->rows, 0, GSGI_ROWS_TOP_DOWN},
@@ -171,6 +171,10 @@ static gsgi_result check_options(const gsgi_light_options* o, const gsgi_callbac
         if (fields[i].value < fields[i].first || fields[i].value > fields[i].last)
             return gsgi__fail(callbacks, GSGI_INVALID_ARGUMENT, "%s: %d is none of %d to %d", fields[i].name,
                               fields[i].value, fields[i].first, fields[i].last);
+    const float first = o->depth_range[0], last = o->depth_range[1];
+    if (!(first >= 0.0f && first <= 1.0f && last >= 0.0f && last <= 1.0f && first != last))
+        return gsgi__fail(callbacks, GSGI_INVALID_ARGUMENT,
+                          "depth_range: needed are two different numbers from 0 to 1");
     return GSGI_OK;
 }
 
@@ -222,6 +226,7 @@ gsgi_result gsgi_light_create(gsgi_context* context, const gsgi_bake* bake, cons
     gsgi_result result = gsgi__read_options(given, &options, sizeof options);
     if (result) return gsgi__fail(callbacks, result, "options: struct_size is not that of any version of this library");
     if (options.splat_scale == 0) options.splat_scale = 2;
+    if (options.depth_range[0] == 0.0f && options.depth_range[1] == 0.0f) options.depth_range[1] = 1.0f;
     if ((result = check_context(context)) || (result = check_options(&options, callbacks))) return result;
     if (!bake || !out) return gsgi__fail(callbacks, GSGI_INVALID_ARGUMENT, "bake, light: must not be NULL");
 
@@ -283,6 +288,9 @@ gsgi_result gsgi_light_cull(gsgi_light* light, const gsgi_view* given) {
                           "view: struct_size is not that of any version of this library");
     gsgi_result result = gsgi__camera_of_view(&view, &light->options, light->origin, callbacks, &camera);
     if (result) return result;
+    if (camera.parallel && light->info.blend == GSGI_OVER)
+        return gsgi__fail(callbacks, GSGI_INVALID_ARGUMENT,
+                          "clip_from_view: an orthographic one needs a file of the `surface` operator");
     if (memcmp(view.viewport, light->viewport, sizeof view.viewport) != 0)
         memset(&light->checked, 0, sizeof light->checked);
     memcpy(light->viewport, view.viewport, sizeof view.viewport);

@@ -26,13 +26,12 @@ static gsgi_result create_pass(gsgi_light* light, const char* name, const char* 
 static void reading_defines(const gsgi_light* light, char defines[DEFINES_MAX]) {
     const gsgi_light_options* o = &light->options;
     snprintf(defines, DEFINES_MAX,
-             "#define SPLAT_SCALE %d\n#define BOX %d\n#define COARSE %d\n#define DEPTH_WINDOW %d\n"
-             "#define DEPTH_REVERSED %d\n#define NORMAL_OCTAHEDRAL %d\n#define NORMAL_UNSIGNED %d\n"
+             "#define SPLAT_SCALE %d\n#define BOX %d\n#define COARSE %d\n#define DEPTH_BUFFER %d\n"
+             "#define NORMAL_OCTAHEDRAL %d\n#define NORMAL_OCTAHEDRAL_UNSIGNED %d\n#define NORMAL_UNSIGNED %d\n"
              "#define NORMAL_VIEW_SPACE %d\n",
-             (int)o->splat_scale, has_box(o), has_coarse(light),
-             o->depth == GSGI_DEPTH_WINDOW || o->depth == GSGI_DEPTH_ZERO_TO_ONE, o->depth == GSGI_DEPTH_REVERSED,
-             o->normal == GSGI_NORMAL_OCTAHEDRAL, o->normal == GSGI_NORMAL_UNSIGNED,
-             o->normal_space == GSGI_SPACE_VIEW);
+             (int)o->splat_scale, has_box(o), has_coarse(light), o->depth != GSGI_DEPTH_LINEAR,
+             o->normal == GSGI_NORMAL_OCTAHEDRAL, o->normal == GSGI_NORMAL_OCTAHEDRAL_UNSIGNED,
+             o->normal == GSGI_NORMAL_UNSIGNED, o->normal_space == GSGI_SPACE_VIEW);
 }
 
 static gsgi_result create_level(gsgi_light* light, int l) {
@@ -125,11 +124,14 @@ static void set_host(const gsgi_light* light, const gsgi__program* program) {
     for (int i = 0; i < 4; ++i)
         for (int k = 0; k < 4; ++k) world_from_offset.at[i][k] = c->world_from_view.at[i][k] * of_offset[k];
     gl->UseProgram(program->name);
-    gsgi__set_matrix(gl, program, U_WORLD_FROM_VIEW, &c->world_from_view);
+    gsgi__set_matrix(gl, program, U_WORLD_FROM_VIEW, &c->world_from_host);
     gsgi__set_matrix(gl, program, U_WORLD_FROM_OFFSET, &world_from_offset);
     gl->Uniform2f(program->at[U_AXIS], (float)c->cx, (float)(c->height - c->cy));
     gl->Uniform2f(program->at[U_SIZE], (float)c->width, (float)c->height);
     gl->Uniform2f(program->at[U_CORNER], (float)c->x, (float)c->y);
+    gl->Uniform2f(program->at[U_DEPTH_ENDS], c->depth_ends[0], c->depth_ends[1]);
+    gl->Uniform2f(program->at[U_DEPTH_LINE], c->depth_line[0], c->depth_line[1]);
+    gl->Uniform1i(program->at[U_PARALLEL], c->parallel);
     gl->Uniform2f(program->at[U_Z_TO_CLIP], c->z_to_clip[0], c->z_to_clip[1]);
     gl->Uniform1f(program->at[U_NEAR], (float)c->near_plane);
 }
@@ -157,6 +159,7 @@ static void draw_level(const gsgi_light* light, int l, GLuint framebuffer) {
     gl->UseProgram(program->name);
     gsgi__set_matrix(gl, program, U_VIEW_FROM_WORLD, &c->view_from_world);
     gl->Uniform1f(program->at[U_NEAR], (float)c->near_plane);
+    gl->Uniform1i(program->at[U_PARALLEL], c->parallel);
     gl->Uniform2f(program->at[U_SIZE], (float)light->targets.read_width, (float)light->targets.read_height);
     gl->Uniform2f(program->at[U_FOCAL], (float)(c->fx / scale), (float)(c->fy / scale));
     gl->Uniform2f(program->at[U_CENTRE], (float)(c->cx / scale), (float)(c->cy / scale + rows));

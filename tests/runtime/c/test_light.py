@@ -9,15 +9,18 @@ from c_light import OVER, SURFACE, check_same, of_c, of_python
 from host import (
     CAMERA,
     SIZE,
+    TURNS,
     UPPER_LEFT,
     ZERO_TO_ONE,
     bake,
     call,
+    orthographic,
     pixels,
     projection,
     projection_for,
     rasterised,
     texture,
+    turned,
 )
 
 from gsgi.runtime.file import codec
@@ -54,6 +57,32 @@ def test_a_mirrored_projection(gl, context, host):
     mirror = np.diag([1.0, -1, 1, 1])
     textures = host.textures(gl, Encoding())
     check_same(gl, context, SURFACE, textures, CAMERA.view_from_world, mirror @ projection())
+
+
+@pytest.mark.parametrize("turn", TURNS)
+@pytest.mark.parametrize("splat_scale", [1, 2])
+@pytest.mark.parametrize("kind", ["window", "zero to one", "reversed", "linear"])
+def test_an_orthographic_camera_in_another_view_space(gl, context, host, kind, splat_scale, turn):
+    encoding = Encoding(kind, "signed", "view")
+    straight = orthographic("window" if kind == "linear" else kind)
+    view, clip = turned(CAMERA.view_from_world, straight, turn)
+    textures = host.textures(gl, encoding, view, straight)
+    check_same(gl, context, SURFACE, textures, view, clip, encoding=encoding, splat_scale=splat_scale)
+
+
+@pytest.mark.parametrize("turn", TURNS)
+def test_a_view_space_of_another_engine(gl, context, host, turn):
+    encoding = Encoding("window", "signed", "view")
+    view, clip = turned(CAMERA.view_from_world, projection(), turn)
+    check_same(gl, context, SURFACE, host.textures(gl, encoding, view), view, clip, encoding=encoding)
+
+
+@pytest.mark.parametrize("depth", ["window", "zero to one", "reversed"])
+@pytest.mark.parametrize("depth_range", [(0.25, 0.75), (1.0, 0.0), (0.875, 0.5)])
+def test_a_depth_range_of_the_hosts_own(gl, context, host, depth, depth_range):
+    encoding = Encoding(depth, "signed", depth_range=depth_range)
+    clip = projection_for(encoding)
+    check_same(gl, context, SURFACE, host.textures(gl, encoding), CAMERA.view_from_world, clip, encoding=encoding)
 
 
 def test_a_box_is_all_that_is_lit(gl, context, host):

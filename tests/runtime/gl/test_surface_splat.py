@@ -96,10 +96,10 @@ def outline_fragments(gl, gaussian, margin) -> int:
     renderer = DeferredRenderer(gl, scene, Bake(gaussian, BLEND, coarse=nothing()), *size)
     splats, profile = renderer.splats._splats, Profile(gl)
     renderer.render(HIGH)
-    pinhole = View.of_camera(HIGH, size).moved(renderer.splats._origin).pinhole
-    frame = {"view_from_world": pinhole.view_from_world, "near": HIGH.znear, "margin": margin}
+    view = View.of_camera(HIGH, size).moved(renderer.splats._origin)
+    frame = {"view_from_world": view.pinhole.view_from_world, "near": HIGH.znear, "margin": margin}
     with profile.measure("outline"):
-        splats._fine.draw(pinhole, frame, splats.targets, splats.targets.fine_sums)
+        splats._fine.draw(view, frame, splats.targets, splats.targets.fine_sums)
     renderer.release()
     return profile.passes[0].fragments
 
