@@ -1,5 +1,7 @@
 """Fixtures that need a machine: OpenGL contexts."""
 
+import os
+import shutil
 import subprocess
 import sys
 
@@ -37,6 +39,24 @@ def backends() -> tuple[str, ...]:
     return tuple(
         n for n in names if not subprocess.run([sys.executable, "-c", probe, n], capture_output=True).returncode
     )
+
+
+@pytest.fixture(scope="session")
+def no_display() -> dict[str, str]:
+    """The environment without a display."""
+    return {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
+
+
+@pytest.fixture(scope="session")
+def display(no_display):
+    """The environment with a display that has no screen. Skips where there is no Xvfb."""
+    if not shutil.which("Xvfb"):
+        pytest.skip("no Xvfb: apt-get install xvfb")
+    command = ["Xvfb", "-displayfd", "1", "-screen", "0", "1024x768x24", "-nolisten", "tcp"]
+    server = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    yield no_display | {"DISPLAY": f":{server.stdout.readline().strip()}"}
+    server.terminate()
+    server.wait()
 
 
 @pytest.fixture

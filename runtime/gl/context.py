@@ -2,6 +2,7 @@
 
 import ctypes
 import ctypes.util
+import sys
 from collections.abc import Callable
 
 import moderngl
@@ -15,7 +16,8 @@ _ADVICE = "install Mesa's drivers (Debian: libegl1 libgl1-mesa-dri, or libosmesa
 _OSMESA_ATTRIBUTES = (0x22, 0x1908, 0x30, 0, 0x33, 0x34, 0x36, REQUIRED_VERSION // 100, 0x37, 3, 0)
 _GL_UNSIGNED_BYTE = 0x1401
 
-_NAMES = {"egl": "EGL", "osmesa": "OSMesa"}
+_NAMES = {"egl": "EGL", "osmesa": "OSMesa", "system": {"win32": "WGL", "darwin": "CGL"}.get(sys.platform, "GLX")}
+BACKENDS = ("auto", *_NAMES)
 
 
 class OSMesa:
@@ -66,19 +68,23 @@ class OSMesa:
 def create_context(
     backend: str = "auto", device: int | None = None, say: Callable[[str], None] | None = None
 ) -> moderngl.Context:
-    """Headless OpenGL 3.3 core context; `backend` is "egl", "osmesa" or "auto" (EGL, then OSMesa).
+    """OpenGL 3.3 core context without a window.
+
+    `backend`: "egl"; "osmesa"; "system", what the system's windows use: WGL, CGL, or GLX, which needs a display;
+    "auto": WGL on Windows, CGL on macOS, else EGL, then OSMesa.
 
     `device` is the index of an EGL device, from 0; if it is given, only EGL is tried. `say` is called with one line
     that names the chosen backend and says why an earlier one failed. The new context is current. `with ctx:` makes it
     current again after another context was used; at the end of that block, EGL leaves no context current and OSMesa
     leaves this one. Raises UnsupportedError, which says what was tried and what to install.
     """
-    names = {"auto": ("egl", "osmesa"), "egl": ("egl",), "osmesa": ("osmesa",)}[backend if device is None else "egl"]
+    assert backend in BACKENDS, backend
+    automatic = ("system",) if sys.platform in ("win32", "darwin") else ("egl", "osmesa")
+    names = ("egl",) if device is not None else automatic if backend == "auto" else (backend,)
     reasons = {}
     for name in names:
         try:
-            source = {"backend": "egl", "device_index": device or 0} if name == "egl" else {"context": OSMesa()}
-            context = moderngl.create_context(standalone=True, require=REQUIRED_VERSION, **source)
+            context = moderngl.create_context(standalone=True, require=REQUIRED_VERSION, **_source(name, device))
         except Exception as error:  # moderngl raises bare Exception
             reasons[name] = " ".join(str(error).split())
             continue
@@ -88,6 +94,13 @@ def create_context(
         return context
     tried = "; ".join(f"{name}: {reason}" for name, reason in reasons.items())
     raise UnsupportedError(f"no OpenGL 3.3 context ({tried}); {_ADVICE}")
+
+
+def _source(name: str, device: int | None) -> dict:
+    """Arguments by which moderngl makes a context of a back end."""
+    if name == "egl":
+        return {"backend": "egl", "device_index": device or 0}
+    return {"context": OSMesa()} if name == "osmesa" else {}
 
 
 def renderer_string(ctx: moderngl.Context) -> str:

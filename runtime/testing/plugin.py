@@ -25,7 +25,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         help="where pictures of failures and report.html go (default: gsgi-report in the root folder)",
     )  # fmt: skip
     group.addoption(
-        "--gsgi-backend", choices=("auto", "egl", "osmesa"),
+        "--gsgi-backend", choices=("auto", "egl", "osmesa", "system"),
         help="OpenGL without a display; without this option, tests that need it are skipped where there is none",
     )  # fmt: skip
 

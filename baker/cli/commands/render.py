@@ -21,8 +21,9 @@ def add(commands) -> None:
     shared.add_light(parser)
     shared.add_gi(parser)
     shared.add_picture(parser)
-    parser.add_argument("--backend", choices=("egl", "osmesa", "auto"), default="auto",
-                        help="OpenGL without a display; auto uses EGL, else OSMesa, and says which")  # fmt: skip
+    parser.add_argument("--backend", choices=("egl", "osmesa", "system", "auto"), default="auto",
+                        help="OpenGL without a window; system: WGL, CGL, or GLX, as for windows; auto uses WGL on "
+                        "Windows, CGL on macOS, else EGL, else OSMesa, and says which")  # fmt: skip
     parser.add_argument("--device", type=int, metavar="N", help="number of the EGL device to draw on, from 0")
     parser.add_argument("--profile", action="store_true",
                         help="print the driver and what each pass costs, medians of 9 frames")  # fmt: skip
@@ -45,8 +46,8 @@ def run(options: argparse.Namespace) -> None:
     check_writable(options.output)
     if options.gi is None and options.layer == "indirect":
         raise UsageError("--layer indirect needs baked light: --gi FILE")
-    if options.device is not None and options.backend == "osmesa":
-        raise UsageError("--device chooses among EGL devices: leave out --backend osmesa")
+    if options.device is not None and options.backend not in ("auto", "egl"):
+        raise UsageError(f"--device chooses among EGL devices: leave out --backend {options.backend}")
     console = Console(options.quiet)
     progress = Progress(console)
     memory = check_picture(options.size, PER_DRAWN_PIXEL)

@@ -35,6 +35,21 @@ def test_each_backend_draws_floats(backends):
         assert len(child.stdout.splitlines()) == 1
 
 
+def test_the_context_of_the_systems_windows_draws_floats(display):
+    child = subprocess.run([sys.executable, "-c", DRAW, "system"], env=display, capture_output=True, text=True)
+    assert child.returncode == 0, child.stderr
+    assert len(child.stdout.splitlines()) == 1
+
+
+@pytest.mark.parametrize(("platform", "asked"), [("win32", {}), ("darwin", {}), ("linux", {"backend": "egl"})])
+def test_a_desktop_draws_by_its_own(monkeypatch, platform, asked):
+    found = []
+    monkeypatch.setattr(context.sys, "platform", platform)
+    monkeypatch.setattr(context.moderngl, "create_context", lambda **source: found.append(source))
+    create_context("auto")
+    assert [{k: v for k, v in each.items() if k == "backend"} for each in found] == [asked]
+
+
 def test_a_device_that_is_not_there_is_not_replaced_by_another(gl):
     with pytest.raises(UnsupportedError, match="egl: ") as caught:
         create_context("auto", device=99)

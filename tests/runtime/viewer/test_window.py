@@ -1,8 +1,6 @@
 """The viewer: its window under Xvfb, what it shows there, and how it ends."""
 
 import json
-import os
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -32,19 +30,6 @@ from gsgi.runtime.viewer.picture import Picture
 
 CORNELL = SCENES / "cornell.glb"
 SIZE = 160, 120
-NO_DISPLAY = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
-
-
-@pytest.fixture(scope="module")
-def display():
-    """The environment with a display that has no screen. Skips where there is no Xvfb."""
-    if not shutil.which("Xvfb"):
-        pytest.skip("no Xvfb: apt-get install xvfb")
-    command = ["Xvfb", "-displayfd", "1", "-screen", "0", "1024x768x24", "-nolisten", "tcp"]
-    server = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
-    yield NO_DISPLAY | {"DISPLAY": f":{server.stdout.readline().strip()}"}
-    server.terminate()
-    server.wait()
 
 
 @pytest.fixture(scope="module")
@@ -110,8 +95,8 @@ def test_pictures_are_never_written_over(display, tmp_path):
         ([CORNELL, "--size", "0x0"], 1, "--size"),
     ],
 )
-def test_what_is_wrong_takes_one_line(arguments, code, words):
-    run = gsgi_view(*arguments, env=NO_DISPLAY)
+def test_what_is_wrong_takes_one_line(no_display, arguments, code, words):
+    run = gsgi_view(*arguments, env=no_display)
     assert run.returncode == code
     line = run.stderr.splitlines()[-1]
     assert line.startswith("gsgi: ")
