@@ -21,10 +21,12 @@ def origin_of(scene: Scene) -> np.ndarray:
 
 
 def origin_of_bake(bake: Bake) -> np.ndarray:
-    """Same as `origin_of` for the Gaussians of a bake: (3,) float64, m."""
+    """Same as `origin_of` for the Gaussians of a bake: (3,) float64, m; a float32, which shaders can subtract."""
     position = np.concatenate([level.position for level in (bake.gaussians, bake.coarse) if level is not None])
     position = position[np.isfinite(position).all(axis=1)].astype(np.float64)
-    return _middle_if_far(position.min(axis=0), position.max(axis=0)) if len(position) else np.zeros(3)
+    if not len(position):
+        return np.zeros(3)
+    return _middle_if_far(position.min(axis=0), position.max(axis=0)).astype(np.float32).astype(float)
 
 
 def local_scene(scene: Scene, origin: np.ndarray) -> Scene:

@@ -60,6 +60,14 @@ class Texels(Sized):
     )  # fmt: skip
 
 
+class LookupInfo(Sized):
+    _fields_ = (
+        ("struct_size", c_size_t), ("source", c_char_p), ("gaussians", ctypes.POINTER(c_float)),
+        ("cells", ctypes.POINTER(c_uint32)), ("lists", c_void_p), ("gaussian_rows", c_uint32), ("cell_rows", c_uint32),
+        ("list_rows", c_uint32), ("list_bits", c_uint32), ("bytes", c_size_t),
+    )  # fmt: skip
+
+
 class ContextOptions(Sized):
     _fields_ = (
         ("struct_size", c_size_t), ("callbacks", Callbacks), ("get_proc_address", GET_PROC_ADDRESS),
@@ -157,6 +165,38 @@ class Library:
         pointers = (array.ctypes.data_as(c_void_p) for array in (*arrays, light))
         assert self.functions.gsgi_bake_sample(bake, c_size_t(len(light)), *pointers) == OK
         return light
+
+
+class Lookup:
+    """A gsgi_lookup of a file's bytes: its `result`, `info`, and the tables (rows * 2048, C) by the samplers' names."""
+
+    def __init__(self, library: Library, data: bytes):
+        self.functions, self.handle, bake = library.functions, c_void_p(), library.opened(data)
+        self.result = self.functions.gsgi_lookup_open(bake, ctypes.byref(self.handle))
+        library.close(bake)
+        if self.result != OK:
+            return
+        self.info = LookupInfo()
+        assert self.functions.gsgi_lookup_read(self.handle, ctypes.byref(self.info)) == OK
+        lists = ctypes.POINTER(ctypes.c_uint16 if self.info.list_bits == 16 else c_uint32)
+        sources = {
+            "gsgi_gaussians": (self.info.gaussians, self.info.gaussian_rows, 4),
+            "gsgi_cells": (self.info.cells, self.info.cell_rows, 1),
+            "gsgi_lists": (ctypes.cast(self.info.lists, lists), self.info.list_rows, 1),
+        }
+        self.tables = {
+            name: np.ctypeslib.as_array(pointer, (2048 * rows, width)).copy()
+            for name, (pointer, rows, width) in sources.items()
+        }
+
+    def upload(self, context: "Context") -> dict[str, int]:
+        """The names of the textures."""
+        names = (c_uint32 * 3)()
+        assert self.functions.gsgi_lookup_upload(context.handle, self.handle, names) == OK, context.messages
+        return dict(zip(self.tables, names, strict=True))
+
+    def close(self) -> None:
+        self.functions.gsgi_lookup_close(self.handle)
 
 
 class Context:

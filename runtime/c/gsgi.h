@@ -170,6 +170,35 @@ GSGI_API gsgi_result gsgi_bake_sample(const gsgi_bake* bake, size_t count, const
 /* Free the bake. Lights that were made of it stay. */
 GSGI_API void gsgi_bake_close(gsgi_bake* bake);
 
+/* ---- Light in shaders of the host: forward renderers, blended and moving surfaces, vertices, particles ---------- */
+
+typedef struct gsgi_lookup gsgi_lookup;
+
+/* What the GLSL function `vec3 gsgi_indirect(vec3 position, vec3 normal)` needs: B, linear radiance for albedo 1, at a
+ * point in world space. Tables are texels of textures 2048 wide, row by row, read by texelFetch alone. They are those
+ * of Python's gsgi.IndirectLookup, bit for bit on x86-64, and live as long as the look-up. */
+typedef struct gsgi_lookup_info {
+    size_t struct_size;
+    const char* source;     /* GLSL without #version, for `#version 330` and `#version 300 es`; the latter with
+                               `precision highp float`, `int`, `sampler2D` and `usampler2D` */
+    const float* gaussians; /* RGBA32F, the sampler gsgi_gaussians */
+    const uint32_t* cells;  /* R32UI, the sampler gsgi_cells */
+    const void* lists;      /* R16UI or R32UI, the sampler gsgi_lists */
+    uint32_t gaussian_rows, cell_rows, list_rows;
+    uint32_t list_bits; /* 16, or 32 for more than 65,536 Gaussians */
+    size_t bytes;       /* of the three textures */
+} gsgi_lookup_info;
+
+/* Make the tables of a bake, in a fraction of a second. `surface` files only; others are GSGI_UNSUPPORTED, and so is
+ * one of more than 16 million texels. While it works it takes some 100 bytes for each pair of a Gaussian and a cell
+ * that it reaches. The bake may be closed afterwards. */
+GSGI_API gsgi_result gsgi_lookup_open(const gsgi_bake* bake, gsgi_lookup** lookup);
+
+/* Fill `info`, whose struct_size is set. */
+GSGI_API gsgi_result gsgi_lookup_read(const gsgi_lookup* lookup, gsgi_lookup_info* info);
+
+GSGI_API void gsgi_lookup_close(gsgi_lookup* lookup);
+
 /* ---- OpenGL --------------------------------------------------------------------------------------------------- */
 
 /* Address of the OpenGL function `name`, such as "glBindTexture", or NULL. eglGetProcAddress, glfwGetProcAddress and
@@ -212,6 +241,11 @@ GSGI_API void gsgi_context_destroy(gsgi_context* context);
 /* Say that the OpenGL context was lost or is gone already. From now on nothing calls OpenGL: lights and context are
  * still to be destroyed, which frees their memory, and all else is GSGI_CONTEXT_LOST. */
 GSGI_API void gsgi_context_forget(gsgi_context* context);
+
+/* Make the three textures of a look-up: gsgi_gaussians, gsgi_cells, gsgi_lists. They are the host's, to bind to three
+ * units, to name in the samplers of its programs, and to delete. Float textures need no extension for this, so that of
+ * a context of OpenGL ES 3.0 that gsgi_context_create refuses the host can make them itself from gsgi_lookup_info. */
+GSGI_API gsgi_result gsgi_lookup_upload(gsgi_context* context, const gsgi_lookup* lookup, uint32_t textures[3]);
 
 /* Encodings of the host's textures. */
 typedef enum gsgi_depth {

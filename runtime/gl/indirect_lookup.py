@@ -77,7 +77,7 @@ def sh_counts(bake: Bake) -> tuple[int, int]:
 
 def lookup_tables(bake: Bake) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The texels (T, 4) float32 and (T, 1) uint32 and uint16 or uint32 that glsl/surface/lookup.glsl describes."""
-    origin = origin_of_bake(bake).astype(np.float32)  # what the shader subtracts, exactly
+    origin = origin_of_bake(bake)
     local, blend = local_bake(bake, origin), bake.blend
     header, gaussians, cells, lists = [], [], [], [np.zeros(1, np.uint32)]  # no list begins at 0
     for level, sharpness in ((local.gaussians.clamped(), blend.sharpness), (local.coarse.clamped(), 0)):

@@ -1,13 +1,14 @@
 # Write the shaders as C arrays: cmake -D GLSL=FOLDER -D OUTPUT=FILE.c -P embed_shaders.cmake
 #
-# Each stage of FOLDER becomes one array, gsgi__shader_<folder>_<pass>_<stage>, with its includes expanded once. Bytes,
+# Each stage of FOLDER, and the function for shaders of a host, becomes one array, gsgi__shader_<folder>_<pass>_<stage>, with its includes expanded once. Bytes,
 # not string literals: C99 promises those no more than 4,095 characters.
 
 cmake_minimum_required(VERSION 3.21)
 
 set(STAGES
     lib/fullscreen.vert surface/points.frag surface/gaussians.vert surface/gaussians.frag surface/gap.frag
-    surface/fill.frag surface/resolve.frag surface/add_light.frag over/splat.vert over/splat.frag)
+    surface/fill.frag surface/resolve.frag surface/add_light.frag surface/gsgi_indirect.glsl over/splat.vert
+    over/splat.frag)
 
 # Text of FOLDER/name in `result`, with the files included that are not in the global property `seen` yet.
 function(expand name result)

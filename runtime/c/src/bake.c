@@ -342,7 +342,7 @@ static void place(gsgi_bake* bake) {
         diagonal += size * size;
     }
     if (!(sqrt(from_origin) > FAR_AWAY * sqrt(diagonal))) return;
-    for (int k = 0; k < 3; ++k) bake->origin[k] = (low[k] + high[k]) / 2;
+    for (int k = 0; k < 3; ++k) bake->origin[k] = (float)((low[k] + high[k]) / 2);
     for (int l = 0; l < 2; ++l)
         for (size_t i = 0; i < bake->levels[l].count; ++i) {
             float* position = bake->levels[l].shape.texels + i * GSGI_SHAPE_FLOATS;

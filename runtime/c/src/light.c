@@ -1,161 +1,9 @@
-/* Contexts and lights: what is made once, the frame's calls, and what both operators share. */
+/* Lights: what is made once, and the frame's calls. */
 #include "light.h"
 #include "shaders.h"
 
 #include <stdio.h>
 #include <string.h>
-
-/* ---- Contexts ---- */
-
-gsgi_result gsgi_context_create(const gsgi_context_options* given, gsgi_context** out) {
-    gsgi_context_options options;
-    gsgi__gl gl;
-    gsgi_result result = gsgi__read_options(given, &options, sizeof options);
-    if (result) return result;
-    const gsgi_callbacks* callbacks = &options.callbacks;
-    if (!out || !options.get_proc_address)
-        return gsgi__fail(callbacks, GSGI_INVALID_ARGUMENT, "context, get_proc_address: must not be NULL");
-    if (options.state != GSGI_STATE_RESTORE && options.state != GSGI_STATE_DEFAULTS)
-        return gsgi__fail(callbacks, GSGI_INVALID_ARGUMENT, "state: %d is none", (int)options.state);
-    if ((result = gsgi__gl_load(&gl, &options))) return result;
-
-    gsgi_context* context = gsgi__allocate(callbacks, sizeof *context);
-    if (!context) return gsgi__fail(callbacks, GSGI_OUT_OF_MEMORY, "context: no memory");
-    memset(context, 0, sizeof *context);
-    context->callbacks = *callbacks;
-    context->state = options.state;
-    context->gl = gl;
-    gl.GenVertexArrays(1, &context->triangle);
-    gl.GenSamplers(1, &context->sampler);
-    gl.SamplerParameteri(context->sampler, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
-    gl.SamplerParameteri(context->sampler, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
-    gl.SamplerParameteri(context->sampler, GL_TEXTURE_COMPARE_MODE, GL_NONE);
-    *out = context;
-    return GSGI_OK;
-}
-
-void gsgi_context_destroy(gsgi_context* context) {
-    if (!context) return;
-    const gsgi_callbacks callbacks = context->callbacks;
-    if (!context->lost) {
-        context->gl.DeleteVertexArrays(1, &context->triangle);
-        context->gl.DeleteSamplers(1, &context->sampler);
-    }
-    gsgi__release(&callbacks, context);
-}
-
-void gsgi_context_forget(gsgi_context* context) {
-    if (context) context->lost = true;
-}
-
-static gsgi_result check_context(const gsgi_context* context) {
-    if (!context->lost) return GSGI_OK;
-    return gsgi__fail(&context->callbacks, GSGI_CONTEXT_LOST, "context: it was forgotten");
-}
-
-/* ---- What both operators share ---- */
-
-void gsgi__bind_texture(const gsgi__gl* gl, GLuint unit, GLuint texture) {
-    gl->ActiveTexture(GL_TEXTURE0 + unit);
-    gl->BindTexture(GL_TEXTURE_2D, texture);
-}
-
-void gsgi__use_sampler(const gsgi_context* context) {
-    for (GLuint unit = 0; unit < GSGI_UNITS; ++unit) context->gl.BindSampler(unit, context->sampler);
-}
-
-void gsgi__draw_triangle(const gsgi_context* context, const gsgi__program* program) {
-    context->gl.UseProgram(program->name);
-    context->gl.BindVertexArray(context->triangle);
-    context->gl.DrawArrays(GL_TRIANGLES, 0, 3);
-}
-
-void gsgi__draw_gaussians(const gsgi_light* light, int l, GLsizei vertices) {
-    const gsgi__gl* gl = &light->context->gl;
-    const gsgi__culled* culled = &light->culled[l];
-    const gsgi__gaussians* level = &light->levels[l];
-    gsgi__bind_texture(gl, 0, level->shape);
-    gsgi__bind_texture(gl, 1, level->sh);
-    if (level->slope) gsgi__bind_texture(gl, 4, level->slope);
-    gl->BindBuffer(GL_ARRAY_BUFFER, level->index);
-    gl->BufferData(GL_ARRAY_BUFFER, (GLsizeiptr)(culled->count * sizeof *culled->index), NULL, GL_STREAM_DRAW);
-    gl->BufferSubData(GL_ARRAY_BUFFER, 0, (GLsizeiptr)(culled->visible * sizeof *culled->index), culled->index);
-    gl->BindVertexArray(level->strips);
-    gl->DrawArraysInstanced(GL_TRIANGLE_STRIP, 0, vertices, (GLsizei)culled->visible);
-}
-
-void gsgi__clear_color(const gsgi__gl* gl, GLuint framebuffer) {
-    static const GLfloat zero[4] = {0.0f, 0.0f, 0.0f, 0.0f};
-    gl->BindFramebuffer(GL_DRAW_FRAMEBUFFER, framebuffer);
-    gl->ClearBufferfv(GL_COLOR, 0, zero);
-}
-
-static GLuint texture_of(const gsgi__gl* gl, GLenum format, int32_t width, int32_t height, const float* texels) {
-    GLuint texture;
-    gl->GenTextures(1, &texture);
-    gsgi__bind_texture(gl, 0, texture);
-    gl->TexImage2D(GL_TEXTURE_2D, 0, (GLint)format, width, height, 0, GL_RGBA,
-                   format == GL_RGBA16F ? GL_HALF_FLOAT : GL_FLOAT, texels);
-    gl->TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
-    gl->TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
-    return texture;
-}
-
-GLuint gsgi__target_texture(gsgi_light* light, GLenum format, int32_t width, int32_t height) {
-    light->targets.bytes += (size_t)width * height * (format == GL_RGBA16F ? 8 : 16);
-    return texture_of(&light->context->gl, format, width, height, NULL);
-}
-
-gsgi_result gsgi__target(gsgi_light* light, GLuint color, GLuint second, GLuint depth, GLuint* framebuffer) {
-    const gsgi__gl* gl = &light->context->gl;
-    const GLenum buffers[] = {color ? GL_COLOR_ATTACHMENT0 : GL_NONE, GL_COLOR_ATTACHMENT0 + 1};
-    gl->GenFramebuffers(1, framebuffer);
-    gl->BindFramebuffer(GL_DRAW_FRAMEBUFFER, *framebuffer);
-    if (color) gl->FramebufferTexture2D(GL_DRAW_FRAMEBUFFER, buffers[0], GL_TEXTURE_2D, color, 0);
-    if (second) gl->FramebufferTexture2D(GL_DRAW_FRAMEBUFFER, buffers[1], GL_TEXTURE_2D, second, 0);
-    if (depth) gl->FramebufferRenderbuffer(GL_DRAW_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_RENDERBUFFER, depth);
-    gl->DrawBuffers(second ? 2 : 1, buffers);
-    GLenum status = gl->CheckFramebufferStatus(GL_DRAW_FRAMEBUFFER);
-    if (status == GL_FRAMEBUFFER_COMPLETE) return GSGI_OK;
-    return gsgi__fail(&light->context->callbacks, GSGI_DRIVER_ERROR,
-                      "viewport: the driver refuses a target of %d x %d px (0x%x)", light->targets.width,
-                      light->targets.height, status);
-}
-
-void gsgi__targets_release(gsgi_light* light) {
-    const gsgi__gl* gl = &light->context->gl;
-    const gsgi__targets* t = &light->targets;
-    const GLuint framebuffers[] = {t->points, t->gap, t->fine_sums, t->coarse_sums, t->filled_sums, t->resolved};
-    const GLuint textures[] = {t->position, t->plane, t->fine, t->coarse, t->filled, t->indirect};
-    if (!light->context->lost) {
-        gl->DeleteFramebuffers(sizeof framebuffers / sizeof *framebuffers, framebuffers); /* 0 is ignored */
-        gl->DeleteTextures(sizeof textures / sizeof *textures, textures);
-        gl->DeleteRenderbuffers(1, &t->depth);
-    }
-    memset(&light->targets, 0, sizeof light->targets);
-}
-
-/* Errors that the host left unread would be taken for ours. */
-static void drain_errors(const gsgi_context* context) {
-    for (int i = 0; i < 16; ++i) {
-        GLenum error = context->gl.GetError();
-        if (error == GL_NO_ERROR) return;
-        gsgi__log(&context->callbacks, GSGI_WARNING, "context: an OpenGL error of the host was unread: 0x%x", error);
-    }
-}
-
-/* Whether OpenGL had the memory for what was just made. */
-static gsgi_result check_memory(const gsgi_context* context) {
-    bool enough = true;
-    for (int i = 0; i < 16; ++i) {
-        GLenum error = context->gl.GetError();
-        if (error == GL_NO_ERROR) break;
-        if (error == GL_OUT_OF_MEMORY) enough = false;
-    }
-    return enough ? GSGI_OK : gsgi__fail(&context->callbacks, GSGI_OUT_OF_MEMORY, "context: OpenGL has no memory");
-}
-
-/* ---- Lights ---- */
 
 static gsgi_result check_options(const gsgi_light_options* o, const gsgi_callbacks* callbacks) {
     const struct {
@@ -184,6 +32,7 @@ static gsgi_result upload(gsgi_light* light, const gsgi_bake* bake, int l) {
     const gsgi__level* level = &bake->levels[l];
     gsgi__gaussians* to = &light->levels[l];
     const gsgi__texels* texels[] = {&level->shape, &level->sh, &level->slope};
+    const gsgi__format floats = {GL_RGBA32F, GL_RGBA, GL_FLOAT};
     GLuint* textures[] = {&to->shape, &to->sh, &to->slope};
     if (level->count == 0) return GSGI_OK;
     for (int t = 0; t < 3; ++t) {
@@ -191,7 +40,7 @@ static gsgi_result upload(gsgi_light* light, const gsgi_bake* bake, int l) {
             return gsgi__fail(&light->context->callbacks, GSGI_UNSUPPORTED,
                               "bake: %u Gaussians are more than this driver's textures hold", level->count);
         if (texels[t]->rows > 0)
-            *textures[t] = texture_of(gl, GL_RGBA32F, GSGI_DATA_WIDTH, (int32_t)texels[t]->rows, texels[t]->texels);
+            *textures[t] = gsgi__texture_of(gl, floats, GSGI_DATA_WIDTH, (int32_t)texels[t]->rows, texels[t]->texels);
     }
     gl->GenBuffers(1, &to->index);
     gl->GenVertexArrays(1, &to->strips);
@@ -227,7 +76,7 @@ gsgi_result gsgi_light_create(gsgi_context* context, const gsgi_bake* bake, cons
     if (result) return gsgi__fail(callbacks, result, "options: struct_size is not that of any version of this library");
     if (options.splat_scale == 0) options.splat_scale = 2;
     if (options.depth_range[0] == 0.0f && options.depth_range[1] == 0.0f) options.depth_range[1] = 1.0f;
-    if ((result = check_context(context)) || (result = check_options(&options, callbacks))) return result;
+    if ((result = gsgi__check_context(context)) || (result = check_options(&options, callbacks))) return result;
     if (!bake || !out) return gsgi__fail(callbacks, GSGI_INVALID_ARGUMENT, "bake, light: must not be NULL");
 
     gsgi_light* light = gsgi__allocate(callbacks, sizeof *light);
@@ -241,10 +90,10 @@ gsgi_result gsgi_light_create(gsgi_context* context, const gsgi_bake* bake, cons
         if (!gsgi__culled_create(&light->culled[l], callbacks, &bake->levels[l], &bake->info))
             result = gsgi__fail(callbacks, GSGI_OUT_OF_MEMORY, "light: no memory");
     if (!result) {
-        drain_errors(context);
+        gsgi__drain_errors(context);
         gsgi__state_begin(&context->gl, context->state, &host);
         result = create_on_gpu(light, bake);
-        gsgi_result memory = check_memory(context);
+        gsgi_result memory = gsgi__check_memory(context);
         if (!result) result = memory;
         gsgi__state_end(&context->gl, context->state, &host);
     }
@@ -311,10 +160,10 @@ static gsgi_result prepare_targets(gsgi_light* light) {
     const gsgi__targets* targets = &light->targets;
     if (targets->width == light->camera.width && targets->height == light->camera.height) return GSGI_OK;
     gsgi__targets_release(light);
-    drain_errors(context);
+    gsgi__drain_errors(context);
     gsgi_result result =
         light->info.blend == GSGI_SURFACE ? gsgi__surface_create_targets(light) : gsgi__over_create_targets(light);
-    gsgi_result memory = check_memory(context);
+    gsgi_result memory = gsgi__check_memory(context);
     if (!result) result = memory;
     if (result) gsgi__targets_release(light);
     return result;
@@ -324,7 +173,7 @@ gsgi_result gsgi_light_draw(gsgi_light* light, uint32_t depth, uint32_t normal, 
     const gsgi_context* context = light->context;
     const gsgi__gl* gl = &context->gl;
     gsgi__state host;
-    gsgi_result result = check_context(context);
+    gsgi_result result = gsgi__check_context(context);
     if (result) return result;
     if (!light->has_view) return gsgi__fail(&context->callbacks, GSGI_NOTHING_CULLED, "light: cull first");
     light->has_drawn = false;
@@ -367,7 +216,7 @@ gsgi_result gsgi_light_add(gsgi_light* light, uint32_t framebuffer, uint32_t alb
     const gsgi_context* context = light->context;
     const gsgi__gl* gl = &context->gl;
     gsgi__state host;
-    gsgi_result result = check_context(context);
+    gsgi_result result = gsgi__check_context(context);
     if (result) return result;
     if (!light->has_drawn) return gsgi__fail(&context->callbacks, GSGI_NOTHING_CULLED, "light: draw first");
     gsgi__state_begin(gl, context->state, &host);
@@ -390,7 +239,7 @@ gsgi_result gsgi_light_stats(const gsgi_light* light, gsgi_stats* stats) {
 }
 
 gsgi_result gsgi_light_reset(gsgi_light* light) {
-    gsgi_result result = check_context(light->context);
+    gsgi_result result = gsgi__check_context(light->context);
     if (result) return result;
     gsgi__targets_release(light);
     memset(&light->checked, 0, sizeof light->checked);

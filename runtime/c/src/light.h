@@ -48,8 +48,23 @@ struct gsgi_light {
     int32_t viewport[4]; /* of the last cull */
 };
 
-/* ---- light.c ---- */
+/* ---- context.c ---- */
 
+gsgi_result gsgi__check_context(const gsgi_context* context);
+/* Errors that the host left unread would be taken for ours. */
+void gsgi__drain_errors(const gsgi_context* context);
+/* Whether OpenGL had the memory for what was just made. */
+gsgi_result gsgi__check_memory(const gsgi_context* context);
+
+/* ---- drawing.c ---- */
+
+/* Formats that differ in what a texel is in memory: sized, of channels, of a channel. */
+typedef struct gsgi__format {
+    GLenum internal, channels, type;
+} gsgi__format;
+
+/* A texture that is read texel by texel. Changes unit 0. */
+GLuint gsgi__texture_of(const gsgi__gl* gl, gsgi__format format, int32_t width, int32_t height, const void* texels);
 void gsgi__bind_texture(const gsgi__gl* gl, GLuint unit, GLuint texture);
 void gsgi__use_sampler(const gsgi_context* context);
 /* A pass over all pixels of the framebuffer and viewport that are set. */

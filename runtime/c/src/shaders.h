@@ -10,6 +10,7 @@ extern const char gsgi__shader_surface_gap_frag[];
 extern const char gsgi__shader_surface_fill_frag[];
 extern const char gsgi__shader_surface_resolve_frag[];
 extern const char gsgi__shader_surface_add_light_frag[];
+extern const char gsgi__shader_surface_gsgi_indirect_glsl[];
 extern const char gsgi__shader_over_splat_vert[];
 extern const char gsgi__shader_over_splat_frag[];
 

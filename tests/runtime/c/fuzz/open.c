@@ -23,6 +23,14 @@ static int open_and_read(const uint8_t* data, size_t size) {
         for (size_t i = 0; i < (size_t)texels.sh_rows * 2048 * 4; ++i) sum += texels.sh[i];
         if (sum != sum && info.gaussian_count[level] == 0) abort();
     }
+    gsgi_lookup* lookup;
+    if (!gsgi_lookup_open(bake, &lookup)) {
+        gsgi_lookup_info tables = {.struct_size = sizeof tables};
+        if (gsgi_lookup_read(lookup, &tables) || tables.bytes == 0) abort();
+        gsgi_lookup_close(lookup);
+    } else if (info.blend == GSGI_SURFACE) {
+        abort(); /* no file of this size has too many Gaussians */
+    }
     if (info.blend == GSGI_SURFACE) {
         float positions[6], normals[6] = {0.0f, 1.0f, 0.0f, 0.0f, 0.0f, 1.0f}, light[6];
         for (int k = 0; k < 3; ++k) {

@@ -1,0 +1,85 @@
+/* What the passes of both operators share: drawing, textures, targets. */
+#include "light.h"
+
+#include <string.h>
+
+void gsgi__bind_texture(const gsgi__gl* gl, GLuint unit, GLuint texture) {
+    gl->ActiveTexture(GL_TEXTURE0 + unit);
+    gl->BindTexture(GL_TEXTURE_2D, texture);
+}
+
+void gsgi__use_sampler(const gsgi_context* context) {
+    for (GLuint unit = 0; unit < GSGI_UNITS; ++unit) context->gl.BindSampler(unit, context->sampler);
+}
+
+void gsgi__draw_triangle(const gsgi_context* context, const gsgi__program* program) {
+    context->gl.UseProgram(program->name);
+    context->gl.BindVertexArray(context->triangle);
+    context->gl.DrawArrays(GL_TRIANGLES, 0, 3);
+}
+
+void gsgi__draw_gaussians(const gsgi_light* light, int l, GLsizei vertices) {
+    const gsgi__gl* gl = &light->context->gl;
+    const gsgi__culled* culled = &light->culled[l];
+    const gsgi__gaussians* level = &light->levels[l];
+    gsgi__bind_texture(gl, 0, level->shape);
+    gsgi__bind_texture(gl, 1, level->sh);
+    if (level->slope) gsgi__bind_texture(gl, 4, level->slope);
+    gl->BindBuffer(GL_ARRAY_BUFFER, level->index);
+    gl->BufferData(GL_ARRAY_BUFFER, (GLsizeiptr)(culled->count * sizeof *culled->index), NULL, GL_STREAM_DRAW);
+    gl->BufferSubData(GL_ARRAY_BUFFER, 0, (GLsizeiptr)(culled->visible * sizeof *culled->index), culled->index);
+    gl->BindVertexArray(level->strips);
+    gl->DrawArraysInstanced(GL_TRIANGLE_STRIP, 0, vertices, (GLsizei)culled->visible);
+}
+
+void gsgi__clear_color(const gsgi__gl* gl, GLuint framebuffer) {
+    static const GLfloat zero[4] = {0.0f, 0.0f, 0.0f, 0.0f};
+    gl->BindFramebuffer(GL_DRAW_FRAMEBUFFER, framebuffer);
+    gl->ClearBufferfv(GL_COLOR, 0, zero);
+}
+
+GLuint gsgi__texture_of(const gsgi__gl* gl, gsgi__format format, int32_t width, int32_t height, const void* texels) {
+    GLuint texture;
+    gl->GenTextures(1, &texture);
+    gsgi__bind_texture(gl, 0, texture);
+    gl->TexImage2D(GL_TEXTURE_2D, 0, (GLint)format.internal, width, height, 0, format.channels, format.type, texels);
+    gl->TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
+    gl->TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
+    return texture;
+}
+
+GLuint gsgi__target_texture(gsgi_light* light, GLenum format, int32_t width, int32_t height) {
+    const bool halves = format == GL_RGBA16F;
+    const gsgi__format whole = {format, GL_RGBA, halves ? GL_HALF_FLOAT : GL_FLOAT};
+    light->targets.bytes += (size_t)width * height * (halves ? 8 : 16);
+    return gsgi__texture_of(&light->context->gl, whole, width, height, NULL);
+}
+
+gsgi_result gsgi__target(gsgi_light* light, GLuint color, GLuint second, GLuint depth, GLuint* framebuffer) {
+    const gsgi__gl* gl = &light->context->gl;
+    const GLenum buffers[] = {color ? GL_COLOR_ATTACHMENT0 : GL_NONE, GL_COLOR_ATTACHMENT0 + 1};
+    gl->GenFramebuffers(1, framebuffer);
+    gl->BindFramebuffer(GL_DRAW_FRAMEBUFFER, *framebuffer);
+    if (color) gl->FramebufferTexture2D(GL_DRAW_FRAMEBUFFER, buffers[0], GL_TEXTURE_2D, color, 0);
+    if (second) gl->FramebufferTexture2D(GL_DRAW_FRAMEBUFFER, buffers[1], GL_TEXTURE_2D, second, 0);
+    if (depth) gl->FramebufferRenderbuffer(GL_DRAW_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_RENDERBUFFER, depth);
+    gl->DrawBuffers(second ? 2 : 1, buffers);
+    GLenum status = gl->CheckFramebufferStatus(GL_DRAW_FRAMEBUFFER);
+    if (status == GL_FRAMEBUFFER_COMPLETE) return GSGI_OK;
+    return gsgi__fail(&light->context->callbacks, GSGI_DRIVER_ERROR,
+                      "viewport: the driver refuses a target of %d x %d px (0x%x)", light->targets.width,
+                      light->targets.height, status);
+}
+
+void gsgi__targets_release(gsgi_light* light) {
+    const gsgi__gl* gl = &light->context->gl;
+    const gsgi__targets* t = &light->targets;
+    const GLuint framebuffers[] = {t->points, t->gap, t->fine_sums, t->coarse_sums, t->filled_sums, t->resolved};
+    const GLuint textures[] = {t->position, t->plane, t->fine, t->coarse, t->filled, t->indirect};
+    if (!light->context->lost) {
+        gl->DeleteFramebuffers(sizeof framebuffers / sizeof *framebuffers, framebuffers); /* 0 is ignored */
+        gl->DeleteTextures(sizeof textures / sizeof *textures, textures);
+        gl->DeleteRenderbuffers(1, &t->depth);
+    }
+    memset(&light->targets, 0, sizeof light->targets);
+}

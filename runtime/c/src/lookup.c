@@ -1,0 +1,198 @@
+/* The tables of the look-up function that glsl/surface/lookup.glsl describes. They are those of
+ * runtime/gl/indirect_lookup.py. */
+#include "cell_lists.h"
+#include "lib/constants.glsl"
+#include "lookup.h"
+#include "shaders.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#define HEADER_TEXELS 8        /* 2 * LEVEL_TEXELS + 2 of lookup.glsl */
+#define EXACT (1u << 24)       /* texels; floats count no further, in which the header says where things begin */
+#define SHORT_LISTS_MAX 65536u /* Gaussians whose indices fit in 16 bits */
+
+static float clamped(float x, float low, float high) { return x < low ? low : x > high ? high : x; }
+
+static uint32_t rows_of(uint64_t texels) {
+    const uint64_t rows = (texels + GSGI_DATA_WIDTH - 1) / GSGI_DATA_WIDTH;
+    return rows > 0 ? (uint32_t)rows : 1;
+}
+
+/* Texels of a Gaussian: position, opacity; axes over their scales; SH coefficients; slopes in the corners. */
+static void write_gaussian(const gsgi__level* level, uint32_t i, uint32_t sh_count, float* to) {
+    const float *shape = level->shape.texels + (size_t)i * GSGI_SHAPE_FLOATS, limit = (float)(HALF_MAX / SH_C0);
+    const float* sh = level->sh.texels + (size_t)i * level->sh.floats;
+    float axes[3][3], scale[3];
+    gsgi__axes(shape + 4, axes);
+    for (int k = 0; k < 3; ++k) scale[k] = clamped(shape[8 + k], (float)SCALE_MIN, (float)SCALE_MAX);
+    for (int k = 0; k < 3; ++k) {
+        to[k] = shape[k];
+        to[4 + k] = axes[0][k] / scale[0];
+        to[8 + k] = axes[1][k] / scale[1];
+    }
+    to[3] = fminf(shape[3], 1.0f);
+    to[7] = 1.0f / scale[2];
+    for (uint32_t k = 0; k < 3 * sh_count; ++k) to[12 + k / 3 * 4 + k % 3] = clamped(sh[k], -limit, limit);
+    if (!level->sloped) return;
+    const float* slope = level->slope.texels + (size_t)i * level->slope.floats;
+    to[11] = clamped(slope[0], -1.0f, 1.0f);
+    to[15] = clamped(slope[1], -1.0f, 1.0f);
+}
+
+static void put(gsgi_lookup* lookup, uint64_t at, uint32_t value) {
+    if (lookup->info.list_bits == 16)
+        ((uint16_t*)lookup->lists)[at] = (uint16_t)value;
+    else
+        ((uint32_t*)lookup->lists)[at] = value;
+}
+
+/* Numbers before the first Gaussian of a node's list. */
+static uint32_t head_of(const gsgi__cell_lists* from, uint32_t node) {
+    return from->child[node] ? 3 : from->first[node + 1] > from->first[node] ? 1 : 0;
+}
+
+/* The nodes of a level, from `node` on, and their lists, from `place` on; returns where the next list begins. */
+static uint64_t write_lists(gsgi_lookup* lookup, const gsgi__cell_lists* from, uint32_t node, uint64_t place) {
+    for (uint32_t i = 0; i < from->nodes; ++i) {
+        const uint32_t count = from->first[i + 1] - from->first[i], head = head_of(from, i), inner = head == 3;
+        if (head == 0) continue; /* the tables were cleared */
+        lookup->cells[node + i] = (uint32_t)(2 * place + inner);
+        if (inner) {
+            const uint32_t child = from->child[i] + node;
+            put(lookup, place++, child & 0xFFFF);
+            put(lookup, place++, child >> 16);
+        }
+        put(lookup, place++, count);
+        for (uint32_t k = 0; k < count; ++k) put(lookup, place++, from->entry[from->first[i] + k]);
+    }
+    return place;
+}
+
+static bool allocate(gsgi_lookup* lookup, uint64_t texels, uint64_t nodes, uint64_t places) {
+    gsgi_lookup_info* info = &lookup->info;
+    info->gaussian_rows = rows_of(texels);
+    info->cell_rows = rows_of(nodes);
+    info->list_rows = rows_of(places);
+    const size_t row = GSGI_DATA_WIDTH, floats = row * info->gaussian_rows * 16, cells = row * info->cell_rows * 4;
+    const size_t lists = row * info->list_rows * (info->list_bits / 8);
+    info->bytes = floats + cells + lists;
+    lookup->gaussians = gsgi__allocate(&lookup->callbacks, floats);
+    lookup->cells = gsgi__allocate(&lookup->callbacks, cells);
+    lookup->lists = gsgi__allocate(&lookup->callbacks, lists);
+    if (!lookup->gaussians || !lookup->cells || !lookup->lists) return false;
+    memset(lookup->gaussians, 0, floats);
+    memset(lookup->cells, 0, cells);
+    memset(lookup->lists, 0, lists);
+    return true;
+}
+
+static gsgi_result fill(gsgi_lookup* lookup, const gsgi_bake* bake, const gsgi__cell_lists lists[2]) {
+    uint64_t texels = HEADER_TEXELS, nodes = 0, place = 1; /* no list begins at 0 */
+    uint32_t sh_count[2], most = 0;
+    for (int l = 0; l < 2; ++l) {
+        const gsgi__level* level = &bake->levels[l];
+        sh_count[l] = (level->sh_degree + 1) * (level->sh_degree + 1);
+        texels += (uint64_t)level->count * (3 + sh_count[l]);
+        nodes += lists[l].nodes;
+        place += lists[l].entries;
+        for (uint32_t i = 0; i < lists[l].nodes; ++i) place += head_of(&lists[l], i);
+        if (level->count > most) most = level->count;
+    }
+    if (texels > EXACT || nodes > EXACT || place > INT32_MAX)
+        return gsgi__fail(&bake->callbacks, GSGI_UNSUPPORTED, "bake: too many Gaussians for a look-up");
+    lookup->info.list_bits = most <= SHORT_LISTS_MAX ? 16 : 32;
+    if (!allocate(lookup, texels, nodes, place))
+        return gsgi__fail(&bake->callbacks, GSGI_OUT_OF_MEMORY, "lookup: no memory");
+
+    float* header = lookup->gaussians;
+    texels = HEADER_TEXELS;
+    nodes = 0;
+    place = 1;
+    for (int l = 0; l < 2; ++l) {
+        const gsgi__level* level = &bake->levels[l];
+        const uint32_t sharpness = l == GSGI_FINE ? bake->info.sharpness : 0;
+        const float rows[12] = {lists[l].low[0],
+                                lists[l].low[1],
+                                lists[l].low[2],
+                                1.0f / lists[l].edge,
+                                (float)lists[l].size[0],
+                                (float)lists[l].size[1],
+                                (float)lists[l].size[2],
+                                (float)nodes,
+                                (float)texels,
+                                (float)sharpness,
+                                0.0f,
+                                0.0f};
+        memcpy(header + 12 * l, rows, sizeof rows);
+        for (uint32_t i = 0; i < level->count; ++i)
+            write_gaussian(level, i, sh_count[l], lookup->gaussians + 4 * (texels + (uint64_t)i * (3 + sh_count[l])));
+        place = write_lists(lookup, &lists[l], (uint32_t)nodes, place);
+        texels += (uint64_t)level->count * (3 + sh_count[l]);
+        nodes += lists[l].nodes;
+    }
+    for (int k = 0; k < 3; ++k) header[24 + k] = (float)bake->origin[k];
+    header[27] = bake->info.cutoff;
+    header[28] = bake->info.weight_floor;
+    return GSGI_OK;
+}
+
+/* The function, behind the numbers of SH coefficients of both levels. */
+static bool write_source(gsgi_lookup* lookup, const gsgi_bake* bake) {
+    char defines[128];
+    const uint32_t fine = bake->levels[GSGI_FINE].sh_degree + 1, coarse = bake->levels[GSGI_COARSE].sh_degree + 1;
+    const int length = snprintf(defines, sizeof defines, "#define FINE_SH_COUNT %u\n#define COARSE_SH_COUNT %u\n",
+                                fine * fine, coarse * coarse);
+    const size_t rest = strlen(gsgi__shader_surface_gsgi_indirect_glsl);
+    if (!(lookup->source = gsgi__allocate(&lookup->callbacks, (size_t)length + rest + 1))) return false;
+    memcpy(lookup->source, defines, (size_t)length);
+    memcpy(lookup->source + length, gsgi__shader_surface_gsgi_indirect_glsl, rest + 1);
+    return true;
+}
+
+gsgi_result gsgi_lookup_open(const gsgi_bake* bake, gsgi_lookup** out) {
+    if (!bake || !out) return GSGI_INVALID_ARGUMENT;
+    const gsgi_callbacks* callbacks = &bake->callbacks;
+    gsgi__cell_lists lists[2] = {{.nodes = 0}, {.nodes = 0}};
+    gsgi_result result = GSGI_OK;
+    *out = NULL;
+    if (bake->info.blend != GSGI_SURFACE)
+        return gsgi__fail(callbacks, GSGI_UNSUPPORTED, "bake: a look-up needs a file of the `surface` operator");
+    gsgi_lookup* lookup = gsgi__allocate(callbacks, sizeof *lookup);
+    if (!lookup) return gsgi__fail(callbacks, GSGI_OUT_OF_MEMORY, "lookup: no memory");
+    memset(lookup, 0, sizeof *lookup);
+    lookup->callbacks = *callbacks;
+    const double radius = sqrt(-2.0 * log((double)bake->info.cutoff));
+    for (int l = 0; l < 2 && !result; ++l)
+        if (!gsgi__cell_lists_create(&lists[l], callbacks, &bake->levels[l], radius))
+            result = gsgi__fail(callbacks, GSGI_OUT_OF_MEMORY, "lookup: no memory");
+    if (!result && !write_source(lookup, bake)) result = gsgi__fail(callbacks, GSGI_OUT_OF_MEMORY, "lookup: no memory");
+    if (!result) result = fill(lookup, bake, lists);
+    for (int l = 0; l < 2; ++l) gsgi__cell_lists_destroy(&lists[l], callbacks);
+    if (result)
+        gsgi_lookup_close(lookup);
+    else
+        *out = lookup;
+    return result;
+}
+
+gsgi_result gsgi_lookup_read(const gsgi_lookup* lookup, gsgi_lookup_info* info) {
+    if (!lookup) return GSGI_INVALID_ARGUMENT;
+    gsgi_lookup_info own = lookup->info;
+    own.source = lookup->source;
+    own.gaussians = lookup->gaussians;
+    own.cells = lookup->cells;
+    own.lists = lookup->lists;
+    return gsgi__write_struct(&own, sizeof own, info);
+}
+
+void gsgi_lookup_close(gsgi_lookup* lookup) {
+    if (!lookup) return;
+    const gsgi_callbacks callbacks = lookup->callbacks;
+    gsgi__release(&callbacks, lookup->source);
+    gsgi__release(&callbacks, lookup->gaussians);
+    gsgi__release(&callbacks, lookup->cells);
+    gsgi__release(&callbacks, lookup->lists);
+    gsgi__release(&callbacks, lookup);
+}
