@@ -92,4 +92,3 @@ def test_its_textures_serve_a_shader(gl, context, library, version):
 
 def test_the_operator_over_has_none(library):
     assert Lookup(library, OVER).result == UNSUPPORTED
-    
