@@ -1,0 +1,43 @@
+/* The header of a .gsgi file. */
+#ifndef GSGI_HEADER_H
+#define GSGI_HEADER_H
+
+#include "internal.h"
+
+#include <string.h>
+
+#define GSGI_HEADER_BYTES 144
+
+typedef struct gsgi__level_header {
+    uint32_t count, sh_degree, basis;
+    float position_min[3], position_step[3], log_scale_min, log_scale_step, sh_rest_step;
+} gsgi__level_header;
+
+typedef struct gsgi__header {
+    uint32_t version, header_bytes, crc, blend, sharpness, effects, bounces, reserved;
+    uint64_t scene;
+    float tone_scale, near_plane, dilation, alpha_min, alpha_max, cutoff, weight_floor;
+    gsgi__level_header levels[2];
+} gsgi__header;
+
+static inline uint32_t gsgi__read_u16(const uint8_t* at) { return (uint32_t)at[0] | (uint32_t)at[1] << 8; }
+
+static inline uint32_t gsgi__read_u32(const uint8_t* at) { return gsgi__read_u16(at) | gsgi__read_u16(at + 2) << 16; }
+
+static inline float gsgi__read_f32(const uint8_t* at) {
+    uint32_t bits = gsgi__read_u32(at);
+    float value;
+    memcpy(&value, &bits, sizeof value);
+    return value;
+}
+
+/* The header of at least GSGI_HEADER_BYTES. */
+gsgi__header gsgi__read_header(const uint8_t* data);
+
+/* Bytes of a level's arrays, which follow the header. At most 1.2e9: within 32 bits. */
+size_t gsgi__arrays_bytes(const gsgi__level_header* level);
+
+/* Refuse a file that a reader must refuse, in the order of the Python reader, whose messages begin the same way. */
+gsgi_result gsgi__check_file(const gsgi__header* h, const uint8_t* data, size_t size, const gsgi_callbacks* callbacks);
+
+#endif
