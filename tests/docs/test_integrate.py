@@ -1,4 +1,4 @@
-"""The code of docs/integrate.md, run as it stands there. tests/samples and tests/runtime/js run that in C and JavaScript."""
+"""The Python of docs/integrate.md, run as it stands there. tests/samples run its C, tests/runtime/js its JavaScript."""
 
 import re
 import shutil
@@ -70,7 +70,7 @@ def test_a_forward_renderer_gets_the_light(gl, folder):
         "VERTEX": "#version 330\nvoid main() { gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0,"
                   " gl_VertexID == 2 ? 3.0 : -1.0, 0.0, 1.0); }",
         "FRAGMENT": "out vec4 color; void main() { vec3 radiance = vec3(1.0), albedo = vec3(0.5), position = vec3(0.1),"
-                    " normal = vec3(0.0, 1.0, 0.0); %s color = vec4(radiance, 1.0); }" % statement,
+                    " normal = vec3(0.0, 1.0, 0.0);" + statement + "color = vec4(radiance, 1.0); }",
     }  # fmt: skip
     exec(block("IndirectLookup"), names)
     target = gl.framebuffer(gl.texture((1, 1), 4, dtype="f4"))
