@@ -42,6 +42,11 @@ def has_default(action: argparse.Action) -> bool:
 def add_scene(parser: argparse.ArgumentParser) -> None:
     """Add the scene that a command reads, and how."""
     parser.add_argument("scene", metavar="SCENE", help="glTF 2.0 file: .glb or .gltf")
+    add_reading(parser)
+
+
+def add_reading(parser: argparse.ArgumentParser) -> None:
+    """Add how a scene is read."""
     parser.add_argument("--transparent", choices=("cutout", "opaque", "absent"), default="cutout",
                         help="how to treat materials that are blended or transmit light")  # fmt: skip
     parser.add_argument("--limit", action="append", metavar="NAME=N",

@@ -76,9 +76,12 @@ function shaders() {
 
 function pageShaders() {
     const part = (name, ...functions) => prefixed(needed(bare(expanded(name)), functions));
-    const light = part("frame/light.glsl", "range_attenuation", "cone_attenuation");
-    const environment = part("frame/environment.glsl", "environment_texel");
-    return `${NOTE}export const LIGHT = \`${light}\`;\nexport const ENVIRONMENT = \`${environment}\`;\n`;
+    const parts = {
+        LIGHT: part("frame/light.glsl", "range_attenuation", "cone_attenuation"),
+        SHADOW: part("frame/shadow.glsl", "shadow_lift"),
+        ENVIRONMENT: part("frame/environment.glsl", "environment_texel"),
+    };
+    return NOTE + Object.entries(parts).map(([name, text]) => `export const ${name} = \`${text}\`;\n`).join("");
 }
 
 const written = { "shaders.js": shaders(), "page/shaders.js": pageShaders() };

@@ -12,6 +12,14 @@ float gsgi_cone_attenuation(float cos_angle, float cos_inner, float cos_outer) {
     return edge * edge;
 }
 `;
+export const SHADOW = `
+#define gsgi_SHADOW_PCF_RADIUS      1.4142136
+#define gsgi_SHADOW_POSITION_ERROR  0.00001
+float gsgi_shadow_lift(float texel, float n_dot_axis, float view_depth) {
+    float sine = sqrt(max(0.0, 1.0 - n_dot_axis * n_dot_axis));
+    return texel * gsgi_SHADOW_PCF_RADIUS * sine + gsgi_SHADOW_POSITION_ERROR * view_depth;
+}
+`;
 export const ENVIRONMENT = `
 #define gsgi_PI  3.141592653589793
 ivec2 gsgi_environment_texel(vec3 d, float rotation, ivec2 size) {

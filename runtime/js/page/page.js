@@ -1,0 +1,183 @@
+/** The exported page: one scene, its baked light, and controls. */
+
+import * as THREE from "three";
+import { GsgiLoader } from "gsgi/three";
+import { FlyControls } from "./fly.js";
+import { buildScene, fetchBytes, onlyIndirect } from "./scene.js";
+
+const MID_GREY = 0.18; // what the log-average luminance is exposed to
+const element = (id) => document.getElementById(id);
+
+/** Says on the page why nothing is to be seen. */
+function fail(message) {
+    element("error").textContent = message;
+    element("error").hidden = false;
+    element("progress").hidden = true;
+}
+
+function createRenderer() {
+    const canvas = element("canvas");
+    const gl = canvas.getContext("webgl2", { antialias: true, powerPreference: "high-performance" });
+    if (!gl) throw new Error("This page needs WebGL 2, which this browser does not offer or has turned off.");
+    if (!gl.getExtension("EXT_color_buffer_float"))
+        throw new Error("This page needs float textures that can be drawn to (EXT_color_buffer_float), which this device lacks.");
+    const renderer = new THREE.WebGLRenderer({ canvas, context: gl });
+    renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+    renderer.toneMapping = THREE.NeutralToneMapping;
+    renderer.shadowMap.enabled = true;
+    renderer.shadowMap.type = THREE.PCFShadowMap;
+    renderer.shadowMap.autoUpdate = false; // nothing moves
+    renderer.shadowMap.needsUpdate = true;
+    return renderer;
+}
+
+/** Reads everything beside the page; shows how much of it has come. */
+async function load(renderer) {
+    const description = JSON.parse(await (await fetchBytes("scene.json")).text());
+    let loaded = 0;
+    const progress = (bytes) => { element("bar").value = (loaded += bytes) / description.bytes; };
+    const fetchOne = (name) => fetchBytes(name, progress);
+    document.title = description.title;
+    const [built, light] = await Promise.all([
+        buildScene(description, fetchOne, renderer),
+        fetchOne(description.light).then((blob) => blob.arrayBuffer()).then((data) => new GsgiLoader().parse(data)),
+    ]);
+    light.position.set(...description.origin).negate();
+    built.scene.add(light);
+    return { description, light, ...built };
+}
+
+/** The exposure that shows the frame's log-average luminance as mid-grey (Reinhard et al. 2002). */
+function autoExposure(renderer, scene, camera) {
+    const target = new THREE.WebGLRenderTarget(128, 128, { type: THREE.FloatType });
+    const pixels = new Float32Array(4 * 128 * 128);
+    renderer.setRenderTarget(target);
+    renderer.render(scene, camera);
+    renderer.readRenderTargetPixels(target, 0, 0, 128, 128, pixels);
+    renderer.setRenderTarget(null);
+    target.dispose();
+    let sum = 0, count = 0;
+    for (let i = 0; i < pixels.length; i += 4) {
+        const luminance = 0.2126 * pixels[i] + 0.7152 * pixels[i + 1] + 0.0722 * pixels[i + 2];
+        if (!(luminance > 0 && luminance < Infinity)) continue;
+        sum += Math.log(luminance);
+        count += 1;
+    }
+    return count ? MID_GREY / Math.exp(sum / count) : 1;
+}
+
+function start(renderer, { description, light, scene, unshadowed }) {
+    const camera = new THREE.PerspectiveCamera(), canvas = renderer.domElement, sky = scene.getObjectByName("sky");
+    const [low, high] = description.bounds.map((corner) => new THREE.Vector3(...corner));
+    const size = low.distanceTo(high);
+    let wanted = true, then = 0, milliseconds = 0, automatic = 1;
+    const draw = () => { wanted = true; };
+
+    const orbit = new THREE.OrbitControls(camera, canvas);
+    orbit.addEventListener("change", draw);
+    const fly = new FlyControls(camera, canvas, size / 10, draw);
+
+    /** Settings as the address names them: #camera=NAME&gi=on|off|only&exposure=X&controls=orbit|fly */
+    const settings = { camera: description.cameras[0].name, gi: "on", exposure: null, controls: "orbit" };
+
+    function apply() {
+        onlyIndirect.value = settings.gi === "only";
+        light.visible = settings.gi !== "off";
+        if (sky) sky.visible = settings.gi !== "only";
+        renderer.toneMappingExposure = settings.exposure ?? automatic;
+        orbit.enabled = settings.controls === "orbit";
+        fly.enabled = !orbit.enabled;
+        for (const name of ["camera", "gi", "controls"]) element(name).value = settings[name];
+        element("exposure").value = Math.log2(renderer.toneMappingExposure / automatic);
+        draw();
+    }
+
+    function place(name) {
+        const found = description.cameras.find((each) => each.name === name) ?? description.cameras[0];
+        new THREE.Matrix4().fromArray(found.worldFromView).decompose(camera.position, camera.quaternion, camera.scale);
+        camera.fov = found.yfov * 180 / Math.PI;
+        camera.near = found.znear;
+        camera.far = found.zfar ?? 4 * size + camera.position.distanceTo(low);
+        settings.camera = found.name;
+        camera.updateMatrixWorld();
+        // The point that the camera turns around: ahead, as far as the scene's middle is.
+        const middle = low.clone().add(high).multiplyScalar(0.5), ahead = camera.getWorldDirection(new THREE.Vector3());
+        const distance = Math.max(middle.sub(camera.position).dot(ahead), size / 20);
+        orbit.target.copy(camera.position).addScaledVector(ahead, distance);
+        resize();
+    }
+
+    function resize() {
+        renderer.setSize(innerWidth, innerHeight, false);
+        camera.aspect = innerWidth / innerHeight;
+        camera.updateProjectionMatrix();
+        draw();
+    }
+
+    function render() {
+        renderer.render(scene, camera);
+    }
+
+    /** Milliseconds of a frame, the median of `count`, each waited for. */
+    function measure(count = 9) {
+        const pixel = new Uint8Array(4), gl = renderer.getContext(), times = [];
+        for (let i = 0; i < count; ++i) {
+            const begin = performance.now();
+            render();
+            gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel);
+            times.push(performance.now() - begin);
+        }
+        return times.sort((a, b) => a - b)[count >> 1];
+    }
+
+    function set(changes) {
+        Object.assign(settings, changes);
+        if (changes.camera !== undefined) place(changes.camera);
+        apply();
+    }
+
+    function read() {
+        const given = Object.fromEntries(new URLSearchParams(location.hash.slice(1)));
+        if (given.exposure) given.exposure = Number(given.exposure) || null;
+        set({ ...given, camera: given.camera ?? settings.camera });
+    }
+
+    function frame(now) {
+        const seconds = Math.min((now - then) / 1000, 0.1), moving = fly.update(seconds);
+        if (orbit.enabled) orbit.update();
+        if (wanted || moving) {
+            wanted = false;
+            render();
+            // Frames that follow each other: the time between them is what one takes.
+            if (now - then < 1000) milliseconds += ((now - then) - milliseconds) / 8;
+            element("time").textContent = milliseconds ? `${milliseconds.toFixed(0)} ms` : "";
+        }
+        then = now;
+        requestAnimationFrame(frame);
+    }
+
+    for (const { name } of description.cameras) element("camera").add(new Option(name, name));
+    for (const name of ["camera", "gi", "controls"])
+        element(name).addEventListener("change", (event) => set({ [name]: event.target.value }));
+    element("exposure").addEventListener("input", (event) => set({ exposure: automatic * 2 ** event.target.value }));
+    element("about").textContent = description.about + (unshadowed ? ` ${unshadowed} lights throw no shadows here.` : "");
+    addEventListener("resize", resize);
+    addEventListener("hashchange", read);
+    place(settings.camera);
+    apply();
+    automatic = autoExposure(renderer, scene, camera);
+    read();
+    requestAnimationFrame(frame);
+    return { renderer, scene, camera, light, settings, set, render, measure };
+}
+
+try {
+    const renderer = createRenderer();
+    window.gsgi = start(renderer, await load(renderer)); // for the console, and for tests
+    element("progress").hidden = true;
+    element("panel").hidden = false;
+    document.documentElement.dataset.ready = Math.round(performance.now()); // ms since the address was opened
+} catch (error) {
+    fail(error.message);
+    throw error;
+}

@@ -1,0 +1,1 @@
+"""A scene and its baked light as a page for browsers."""

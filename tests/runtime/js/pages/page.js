@@ -1,0 +1,37 @@
+// Opens the exported page in a frame of WxH pixels, and reads its picture with each of the settings that are asked for.
+// The address: page.html?width=W&height=H&settings=[{"gi": "on"}, ...]
+import { post } from "./post.js";
+
+const given = Object.fromEntries(new URLSearchParams(location.search));
+const frame = document.createElement("iframe");
+Object.assign(frame, { src: "/site/index.html", width: given.width, height: given.height });
+
+/** Pixels of the canvas, RGB, row 0 on top, as base64. */
+function picture({ renderer, render }) {
+    render();
+    const gl = renderer.getContext(), { drawingBufferWidth: width, drawingBufferHeight: height } = gl;
+    const pixels = new Uint8Array(4 * width * height), rgb = [];
+    gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+    for (let y = height - 1; y >= 0; --y)
+        for (let i = 4 * y * width; i < 4 * (y + 1) * width; i += 4)
+            rgb.push(String.fromCharCode(pixels[i], pixels[i + 1], pixels[i + 2]));
+    return { width, height, rgb: btoa(rgb.join("")) };
+}
+
+await post(async () => {
+    document.body.append(frame);
+    const page = () => frame.contentDocument?.documentElement.dataset.ready;
+    const failed = () => frame.contentDocument?.getElementById("error")?.hidden === false;
+    while (!page() && !failed()) await new Promise((done) => setTimeout(done, 20));
+    if (failed()) return { error: frame.contentDocument.getElementById("error").textContent };
+    const { gsgi } = frame.contentWindow, found = { ready: Number(page()), pictures: [], milliseconds: [] };
+    for (const settings of JSON.parse(given.settings)) {
+        gsgi.set(settings);
+        found.pictures.push(picture(gsgi));
+        found.milliseconds.push(gsgi.measure());
+    }
+    found.title = frame.contentDocument.title;
+    found.about = frame.contentDocument.getElementById("about").textContent;
+    found.exposure = gsgi.renderer.toneMappingExposure;
+    return found;
+});
