@@ -27,6 +27,7 @@ from benches.splats import splats
 from benches.stages import stages
 from benches.trace import trace
 from benches.triangles import triangles
+from benches.web import web
 from repository import ROOT
 
 from gsgi.runtime.atomic import check_writable, write_atomic
@@ -37,7 +38,22 @@ PASSES = splats, order, host_state, c_library, *LOOKUP
 OPERATOR = operator_bakes, operator_equal, operator_scales, operator_motion, operator_sphere, operator_pictures
 BENCHES = {
     bench.__name__: bench
-    for bench in (fit, stages, trace, scenes, *PASSES, triangles, dial, quality, leak, looks, front, *FRAMES, *OPERATOR)
+    for bench in (
+        fit,
+        stages,
+        trace,
+        scenes,
+        *PASSES,
+        triangles,
+        dial,
+        quality,
+        leak,
+        looks,
+        front,
+        web,
+        *FRAMES,
+        *OPERATOR,
+    )
 }
 GROUPED = {"frames": FRAMES, "operator": OPERATOR, "lookup": LOOKUP}
 GROUPS = {name: [bench.__name__ for bench in group] for name, group in GROUPED.items()}

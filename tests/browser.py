@@ -1,6 +1,8 @@
 """A headless browser with WebGL2: it opens a page that the test serves, and the page posts what it found."""
 
+import base64
 import contextlib
+import itertools
 import json
 import os
 import queue
@@ -9,6 +11,7 @@ import signal
 import subprocess
 import tempfile
 import threading
+import time
 from collections.abc import Iterator, Mapping
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
@@ -63,31 +66,65 @@ def _serving(folders: Mapping[str, Path], results: queue.Queue) -> Iterator[str]
         thread.join()
 
 
+@contextlib.contextmanager
+def _running(url: str, log, *flags: str, fds: tuple[int, ...] = ()) -> Iterator[None]:
+    """The browser with a profile of its own, until the end of the block."""
+    with tempfile.TemporaryDirectory(prefix="gsgi-browser-", ignore_cleanup_errors=True) as profile:
+        command = [find_browser(), *WEBGL, "--no-sandbox", "--no-first-run", f"--user-data-dir={profile}", *flags, url]
+        if fds:  # a pipe for the DevTools protocol is 3 and 4
+            command = ["bash", "-c", f'exec "$@" 3<&{fds[0]} 4>&{fds[1]}', "bash", *command]
+        process = subprocess.Popen(command, stdout=log, stderr=log, start_new_session=True, pass_fds=fds)
+        try:
+            yield
+        finally:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+
+
 def visit(path: str, folders: Mapping[str, Path], *flags: str) -> dict:
     """Open /NAME/FILE of `folders`, and return the JSON that the page posts to /result.
 
     Its key "console" is what the browser wrote to the console meanwhile, a list of lines, but for the driver's remarks
     that reading a picture back takes time. Fails if nothing comes.
     """
-    browser, results = find_browser(), queue.Queue()
+    results, posted = queue.Queue(), None
     with (
-        tempfile.TemporaryDirectory(prefix="gsgi-browser-", ignore_cleanup_errors=True) as profile,
         tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace") as log,
         _serving(folders, results) as address,
     ):
-        command = [browser, *WEBGL, "--no-sandbox", "--no-first-run", "--enable-logging=stderr", *flags]
-        command += [f"--user-data-dir={profile}", f"{address}/{path}"]
-        process = subprocess.Popen(command, stdout=log, stderr=log, start_new_session=True)
-        try:
+        with _running(f"{address}/{path}", log, "--enable-logging=stderr", *flags), contextlib.suppress(queue.Empty):
             posted = results.get(timeout=PATIENCE)
-        except queue.Empty:
-            posted = None
-        finally:
-            with contextlib.suppress(ProcessLookupError):
-                os.killpg(process.pid, signal.SIGKILL)
-            process.wait()
         log.seek(0)
         lines = log.read().splitlines()
     assert posted is not None, f"{path} posted nothing:\n" + "\n".join(lines)
     console = [line for line in lines if ":CONSOLE" in line and "GPU stall due to ReadPixels" not in line]
     return json.loads(posted) | {"console": console}
+
+
+def screenshot(path: str, folders: Mapping[str, Path], size: tuple[int, int], ready: str) -> bytes:
+    """A PNG file of /NAME/FILE of `folders`, in a window of `size`, once the expression `ready` is true in the page."""
+    orders, answers = os.pipe(), os.pipe()
+    numbers = itertools.count(1)
+
+    def ask(method: str, session: str | None = None, **parameters):
+        number = next(numbers)
+        order = {"id": number, "method": method, "params": parameters} | ({"sessionId": session} if session else {})
+        os.write(orders[1], json.dumps(order).encode() + b"\0")
+        while True:  # events come in between
+            message = b"".join(iter(lambda: os.read(answers[0], 1), b"\0"))
+            if (answer := json.loads(message)).get("id") == number:
+                return answer["result"]
+
+    width, height = size
+    flags = "--remote-debugging-pipe", "--hide-scrollbars", f"--window-size={width},{height}"
+    fds = orders[0], answers[1]
+    with _serving(folders, queue.Queue()) as address, _running("about:blank", subprocess.DEVNULL, *flags, fds=fds):
+        page = ask("Target.createTarget", url=f"{address}/{path}", width=width, height=height)["targetId"]
+        session = ask("Target.attachToTarget", targetId=page, flatten=True)["sessionId"]
+        while not ask("Runtime.evaluate", session, expression=f"Boolean({ready})")["result"]["value"]:
+            time.sleep(0.1)
+        data = ask("Page.captureScreenshot", session, format="png")["data"]
+    for end in (*orders, *answers):
+        os.close(end)
+    return base64.b64decode(data)

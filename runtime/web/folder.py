@@ -17,7 +17,7 @@ LEFTOVER_AGE = 24 * 3600  # s; a temporary folder this old belongs to a run that
 
 
 def check_folder(path: str | Path) -> None:
-    """Raise UsageError if `path` is something that a page must not replace: all but a page of ours or an empty folder."""
+    """Raise UsageError if `path` must not be replaced: if it is neither a page of ours nor an empty folder."""
     path = Path(path)
     if not os.path.lexists(path):
         return

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from hashlib import blake2b
 from pathlib import Path
 
 import numpy as np
@@ -27,8 +28,8 @@ ALIGNMENT = 4  # bytes; of typed arrays in JavaScript
 def write_page(folder: Path, scene: Scene, bake: Bake, light: bytes, cameras: dict[str, Camera], title: str) -> int:
     """Write all files of the page into an empty `folder`; return their size in bytes.
 
-    `light` are the bytes of the file that holds `bake`; there is at least one camera. Raises UnsupportedError for a bake
-    of the `over` operator, which a browser would have to sort.
+    `light` are the bytes of the file that holds `bake`; there is at least one camera. Raises UnsupportedError for a
+    bake of the `over` operator, whose light is no function of a point, and for a scene without triangles.
     """
     check_operator(bake)
     if not scene.meshes:
@@ -40,6 +41,7 @@ def write_page(folder: Path, scene: Scene, bake: Bake, light: bytes, cameras: di
     keys = sorted({(mesh.material, mesh.color is not None) for mesh in scene.meshes if len(mesh.triangle)})
     images, textures = _textures(scene)
     names = _write_images(folder, images)
+    means = [np.rint(pixels.mean(axis=(0, 1))).astype(int).tolist() for pixels in images]
     files = {LIGHT: light}
     description = {
         "generator": GENERATOR,
@@ -52,7 +54,7 @@ def write_page(folder: Path, scene: Scene, bake: Bake, light: bytes, cameras: di
         "materials": [_material(scene.materials[index], colored) for index, colored in keys],
         "meshes": [_mesh(data, scene, number, key) for number, key in enumerate(keys)],
         "textures": textures,
-        "images": names,
+        "images": [{"file": name, "mean": mean} for name, mean in zip(names, means, strict=True)],
         "data": DATA,
         "light": LIGHT,
         "environment": None,
@@ -130,7 +132,7 @@ def _material(material: Material, colored: bool) -> dict:
         "metallicMap": _slot(material.metallic_texture),
         "normalMap": _slot(material.normal_texture),
         "normalScale": material.normal_scale,
-        "emission": list(material.emission),
+        "emission": [0.0] * 3 if material.unlit else list(material.emission),
         "emissionMap": _slot(material.emission_texture),
         "doubleSided": material.double_sided,
         "unlit": material.unlit,
@@ -168,12 +170,13 @@ def _camera(name: str, camera: Camera) -> dict:
 def _textures(scene: Scene) -> tuple[list[np.ndarray], list[dict]]:
     """The images that materials use, each once, and a record per texture."""
     used = {slot.texture for material in scene.used_materials() for slot in material.slots()}
-    images: dict[int, tuple[int, np.ndarray]] = {}  # by identity of the pixels
+    images: dict[bytes, tuple[int, np.ndarray]] = {}  # by a hash: some files hold an image several times
     records = []
     for index, texture in enumerate(scene.textures):
         image = None
         if index in used:
-            image = images.setdefault(id(texture.pixels), (len(images), texture.pixels))[0]
+            key = blake2b(texture.pixels).digest() + str(texture.pixels.shape).encode()
+            image = images.setdefault(key, (len(images), texture.pixels))[0]
         records.append({"image": image, "wrap": list(texture.wrap), "nearest": texture.nearest})
     return [pixels for _, pixels in images.values()], records
 

@@ -16,15 +16,16 @@ def add(commands) -> None:
         "  gsgi export room.gsgi -o room.json --probes 1\n"
         "  gsgi export room.glb --gi room.gsgi --web site",
     )
-    parser.add_argument("scene", metavar="FILE",
-                        help="with --probes a .gsgi file of the surface operator; with --web a glTF 2.0 scene")  # fmt: skip
+    parser.add_argument(
+        "scene", metavar="FILE", help="with --probes a .gsgi file (`surface`); with --web a glTF 2.0 scene"
+    )
     what = parser.add_mutually_exclusive_group(required=True)
     what.add_argument("--probes", type=shared.positive, metavar="SPACING",
                       help="write probes: distance between neighbours, m")  # fmt: skip
     what.add_argument("--web", metavar="DIR",
-                      help="write a static folder that any web server shows; it replaces a page that gsgi has written")  # fmt: skip
+                      help="write a folder for any web server; it replaces a page that gsgi has written")  # fmt: skip
     parser.add_argument("-o", "--output", metavar="PROBES",
-                        help="with --probes: .npz or .json: SH coefficients of B of degree 2, and how to read them")  # fmt: skip
+                        help="with --probes: .npz or .json: SH coefficients of B, and how to read them")  # fmt: skip
     parser.add_argument("--gi", metavar="FILE", help="with --web: baked light (.gsgi)")
     shared.add_reading(parser)
     shared.add_light(parser)

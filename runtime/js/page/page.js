@@ -12,7 +12,7 @@ const element = (id) => document.getElementById(id);
 function fail(message) {
     element("error").textContent = message;
     element("error").hidden = false;
-    element("progress").hidden = true;
+    element("loading").hidden = element("bar").hidden = true;
 }
 
 function createRenderer() {
@@ -28,6 +28,7 @@ function createRenderer() {
     renderer.shadowMap.type = THREE.PCFShadowMap;
     renderer.shadowMap.autoUpdate = false; // nothing moves
     renderer.shadowMap.needsUpdate = true;
+    renderer.autoClear = false;
     return renderer;
 }
 
@@ -48,11 +49,11 @@ async function load(renderer) {
 }
 
 /** The exposure that shows the frame's log-average luminance as mid-grey (Reinhard et al. 2002). */
-function autoExposure(renderer, scene, camera) {
+function autoExposure(renderer, render) {
     const target = new THREE.WebGLRenderTarget(128, 128, { type: THREE.FloatType });
     const pixels = new Float32Array(4 * 128 * 128);
     renderer.setRenderTarget(target);
-    renderer.render(scene, camera);
+    render();
     renderer.readRenderTargetPixels(target, 0, 0, 128, 128, pixels);
     renderer.setRenderTarget(null);
     target.dispose();
@@ -66,12 +67,15 @@ function autoExposure(renderer, scene, camera) {
     return count ? MID_GREY / Math.exp(sum / count) : 1;
 }
 
-function start(renderer, { description, light, scene, unshadowed }) {
+function start(renderer, { description, light, scene, depth, unshadowed }) {
     const camera = new THREE.PerspectiveCamera(), canvas = renderer.domElement, sky = scene.getObjectByName("sky");
     const [low, high] = description.bounds.map((corner) => new THREE.Vector3(...corner));
     const size = low.distanceTo(high);
     let wanted = true, then = 0, milliseconds = 0, automatic = 1;
     const draw = () => { wanted = true; };
+
+    let later = null;
+    const drawSoon = () => { later ??= setTimeout(() => { later = null; draw(); }, 1000); }; // for many small changes
 
     const orbit = new THREE.OrbitControls(camera, canvas);
     orbit.addEventListener("change", draw);
@@ -115,6 +119,8 @@ function start(renderer, { description, light, scene, unshadowed }) {
     }
 
     function render() {
+        renderer.clear();
+        renderer.render(depth, camera);
         renderer.render(scene, camera);
     }
 
@@ -165,18 +171,23 @@ function start(renderer, { description, light, scene, unshadowed }) {
     addEventListener("hashchange", read);
     place(settings.camera);
     apply();
-    automatic = autoExposure(renderer, scene, camera);
+    automatic = autoExposure(renderer, render);
     read();
     requestAnimationFrame(frame);
-    return { renderer, scene, camera, light, settings, set, render, measure };
+    return { renderer, scene, camera, light, settings, set, drawSoon, render, measure };
 }
 
 try {
-    const renderer = createRenderer();
-    window.gsgi = start(renderer, await load(renderer)); // for the console, and for tests
-    element("progress").hidden = true;
+    const renderer = createRenderer(), loaded = await load(renderer), page = start(renderer, loaded);
+    element("loading").hidden = true;
     element("panel").hidden = false;
     document.documentElement.dataset.ready = Math.round(performance.now()); // ms since the address was opened
+    const images = loaded.loadImages(page.drawSoon).then(() => {
+        element("bar").hidden = true;
+        document.documentElement.dataset.loaded = Math.round(performance.now());
+    });
+    window.gsgi = page; // for the console, and for tests
+    await images;
 } catch (error) {
     fail(error.message);
     throw error;

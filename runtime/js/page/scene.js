@@ -6,7 +6,12 @@ import { ENVIRONMENT, LIGHT, SHADOW } from "./shaders.js";
 const SHADOW_SIZE = 2048; // texels; half of it for each face of a cube
 const NEAR = 1e-3; // of a light's reach; nearer things throw no shadow
 const MAPS = 4, LIGHT_MAPS = 3; // textures of a material, and of the baked light
+const BITMAP = { colorSpaceConversion: "none", premultiplyAlpha: "none" };
 const WRAP = { repeat: THREE.RepeatWrapping, mirror: THREE.MirroredRepeatWrapping, clamp: THREE.ClampToEdgeWrapping };
+
+/** Materials that draw depth alone, by side; the offset lets the surfaces themselves pass the depth test. */
+const DEPTH = Object.fromEntries([THREE.FrontSide, THREE.DoubleSide].map((side) => [side, new THREE.MeshBasicMaterial(
+    { side, colorWrite: false, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1 })]));
 
 /** Whether B alone is shown: a uniform of all materials. */
 export const onlyIndirect = { value: false };
@@ -84,9 +89,13 @@ function patchShaders() {
     replace("lights_pars_begin", "uniform bool receiveShadow;", "uniform bool receiveShadow;\nuniform bool onlyIndirect;");
     replace("aomap_fragment", /[^]+/g, `
         #ifdef LAMBERT
+            const vec3 none = vec3( 0.0 );
+            #ifdef UNLIT
+                reflectedLight = ReflectedLight( none, none, diffuseColor.rgb, none );
+            #endif
             if ( onlyIndirect ) {
-                totalEmissiveRadiance = vec3( 0.0 );
-                reflectedLight = ReflectedLight( vec3( 0.0 ), vec3( 0.0 ), irradiance * RECIPROCAL_PI, vec3( 0.0 ) );
+                totalEmissiveRadiance = none;
+                reflectedLight = ReflectedLight( none, none, irradiance * RECIPROCAL_PI, none );
             }
         #endif
     `);
@@ -106,29 +115,43 @@ export async function fetchBytes(name, progress = () => {}) {
     return new Blob(parts);
 }
 
-/** The three.js scene of scene.json, whose files come from `fetchOne(name)` as Blobs. */
+/**
+ * The three.js scene of scene.json, whose files come from `fetchOne(name)` as Blobs, and a scene `depth` of its opaque
+ * triangles: drawn first, it keeps what is hidden from looking up its light.
+ *
+ * Its textures show their mean until `loadImages(changed)` has read them; that calls `changed()` after each.
+ */
 export async function buildScene(description, fetchOne, renderer) {
     patchShaders();
-    const scene = new THREE.Scene();
-    const [data, ...images] = await Promise.all([
+    const scene = new THREE.Scene(), depth = new THREE.Scene();
+    const [data, environment, ...images] = await Promise.all([
         fetchOne(description.data).then((blob) => blob.arrayBuffer()),
-        ...description.images.map((name) => fetchOne(name).then((blob) =>
-            createImageBitmap(blob, { colorSpaceConversion: "none", premultiplyAlpha: "none" }))),
+        description.environment && fetchOne(description.environment.file).then((blob) => blob.arrayBuffer()),
+        ...description.images.map(({ mean }) => createImageBitmap(new ImageData(Uint8ClampedArray.from(mean), 1, 1))),
     ]);
-    const materials = description.materials.map((each) => material(each, description, images, renderer));
+    const textures = description.images.map(() => []); // of each image
+    const materials = description.materials.map((each) => material(each, description, images, textures, renderer));
     for (const each of description.meshes) {
         const made = new THREE.Mesh(geometry(each, data), materials[each.material]);
         made.castShadow = made.receiveShadow = true;
         scene.add(made);
+        if (!made.material.alphaTest) depth.add(new THREE.Mesh(made.geometry, DEPTH[made.material.side]));
     }
     const limit = renderer.capabilities.maxTextures - MAPS - LIGHT_MAPS;
     const shadowed = description.lights.slice(0, limit);
     for (const each of description.lights) addLight(scene, each, description.bounds, shadowed.includes(each));
-    if (description.environment) {
-        const bytes = await fetchOne(description.environment.file).then((blob) => blob.arrayBuffer());
-        scene.add(sky(description.environment, bytes));
-    }
-    return { scene, unshadowed: description.lights.length - shadowed.length };
+    if (environment) scene.add(sky(description.environment, environment));
+
+    const loadImage = async ({ file }, i) => {
+        const bitmap = await createImageBitmap(await fetchOne(file), BITMAP);
+        for (const texture of textures[i]) {
+            texture.dispose(); // which has the size of the mean
+            Object.assign(texture, { image: bitmap, needsUpdate: true });
+        }
+    };
+    const loadImages = (changed) =>
+        Promise.all(description.images.map((image, i) => loadImage(image, i).then(changed)));
+    return { scene, depth, loadImages, unshadowed: description.lights.length - shadowed.length };
 }
 
 function geometry({ attributes, index }, data) {
@@ -138,7 +161,7 @@ function geometry({ attributes, index }, data) {
     return made.setIndex(new THREE.BufferAttribute(new Uint32Array(data, index.offset, index.count), 1));
 }
 
-function material(each, description, images, renderer) {
+function material(each, description, images, textures, renderer) {
     const texture = (slot, color) => {
         if (!slot) return null;
         const { image, wrap, nearest } = description.textures[slot.texture];
@@ -148,20 +171,18 @@ function material(each, description, images, renderer) {
         made.generateMipmaps = !nearest;
         made.anisotropy = nearest ? 1 : Math.min(4, renderer.capabilities.getMaxAnisotropy());
         const colorSpace = color ? THREE.SRGBColorSpace : "";
+        textures[image].push(made);
         return Object.assign(made, { flipY: false, channel: slot.uv, colorSpace, needsUpdate: true });
     };
-    const common = {
+    const made = new THREE.MeshLambertMaterial({
         name: each.name, color: new THREE.Color(...each.color), opacity: each.alpha, map: texture(each.map, true),
         alphaTest: each.alphaCutoff ?? 0, vertexColors: each.colored,
-        side: each.doubleSided ? THREE.DoubleSide : THREE.FrontSide, shadowSide: THREE.DoubleSide,
-    };
-    if (each.unlit) return new THREE.MeshBasicMaterial(common);
-    const made = new THREE.MeshLambertMaterial({
-        ...common, emissive: new THREE.Color(...each.emission), emissiveMap: texture(each.emissionMap, true),
+        emissive: new THREE.Color(...each.emission), emissiveMap: texture(each.emissionMap, true),
         normalMap: texture(each.normalMap, false), normalScale: new THREE.Vector2(each.normalScale, each.normalScale),
         specularMap: texture(each.metallicMap, false),
+        side: each.doubleSided ? THREE.DoubleSide : THREE.FrontSide, shadowSide: THREE.DoubleSide,
     });
-    if (each.metallic) made.defines = { METALLIC: each.metallic.toFixed(6) };
+    made.defines = each.unlit ? { UNLIT: "" } : each.metallic ? { METALLIC: each.metallic.toFixed(6) } : {};
     made.onBeforeCompile = (shader) => { shader.uniforms.onlyIndirect = onlyIndirect; };
     return made;
 }

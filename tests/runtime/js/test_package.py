@@ -61,7 +61,8 @@ def test_the_package_holds_what_it_exports():
     for entry in PACKAGE["exports"].values():
         assert all((JS / path).is_file() for path in entry.values())
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    assert [PACKAGE["version"], PACKAGE["license"]] == [project["version"], project["license"]]
+    assert PACKAGE["version"] == project["version"]
+    assert PACKAGE["license"] in project["license"]
     names = node("--input-type=module", "--eval", f'console.log(Object.keys(await import("{JS}/index.js")).join(" "))')
     types = re.findall(r"export (?:class|function) (\w+)", (JS / "index.d.ts").read_text())
     assert sorted(types) == names.split()

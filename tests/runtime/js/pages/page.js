@@ -20,15 +20,15 @@ function picture({ renderer, render }) {
 
 await post(async () => {
     document.body.append(frame);
-    const page = () => frame.contentDocument?.documentElement.dataset.ready;
+    const page = () => frame.contentDocument?.documentElement?.dataset.loaded;
     const failed = () => frame.contentDocument?.getElementById("error")?.hidden === false;
     while (!page() && !failed()) await new Promise((done) => setTimeout(done, 20));
     if (failed()) return { error: frame.contentDocument.getElementById("error").textContent };
-    const { gsgi } = frame.contentWindow, found = { ready: Number(page()), pictures: [], milliseconds: [] };
+    const { gsgi } = frame.contentWindow, found = { ready: Number(frame.contentDocument.documentElement.dataset.ready), loaded: Number(page()), pictures: [], milliseconds: [] };
     for (const settings of JSON.parse(given.settings)) {
         gsgi.set(settings);
         found.pictures.push(picture(gsgi));
-        found.milliseconds.push(gsgi.measure());
+        found.milliseconds.push(gsgi.measure(Number(given.frames ?? 3)));
     }
     found.title = frame.contentDocument.title;
     found.about = frame.contentDocument.getElementById("about").textContent;

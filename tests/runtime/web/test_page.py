@@ -1,0 +1,139 @@
+"""The exported page in a browser, against our own renderer's frame of the same camera."""
+
+import base64
+import json
+from urllib.parse import urlencode
+
+import flip_evaluator
+import numpy as np
+import oracle
+import pytest
+import scenes
+from browser import visit
+from frames import full_scene
+from javascript import JS
+from repository import TESTS
+from surface_frames import surface_gaussians
+
+from gsgi.runtime.display import to_uint8, tone_map
+from gsgi.runtime.errors import UnsupportedError
+from gsgi.runtime.file import codec
+from gsgi.runtime.gaussians import Bake, OverBlend, SurfaceBlend
+from gsgi.runtime.gl.renderer import DeferredRenderer
+from gsgi.runtime.scene import Scene
+from gsgi.runtime.web.page import MODULES, PAGE, write_page
+
+WIDTH, HEIGHT = 320, 240
+SAMPLES = 4  # per pixel and axis, of our own frame: the browser smooths edges too
+EXPOSURE = 0.7
+LAYERS = {"on": "final", "off": "primary", "only": "indirect"}
+PAGES = TESTS / "runtime" / "js" / "pages"
+
+
+def open_page(folder, settings: list[dict], *flags: str) -> dict:
+    """What pages/page.js reads of the page in `folder`."""
+    query = urlencode({"width": WIDTH, "height": HEIGHT, "settings": json.dumps(settings)})
+    found = visit(f"pages/page.html?{query}", {"pages": PAGES, "site": folder}, *flags)
+    for picture in found.get("pictures", ()):
+        pixels = np.frombuffer(base64.b64decode(picture["rgb"]), np.uint8)
+        picture["pixels"] = pixels.reshape(picture["height"], picture["width"], 3)
+    return found
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A scene with everything, its bake, and the folder of its page."""
+    scene = full_scene()
+    fine = surface_gaussians(Scene(scene.meshes, scene.materials), 800)
+    bake = Bake(fine, SurfaceBlend(), coarse=oracle.random_gaussians(30, 2, seed=1))
+    data = codec.encode(bake)
+    folder = tmp_path_factory.mktemp("site")
+    write_page(folder, scene, codec.decode(data), data, {"inside": scenes.inside_camera()}, "room <1>")
+    return scene, codec.decode(data), folder
+
+
+@pytest.fixture(scope="module")
+def found(made):
+    """The page's pictures, one for each of LAYERS."""
+    result = open_page(made[2], [{"gi": gi, "exposure": EXPOSURE} for gi in LAYERS])
+    assert "error" not in result, result["error"]
+    return result
+
+
+@pytest.fixture(scope="module")
+def drawn(gl, made):
+    """Our own layers (H SAMPLES, W SAMPLES, 3), and whether a pixel's surface is even (H, W)."""
+    scene, bake, _ = made
+    renderer = DeferredRenderer(gl, scene, bake, WIDTH * SAMPLES, HEIGHT * SAMPLES)
+    renderer.render(scenes.inside_camera())
+    layers = {layer: renderer.read(layer) for layer in (*LAYERS.values(), "depth", "normal", "albedo")}
+    renderer.release()
+    rims = [np.ptp(blocks(layers[name]), axis=2) for name in ("depth", "indirect")]
+    even = (rims[0][..., 0] < 0.05) & (rims[1].max(axis=-1) < 0.02) & (blocks(layers["depth"]).min(axis=(2, 3)) > 0)
+    return layers, even
+
+
+def blocks(layer: np.ndarray) -> np.ndarray:
+    """The samples of each pixel, (H, W, SAMPLES^2, C)."""
+    split = layer.reshape(HEIGHT, SAMPLES, WIDTH, SAMPLES, -1).swapaxes(1, 2)
+    return split.reshape(HEIGHT, WIDTH, SAMPLES * SAMPLES, -1)
+
+
+@pytest.mark.parametrize("number", range(3), ids=LAYERS)
+def test_the_picture_is_that_of_our_own_renderer(found, drawn, number):
+    layers, _ = drawn
+    expected = blocks(tone_map(layers[list(LAYERS.values())[number]], EXPOSURE)).mean(axis=2).astype(np.float32)
+    shown = found["pictures"][number]["pixels"].astype(np.float32) / 255
+    flip = flip_evaluator.evaluate(expected, shown, "LDR")[1]
+    print(f"FLIP {flip:.4f}")
+    assert flip <= 0.02
+
+
+def test_b_alone_is_within_one_step(found, drawn):
+    layers, even = drawn
+    expected = to_uint8(tone_map(blocks(layers["indirect"]).mean(axis=2), EXPOSURE)).astype(int)
+    off = np.abs(found["pictures"][2]["pixels"] - expected)[even]
+    assert even.mean() > 0.3
+    assert off.max() <= 1
+
+
+def test_the_page_says_what_it_shows(found):
+    assert found["console"] == []
+    assert found["title"] == "room <1>"
+    assert found["about"].startswith("830 Gaussians, ")
+    on, off, only = found["milliseconds"]
+    print(f"{on:.1f} ms a frame with light, {off:.1f} without, {only:.1f} for B alone; ready after {found['ready']} ms")
+    assert 0 < found["ready"] <= found["loaded"]
+
+
+def test_a_browser_without_webgl_says_so(made):
+    assert "needs WebGL 2" in open_page(made[2], [], "--disable-3d-apis")["error"]
+
+
+def test_a_missing_file_is_named(made, tmp_path):
+    for path in made[2].rglob("*"):
+        if path.is_file() and path.name != "scene.bin":
+            (tmp_path / path.relative_to(made[2])).parent.mkdir(exist_ok=True)
+            (tmp_path / path.relative_to(made[2])).write_bytes(path.read_bytes())
+    assert open_page(tmp_path, [])["error"].startswith("scene.bin: 404")
+
+
+def test_the_page_holds_all_that_it_loads(made):
+    files = {path.relative_to(made[2]).as_posix() for path in made[2].rglob("*") if path.is_file()}
+    assert {*PAGE, *(f"gsgi/{name}" for name in MODULES)} <= files
+    own = {path.name for path in (JS / "page").iterdir()} - {"vendor.js"}
+    assert own == set(PAGE)
+    text = "".join(
+        (made[2] / name).read_text() for name in files if name.endswith((".html", ".js")) and name != "three.js"
+    )
+    assert "https://" not in text
+    description = json.loads((made[2] / "scene.json").read_text())
+    loaded = [description["data"], description["light"], description["environment"]["file"]]
+    loaded += [image["file"] for image in description["images"]]
+    assert description["bytes"] == sum((made[2] / name).stat().st_size for name in loaded)
+
+
+def test_light_of_the_over_operator_is_refused(tmp_path, made):
+    bake = Bake(made[1].gaussians, OverBlend(near=0.01))
+    with pytest.raises(UnsupportedError, match="over"):
+        write_page(tmp_path, made[0], bake, b"", {}, "")
