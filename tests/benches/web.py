@@ -16,7 +16,7 @@ from gsgi.runtime.web.page import write_page
 
 SCENE, CAMERA = SHARED / "sponza_crytek" / "sponza_sun.gltf", "atrium"
 SIZE = 320, 180  # px, of the frames that are measured
-WINDOW = 960, 540
+WINDOW, EXPOSURE = (960, 540), 3  # of the picture
 PICTURE = ROOT / "build" / "bench" / "web.jpg"
 PAGES = TESTS / "runtime" / "js" / "pages"
 
@@ -37,8 +37,8 @@ def measured(folder: Path) -> dict:
     settings = json.dumps([{"gi": gi, "camera": CAMERA} for gi in ("on", "off")])
     query = urlencode({"width": SIZE[0], "height": SIZE[1], "settings": settings})
     found = visit(f"pages/page.html?{query}", {"pages": PAGES, "site": folder})
-    ready = "document.documentElement.dataset.loaded"
-    picture = Image.open(io.BytesIO(screenshot(f"site/index.html#camera={CAMERA}", {"site": folder}, WINDOW, ready)))
+    address, ready = f"site/index.html#camera={CAMERA}&exposure={EXPOSURE}", "document.documentElement.dataset.loaded"
+    picture = Image.open(io.BytesIO(screenshot(address, {"site": folder}, WINDOW, ready)))
     PICTURE.parent.mkdir(parents=True, exist_ok=True)
     picture.convert("RGB").save(PICTURE, quality=85)
     on, off = (round(value, 1) for value in found["milliseconds"])

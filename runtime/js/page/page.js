@@ -184,6 +184,7 @@ try {
     document.documentElement.dataset.ready = Math.round(performance.now()); // ms since the address was opened
     const images = loaded.loadImages(page.drawSoon).then(() => {
         element("bar").hidden = true;
+        page.render();
         document.documentElement.dataset.loaded = Math.round(performance.now());
     });
     window.gsgi = page; // for the console, and for tests
