@@ -145,13 +145,16 @@ vec3 indirect_light() {
     return texelFetch(indirect, best, 0).rgb;
 }
 #elif LOOKUP
+uniform vec3 ahead;  // direction of parallel rays, world space; 0 if they come from the eye
+
 vec3 indirect_light() {
 #if NORMAL
     vec3 interpolated = v_normal;
 #else
     vec3 interpolated = vec3(0.0);
 #endif
-    return gsgi_indirect(v_position, seen_normal(v_position, v_position - eye, interpolated));
+    vec3 toward = dot(ahead, ahead) > 0.0 ? ahead : v_position - eye;
+    return gsgi_indirect(v_position, seen_normal(v_position, toward, interpolated));
 }
 #endif
 

@@ -2,6 +2,8 @@
 #include "lib/octahedral.glsl"
 #include "lib/seen_normal.glsl"
 
+uniform vec3 ahead;  // direction of parallel rays, world space; 0 if they come from the eye
+
 in vec3 v_offset;
 in float v_depth;
 #if NORMAL
@@ -17,6 +19,7 @@ void main() {
 #else
     vec3 interpolated = vec3(0.0);
 #endif
-    out_normal = vec4(octahedral_from_normal(seen_normal(v_offset, v_offset, interpolated)), 0.0, 1.0);
+    vec3 toward = dot(ahead, ahead) > 0.0 ? ahead : v_offset;
+    out_normal = vec4(octahedral_from_normal(seen_normal(v_offset, toward, interpolated)), 0.0, 1.0);
     out_depth = vec4(v_depth, 0.0, 0.0, 1.0);
 }

@@ -13,7 +13,7 @@ bake has them black. Other differences:
 - Shadows do not need `np.infty`, which numpy 2 lacks, and SHADOWS_ALL works if the scene has no point light.
 - A mesh is lit by the four nearest lights of each kind, with shadows too.
 - UnsupportedError: the flags VERTEX_NORMALS and FACE_NORMALS, SpecularGlossinessMaterial (pyrender draws it undefined),
-  a texture that the driver cannot hold, and `gi` with an OrthographicCamera.
+  a texture that the driver cannot hold, and `gi` of the `over` operator with an OrthographicCamera.
 
 As in pyrender, alphaMode MASK cuts no holes, a light's `range` is ignored, and the emissive factor counts twice.
 Indirect light falls on triangles, but not on points, lines or wireframes. Blended ones have none with a bake of `over`.

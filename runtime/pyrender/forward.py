@@ -113,5 +113,6 @@ def camera_uniforms(lens: Lens, point_size: float) -> dict:
         "clip_from_view": lens.projection,
         "view_from_world": lens.view_from_world,
         "eye": lens.position,
+        "ahead": lens.ahead,
         "point_size": point_size,
     }

@@ -6,7 +6,7 @@ import moderngl
 import numpy as np
 
 from gsgi.runtime.errors import UnsupportedError
-from gsgi.runtime.gaussians import Bake
+from gsgi.runtime.gaussians import Bake, OverBlend
 
 from . import lights, materials
 from .draws import Draw, bounds, draws, primitives
@@ -91,8 +91,8 @@ class FrameRenderer:
             drawn = self._shadow_maps.draw(shadowed, bounds(scene), items, self._primitives)
             maps = {id(light): uniforms for light, uniforms in zip(shadowed, drawn, strict=True)}
         if self._bake is not None:
-            if lens.orthographic:
-                raise UnsupportedError("indirect light with an OrthographicCamera is not supported")
+            if lens.orthographic and isinstance(self._bake.blend, OverBlend):
+                raise UnsupportedError("an OrthographicCamera needs a bake of the `surface` operator")
             self._indirect = self._indirect or BakedLight(self.ctx, self._bake)
             self._indirect.draw(lens, items, self._primitives, flags)
         return FrameLight(

@@ -7,7 +7,6 @@ from gsgi.runtime.gl.indirect_light import IndirectLight
 from gsgi.runtime.gl.indirect_lookup import IndirectLookup
 from gsgi.runtime.gl.permutations import Primitive, defines
 from gsgi.runtime.gl.shader import program, set_uniforms
-from gsgi.runtime.gl.view import View
 
 from .draws import TRIANGLES, Draw, wireframe
 from .flags import RenderFlags
@@ -41,7 +40,10 @@ class VisibleSurfaces:
         self._resize(lens.size)
         self._target.use()
         self._target.clear()
-        camera = {"clip_from_view": lens.projection, "view_from_world": lens.view_from_world, "eye": lens.position}
+        camera = {
+            "clip_from_view": lens.projection, "view_from_world": lens.view_from_world, "eye": lens.position,
+            "ahead": lens.ahead,
+        }  # fmt: skip
         for item in items:
             primitive = item.primitive
             if receives(primitive, flags) and not primitive.is_transparent:
@@ -102,8 +104,7 @@ class BakedLight:
     def draw(self, lens: Lens, items: list[Draw], uploads: Uploads, flags: int) -> None:
         """Fill both textures."""
         self._surfaces.draw(lens, items, uploads, flags)
-        view = View(lens.pinhole(), lens.world_from_view, lens.znear, lens.world_from_view)
-        self._pass.draw_view(view, self._surfaces.depth, self._surfaces.interpolated)
+        self._pass.draw_view(lens.view(), self._surfaces.depth, self._surfaces.interpolated)
 
     def release(self) -> None:
         """Free the GPU memory."""

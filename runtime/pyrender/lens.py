@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gsgi.runtime.camera import Pinhole
-from gsgi.runtime.gl.view import projected_pinhole
+from gsgi.runtime.gl.view import View, projected_pinhole
 
 
 @dataclass(frozen=True)
@@ -35,10 +34,17 @@ class Lens:
         """Whether rays are parallel."""
         return self.projection[3, 2] == 0
 
-    def pinhole(self) -> Pinhole:
-        """Pinhole at `size`. The camera must not be orthographic."""
-        assert not self.orthographic, self.projection
-        return projected_pinhole(self.view_from_world, self.projection, self.size)
+    @property
+    def ahead(self) -> np.ndarray:
+        """(3,) direction of parallel rays in world space, or 0 if rays are not parallel."""
+        return -self.world_from_view[:3, 2] if self.orthographic else np.zeros(3)
+
+    def view(self) -> View:
+        """The same for the passes that read Gaussians. Raises ValueError for an orthographic camera that is scaled."""
+        if self.orthographic:
+            return View.of_matrices(self.view_from_world, self.projection, self.size)
+        pinhole = projected_pinhole(self.view_from_world, self.projection, self.size)
+        return View(pinhole, self.world_from_view, self.znear, self.world_from_view)
 
     def metres(self, window: np.ndarray) -> np.ndarray:
         """Depth along the view axis (float32, m; 0 where nothing is) from the values [0, 1] of a depth buffer."""

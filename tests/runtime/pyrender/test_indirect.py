@@ -8,6 +8,7 @@ from gsgi_files import constant, surface_example
 from pyrender_scenes import SIZE, blended, cameras, empty, from_behind, material, points, quad, solids, translation
 from scipy.ndimage import binary_erosion
 
+import gsgi
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.errors import UnsupportedError
 from gsgi.runtime.file import codec
@@ -165,10 +166,31 @@ def test_light_is_kept_from_surface_to_surface(pyrender, draw):
     assert np.array_equal(lit.any(axis=-1), draw(scene).any(axis=-1))
 
 
-def test_an_orthographic_camera_is_refused(pyrender, draw):
+def test_the_over_operator_refuses_an_orthographic_camera(pyrender, draw):
     scene = solids(cameras()["orthographic"])
     with pytest.raises(UnsupportedError, match="OrthographicCamera"):
-        draw(scene, constant(B))
+        draw(scene, constant(B, "over"))
+
+
+@pytest.mark.parametrize("alpha", [1.0, 0.5])
+def test_an_orthographic_camera_sees_the_light_at_its_points(pyrender, draw, alpha):
+    """A square that fills the view: each pixel is a known point."""
+    bake = surface_example(count=400, degree=1)
+    camera = pyrender.OrthographicCamera(0.75, 0.75 * SIZE[1] / SIZE[0], znear=0.1)
+    scene = empty(camera, eye=(1e-9, 0, 2), ambient_light=np.zeros(3), bg_color=np.zeros(3))
+    mesh = quad()
+    mesh.primitives[0].material = material((0.8, 0.5, 0.3, alpha), alphaMode="BLEND" if alpha < 1 else "OPAQUE")
+    scene.add(mesh)
+    drawn = draw(scene, bake)
+    x, y = (0.75 * (2 * (np.arange(n) + 0.5) / SIZE[0] - n / SIZE[0]) for n in SIZE)
+    x, y = np.meshgrid(x, -y)
+    at = np.stack([x, y, np.zeros_like(x)], axis=-1).reshape(-1, 3)
+    light = gsgi.sample(bake, at, np.tile([0.0, 0, 1], (len(at), 1))).reshape(*x.shape, 3)
+    color = mesh.primitives[0].material.baseColorFactor
+    expected = 255 * alpha * np.clip(light * color[:3], 0, 1) ** (1 / 2.2)  # pyrender blends after its curve
+    inside = (np.abs(x) < 0.7) & (np.abs(y) < 0.7)
+    assert expected[inside].mean() > 40
+    assert (np.abs(drawn - expected).max(axis=-1)[inside] > 2).mean() < 0.02
 
 
 def test_a_shifted_image_centre_shifts_the_light(pyrender, draw):
