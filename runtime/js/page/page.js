@@ -89,8 +89,10 @@ function start(renderer, { description, light, scene, depth, unshadowed }) {
         light.visible = settings.gi !== "off";
         if (sky) sky.visible = settings.gi !== "only";
         renderer.toneMappingExposure = settings.exposure ?? automatic;
-        orbit.enabled = settings.controls === "orbit";
-        fly.enabled = !orbit.enabled;
+        const turning = settings.controls === "orbit";
+        if (turning && !orbit.enabled) aim();
+        orbit.enabled = turning;
+        fly.enabled = !turning;
         for (const name of ["camera", "gi", "controls"]) element(name).value = settings[name];
         element("exposure").value = Math.log2(renderer.toneMappingExposure / automatic);
         draw();
@@ -103,12 +105,15 @@ function start(renderer, { description, light, scene, depth, unshadowed }) {
         camera.near = found.znear;
         camera.far = found.zfar ?? 4 * size + camera.position.distanceTo(low);
         settings.camera = found.name;
-        camera.updateMatrixWorld();
-        // The point that the camera turns around: ahead, as far as the scene's middle is.
+        aim();
+        resize();
+    }
+
+    /** Lets the camera turn around a point ahead, as far away as the scene's middle. */
+    function aim() {
         const middle = low.clone().add(high).multiplyScalar(0.5), ahead = camera.getWorldDirection(new THREE.Vector3());
         const distance = Math.max(middle.sub(camera.position).dot(ahead), size / 20);
         orbit.target.copy(camera.position).addScaledVector(ahead, distance);
-        resize();
     }
 
     function resize() {

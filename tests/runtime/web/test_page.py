@@ -30,9 +30,9 @@ LAYERS = {"on": "final", "off": "primary", "only": "indirect"}
 PAGES = TESTS / "runtime" / "js" / "pages"
 
 
-def open_page(folder, settings: list[dict], *flags: str) -> dict:
+def open_page(folder, settings: list[dict], *flags: str, **more) -> dict:
     """What pages/page.js reads of the page in `folder`."""
-    query = urlencode({"width": WIDTH, "height": HEIGHT, "settings": json.dumps(settings)})
+    query = urlencode({"width": WIDTH, "height": HEIGHT, "settings": json.dumps(settings), **more})
     found = visit(f"pages/page.html?{query}", {"pages": PAGES, "site": folder}, *flags)
     for picture in found.get("pictures", ()):
         pixels = np.frombuffer(base64.b64decode(picture["rgb"]), np.uint8)
@@ -55,7 +55,7 @@ def made(tmp_path_factory):
 @pytest.fixture(scope="module")
 def found(made):
     """The page's pictures, one for each of LAYERS."""
-    result = open_page(made[2], [{"gi": gi, "exposure": EXPOSURE} for gi in LAYERS])
+    result = open_page(made[2], [{"gi": gi, "exposure": EXPOSURE} for gi in LAYERS], moves=1)
     assert "error" not in result, result["error"]
     return result
 
@@ -104,6 +104,18 @@ def test_the_page_says_what_it_shows(found):
     on, off, only = found["milliseconds"]
     print(f"{on:.1f} ms a frame with light, {off:.1f} without, {only:.1f} for B alone; ready after {found['ready']} ms")
     assert 0 < found["ready"] <= found["loaded"]
+
+
+def test_one_flies_and_then_orbits_from_there(found):
+    start, flown, turned, orbiting = ({key: np.array(value) for key, value in pose.items()} for pose in found["poses"])
+    way = flown["position"] - start["position"]
+    np.testing.assert_allclose(way / np.linalg.norm(way), start["ahead"], atol=1e-3)
+    np.testing.assert_allclose(turned["position"], flown["position"])
+    angle = np.arctan2(*turned["ahead"][[0, 2]]) - np.arctan2(*flown["ahead"][[0, 2]])
+    assert np.sin(angle) == pytest.approx(np.sin(0.3), abs=1e-3)  # 100 px; what was under the finger stays there
+    np.testing.assert_allclose(turned["ahead"][1], flown["ahead"][1], atol=1e-6)
+    for key in ("position", "ahead"):
+        np.testing.assert_allclose(orbiting[key], turned[key], atol=1e-3)
 
 
 def test_a_browser_without_webgl_says_so(made):

@@ -18,6 +18,33 @@ function picture({ renderer, render }) {
     return { width, height, rgb: btoa(rgb.join("")) };
 }
 
+/** Where the camera goes, and looks, by keys and by a finger. */
+async function moves({ camera, set }, { document, PointerEvent, KeyboardEvent }) {
+    const canvas = document.getElementById("canvas"), frames = () => new Promise((done) => setTimeout(done, 500));
+    const pose = () => {
+        camera.updateMatrixWorld();
+        const e = camera.matrixWorld.elements;
+        return { position: [e[12], e[13], e[14]], ahead: [-e[8], -e[9], -e[10]] };
+    };
+    const point = (type, clientX, clientY) =>
+        canvas.dispatchEvent(new PointerEvent(type, { pointerId: 1, clientX, clientY, bubbles: true, pointerType: "touch" }));
+    const found = [pose()];
+    set({ controls: "fly" });
+    canvas.dispatchEvent(new KeyboardEvent("keydown", { code: "KeyW", bubbles: true }));
+    await frames();
+    canvas.dispatchEvent(new KeyboardEvent("keyup", { code: "KeyW", bubbles: true }));
+    found.push(pose());
+    point("pointerdown", 100, 100);
+    point("pointermove", 200, 100);
+    point("pointerup", 200, 100);
+    await frames();
+    found.push(pose());
+    set({ controls: "orbit" });
+    await frames();
+    found.push(pose());
+    return found;
+}
+
 await post(async () => {
     document.body.append(frame);
     const page = () => frame.contentDocument?.documentElement?.dataset.loaded;
@@ -30,6 +57,7 @@ await post(async () => {
         found.pictures.push(picture(gsgi));
         found.milliseconds.push(gsgi.measure(Number(given.frames ?? 3)));
     }
+    if (given.moves) found.poses = await moves(gsgi, frame.contentWindow);
     found.title = frame.contentDocument.title;
     found.about = frame.contentDocument.getElementById("about").textContent;
     found.exposure = gsgi.renderer.toneMappingExposure;
