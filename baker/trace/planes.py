@@ -14,6 +14,10 @@ ROUNDING = 2.0**-21
 # granted.
 INACCURACY, INACCURACY_MOST = 2.0**-21, 2.0**-12
 
+# Distance from the edges of its triangle that a point keeps, as a share of its largest coordinate. On the edge between
+# two walls, a start off one of them is in the plane of the other, and sees what is behind it.
+EDGE = 2.0**-22
+
 AT_ONCE = 1 << 16  # triangles; bounds memory
 
 
@@ -30,14 +34,31 @@ def planes(position: np.ndarray, triangle: np.ndarray) -> np.ndarray:
 
 
 def onto_planes(point: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """The points (N, 3) float32, m, moved along the normals into the planes of triangles with `corners` (N, 3, 3).
+    """The points (N, 3) float32, m, moved along the normals into the planes of triangles with `corners` (N, 3, 3), and
+    off their edges.
 
     A point at a distance along a ray from far away misses its surface by more than rays start off it.
     """
     a, b, c = corners.astype(np.float64).transpose(1, 0, 2)
     normal = np.cross(b - a, c - a)
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(np.float64).tiny)
-    return (point - normal * ((point - a) * normal).sum(axis=1, keepdims=True)).astype(np.float32)
+    there = point - normal * ((point - a) * normal).sum(axis=1, keepdims=True)
+    return _off_edges(there, a, b, c).astype(np.float32)
+
+
+def _off_edges(point: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
+    """The points (N, 3) of triangles, those within EDGE of an edge moved towards the centroids."""
+    least = EDGE * np.abs(point).max(axis=1)
+    at_edge = np.zeros(len(point), bool)
+    for start, end in ((a, b), (b, c), (c, a)):
+        edge = end - start
+        length = np.maximum(np.linalg.norm(edge, axis=1), np.finfo(np.float64).tiny)
+        at_edge |= np.linalg.norm(np.cross(edge, point - start), axis=1) / length < least
+    inwards = (a[at_edge] + b[at_edge] + c[at_edge]) / 3 - point[at_edge]
+    distance = np.maximum(np.linalg.norm(inwards, axis=1), np.finfo(np.float64).tiny)
+    moved = point.copy()
+    moved[at_edge] += inwards * np.minimum(2 * least[at_edge] / distance, 1)[:, None]
+    return moved
 
 
 def _planes(corners: np.ndarray) -> np.ndarray:

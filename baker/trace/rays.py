@@ -55,12 +55,18 @@ def lifted_hit(tracer, o, d, hit, ng, front, active):
 def lifted_point(tracer, p, ng, active):
     """The same for a point p on a triangle that is not known, or in free space.
 
-    The triangle is looked for along the normal, as far off as the least accurate triangle of the scene can be.
+    The triangle is looked for along the normal, as far off as the least accurate triangle of the scene can be. Where
+    triangles were moved, the point moves along with its own.
     """
     reach = 2 * (_rounding(p, ng) + tracer.shading.inaccuracy) + LEAST
-    hit = closest(tracer, p + ng * reach, -ng, active)
+    start = mi.Point3f(p + ng * reach)
+    hit = closest(tracer, start, -ng, active)
     near = active & (hit.t < 2 * reach)
-    return lifted(tracer, p, ng, hit.prim, near)
+    if not tracer.shading.moved:
+        return lifted(tracer, p, ng, hit.prim, near)
+    found_ng, _, front = side(tracer, hit, -ng, near)
+    there = lifted_hit(tracer, start, -ng, hit, found_ng, front, near)
+    return dr.select(near, there, lifted(tracer, p, ng, hit.prim, near))
 
 
 def _rounding(p, n):

@@ -25,9 +25,12 @@ def _srgb_table() -> np.ndarray:
 
 
 class Shading:
-    """The tables of one scene on the device. `smooth`, `colored`, `slots` say which look-ups a kernel needs."""
+    """The tables of one scene on the device. `smooth`, `colored`, `slots` say which look-ups a kernel needs.
 
-    def __init__(self, surfaces: Surfaces):
+    `moved` is how far the triangles were moved off the scene's, m.
+    """
+
+    def __init__(self, surfaces: Surfaces, moved: float):
         def floats(array):
             return mi.Float(array.ravel())
 
@@ -36,7 +39,8 @@ class Shading:
 
         self.face, self.albedo_table = floats(surfaces.face), floats(surfaces.albedo)
         self.planes = floats(surfaces.plane)
-        self.inaccuracy = dr.opaque(mi.Float, float(surfaces.plane[:, 1].max(initial=0)))
+        self.moved = moved
+        self.inaccuracy = dr.opaque(mi.Float, max(float(surfaces.plane[:, 1].max(initial=0)), moved))
         self.surface, self.emission_table = floats(surfaces.surface), floats(surfaces.emission)
         self.smooth = surfaces.normal is not None
         self.normal = words(surfaces.normal) if self.smooth else None

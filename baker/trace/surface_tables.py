@@ -4,12 +4,13 @@ All materials of the scene share one set of tables, so there are no virtual call
 that the scene has are stored, and only those are compiled into a kernel.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gsgi.runtime.scene import TEXTURE_SLOTS, Material, Scene, TextureSlot
+from gsgi.runtime.scene import TEXTURE_SLOTS, Material, Mesh, Scene, TextureSlot
 
+from . import duplicates
 from .planes import planes
 
 NO_TEXTURE = 0xFFFFFFFF
@@ -23,7 +24,7 @@ FLAT = 1e-3
 
 @dataclass(frozen=True)
 class Surfaces:
-    """F triangles of a scene, those without alpha-tested holes first.
+    """F triangles of a scene, those without alpha-tested holes first, and those left out that others hide.
 
     position (V, 3) float32 m; triangle (F, 3) uint32; opaque: the number of triangles without holes.
     face (F, 4) float32: unit normal, and the material's index as the bits of a float.
@@ -55,7 +56,7 @@ class Surfaces:
 
 def tabulate(scene: Scene) -> Surfaces:
     """The tables of a scene."""
-    meshes = sorted(scene.meshes, key=lambda mesh: _is_masked(scene, mesh))
+    meshes = _visible(scene, sorted(scene.meshes, key=lambda mesh: _is_masked(scene, mesh)))
     counts = [len(mesh.triangle) for mesh in meshes]
     first = np.cumsum([0] + [len(mesh.position) for mesh in meshes[:-1]])
     position = np.concatenate([mesh.position for mesh in meshes])
@@ -83,7 +84,27 @@ def tabulate(scene: Scene) -> Surfaces:
     )
 
 
-def _is_masked(scene: Scene, mesh) -> bool:
+def _visible(scene: Scene, meshes: list[Mesh]) -> list[Mesh]:
+    """The meshes without triangles that stand there twice (see `duplicates`), those with holes as they are."""
+    solid = [mesh for mesh in meshes if not _is_masked(scene, mesh)]
+    if not solid:
+        return meshes
+    counts = [len(mesh.triangle) for mesh in solid]
+    first = np.cumsum([0] + [len(mesh.position) for mesh in solid[:-1]])
+    materials = [scene.materials[mesh.material] for mesh in solid]
+    kept = duplicates.visible(
+        np.concatenate([mesh.position for mesh in solid]),
+        np.concatenate([mesh.triangle + np.uint32(at) for mesh, at in zip(solid, first, strict=True)]),
+        np.repeat([scene.emits(material) for material in materials], counts),
+        np.repeat([material.double_sided for material in materials], counts),
+    )
+    parts = np.split(kept, np.searchsorted(kept, np.cumsum(counts)[:-1]))
+    starts = np.cumsum([0, *counts[:-1]])
+    there = [replace(m, triangle=m.triangle[part - at]) for m, part, at in zip(solid, parts, starts, strict=True)]
+    return [*there, *meshes[len(solid) :]]
+
+
+def _is_masked(scene: Scene, mesh: Mesh) -> bool:
     return scene.materials[mesh.material].alpha_cutoff is not None
 
 

@@ -98,16 +98,17 @@ class Tracer:
     def __init__(self, scene: Scene):
         from .emitters import Emitters
         from .environment_light import EnvironmentLight
+        from .overlaps import apart
         from .shading import Shading
 
         scene = lambertian(scene)
-        surfaces = tabulate(scene)
+        surfaces, moved = apart(tabulate(scene))
         self.corners = surfaces.position, surfaces.triangle
         count = self.opaque_count = surfaces.opaque
         parts = surfaces.triangle[:count], surfaces.triangle[count:]
         self.opaque, self.masked = (mitsuba_scene.build(surfaces.position, p) if len(p) else None for p in parts)
         self.unlit = any(material.unlit for material in scene.materials)
-        self.shading = Shading(surfaces)
+        self.shading = Shading(surfaces, moved)
         self.lights = PunctualLights(scene.lights, scene.diagonal())
         self.emitters = Emitters(scene, surfaces)
         self.environment = None if scene.environment is None else EnvironmentLight(scene.environment)

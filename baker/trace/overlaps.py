@@ -1,0 +1,124 @@
+"""Faces that lie on each other in one plane are moved apart: which of them a ray meets would be chance.
+
+Exporters write sheets as two one-sided faces back to back, and lamps as faces in the plane of a ceiling. Each of these
+moves to its front by a little more than the error with which rays meet it, and one that emits light by twice that.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from .mitsuba_scene import build, load_mitsuba
+from .planes import ROUNDING, planes
+from .surface_tables import Surfaces
+
+mi = load_mitsuba()
+
+APART = 4.0  # a move, in errors with which rays meet the face
+# Error of a hit, as a share of its distance, for which four times that of most triangles from their middle is taken.
+SIGHT = 2.0**-22
+LEAST = 1e-9  # m; the smallest error
+PARALLEL = 1 - 1e-6  # cosine between faces in one plane
+
+# Points at which each triangle is examined, and how many more there are on all surfaces.
+PROBES, MORE_PROBES = 4, 1 << 16
+AT_ONCE = 1 << 20  # points; bounds memory
+
+
+def apart(surfaces: Surfaces) -> tuple[Surfaces, float]:
+    """The surfaces with such faces moved, and by how far at most, m: 0 if there are none.
+
+    Two-sided faces stay, but one that emits light moves to the front of a one-sided one. Faces are examined at points:
+    a pair that shares less than lies between these stays as it is.
+    """
+    if not len(surfaces.triangle):
+        return surfaces, 0.0
+    error = _error(surfaces)
+    material = surfaces.face[:, 3].view(np.uint32)
+    two_sided, emits = surfaces.surface[material, 2] > 0, _emits(surfaces)[material]
+    factor = APART * np.where(emits, 2, 1)
+    direction = np.zeros(len(error))  # along the normal
+    found = [np.empty((0, 2), np.int64)]
+    for this, that, facing in _pairs(surfaces, np.where(two_sided, 0, factor * error), _reach(surfaces, error)):
+        differ = (facing < 0) | (emits[this] != emits[that]) | (two_sided[this] != two_sided[that])
+        for one, other in ((this[differ], that[differ]), (that[differ], this[differ])):
+            direction[one[~two_sided[one]]] = 1
+            is_lamp = two_sided[one] & emits[one] & ~two_sided[other]
+            direction[one[is_lamp]] = np.sign(facing[differ][is_lamp])
+        found.append(np.unique(np.stack([this[differ], that[differ]], axis=1), axis=0))
+    moved = np.flatnonzero(direction)
+    if not len(moved):
+        return surfaces, 0.0
+    size = factor * _largest_of_neighbours(error, np.concatenate(found))
+    offset = surfaces.face[moved, :3].astype(np.float64) * (direction * size)[moved, None]
+    corners = surfaces.position[surfaces.triangle[moved]] + offset[:, None]
+    position = np.concatenate([surfaces.position, corners.reshape(-1, 3).astype(np.float32)])
+    triangle = surfaces.triangle.copy()
+    triangle[moved] = len(surfaces.position) + np.arange(3 * len(moved), dtype=np.uint32).reshape(-1, 3)
+    there = replace(surfaces, position=position, triangle=triangle, plane=planes(position, triangle))
+    return there, float(size[moved].max())
+
+
+def _pairs(surfaces: Surfaces, step: np.ndarray, reach: np.ndarray) -> Iterator[tuple]:
+    """Pairs of triangles that lie on each other: two arrays (P,) of indices, and the cosine (P,) of their normals.
+
+    All are moved by `step` (F,), m, along their normals, so that of a pair one is met first from one side at least by
+    rays that start `reach` (F,), m, off a point of either.
+    """
+    normal = surfaces.face[:, :3].astype(np.float64)
+    corners = surfaces.position[surfaces.triangle] + (normal * step[:, None])[:, None]
+    moved = build(corners.reshape(-1, 3).astype(np.float32), np.arange(3 * len(step), dtype=np.uint32).reshape(-1, 3))
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    more = MORE_PROBES * area / max(area.sum(), np.finfo(float).tiny)
+    probed = np.repeat(np.arange(len(step)), np.where(area > 0, PROBES + more.astype(np.int64), 0))
+    rng = np.random.default_rng(0)
+    for first in range(0, len(probed), AT_ONCE):
+        at = probed[first : first + AT_ONCE]
+        point = (surfaces.position[surfaces.triangle[at]] * rng.dirichlet((1, 1, 1), len(at))[..., None]).sum(axis=1)
+        for side in (1, -1):
+            away = side * normal[at]
+            ray = mi.Ray3f(
+                mi.Point3f((point + away * reach[at, None]).T),
+                mi.Vector3f(-away.T),
+                mi.Float(2 * reach[at]),
+                0.0,
+                mi.Color0f(),
+            )
+            found = moved.ray_intersect_preliminary(ray)
+            met = np.flatnonzero(np.array(found.is_valid()).astype(bool))
+            this, that = at[met], np.array(found.prim_index)[met].astype(np.int64)
+            facing = (normal[this] * normal[that]).sum(axis=1)
+            on_it = (this != that) & (np.abs(facing) > PARALLEL)
+            yield this[on_it], that[on_it], facing[on_it]
+
+
+def _largest_of_neighbours(error: np.ndarray, pairs: np.ndarray) -> np.ndarray:
+    """The largest error (F,) of all triangles that pairs (P, 2) join, directly or by others."""
+    error, before = error.copy(), None
+    while before is None or (error != before).any():
+        before = error.copy()
+        for one, other in (pairs.T, pairs.T[::-1]):
+            np.maximum.at(error, one, error[other])
+    return error
+
+
+def _reach(surfaces: Surfaces, error: np.ndarray) -> np.ndarray:
+    """How far off a triangle (F,) others may have been moved that lie on it, m; at most a thousandth of its extent."""
+    extent = np.ptp(surfaces.position[surfaces.triangle], axis=1).max(axis=1)
+    return 4 * APART * np.maximum(error, np.minimum(error.max(initial=0), 1e-3 * extent))
+
+
+def _error(surfaces: Surfaces) -> np.ndarray:
+    """How far off each triangle (F,) rays meet it, m."""
+    normal = np.abs(surfaces.face[:, :3].astype(np.float64))
+    corners = surfaces.position[surfaces.triangle].astype(np.float64)
+    rounding = (np.abs(corners) * normal[:, None]).sum(axis=2).max(axis=1)
+    centre = corners.mean(axis=1)
+    sight = SIGHT * 4 * float(np.median(np.linalg.norm(centre - np.median(centre, axis=0), axis=1)))
+    return np.maximum(ROUNDING * rounding + surfaces.plane[:, 1], max(sight, LEAST))
+
+
+def _emits(surfaces: Surfaces) -> np.ndarray:
+    """Whether each material (M,) emits light, by its factor."""
+    return surfaces.emission[:, :3].any(axis=1) & (surfaces.emission[:, 3] == 0)
