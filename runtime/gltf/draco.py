@@ -24,7 +24,8 @@ class DracoMesh:
         vertices, faces = self._declared(data)
         document.limits.check("elements", max(vertices, 3 * faces), compressed.where(), compressed.pointer)
         mesh = self._decoded(data)
-        self.index = mesh.faces.reshape(-1)
+        # Where there are no triangles, DracoPy returns a cloud of points.
+        self.index = getattr(mesh, "faces", np.empty(0, np.uint32)).reshape(-1)
         if len(self.index) != 3 * faces or not faces:
             raise compressed.refuse(f"{max(faces, 1)} triangles", str(len(self.index) // 3), Code.DECODE)
         self._compare_count(document.lookup("accessors", primitive.get("indices")), 3 * faces)
