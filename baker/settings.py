@@ -35,6 +35,7 @@ QUALITIES = {
 }
 
 SAMPLES = {"over": 256, "surface": 1024}  # most paths per pixel of a view, or per surface sample
+LEAST = {"budget": 1, "views": 1, "size": 1, "samples": 1, "bounces": 0, "iterations": 0}
 ERROR = {"over": 0.1, "surface": 0.05}  # noise at which they take no more, relative to the light
 
 
@@ -49,7 +50,7 @@ class Settings:
     `error` * the mean B of its neighbours; with `error` 0 all are traced. bounces: surfaces that a
     path may visit after the point; None: enough that further ones add less than `bounce_fraction` of the picture.
     ignore: effects (of EFFECTS) that the bake leaves out. metals: how metals reflect, one of METALS. Raises UsageError
-    for an unknown operator, quality, effect or way to reflect.
+    for an unknown operator, quality, effect or way to reflect, and for a number that is too small.
     """
 
     operator: str = "surface"
@@ -74,6 +75,10 @@ class Settings:
         _check("metals", self.metals, METALS)
         for effect in self.ignore:
             _check("ignore", effect, EFFECTS)
+        for field, least in LEAST.items():
+            value = getattr(self, field)
+            if value is not None and not value >= least:
+                raise UsageError(f"{field}: expected at least {least}, got {value!r}")
 
 
 def _check(field: str, word: str, words: Collection[str]) -> None:
