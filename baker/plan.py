@@ -30,8 +30,10 @@ from .surface.samples import free_layers, known_paths, known_rounds, path_count,
 from .surface_detail import gaussians_for
 from .trace import pilot
 
-# Share of the scene's diagonal; Gaussians closer to the camera plane than this are not drawn.
+# Share of the scene's diagonal; Gaussians closer to the camera plane than this are not drawn. At most NEARBY times what
+# people see counts: a room may stand on 100 km of ground.
 NEAR = 2e-3
+NEARBY = 8
 
 # px^2; added to both variances of a projected Gaussian. Views have fewer pixels than the frames that show the bake: a
 # Gaussian widened by only a tenth of a coarse pixel looks the same at fine ones. 0.3, as for photographs, loses 1 dB at
@@ -80,7 +82,7 @@ class Plan:
         """How the Gaussians become light."""
         if self.settings.operator == "surface":
             return SurfaceBlend()
-        return OverBlend(NEAR * self.scene.diagonal(), DILATION)
+        return OverBlend(NEAR * min(self.scene.diagonal(), NEARBY * self.placement.importance.width()), DILATION)
 
     @property
     def cameras(self) -> list[Camera]:

@@ -56,6 +56,13 @@ class ImportanceField:
                 density[here] = number / (count * np.pi * radius**2)
         return ImportanceField(points.position, points.normal, density, np.ones(count, np.float32))
 
+    def width(self) -> float:
+        """Diagonal of the box of most that is seen, m: without the outer 5 % along each axis; infinite of nothing."""
+        if not len(self.position):
+            return np.inf
+        low, high = np.quantile(self.position.astype(np.float64), [0.05, 0.95], axis=0)
+        return float(np.linalg.norm(high - low)) or np.inf
+
     def nearest(self, position: np.ndarray, normal: np.ndarray) -> np.ndarray:
         """Index (N,) of the point nearest to each of N points (N, 3), m, of those on the same side, if there are any.
 

@@ -13,6 +13,7 @@ from gsgi.runtime.scene import Scene
 OVERSAMPLING = 5
 LEAST = 1e-9  # m, by which points are at least lifted off their surface
 SIZE_MAX = 1e9  # m; from ten times this on, squares of areas leave the range of single precision
+COARSEST = 1 / 200  # of the diagonal: how far apart the positions of float32 may lie; light was right up to half of it
 
 
 @dataclass(frozen=True)
@@ -63,6 +64,11 @@ class Triangles:
 
         if not (size := scene.diagonal()) <= SIZE_MAX:
             raise SceneError(f"the scene is {size:.3g} m across: expected at most {SIZE_MAX:.0e} m")
+        if (apart := np.spacing(np.float32(np.abs(scene.bounds()).max()))) > COARSEST * size > 0:
+            raise SceneError(
+                f"the scene is {size:.3g} m across and so far from the origin that float32 has positions only every "
+                f"{apart:.2g} m: move it to the origin"
+            )
         self.materials = scene.materials
         offsets = np.cumsum([0, *(len(mesh.position) for mesh in scene.meshes)])[:-1].astype(np.uint32)
         self._position = np.concatenate([mesh.position for mesh in scene.meshes])
