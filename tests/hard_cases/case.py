@@ -8,7 +8,7 @@ from typing import NamedTuple, Protocol
 import moderngl
 import pytest
 
-GL_LAYERS = "llvmpipe", "softpipe", "look-up"
+GL_LAYERS = "llvmpipe", "softpipe", "look-up", "frame", "frame of over"
 
 
 class Tolerance(NamedTuple):
@@ -35,7 +35,7 @@ class Case:
 
     `holds` says in words what must hold, `tolerances` how nearly and why, for each layer that the case applies to.
     `build` makes the question. A case that must be refused has `refused`: the class of the exception, and what its
-    message names.
+    message names. A case that is `slow` takes seconds and runs in `./dev hard` alone.
     """
 
     group: str
@@ -44,6 +44,7 @@ class Case:
     build: Callable[[], Question]
     tolerances: Mapping[str, Tolerance]
     refused: tuple[type[Exception], str] | None = None
+    slow: bool = False
 
     @cached_property
     def question(self) -> Question:

@@ -1,6 +1,19 @@
 """All hard cases."""
 
-from . import codec, gaussians, gltf, gradients, light, loss, motion, projection, sort, surface_gaussians
+from . import (
+    codec,
+    gaussians,
+    gltf,
+    gltf_validator,
+    gradients,
+    light,
+    loss,
+    motion,
+    projection,
+    room_cases,
+    sort,
+    surface_gaussians,
+)
 from .case import Case
 
 CASES: list[Case] = [
@@ -11,7 +24,11 @@ CASES: list[Case] = [
     *codec.CASES,
     *sort.CASES,
     *light.CASES,
+    *room_cases.LIGHT,
+    *light.INVARIANCE,
+    *room_cases.INVARIANCE,
     *loss.CASES,
     *motion.CASES,
     *gltf.CASES,
+    *gltf_validator.CASES,
 ]

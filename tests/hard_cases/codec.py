@@ -1,5 +1,6 @@
 """Files: every attribute at both ends of its range and a step beyond, and what is refused."""
 
+import tracemalloc
 from dataclasses import replace
 
 import gsgi_files
@@ -12,7 +13,7 @@ from gsgi.runtime.gaussians import Bake, Gaussians, OverBlend, SurfaceBlend
 
 from .build import NAMES, gaussians, nobody
 from .case import Case, Measured, Tolerance
-from .stored import stored_case
+from .stored import TOLERANCE, stored_case, stored_error
 
 ANY = Tolerance(0, "an answer is right or wrong")
 
@@ -78,12 +79,26 @@ def many(count: int) -> Gaussians:
     )
 
 
+def five_million() -> float:
+    """The largest error in halves of a step. Encoding and decoding must not take memory many times over."""
+    bake = over(many(5_000_000))
+    own = sum(getattr(bake.gaussians, name).nbytes for name in NAMES)
+    tracemalloc.start()
+    file_codec.decode(file_codec.encode(bake))
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert most < 4 * own, f"{most / own:.1f} times the Gaussians' own {own / 1e9:.2f} GB"
+    return stored_error(bake)
+
+
 CASES = [
     kept("no Gaussians", lambda: over(nobody())),
     kept("no Gaussians in both levels", lambda: both(nobody())),
     kept("a fine level alone", lambda: both(gsgi_files.gaussians(50, 0, sloped=True))),
     kept("one Gaussian", lambda: over(gaussians((3, -4, 5)))),
     kept("300,000 Gaussians", lambda: over(many(300_000))),
+    Case("Codec", "5,000,000 Gaussians", "the same, in less than four times the memory of the Gaussians, 0.3 GB",
+         lambda: Measured({"file": lambda _: five_million()}), {"file": TOLERANCE}, slow=True),
     *[kept(f"SH of degree {k}", lambda k=k: over(gsgi_files.gaussians(200, k))) for k in range(4)],
     kept("slopes", lambda: both(gsgi_files.gaussians(200, 2, sloped=True), gsgi_files.gaussians(30, 2, seed=8))),
     kept("all at one place", lambda: over(gaussians(np.full((9, 3), 1.25)))),

@@ -6,6 +6,7 @@ from tempfile import TemporaryDirectory
 
 import moderngl
 import numpy as np
+from compressed_files import draco_quad
 from gltf_files import BLOBS, INDEX, POSITION, lit, put, quad_scene, with_nodes, write
 
 from gsgi.runtime.errors import GsgiError
@@ -72,6 +73,15 @@ def nested():
     count = nodes.MAX_NODE_DEPTH + 1
     entries = [{"children": [index + 1]} for index in range(count - 1)]
     return with_nodes(*entries, {"mesh": 0})
+
+
+def draco_without_triangles():
+    """A Draco mesh of no points and no triangles, which its decoder returns as a cloud of points."""
+    document, data = draco_quad()
+    stream = document["bufferViews"][5]["byteOffset"]
+    data = bytearray(data)
+    data[stream + 8 : stream + 22] = bytes(14)  # sequential connectivity, and counts of 0
+    return document, bytes(data)
 
 
 def four_quads():
@@ -181,6 +191,7 @@ CASES = [
         lambda: with_nodes({"children": [1, 2]}, {"mesh": 0}, {"children": [1]}),
         "a node without another parent",
     ),
+    case("a Draco mesh without triangles", Code.DECODE, draco_without_triangles, "expected 1 triangles, got 0"),
     case("257 levels of nodes", Code.LIMIT, nested, "expected at most 256 levels of nodes"),
     case("30 elements where 25 are the limit", Code.LIMIT, four_quads, "--limit elements=N", Limits(elements=25)),
     case("6 texels where 5 are the limit", Code.LIMIT, four_quads, "--limit texels=N", Limits(texels=5)),

@@ -10,6 +10,7 @@ from gsgi.baker.trace.tracer import Sampling, Tracer
 from gsgi.runtime.scene import Light, Material, Mesh, Scene
 
 from .case import Case, Measured, Tolerance
+from .small_bakes import around
 
 UP = np.array([[0, 1, 0]], np.float32)
 EXACT = Tolerance(0, "no light is no light")
@@ -53,6 +54,15 @@ def dark(scene: Scene) -> float:
     """The mean B on the inner walls, which get no light."""
     position, normal = even_points(96)
     return mean_light(scene, position * np.abs(scene.meshes[0].position).max(), normal, 64)
+
+
+def at_edges() -> float:
+    """The mean B of pixels of a dark room behind whose walls there is light. Some meet the edges between two walls."""
+    scene = shell(1.001)
+    tracer = Tracer(scene)
+    seen = [tracer.surface(camera, 64, 64).points() for camera in around((0.0, 0.0, 0.0))]
+    position, normal, _ = (np.concatenate(part) for part in zip(*seen, strict=True))
+    return mean_light(scene, position, normal, 32)
 
 
 def doubled_walls() -> float:
@@ -110,6 +120,74 @@ def slivers() -> Mesh:
     return Mesh(position, normal, np.zeros((6, 1, 2), np.float32), triangle, 0)
 
 
+def lying_on_it(back_to_back: bool, other_triangles: bool, material: int) -> Callable[[Scene], Scene]:
+    """A second face on each wall: one-sided, of material 0 or of an unlit one, cut along the other diagonal or not."""
+
+    def change(scene: Scene) -> Scene:
+        unlit = Material("unlit", scene.materials[0].base_color)
+        more = []
+        for mesh in scene.meshes:
+            triangle = np.uint32([[0, 1, 3], [1, 2, 3]]) if other_triangles else mesh.triangle
+            side = -1 if back_to_back else 1
+            more.append(replace(mesh, triangle=triangle[:, ::side].copy(), normal=side * mesh.normal,
+                                material=material))  # fmt: skip
+        # Half of the walls come before those that lie on them, half after.
+        meshes = *scene.meshes[:3], *more, *scene.meshes[3:]
+        return replace(scene, meshes=meshes, materials=(*scene.materials, unlit))
+
+    return change
+
+
+def flush_lamp(turn: np.ndarray) -> float:
+    """Relative change of the mean B on floor and walls when a lamp 1 mm below the ceiling rises into its plane."""
+    lamp = Material("lamp", (0.5, 0.5, 0.5, 1.0), emission=(1.0, 1.0, 1.0))
+    position, normal = (array[np.repeat(np.arange(6) != 3, 64)] for array in even_points(384))
+    light = []
+    for below in (1e-3, 0.0):
+        panel = scenes.floor(0.5, 1.0 - below, 1)
+        panel = replace(panel, triangle=panel.triangle[:, ::-1].copy(), normal=-panel.normal)
+        meshes = [replace(m, position=(m.position.astype(float) @ turn.T).astype(np.float32),
+                          normal=(m.normal @ turn.T).astype(np.float32)) for m in (*scenes.box(), panel)]  # fmt: skip
+        scene = Scene(tuple(meshes), (scenes.WHITE, lamp))
+        light.append(mean_light(scene, *((a @ turn.T).astype(np.float32) for a in (position, normal)), 512))
+    return abs(light[1] / light[0] - 1)
+
+
+def inside_out(scene: Scene) -> Scene:
+    return replace(scene, meshes=tuple(replace(mesh, normal=-mesh.normal) for mesh in scene.meshes))
+
+
+def with_sheet(scene: Scene) -> Scene:
+    """A two-sided sheet of the walls' material across the middle."""
+    sheet = replace(scenes.floor(0.6, 0.1), material=len(scene.materials))
+    return replace(scene, meshes=(*scene.meshes, sheet),
+                   materials=(*scene.materials, replace(scene.materials[0], double_sided=True)))  # fmt: skip
+
+
+def next_room(dark_side: bool) -> float:
+    """Two rooms on one floor and under one ceiling, 1 mm apart, of albedo 0.5.
+
+    In one the walls shine. The other is dark, and its largest B is returned; or its walls shine 250 times less, and
+    the larger relative error of a room's mean B is returned.
+    """
+    albedo = (0.5, 0.5, 0.5, 1.0)
+    bright, other = 25.0, 0.0 if dark_side else 0.1
+    materials = [Material("wall", albedo, emission=(radiance,) * 3) for radiance in (bright, other)]
+    gap = np.float32([2.001, 0, 0])
+    rooms = [[replace(m, position=m.position + k * gap, material=k) for m in scenes.box()] for k in (0, 1)]
+    if dark_side:  # floor and ceiling run on, dark, and only the other walls of the bright room shine
+        across = [m for m in scenes.box() if m.normal[0, 1]]
+        wide = [replace(m, position=m.position * np.float32([2.0005, 1, 1]) + gap / 2, material=1) for m in across]
+        rooms = [[m for m in room if not m.normal[0, 1]] for room in rooms] + [wide]
+    scene = Scene(tuple(mesh for room in rooms for mesh in room), tuple(materials))
+    position, normal = even_points(192)
+    light = [mean_light(scene, position + k * gap, normal, 128) for k in (0, 1)]
+    if dark_side:
+        assert light[0] > 1
+        return light[1]
+    return max(abs(found / (2 * radiance) - 1) for found, radiance in zip(light, (bright, other), strict=True))
+
+
 def turned() -> np.ndarray:
     """A rotation (3, 3) that leaves nothing along an axis."""
     rotation, _ = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))
@@ -142,6 +220,8 @@ CASES = [
     furnace("furnace of radiance 1e6", 0.01, 0.5, 1e6),
     case("Light", "a closed room of albedo 1 without light", "it is black", lambda: dark(NO_LIGHT), EXACT),
     case("Light", "light behind a 1 mm wall", "none comes through", lambda: dark(shell(1.001)), EXACT),
+    case("Light", "light behind a 1 mm wall, at pixels on the edges of the room", "none comes through", at_edges,
+         Tolerance(0.01, "1e-6 of the light: a path in 1e6 meets an edge to its rounding, and goes on behind it")),
     case("Light", "light behind a wall of 0.01 mm", "none comes through", lambda: dark(shell(1.00001)), EXACT),
     *[
         case("Light", f"a lamp of {edge} m and radiance {radiance:g}", "B = L A / pi, without fireflies",
@@ -154,6 +234,32 @@ CASES = [
          Tolerance(0.01, "which of two equal walls a ray meets changes nothing but rounding")),
     case("Light", "light behind a 1 mm wall of a hall of 200 m", "none comes through",
          lambda: dark(shell(1.00001, 100)), EXACT),
+    *[
+        furnace(f"a lit wall {what}", 0.015, 0.8, 1.0, 128, change=lying_on_it(*on_it), turn=turn)
+        for what, turn, on_it in (
+            ("and an unlit one at the same place", None, (False, False, 1)),
+            ("at the same place, lit as well", None, (False, False, 0)),
+            ("back to back with an unlit one", None, (True, False, 1)),
+            ("in the plane of an unlit one of other triangles", None, (False, True, 1)),
+            ("along no axis, in the plane of an unlit one of other triangles", turned(), (False, True, 1)),
+            ("back to back with an unlit one of other triangles", None, (True, True, 1)),
+            ("along no axis, back to back with an unlit one of other triangles", turned(), (True, True, 1)))
+    ],
+    *[
+        case("Light", f"a lamp in the plane of a ceiling{where}", "B is that of a lamp 1 mm below it",
+             lambda turn=turn: flush_lamp(turn),
+             Tolerance(0.01, "a millimetre, and three standard errors of 320 points"))
+        for where, turn in (("", np.eye(3)), (" that lies along no axis", turned()))
+    ],
+    furnace("normals of vertices that face away from their triangles", 0.015, 0.8, 1.0, 128, change=inside_out),
+    furnace("a two-sided sheet in the middle, lit as the walls", 0.015, 0.8, 1.0, 128, change=with_sheet),
+    case("Light", "light in the next room, behind a 1 mm wall on the same floor", "none comes through",
+         lambda: next_room(dark_side=True), EXACT),
+    case("Light", "a room of B = 0.2 beside one of 50", "each has its own",
+         lambda: next_room(dark_side=False), Tolerance(0.01, "three standard errors of 192 points")),
+]  # fmt: skip
+
+INVARIANCE = [
     unchanged("turned to lie along no axis", turn=turned()),
     unchanged("1 km from the origin", move=lambda p: p + 1e3 * AWAY),
     unchanged("10 km from the origin, turned", move=lambda p: p + 1e4 * AWAY, turn=turned()),

@@ -11,6 +11,8 @@ from gsgi.baker.budget_search import FEWEST, Attempt, search
 from gsgi.baker.fitting.loss import image_loss
 from gsgi.baker.fitting.target import Target
 from gsgi.baker.over import cuda_loss
+from gsgi.baker.settings import Settings
+from gsgi.runtime.errors import UsageError
 
 from .case import Case, Measured, Tolerance
 from .layers import ALL_SETS, instruction_set
@@ -115,6 +117,9 @@ CASES = [
     loss("a view that sees nothing", lambda: (noise(24, 30), noise(24, 30), np.zeros((24, 30), bool))),
     budget("a target below what is reachable", "the best there is", 1e-9, 40 * FEWEST, 40 * FEWEST),
     budget("a target exactly at the bound", "the fewest that meet it", FEWEST**-0.5, 40 * FEWEST, FEWEST),
+    Case(GROUP, "a most of no Gaussian", "refused: there is no such file",
+         lambda: Measured({"search": lambda _: Settings(budget=0)}), {"search": Tolerance(0, "it is refused or not")},
+         (UsageError, "^budget: expected at least 1, got 0")),
     budget("a most of one Gaussian", "it is tried", 1e-9, 1, 1),
     budget("a most of two Gaussians", "they are tried", 1e-9, 2, 2),
     budget("a loss that never falls", "the fewest", 1e-9, 40 * FEWEST, FEWEST, lambda _: 0.5),

@@ -1,7 +1,8 @@
-"""Break central formulas on purpose, one at a time, and see which hard case notices.
+"""Break central formulas on purpose, one at a time, and see which hard case or test notices.
 
-`cd tests; ../.venv/bin/python -m hard_cases.mutants` prints a line for each; a mutant that survives needs a case. It
-changes the working tree and puts it back, and builds the kernels anew for those in C++: minutes.
+`cd tests; ../.venv/bin/python -m hard_cases.mutants` prints a line for each; a mutant that survives needs a case. With
+words, only mutants whose names have one of them are tried. It changes the working tree and puts it back, and builds the
+kernels anew for those in C++: minutes.
 """
 
 import os
@@ -12,14 +13,17 @@ from typing import NamedTuple
 
 from repository import ROOT, TESTS
 
+CASES, FIT = "hard_cases/test_cases.py", "baker/surface/test_fit.py"
+
 
 class Mutant(NamedTuple):
-    """`old` becomes `new` in the file at `path`, where it stands once."""
+    """`old` becomes `new` in the file at `path`, where it stands once; one of `tests` must notice."""
 
     name: str
     path: str
     old: str
     new: str
+    tests: str = CASES
 
 
 MUTANTS = [
@@ -41,6 +45,14 @@ MUTANTS = [
     Mutant("a factor in the gradient by opacity", "baker/kernels/surface/field_read.h",
            "p * w * L(1 - gaussian.opacity)",
            "p * w"),
+    Mutant("cells that end too early", "runtime/cell_lists.py", "SLACK = 1e-5", "SLACK = -0.2"),
+    Mutant("the other half of a cell", "glsl/surface/lookup.glsl", "vec3(4.0, 2.0, 1.0)", "vec3(1.0, 2.0, 4.0)"),
+    Mutant("cuts that cost more than they gain", "baker/surface/fit.py", "> -CUT_COST", "> -np.inf", FIT),
+    Mutant("holes where there is none", "baker/surface/fit.py", "weight < optimiser.blend.floor",
+           "weight >= optimiser.blend.floor", FIT),
+    Mutant("faces that stay on each other", "baker/trace/overlaps.py", "APART = 4.0", "APART = 0.0"),
+    Mutant("lamps that count twice", "baker/trace/duplicates.py", "keep[some] = False", "keep[some] = True"),
+    Mutant("points that stay on edges", "baker/trace/planes.py", "EDGE = 2.0**-22", "EDGE = 0.0"),
 ]  # fmt: skip
 
 
@@ -48,13 +60,15 @@ def main() -> None:
     """Exit with 1 if a mutant survives."""
     survivors = 0
     for mutant in MUTANTS:
+        if sys.argv[1:] and not any(word in mutant.name for word in sys.argv[1:]):
+            continue
         path = ROOT / mutant.path
         text = path.read_text(encoding="utf-8")
         assert text.count(mutant.old) == 1, mutant
         try:
             path.write_text(text.replace(mutant.old, mutant.new), encoding="utf-8")
             rebuild(path)
-            caught = first_failure()
+            caught = first_failure(mutant.tests)
         finally:
             path.write_text(text, encoding="utf-8")
             rebuild(path)
@@ -72,8 +86,8 @@ def rebuild(path) -> None:
         subprocess.run(command, cwd=ROOT, env=os.environ | {"GSGI_REQUIRE_KERNELS": "1"}, check=True)
 
 
-def first_failure() -> str | None:
-    """The hard case that fails first, without softpipe, which is slow; None if all hold."""
+def first_failure(tests: str) -> str | None:
+    """The test that fails first, without softpipe, which is slow; None if all hold."""
     command = [
         sys.executable,
         "-m",
@@ -82,10 +96,10 @@ def first_failure() -> str | None:
         "-x",
         "-k",
         "not softpipe and not page",
-        "hard_cases/test_cases.py",
+        tests,
     ]
     run = subprocess.run(command, cwd=TESTS, capture_output=True, text=True)
-    found = re.search(r"^(?:FAILED|ERROR) \S*?test_cases\.py::\w+\[?(.*?)\]?(?: - .*)?$", run.stdout, re.MULTILINE)
+    found = re.search(r"^(?:FAILED|ERROR) \S*?\.py::(.*?)(?: - .*)?$", run.stdout, re.MULTILINE)
     assert run.returncode in (0, 1), run.stdout
     return found[1] if found else None if run.returncode == 0 else run.stdout[-300:]
 

@@ -13,9 +13,10 @@ PAGE = ROOT / "docs" / "hard-cases.md"
 HEAD = """# Hard cases
 
 Scenes, Gaussians, cameras and files that are hard for the numerics, and the worst error of each layer. Written by
-`./dev hard` from `tests/hard_cases/`, which the tests run; each error is below its tolerance, which the tables after
-the errors name with its source. An error of Gaussians and cameras is in parts of the brightest light; an error of a
-`file` is in halves of a quantisation step. "refused" stands where an error message is the right answer.
+`./dev hard` from `tests/hard_cases/`, which the tests run too, but for slow ones; each error is below its tolerance,
+which the tables after the errors name with its source. An error of Gaussians and cameras is in parts of the brightest
+light, one of a `file` in halves of a quantisation step, and one of a room that must have another's light in parts of
+the difference that another seed makes. "refused" stands where an error message is the right answer.
 """
 # In the order of the columns.
 LAYERS = {
@@ -36,6 +37,9 @@ LAYERS = {
     "kernels": "C++ that has but one implementation",
     "search": "the search for a budget",
     "tracer": "the path tracer, on points",
+    "bake": "a bake by `surface` with few samples, read at points by `gsgi.sample`",
+    "frame": "its light in frames of the deferred renderer, on llvmpipe",
+    "frame of over": "the same of a bake by `over`",
     "reader": "`read_gltf`",
     "validator": "`gsgi validate`",
     "runtime": "numpy that has but one implementation",

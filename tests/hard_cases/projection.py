@@ -16,11 +16,11 @@ from gsgi.runtime.gl.indirect_light import IndirectLight
 
 from .build import PINHOLE, gaussians, turned
 from .case import Case, Tolerance
-from .layers import ALL_SETS
+from .layers import ALL_SETS, clip_from_view
 from .over import EVERYWHERE as OVER
 from .over import over_case
+from .surface import DISTANCE, Reading, surface_case
 from .surface import EVERYWHERE as SURFACE
-from .surface import Reading, surface_case
 from .surface_gaussians import everywhere, tiles
 
 GROUP = "Projection"
@@ -73,6 +73,63 @@ class HostFrame:
                 resource.release()
         expected = reading.expected[0].reshape(found.shape)
         return float(np.abs((found if lens.upper_left else found[::-1]) - expected).max() / expected.max())
+
+
+@dataclass(frozen=True)
+class HostView:
+    """The tiles on a wall, seen through a host's own matrices. The truth is the oracle's B at what they show."""
+
+    clip_from_view: np.ndarray
+    view_from_world: np.ndarray
+
+    def error(self, layer: str, gl: moderngl.Context) -> float:
+        """The largest error of B, in parts of the largest B."""
+        reading, shape = Reading(tiles(), everywhere()), (PINHOLE.height, PINHOLE.width)
+        depth = np.full(shape, DISTANCE)
+        y, x = ((np.mgrid[: shape[0], : shape[1]] + 0.5) / np.reshape(shape, (2, 1, 1))) * 2 - 1
+        clip = self.clip_from_view
+        away = depth * -clip[3, 2] + clip[3, 3]  # the homogeneous coordinate
+        view = [(c * away + depth * clip[k, 2]) / clip[k, k] for k, c in enumerate((x, y))]
+        points = np.stack([*view, -depth, np.ones(shape)], axis=-1) @ np.linalg.inv(self.view_from_world).T
+        normal = np.broadcast_to([0.0, 0, 1], (*shape, 3))
+        _, expected = oracle.read_surface(
+            reading.fine, reading.coarse, reading.blend, points[..., :3].reshape(-1, 3), normal.reshape(-1, 3)
+        )
+        light = IndirectLight(gl, reading.bake, Encoding("linear", "signed"), 1)
+        textures = host.texture(gl, depth), host.texture(gl, np.concatenate([normal, normal[..., :1]], axis=2))
+        try:
+            found = host.pixels(light.draw(*textures, self.view_from_world, clip))[..., :3]
+        finally:
+            for resource in (light, *textures):
+                resource.release()
+        return float(np.abs(found - expected.reshape(found.shape)).max() / expected.max())
+
+
+@dataclass(frozen=True)
+class StateLeft:
+    """The tiles on a wall, in a context whose pixel-store state a host has changed, from the upload on."""
+
+    def error(self, layer: str, gl: moderngl.Context) -> float:
+        """The largest error of B, in parts of the largest B."""
+        reading = Reading(tiles(), everywhere())
+        depth, normal = (array.astype(float)[::-1] for array in reading.seen)
+        textures = host.texture(gl, depth), host.texture(gl, np.concatenate([normal, normal[..., :1]], axis=2))
+        calls = [call for call in host.SET.values() if call[0] == "PixelStorei"]
+        light = None
+        try:
+            for call in calls:
+                host.call(gl, *call)
+            bake = Bake(reading.fine, reading.blend, coarse=reading.coarse)
+            light = IndirectLight(gl, bake, Encoding("linear", "signed"), 1)
+            drawn = light.draw(*textures, PINHOLE.view_from_world, clip_from_view(PINHOLE, NEAR))
+            for name, parameter, value in calls:  # back to what it is in a fresh context
+                host.call(gl, name, parameter, 4 if value == 8 else 0)
+            found = host.pixels(drawn)[::-1, :, :3]
+        finally:
+            for resource in filter(None, (light, *textures)):
+                resource.release()
+        expected = reading.expected[0].reshape(found.shape)
+        return float(np.abs(found - expected).max() / expected.max())
 
 
 def _encoding(lens: Lens) -> Encoding:
@@ -159,6 +216,13 @@ CASES = [
     lens("an upper left origin, reversed", *REVERSED, "reversed", upper_left=True, zero_to_one=True),
     lens("metres under any projection", *REVERSED, "linear"),
     lens("neither perspective nor orthographic", -0.1, -1.0, last_row=(0, 0, -1, 1), refused=f"{CLIP}a .4, 4. proj"),
+    Case(GROUP, "pixel-store state that a host left", "the light is the oracle's", StateLeft,
+         dict.fromkeys(("llvmpipe", SOFT), _DEPTHS)),
+    Case(GROUP, "an orthographic projection", "the light is the oracle's",
+         lambda: HostView(np.diag([0.4, 0.8, -0.1, 1.0]), np.eye(4)), dict.fromkeys(("llvmpipe", SOFT), _DEPTHS)),
+    Case(GROUP, "a pose that mirrors", "the light is the oracle's",
+         lambda: HostView(clip_from_view(PINHOLE, NEAR), np.diag([-1.0, 1, 1, 1])),
+         dict.fromkeys(("llvmpipe", SOFT), _DEPTHS)),
     lens("no near plane", -1.0, 0.0, refused=f"{CLIP}a near plane"),
     lens("a projection that is not a number", np.nan, -0.1, refused=CLIP),
     lens("a pose that scales", *TO_FAR, view_from_world=np.diag([2.0, 2, 2, 1]), refused=f"{POSE}a rigid"),
