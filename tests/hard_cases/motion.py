@@ -181,7 +181,8 @@ def case(name: str, path, build, scale: int, slow: bool) -> Case:
         return Measured({"llvmpipe": lambda gl: worst_frame(gl, path, fine, coarse, scale)})
 
     where = "" if scale == 1 else f", at 1/{scale} of the resolution"
-    holds = f"in {STEPS} frames no pixel has other light than its surface"
+    near = "at its point" if scale == 1 else f"within {2 * scale} px, if it is read there"
+    holds = f"in {STEPS} frames each pixel has light that its surface has {near}"
     return Case("Motion", f"{name}{where}", holds, question, {"llvmpipe": HALF}, slow=slow)
 
 
