@@ -20,8 +20,10 @@ def lambertian(scene: Scene) -> Scene:
     Where metals are rough, nothing is metallic any more. Where they are black, what is metal throughout has no textures
     that only its reflection would show.
     """
-    change = _rough if scene.metals == "rough" else _black
-    return replace(scene, materials=tuple(change(material) for material in scene.materials))
+    if scene.metals == "rough":
+        return replace(scene, materials=tuple(_rough(material) for material in scene.materials))
+    blends = {mesh.material for mesh in scene.blended}
+    return replace(scene, materials=tuple(_black(m, index in blends) for index, m in enumerate(scene.materials)))
 
 
 def as_baked(scene: Scene, bake: Bake | None) -> Scene:
@@ -59,10 +61,10 @@ def _rough(material: Material) -> Material:
     return replace(material, metallic=0.0, metallic_texture=None)
 
 
-def _black(material: Material) -> Material:
+def _black(material: Material, blends: bool) -> Material:
     if material.metallic < 1 or material.metallic_texture is not None:
         return material
-    base = material.base_color_texture if material.alpha_cutoff is not None else None
+    base = material.base_color_texture if blends or material.alpha_cutoff is not None else None
     return replace(material, base_color_texture=base, normal_texture=None)
 
 

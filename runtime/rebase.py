@@ -31,9 +31,12 @@ def origin_of_bake(bake: Bake) -> np.ndarray:
 
 def local_scene(scene: Scene, origin: np.ndarray) -> Scene:
     """The scene with meshes and lights relative to `origin` (3,); its cameras are unchanged."""
-    meshes = [replace(mesh, position=(mesh.position - origin).astype(np.float32)) for mesh in scene.meshes]
-    lights = [replace(light, position=light.position - origin) for light in scene.lights]
-    return replace(scene, meshes=tuple(meshes), lights=tuple(lights))
+    meshes, blended = (
+        tuple(replace(mesh, position=(mesh.position - origin).astype(np.float32)) for mesh in part)
+        for part in (scene.meshes, scene.blended)
+    )
+    lights = tuple(replace(light, position=light.position - origin) for light in scene.lights)
+    return replace(scene, meshes=meshes, blended=blended, lights=lights)
 
 
 def local_bake(bake: Bake, origin: np.ndarray) -> Bake:

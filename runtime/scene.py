@@ -1,6 +1,6 @@
 """A scene as arrays: triangles in world space, materials, punctual lights, cameras."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -44,7 +44,8 @@ class Material:
     below it are holes. The back of a single-sided surface (not `double_sided`) is not drawn, reflects and emits
     nothing, but still blocks light. The normal texture (linear, tangent space, xy scaled by `normal_scale`) shapes
     primary light; B uses the interpolated normal. An `unlit` surface shows its base colour as radiance, has albedo 0
-    and emits no light into the scene.
+    and emits no light into the scene. A `stand_in` is what light meets of a partly transparent surface: it is not drawn
+    itself, since frames show `Scene.blended`.
     """
 
     name: str = ""
@@ -59,6 +60,7 @@ class Material:
     alpha_cutoff: float | None = None
     double_sided: bool = False
     unlit: bool = False
+    stand_in: bool = False
 
     def slots(self) -> tuple[TextureSlot, ...]:
         """The texture slots that the material uses."""
@@ -138,7 +140,9 @@ class Environment:
 class Scene:
     """Everything that the baker and the renderer need from a glTF file.
 
-    `metals` is "rough" (they reflect diffusely, as rough ones would on average) or "black" (they reflect nothing).
+    `blended` are partly transparent surfaces, whose opacity is alpha (factor * texture * vertex colour): a frame blends
+    them over `meshes`, and the light knows nothing of them. `metals` is "rough" (they reflect diffusely, as rough ones
+    would on average) or "black" (they reflect nothing).
     `warnings` are one line each. `transparent` repeats the text (without file and pointer) of the warnings about partly
     transparent materials. `files` lists the files that the scene was read from: the glTF file first, then its buffers
     and images, then files that define light.
@@ -154,9 +158,15 @@ class Scene:
     warnings: tuple[str, ...] = ()
     transparent: tuple[str, ...] = ()
     files: tuple[Path, ...] = ()
+    blended: tuple[Mesh, ...] = ()
+
+    def as_traced(self) -> "Scene":
+        """The scene as light meets it: stand-ins are shown, and nothing is blended."""
+        materials = tuple(replace(material, stand_in=False) for material in self.materials)
+        return replace(self, materials=materials, blended=())
 
     def used_materials(self) -> list[Material]:
-        """The materials that at least one mesh uses."""
+        """The materials that at least one of `meshes` uses."""
         return [self.materials[index] for index in sorted({mesh.material for mesh in self.meshes})]
 
     def emits(self, material: Material) -> bool:

@@ -1,4 +1,4 @@
-// Attributes of the nearest surface, for primary light and composite.
+// Attributes of the nearest surface, or of the nearest in a layer, for primary light and composite.
 #include "lib/constants.glsl"
 #include "lib/normal_map.glsl"
 #include "lib/octahedral.glsl"
@@ -37,6 +37,13 @@ in vec4 v_tangent;
 uniform highp sampler2D emission_texture;
 uniform vec2 emission_mirror;
 in vec2 v_emission_uv;
+#endif
+
+#if PEELED
+#define SAME_DEPTH 1e-5  // a decal in the plane of a solid surface counts as before it
+uniform highp sampler2D depth_before;  // of the solid surfaces; 0: none
+uniform highp sampler2D depth_beyond;  // of the layer before this one; 0: none
+uniform bool is_first;
 #endif
 
 layout(location = 0) out vec4 out_albedo;
@@ -87,7 +94,16 @@ void main() {
 #if ALPHA_MASK
     if (color.a < alpha_cutoff) discard;
 #endif
+#if PEELED
+    if (color.a < ALPHA_MIN) discard;
+    float solid = texelFetch(depth_before, ivec2(gl_FragCoord.xy), 0).r;
+    if (solid > 0.0 && v_depth > solid * (1.0 + SAME_DEPTH)) discard;
+    float nearer = texelFetch(depth_beyond, ivec2(gl_FragCoord.xy), 0).r;
+    if (!is_first && !(nearer > 0.0 && v_depth > nearer)) discard;
+    out_albedo = vec4(albedo, color.a);
+#else
     out_albedo = vec4(albedo, 1.0);
+#endif
     out_normal = vec4(octahedral_from_normal(side * shading), octahedral_from_normal(face));
     out_emission = vec4(min(radiance, vec3(HALF_MAX)), 1.0);
     out_depth = vec4(v_depth, 0.0, 0.0, 1.0);

@@ -8,6 +8,8 @@ from .geometry import Batch, Geometry
 from .permutations import defines, sampled
 from .shader import program, set_uniforms
 
+_PEELED_UNIT = 4  # after the textures of a material
+
 
 class GBuffer:
     """Targets of (width, height) px, all linear:
@@ -19,11 +21,12 @@ class GBuffer:
     depth     R32F     distance along the view axis, m; 0 = no surface
 
     `interpolated` has the shading normal without the normal map in xy; B belongs to this normal. It is a separate RG16F
-    target if a material has a normal map, otherwise it is `normal`.
+    target if a material has a normal map, otherwise it is `normal`. Stand-ins of partly transparent surfaces are left
+    out. If `peeled`, it shows one layer of such surfaces, and the albedo has their opacity in a.
     """
 
-    def __init__(self, ctx: moderngl.Context, geometry: Geometry, size: tuple[int, int]):
-        self.ctx, self.geometry, self.size = ctx, geometry, size
+    def __init__(self, ctx: moderngl.Context, geometry: Geometry, size: tuple[int, int], peeled: bool = False):
+        self.ctx, self.geometry, self.size, self._peeled = ctx, geometry, size, peeled
         self.albedo, self.normal, self.emission = (ctx.texture(size, 4, dtype="f2") for _ in range(3))
         self.depth = ctx.texture(size, 1, dtype="f4")
         self._nearest = ctx.depth_renderbuffer(size)
@@ -34,10 +37,14 @@ class GBuffer:
             self._targets.append(self.interpolated)
         self._target = ctx.framebuffer(self._targets, self._nearest)
         self._programs: dict[tuple, moderngl.Program] = {}
-        self._draws = [(batch, self._vertex_array(batch)) for batch in geometry.batches]
+        shown = [batch for batch in geometry.batches if not batch.material.stand_in]
+        self._draws = [(batch, self._vertex_array(batch)) for batch in shown]
 
-    def draw(self, camera: Camera) -> None:
-        """Fill all targets."""
+    def draw(
+        self, camera: Camera, before: moderngl.Texture | None = None, beyond: moderngl.Texture | None = None
+    ) -> None:
+        """Fill all targets; if peeled, with what is nearer than the depths `before` and not than those `beyond`."""
+        assert (before is not None) == self._peeled
         self._target.use()
         self._target.clear()
         frame = {
@@ -45,6 +52,10 @@ class GBuffer:
             "clip_from_view": camera.clip_from_view(self.size[0] / self.size[1]),
             "eye": camera.position,
         }
+        if before is not None:
+            before.use(_PEELED_UNIT)
+            (beyond or before).use(_PEELED_UNIT + 1)
+            frame |= {"depth_before": _PEELED_UNIT, "depth_beyond": _PEELED_UNIT + 1, "is_first": beyond is None}
         for batch, triangles in self._draws:
             material = batch.material
             culling = 0 if material.double_sided else moderngl.CULL_FACE
@@ -59,7 +70,7 @@ class GBuffer:
             resource.release()
 
     def _vertex_array(self, batch: Batch) -> moderngl.VertexArray:
-        features = defines("frame/gbuffer", batch.triangles(self._bent))
+        features = defines("frame/gbuffer", batch.triangles(self._bent, self._peeled))
         key = tuple(features.values())
         if key not in self._programs:
             self._programs[key] = program(self.ctx, "frame/gbuffer", **features)

@@ -27,9 +27,9 @@ class Batch:
     attributes: dict[str, moderngl.Buffer]
     indices: moderngl.Buffer  # uint32
 
-    def triangles(self, bent: bool = False) -> Triangles:
+    def triangles(self, bent: bool = False, peeled: bool = False) -> Triangles:
         """Description that determines the passes' defines."""
-        return Triangles(self.material, "color" in self.attributes, bent)
+        return Triangles(self.material, "color" in self.attributes, bent, peeled)
 
     def vertex_array(self, program: moderngl.Program) -> moderngl.VertexArray:
         """Vertex array of the triangles for `program`, with the attributes that it reads."""

@@ -18,12 +18,14 @@ _WIDEST_FACE = 0.5  # cosine; a cone wider than 60 degrees to a side would waste
 class Triangles(NamedTuple):
     """Triangles that are drawn at once: all of one material, with or without vertex colours.
 
-    `bent`: whether any material that is drawn, this one or another, has a normal map.
+    `bent`: whether any material that is drawn, this one or another, has a normal map. `peeled`: whether they are part
+    of a layer of partly transparent surfaces.
     """
 
     material: Material
     colored: bool
     bent: bool = False
+    peeled: bool = False
 
 
 class Level(NamedTuple):
@@ -88,6 +90,10 @@ def lookup_defines(fine: int, coarse: int) -> dict[str, int]:
     return {"FINE_SH_COUNT": fine, "COARSE_SH_COUNT": coarse}
 
 
+def _lookup_define(name: str, counts: tuple[int, int] | None) -> int:
+    return lookup_defines(*counts)[name] if counts else 0
+
+
 # Defines that the host's Encoding sets.
 _HOST = {name: lambda reading, name=name: reading.encoding.defines()[name] for name in Encoding().defines()}
 
@@ -101,6 +107,7 @@ _SURFACE = {
     "ALPHA_MASK": _masked,
     "UNLIT": lambda t: t.material.unlit,
     "INTERPOLATED": lambda t: t.bent,
+    "PEELED": lambda t: t.peeled,
 }
 
 # Defines of each pass. A function returns the value for what the pass draws or reads; a comment names its type.
@@ -137,6 +144,10 @@ PASSES: dict[str, dict[str, Callable[[Any], int]]] = {
     },
     "surface/add_light": {"ALBEDO_SRGB": lambda encoding: encoding.albedo_defines()["ALBEDO_SRGB"]},  # Encoding
     "frame/composite": {},
+    "frame/blend": {  # (int, int): as of panda3d/light; None: without B
+        "LOOKUP": lambda counts: counts is not None,
+        **{name: lambda counts, name=name: _lookup_define(name, counts) for name in lookup_defines(0, 0)},
+    },
     "frame/display": {"SURFACES_ONLY": lambda masked: masked},  # bool
     "viewer/ellipsoids": {  # Bake
         "SH_DEGREE": lambda bake: bake.gaussians.sh_degree,
@@ -161,7 +172,7 @@ PASSES: dict[str, dict[str, Callable[[Any], int]]] = {
         "INDIRECT": lambda p: p.indirect,
         "LOOKUP": lambda p: p.lookup is not None,
         **{
-            name: lambda p, name=name: lookup_defines(*p.lookup)[name] if p.lookup else 0
+            name: lambda p, name=name: _lookup_define(name, p.lookup)
             for name in lookup_defines(0, 0)
         },
     },

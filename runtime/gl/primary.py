@@ -19,12 +19,13 @@ from .view import View
 class Primary:
     """Pass that adds `albedo / pi * color * attenuation * max(0, n.l) * visibility` of each light to the emission.
 
-    The emission is that of the G-buffer. n is the shading normal. Light from behind the triangle is left out.
+    The emission is that of each G-buffer; all are of one size. n is the shading normal. Light from behind the triangle
+    is left out.
     """
 
-    def __init__(self, ctx: moderngl.Context, gbuffer: GBuffer, shadow: Shadow, lights: Sequence[Light]):
-        self.ctx, self.gbuffer, self.shadow, self.lights = ctx, gbuffer, shadow, lights
-        self._target = ctx.framebuffer(gbuffer.emission)
+    def __init__(self, ctx: moderngl.Context, gbuffers: Sequence[GBuffer], shadow: Shadow, lights: Sequence[Light]):
+        self.ctx, self.gbuffers, self.shadow, self.lights = ctx, gbuffers, shadow, lights
+        self._targets = [ctx.framebuffer(gbuffer.emission) for gbuffer in gbuffers]
         samplers = "albedo", "normal", "depth", "shadow_atlas"
         self._passes = {
             features: FullScreenPass(ctx, "frame/primary", samplers, **dict(features))
@@ -32,8 +33,8 @@ class Primary:
         }
 
     def draw(self, camera: Camera, profile: Profile | None = None) -> None:
-        """Light the surfaces of the G-buffer, with one shadow atlas and one full-screen pass per light."""
-        frame = View.of_camera(camera, self.gbuffer.size).uniforms()
+        """Light the surfaces of the G-buffers, with one shadow atlas per light and one full-screen pass for each."""
+        frame = View.of_camera(camera, self.gbuffers[0].size).uniforms()
         for light in self.lights:
             with measured(profile, "frame/shadow"):
                 shadow = self.shadow.draw(light)
@@ -42,14 +43,15 @@ class Primary:
 
     def release(self) -> None:
         """Free the GPU memory."""
-        for resource in (*self._passes.values(), self._target):
+        for resource in (*self._passes.values(), *self._targets):
             resource.release()
 
     def _add(self, light: Light, uniforms: dict) -> None:
         self.ctx.enable_only(moderngl.BLEND)
         self.ctx.blend_func = moderngl.ONE, moderngl.ONE
-        inputs = self.gbuffer.albedo, self.gbuffer.normal, self.gbuffer.depth, self.shadow.atlas
-        self._passes[_features(light)].draw(self._target, *inputs, **uniforms, **_light(light))
+        for gbuffer, target in zip(self.gbuffers, self._targets, strict=True):
+            inputs = gbuffer.albedo, gbuffer.normal, gbuffer.depth, self.shadow.atlas
+            self._passes[_features(light)].draw(target, *inputs, **uniforms, **_light(light))
 
 
 def _features(light: Light) -> tuple:

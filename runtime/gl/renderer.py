@@ -1,21 +1,25 @@
-"""The deferred frame: G-buffer, background, primary light, splats, composite, in this order."""
+"""The deferred frame: G-buffer, background, primary light, splats, composite, blended surfaces, in this order."""
+
+from dataclasses import replace
 
 import moderngl
 import numpy as np
 
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.errors import UnsupportedError
-from gsgi.runtime.gaussians import Bake
+from gsgi.runtime.gaussians import Bake, SurfaceBlend
 from gsgi.runtime.layers import LAYERS
 from gsgi.runtime.metals import as_baked, lambertian
-from gsgi.runtime.rebase import local_camera, local_scene, origin_of
+from gsgi.runtime.rebase import local_bake, local_camera, local_scene, origin_of
 from gsgi.runtime.scene import Scene
 
 from .background import Background
+from .blended import Blended
 from .composite import Composite, Display
 from .gbuffer import GBuffer
 from .geometry import Geometry
 from .indirect_light import IndirectLight
+from .indirect_lookup import IndirectLookup
 from .primary import Primary
 from .profile import Profile, measured
 from .shadow import Shadow
@@ -27,7 +31,9 @@ class DeferredRenderer:
     """Draws `scene` with the indirect light of `bake` into its own targets of `width` x `height` px.
 
     Only what the scene needs is created: without a bake there are no splats and no composite, without lights no
-    shadows, without an environment no background. Metals reflect as in the bake, if there is one. A bake of the
+    shadows, without an environment no background. Of partly transparent surfaces four are blended per pixel, lit by
+    primary light and, with a bake of the `surface` operator, by B at each; their shadows are those of what stands in
+    for them in the bake. Metals reflect as in the bake, if there is one. A bake of the
     `surface` operator is read once per `splat_scale` x `splat_scale` pixels (1 to 4) and upsampled; a bake of `over` is
     always drawn at full resolution. The framebuffer, blending, depth test and culling of `ctx` are left changed. Raises
     ValueError for another `splat_scale`, and UnsupportedError for textures, Gaussians or a size that the driver cannot
@@ -46,11 +52,15 @@ class DeferredRenderer:
         scene = lambertian(as_baked(scene, bake))
         self._scene, self._bake = scene, bake
         self.geometry = Geometry(ctx, scene)
-        self.shadow = self.splats = None
+        self.shadow = self.splats = self._blended_geometry = self._lookup = None
         if scene.lights and self.geometry.batches:
             self.shadow = Shadow(ctx, self.geometry, scene.bounds())
         if bake is not None:
             self.splats = IndirectLight(ctx, bake, splat_scale=splat_scale)
+        if scene.blended:
+            self._blended_geometry = Geometry(ctx, replace(scene, meshes=scene.blended))
+            if bake is not None and isinstance(bake.blend, SurfaceBlend):
+                self._lookup = IndirectLookup(ctx, local_bake(bake, self._origin))
         self._make_targets((width, height))
 
     def resize(self, width: int, height: int) -> None:
@@ -80,6 +90,8 @@ class DeferredRenderer:
         near_origin = local_camera(camera, self._origin)
         with measured(profile, "frame/gbuffer"):
             self.gbuffer.draw(near_origin)
+            if self.blended:
+                self.blended.draw(near_origin)
         if self.background:
             with measured(profile, "frame/background"):
                 self.background.draw(near_origin)
@@ -90,13 +102,16 @@ class DeferredRenderer:
             self.splats.draw_view(view, self.gbuffer.depth, self.gbuffer.interpolated, profile=profile)
             with measured(profile, "frame/composite"):
                 self.composite.draw(self.splats.indirect)
+        if self.blended:
+            with measured(profile, "frame/blend"):
+                self.blended.blend(near_origin)
         self._drawn = True
 
     def read(self, layer: str) -> np.ndarray:
         """A layer of the last frame, row 0 on top, float32: "depth" (H, W), the others (H, W, 3).
 
         "final" and "primary" are radiance, and hold the environment's radiance where there is no surface. The others
-        are 0 there. "indirect": B; "albedo"; "normal": shading normal as bent by the normal map, world space, unit;
+        are 0 there. Partly transparent surfaces are in "final" alone; without a bake "primary" is the same. "indirect": B; "albedo"; "normal": shading normal as bent by the normal map, world space, unit;
         "depth": distance along the view axis, m. Raises RuntimeError before the first frame of this size.
         """
         assert layer in LAYERS, layer
@@ -137,7 +152,7 @@ class DeferredRenderer:
             return
         self._released = True
         self._release_targets()
-        for part in (self.shadow, self.splats, self.geometry):
+        for part in (self.shadow, self.splats, self.geometry, self._blended_geometry, self._lookup):
             if part is not None:
                 part.release()
 
@@ -161,19 +176,22 @@ class DeferredRenderer:
         ctx, scene = self._ctx, self._scene
         self._drawn = False
         self.gbuffer = GBuffer(ctx, self.geometry, size)
-        self.background = self.primary = self.composite = None
+        self.background = self.primary = self.composite = self.blended = None
         if scene.environment is not None:
             self.background = Background(ctx, self.gbuffer, scene.environment)
-        if self.shadow:
-            self.primary = Primary(ctx, self.gbuffer, self.shadow, scene.lights)
         if self.splats:
             self.composite = Composite(ctx, self.gbuffer)
         # Background and light passes write to the G-buffer's emission, which then holds primary light.
         self._final = self.composite.radiance if self.composite else self.gbuffer.emission
+        if scene.blended:
+            self.blended = Blended(ctx, self._blended_geometry, self.gbuffer, self._final, self._lookup)
+        if self.shadow:
+            gbuffers = [self.gbuffer, *(self.blended.layers if self.blended else ())]
+            self.primary = Primary(ctx, gbuffers, self.shadow, scene.lights)
         self._display = Display(ctx, self._final)
 
     def _release_targets(self) -> None:
-        for part in (self._display, self.background, self.primary, self.composite, self.gbuffer):
+        for part in (self._display, self.background, self.primary, self.composite, self.blended, self.gbuffer):
             if part is not None:
                 part.release()
 

@@ -16,11 +16,12 @@ SPECULAR_GLOSSINESS = "KHR_materials_pbrSpecularGlossiness"
 
 @dataclass(frozen=True)
 class Paint:
-    """A material as primitives use it: its index, and the texture coordinates that its slots index into."""
+    """A material as primitives use it: its index, the texture coordinates that its slots index into, and its alpha."""
 
     index: int
     material: Material
     channels: tuple[UvChannel, ...]
+    opacity: transparency.Opacity
 
     @property
     def normal_channel(self) -> int | None:
@@ -37,10 +38,13 @@ class Materials:
         self.textures = Textures(document)
         self._document = document
         self._mode = mode
-        self._paints: dict[str, Paint | None] = {}
+        self._paints: dict[str, tuple[Paint, ...]] = {}
 
-    def paint(self, primitive: Json) -> Paint | None:
-        """The material of a primitive, or the default material of glTF; None if the primitive is left out."""
+    def paints(self, primitive: Json) -> tuple[Paint, ...]:
+        """The material of a primitive, or the default material of glTF.
+
+        For what is partly transparent a stand-in that light meets, if any, and the material that frames blend.
+        """
         if "material" in primitive:
             material = self._document.lookup("materials", primitive.get("material"))
             key = material.pointer
@@ -50,14 +54,15 @@ class Materials:
             self._paints[key] = self.read(material)
         return self._paints[key]
 
-    def read(self, material: Json) -> Paint | None:
-        """An entry of /materials; None if its surfaces are left out. Raises SceneError, UnsupportedError."""
+    def read(self, material: Json) -> tuple[Paint, ...]:
+        """The paints of an entry of /materials. Raises SceneError, UnsupportedError."""
+        opacities = transparency.read(self._document, material, self._mode)
+        return tuple(self._paint(material, opacity) for opacity in opacities)
+
+    def _paint(self, material: Json, opacity: transparency.Opacity) -> Paint:
         channels: list[UvChannel] = []
-        opacity = transparency.read(self._document, material, self._mode)
-        if opacity is None:
-            return None
         factor, base_texture = self._base_color(material)
-        factor = (*factor[:3], factor[3] * opacity.factor if opacity.cutoff is not None else 1.0)
+        factor = (*factor[:3], factor[3] * opacity.factor if opacity.counts else 1.0)
         unlit = material.extension(UNLIT) is not None
         metallic, metallic_texture = (0.0, None) if unlit else self._metallic(material)
         # Skip textures that cannot affect the image.
@@ -67,7 +72,7 @@ class Materials:
         record = Material(
             name=material.get("name", "").string(),
             base_color=factor,
-            base_color_texture=self._slot(base_texture if colored or opacity.cutoff is not None else None, channels),
+            base_color_texture=self._slot(base_texture if colored or opacity.counts else None, channels),
             metallic=metallic,
             metallic_texture=self._slot(metallic_texture if colored else None, channels),
             normal_texture=self._slot(normal, channels),
@@ -77,9 +82,10 @@ class Materials:
             alpha_cutoff=opacity.cutoff,
             double_sided=material.get("doubleSided", False).boolean(),
             unlit=unlit,
+            stand_in=opacity.stand_in,
         )
         self.records.append(record)
-        return Paint(len(self.records) - 1, record, tuple(channels))
+        return Paint(len(self.records) - 1, record, tuple(channels), opacity)
 
     def _base_color(self, material: Json) -> tuple[tuple[float, ...], Json | None]:
         """Factor (RGBA) and textureInfo of the diffuse base colour."""

@@ -40,7 +40,7 @@ class Code(StrEnum):
     TRAILING_BYTES = "TRAILING_BYTES"  # bytes after the last chunk of a GLB
     EXTENSION_IGNORED = "EXTENSION_IGNORED"
     SIMPLIFIED = "SIMPLIFIED"  # a material that is read with less than it defines
-    TRANSPARENT = "TRANSPARENT"  # a partly transparent material that becomes a hole or opaque or is left out
+    TRANSPARENT = "TRANSPARENT"  # a partly transparent material, which to light is a hole, opaque or absent
     FROZEN = "FROZEN"  # a skin, morph targets or animations that stay at rest
     NOT_TRIANGLES = "NOT_TRIANGLES"  # points and lines, which are left out
     INCOMPLETE = "INCOMPLETE"  # indices after the last whole triangle

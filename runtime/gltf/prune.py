@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from gsgi.runtime.scene import TEXTURE_SLOTS, Material, Scene, Texture, TextureSlot
+from gsgi.runtime.constants import ALPHA_MIN
+from gsgi.runtime.scene import TEXTURE_SLOTS, Material, Mesh, Scene, Texture, TextureSlot
 
 
 def prune(scene: Scene) -> Scene:
@@ -12,30 +13,35 @@ def prune(scene: Scene) -> Scene:
 
     Bilinear filtering interpolates between texels, so the lowest and highest alpha of a texture bound its samples.
     """
-    alphas = [_alpha(material, scene.textures) for material in scene.materials]
-    bounds = [_with_color(alphas[mesh.material], mesh.color) for mesh in scene.meshes]
-    cutoffs = [scene.materials[mesh.material].alpha_cutoff or 0.0 for mesh in scene.meshes]
-    seen = [
-        (mesh, low) for mesh, (low, high), cutoff in zip(scene.meshes, bounds, cutoffs, strict=True) if high >= cutoff
-    ]
+    blends = {mesh.material for mesh in scene.blended}
+    alphas = [_alpha(material, scene.textures, i in blends) for i, material in enumerate(scene.materials)]
     lowest: dict[int, float] = {}
-    for mesh, low in seen:
-        lowest[mesh.material] = min(low, lowest.get(mesh.material, low))
+
+    def seen(mesh: Mesh) -> bool:
+        low, high = _with_color(alphas[mesh.material], mesh.color)
+        least = ALPHA_MIN if mesh.material in blends else 0.0
+        is_seen = high >= max(least, scene.materials[mesh.material].alpha_cutoff or 0.0)
+        if is_seen:
+            lowest[mesh.material] = min(low, lowest.get(mesh.material, low))
+        return is_seen
+
+    meshes, blended = ([mesh for mesh in part if seen(mesh)] for part in (scene.meshes, scene.blended))
     materials = [_uncut(scene.materials[index], lowest[index]) for index in sorted(lowest)]
     textures = sorted({slot.texture for material in materials for slot in material.slots()})
     material_of = {index: number for number, index in enumerate(sorted(lowest))}
     texture_of = {index: number for number, index in enumerate(textures)}
     return replace(
         scene,
-        meshes=tuple(replace(mesh, material=material_of[mesh.material]) for mesh, _ in seen),
+        meshes=tuple(replace(mesh, material=material_of[mesh.material]) for mesh in meshes),
+        blended=tuple(replace(mesh, material=material_of[mesh.material]) for mesh in blended),
         materials=tuple(_renumbered(material, texture_of) for material in materials),
         textures=tuple(scene.textures[index] for index in textures),
     )
 
 
-def _alpha(material: Material, textures: tuple[Texture, ...]) -> tuple[float, float]:
-    """Lower and upper bound of a material's alpha; (1, 1) if it has no cut-off."""
-    if material.alpha_cutoff is None:
+def _alpha(material: Material, textures: tuple[Texture, ...], blends: bool) -> tuple[float, float]:
+    """Lower and upper bound of a material's alpha; (1, 1) if it neither blends nor has a cut-off."""
+    if material.alpha_cutoff is None and not blends:
         return 1.0, 1.0
     factor = material.base_color[3]
     if material.base_color_texture is None:

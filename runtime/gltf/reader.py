@@ -37,8 +37,8 @@ def read_gltf(path: str | Path, limits: Limits = Limits(), transparency: str = "
     """The default scene of a .gltf or .glb file, in world space (m, +Y up).
 
     Only materials and textures in use are kept. Skins, morph targets and animations stay at their rest pose.
-    `transparency` selects what partly transparent surfaces become: "cutout" (holes where opacity is low), "opaque" or
-    "absent". `Scene.warnings` lists every simplification. Raises FileError (unreadable), SceneError (broken, larger
+    `transparency` selects what partly transparent surfaces are to light: "cutout" (holes where opacity is low),
+    "opaque" or "absent"; frames blend them, whichever it is. `Scene.warnings` lists every simplification. Raises FileError (unreadable), SceneError (broken, larger
     than the limits, or without triangles) and UnsupportedError (valid, but not supported), with `code` and `pointer`.
     """
     return read_document(open_document(Path(path), limits), transparency)
@@ -51,15 +51,18 @@ def read_document(document: Document, transparency: str) -> Scene:
     _warn_of_animations(document)
     nodes = list(flatten(document))
     materials = Materials(document, transparency)
-    meshes = tuple(_meshes(document, nodes, materials))
+    meshes = {False: [], True: []}  # by whether they are blended
+    for mesh, paint in _meshes(document, nodes, materials):
+        meshes[paint.opacity.blends].append(mesh)
     lights = [light(document, node) for node in nodes]
     scene = Scene(
-        meshes,
+        tuple(meshes[False]),
         tuple(materials.records),
         materials.textures.decode(),
         tuple(entry for entry in lights if entry is not None),
         cameras=cameras(document, nodes),
         files=(document.path, *document.files.names),
+        blended=tuple(meshes[True]),
     )
     scene = prune(scene)
     if not scene.meshes:
@@ -79,8 +82,8 @@ def _warn_of_animations(document: Document) -> None:
         document.warn(animations, Code.FROZEN, "animations are left out: the scene stands as its nodes have it")
 
 
-def _meshes(document: Document, nodes: list[Node], materials: Materials) -> Iterator[Mesh]:
-    """One mesh per primitive, instance and node. A primitive is decoded once per set of morph weights."""
+def _meshes(document: Document, nodes: list[Node], materials: Materials) -> Iterator[tuple[Mesh, Paint]]:
+    """One mesh per primitive, paint, instance and node. A primitive is decoded once per paint and morph weights."""
     decoded: dict[tuple, Primitive] = {}
     instance_count, element_count = len(nodes), 0
     worlds = {node.json.pointer: node.world_from_node for node in nodes}
@@ -92,13 +95,13 @@ def _meshes(document: Document, nodes: list[Node], materials: Materials) -> Iter
         instance_count += len(places) - 1
         document.limits.check("nodes", instance_count, *where)
         for primitive, paint, weights in _painted(document, node, materials):
-            key = primitive.pointer, weights
+            key = primitive.pointer, weights, paint.index
             if key not in decoded:
                 decoded[key] = primitives.decode(document, primitive, paint, weights)
             element_count += len(decoded[key]) * len(places)
             document.limits.check("elements", element_count, *where)
             meshes = (finished(place(decoded[key]), paint, node.json) for place in places)
-            yield from (mesh for mesh in meshes if mesh is not None)
+            yield from ((mesh, paint) for mesh in meshes if mesh is not None)
 
 
 def _places(document: Document, node: Node, worlds: dict[str, np.ndarray]) -> list[Callable[[Primitive], Primitive]]:
@@ -121,8 +124,7 @@ def _painted(document: Document, node: Node, materials: Materials) -> Iterator[t
     mesh = document.lookup("meshes", node.json.get("mesh"))
     for primitive in mesh.get("primitives").items():
         if primitives.has_triangles(document, primitive):
-            paint = materials.paint(primitive)
-            if paint is not None:
+            for paint in materials.paints(primitive):
                 yield primitive, paint, morph_weights(document, primitive, mesh, node.json)
 
 

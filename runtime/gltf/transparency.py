@@ -1,4 +1,4 @@
-"""Replace partly transparent materials, because no part of gsgi lets light pass through a surface."""
+"""What partly transparent materials are to light, which passes through no surface, and to frames, which blend them."""
 
 from typing import NamedTuple
 
@@ -10,25 +10,36 @@ MODES = ("cutout", "opaque", "absent")
 TRANSMISSION = "KHR_materials_transmission"
 CUTOFF = 0.5
 DEALT = {
-    "cutout": f"a hole where its opacity is below {CUTOFF} (see --transparent)",
-    "opaque": "counts as opaque (see --transparent)",
-    "absent": "is left out (see --transparent)",
+    "cutout": f"to baked light it is a hole where its opacity is below {CUTOFF} (see --transparent)",
+    "opaque": "to baked light it is opaque (see --transparent)",
+    "absent": "baked light passes it by (see --transparent)",
 }
 
 
 class Opacity(NamedTuple):
-    """Factor on alpha, and the cutoff below which a point is a hole; the cutoff is None if alpha has no effect."""
+    """Factor on alpha, and the cutoff below which a point is a hole; the cutoff is None if there are no holes.
+
+    `blends`: alpha is the share by which frames blend the surface over what is behind it. `stand_in`: it is what light
+    meets of such a surface, and frames do not show it.
+    """
 
     factor: float
     cutoff: float | None
+    blends: bool = False
+    stand_in: bool = False
+
+    @property
+    def counts(self) -> bool:
+        """Whether alpha has an effect at all."""
+        return self.blends or self.cutoff is not None
 
 
-def read(document: Document, material: Json, mode: str) -> Opacity | None:
-    """The effect of a material's alpha; None if its surfaces are left out.
+def read(document: Document, material: Json, mode: str) -> tuple[Opacity, ...]:
+    """The effect of a material's alpha; what is partly transparent has one on light, or none, and one on frames.
 
-    `mode` (one of MODES) determines how partly transparent materials are replaced. Opacity is alpha (1 for OPAQUE
-    materials) times the share of light that KHR_materials_transmission does not transmit. Warns about each blended
-    and each transmissive material.
+    `mode` (one of MODES) says what partly transparent materials are to light. Opacity is alpha (1 for OPAQUE materials)
+    times the share of light that KHR_materials_transmission does not transmit. Warns about each blended and each
+    transmissive material.
     """
     alpha = material.get("alphaMode", "OPAQUE").choice("OPAQUE", "MASK", "BLEND")
     cutoff = material.get("alphaCutoff", 0.5).number(low=0) if alpha == "MASK" else None
@@ -38,12 +49,13 @@ def read(document: Document, material: Json, mode: str) -> Opacity | None:
     if opaque < 1:
         document.warn(material, Code.TRANSPARENT, f"{_name(material)} transmits light: {DEALT[mode]}")
     if alpha != "BLEND" and opaque == 1:
-        return Opacity(1.0, cutoff)
+        return (Opacity(1.0, cutoff),)
+    blended = Opacity(opaque, None if cutoff is None else cutoff * opaque, blends=True)
     if mode == "absent" or (mode == "cutout" and opaque < CUTOFF):
-        return None
+        return (blended,)
     if alpha == "BLEND" and mode == "cutout":
-        return Opacity(opaque, CUTOFF)
-    return Opacity(1.0, cutoff)
+        return Opacity(opaque, CUTOFF, stand_in=True), blended
+    return Opacity(1.0, cutoff, stand_in=True), blended
 
 
 def _transmission(document: Document, material: Json) -> float:

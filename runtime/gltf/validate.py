@@ -103,8 +103,7 @@ def _texture(document: Document, texture: Json) -> None:
 
 def _primitive(document: Document, primitive: Json) -> None:
     if primitives.has_triangles(document, primitive):
-        paint = Materials(document, "cutout").paint(primitive)
-        if paint is not None:
+        for paint in Materials(document, "cutout").paints(primitive):
             primitives.decode(document, primitive, paint, ())
 
 

@@ -76,7 +76,7 @@ def finished(primitive: Primitive, paint: Paint, node: Json) -> Mesh | None:
         tangent = orthonormal(primitive.tangent, normal)
     elif paint.normal_channel is not None:
         tangent = tangents(primitive.position, normal, primitive.uv[:, paint.normal_channel], triangle)
-    color = _color(primitive.color, alpha=paint.material.alpha_cutoff is not None)
+    color = _color(primitive.color, alpha=paint.opacity.counts)
     return Mesh(primitive.position, normal, primitive.uv, triangle, paint.index, color, tangent)
 
 

@@ -26,6 +26,7 @@ class Frame:
 
     def __init__(self, ctx: moderngl.Context, scene: Scene, size: tuple[int, int]):
         self.ctx, self.size, self.origin = ctx, size, origin_of(scene)
+        scene = scene.as_traced()
         self.local = lambertian(local_scene(scene, self.origin) if self.origin.any() else scene)
         self.geometry = Geometry(ctx, self.local)
         self.gbuffer = GBuffer(ctx, self.geometry, size)
@@ -33,7 +34,7 @@ class Frame:
         self._shadow = self._primary = None
         if scene.lights and self.geometry.batches:
             self._shadow = Shadow(ctx, self.geometry, self.local.bounds())
-            self._primary = Primary(ctx, self.gbuffer, self._shadow, self.local.lights)
+            self._primary = Primary(ctx, [self.gbuffer], self._shadow, self.local.lights)
         self._composite = Composite(ctx, self.gbuffer)
 
     def draw(self, camera: Camera, light: LightPass | None) -> moderngl.Texture | None:

@@ -28,7 +28,8 @@ def triangles() -> list[Triangles]:
         for cutoff, unlit in itertools.product((None, 0.5), BOTH)
     ]
     every = itertools.product(materials, BOTH, BOTH)
-    return [Triangles(m, colored, bent) for m, colored, bent in every if bent or "normal" not in sampled(m)]
+    solid = [Triangles(m, colored, bent) for m, colored, bent in every if bent or "normal" not in sampled(m)]
+    return solid + [Triangles(m, True, bent=True, peeled=True) for m in materials[:: len(materials) // 8]]
 
 
 def lights() -> list[Light]:
@@ -72,6 +73,7 @@ SUBJECTS = {
     "surface/fill": READINGS,
     "surface/resolve": READINGS,
     "surface/add_light": encodings(),
+    "frame/blend": [None, (1, 9), (4, 1)],
     "frame/display": BOTH,
     "viewer/ellipsoids": [Bake(g, blend) for g in of_degree(0, 1, 2, 3) for blend in (OverBlend(0.1), SurfaceBlend())],
     "panda3d/light": [(1, 9), (4, 1), (9, 4)],

@@ -1,0 +1,60 @@
+"""Partly transparent surfaces: layers from front to back, lit as the solid ones are, and blended over the frame."""
+
+import moderngl
+
+from gsgi.runtime.camera import Camera
+
+from .fullscreen import FullScreenPass
+from .gbuffer import GBuffer
+from .geometry import Geometry
+from .indirect_lookup import IndirectLookup
+from .permutations import defines
+from .view import View
+
+# Most surfaces that a pixel shows in front of the solid one. The next would be seen through four others.
+LAYERS = 4
+_LIGHT_UNIT = 4  # after the textures of a layer
+
+
+class Blended:
+    """Layers of the surfaces of `geometry`, each a G-buffer whose albedo has the surface's opacity in a.
+
+    Depth peeling (Everitt 2001, "Interactive Order-Independent Transparency"): each layer holds the nearest surfaces
+    beyond those of the layer before, so that pixels need no sorted triangles. B is looked up at each; without `lookup`
+    they have none. They are blended over `radiance`, RGBA16F.
+    """
+
+    def __init__(
+        self,
+        ctx: moderngl.Context,
+        geometry: Geometry,
+        solid: GBuffer,
+        radiance: moderngl.Texture,
+        lookup: IndirectLookup | None,
+    ):
+        self.ctx, self._solid, self._lookup = ctx, solid, lookup
+        self.layers = [GBuffer(ctx, geometry, solid.size, peeled=True) for _ in range(LAYERS)]
+        features = defines("frame/blend", lookup and lookup.sh_counts)
+        self._pass = FullScreenPass(ctx, "frame/blend", ("albedo", "primary", "normal", "depth"), **features)
+        self._target = ctx.framebuffer(radiance)
+
+    def draw(self, camera: Camera) -> None:
+        """Fill the layers, front to back, with what lies before the solid surfaces."""
+        nearer = None
+        for layer in self.layers:
+            layer.draw(camera, before=self._solid.depth, beyond=nearer)
+            nearer = layer.depth
+
+    def blend(self, camera: Camera) -> None:
+        """Blend the layers over `radiance`, back to front, once primary light is in their emission."""
+        light = self._lookup.use(_LIGHT_UNIT) if self._lookup else {}
+        self._pass.set(**light, **View.of_camera(camera, self._solid.size).uniforms())
+        self.ctx.enable_only(moderngl.BLEND)
+        self.ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
+        for layer in reversed(self.layers):
+            self._pass.draw(self._target, layer.albedo, layer.emission, layer.interpolated, layer.depth)
+
+    def release(self) -> None:
+        """Free the GPU memory of the layers."""
+        for resource in (*self.layers, self._pass, self._target):
+            resource.release()
