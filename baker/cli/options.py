@@ -48,7 +48,8 @@ def add_scene(parser: argparse.ArgumentParser) -> None:
 def add_reading(parser: argparse.ArgumentParser) -> None:
     """Add how a scene is read."""
     parser.add_argument("--transparent", choices=("cutout", "opaque", "absent"), default="cutout",
-                        help="how to treat materials that are blended or transmit light")  # fmt: skip
+                        help="what materials that are blended or transmit light are to baked light; frames "
+                             "blend them, whichever it is")  # fmt: skip
     parser.add_argument("--limit", action="append", metavar="NAME=N",
                         help="raise a size limit for scenes; error messages give its NAME")  # fmt: skip
 

@@ -13,7 +13,7 @@ from gsgi.runtime.gaussians import Bake
 from gsgi.runtime.metals import as_baked, lambertian
 from gsgi.runtime.rebase import local_camera, local_scene, origin_of
 from gsgi.runtime.sampling import check_operator
-from gsgi.runtime.scene import Camera, Light, Material, Mesh, Scene, TextureSlot
+from gsgi.runtime.scene import Camera, Light, Mesh, Scene, TextureSlot
 
 JS = Path(__file__).parents[1] / "js"
 PAGE = "index.html", "page.js", "scene.js", "fly.js", "shaders.js", "three.js", "three.LICENSE"
@@ -38,7 +38,8 @@ def write_page(folder: Path, scene: Scene, bake: Bake, light: bytes, cameras: di
     bounds = [corner - origin for corner in scene.bounds()]
     scene = lambertian(as_baked(local_scene(scene, origin) if origin.any() else scene, bake))
     data = _Arrays()
-    keys = sorted({(mesh.material, mesh.color is not None) for mesh in scene.meshes if len(mesh.triangle)})
+    batches = _batches(scene)
+    keys = sorted({(meshes[0].material, meshes[0].color is not None) for meshes in batches})
     images, textures = _textures(scene)
     names = _write_images(folder, images)
     means = [np.rint(pixels.mean(axis=(0, 1))).astype(int).tolist() for pixels in images]
@@ -51,8 +52,8 @@ def write_page(folder: Path, scene: Scene, bake: Bake, light: bytes, cameras: di
         "bounds": [corner.tolist() for corner in bounds],
         "cameras": [_camera(name, local_camera(camera, origin)) for name, camera in cameras.items()],
         "lights": [_light(light) for light in sorted(scene.lights, key=lambda light: -light.color.max())],
-        "materials": [_material(scene.materials[index], colored) for index, colored in keys],
-        "meshes": [_mesh(data, scene, number, key) for number, key in enumerate(keys)],
+        "materials": [_material(scene, *key) for key in keys],
+        "meshes": [_mesh(data, scene, meshes, keys) for meshes in batches],
         "textures": textures,
         "images": [{"file": name, "mean": mean} for name, mean in zip(names, means, strict=True)],
         "data": DATA,
@@ -94,19 +95,30 @@ class _Arrays:
         return begin
 
 
-def _mesh(data: _Arrays, scene: Scene, number: int, key: tuple[int, bool]) -> dict:
-    """All triangles of one material that have vertex colours, or all that have none: as runtime/gl/geometry.py does."""
-    meshes = [m for m in scene.meshes if (m.material, m.color is not None) == key and len(m.triangle)]
+def _batches(scene: Scene) -> list[list[Mesh]]:
+    """Meshes that are drawn at once: all of one material that have vertex colours, or all that have none.
+
+    That is what runtime/gl/geometry.py does. Partly transparent ones, which are sorted, are drawn one by one.
+    """
+    groups: dict[tuple[int, bool], list[Mesh]] = {}
+    for mesh in scene.meshes:
+        if len(mesh.triangle):
+            groups.setdefault((mesh.material, mesh.color is not None), []).append(mesh)
+    return [groups[key] for key in sorted(groups)] + [[mesh] for mesh in scene.blended]
+
+
+def _mesh(data: _Arrays, scene: Scene, meshes: list[Mesh], keys: list[tuple[int, bool]]) -> dict:
+    material, colored = meshes[0].material, meshes[0].color is not None
     attributes = {"position": [m.position for m in meshes], "normal": [m.normal for m in meshes]}
-    if key[1]:
+    if colored:
         attributes["color"] = [m.color for m in meshes]
-    if scene.materials[key[0]].normal_texture is not None:
+    if scene.materials[material].normal_texture is not None:
         attributes["tangent"] = [m.tangent for m in meshes]
-    for channel in sorted({slot.uv for slot in scene.materials[key[0]].slots()}):
+    for channel in sorted({slot.uv for slot in scene.materials[material].slots()}):
         attributes[f"uv{channel or ''}"] = [m.uv[:, channel] for m in meshes]
     arrays = {name: np.concatenate(parts).astype(np.float32) for name, parts in attributes.items()}
     return {
-        "material": number,
+        "material": keys.index((material, colored)),
         "attributes": {
             name: {"offset": data.add(array), "size": array.shape[1], "count": len(array)}
             for name, array in arrays.items()
@@ -121,7 +133,8 @@ def _index(data: _Arrays, meshes: Sequence[Mesh]) -> dict:
     return {"offset": data.add(index.astype(np.uint32)), "count": index.size}
 
 
-def _material(material: Material, colored: bool) -> dict:
+def _material(scene: Scene, index: int, colored: bool) -> dict:
+    material = scene.materials[index]
     return {
         "name": material.name,
         "color": list(material.base_color[:3]),
@@ -137,6 +150,8 @@ def _material(material: Material, colored: bool) -> dict:
         "doubleSided": material.double_sided,
         "unlit": material.unlit,
         "colored": colored,
+        "blended": any(mesh.material == index for mesh in scene.blended),
+        "standIn": material.stand_in,
     }
 
 
@@ -169,7 +184,8 @@ def _camera(name: str, camera: Camera) -> dict:
 
 def _textures(scene: Scene) -> tuple[list[np.ndarray], list[dict]]:
     """The images that materials use, each once, and a record per texture."""
-    used = {slot.texture for material in scene.used_materials() for slot in material.slots()}
+    shown = {mesh.material for mesh in (*scene.meshes, *scene.blended)}
+    used = {slot.texture for index in shown for slot in scene.materials[index].slots()}
     images: dict[bytes, tuple[int, np.ndarray]] = {}  # by a hash: some files hold an image several times
     records = []
     for index, texture in enumerate(scene.textures):

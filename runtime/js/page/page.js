@@ -67,10 +67,37 @@ function autoExposure(renderer, render) {
     return count ? MID_GREY / Math.exp(sum / count) : 1;
 }
 
-function start(renderer, { description, light, scene, depth, unshadowed }) {
+/** Linear light to draw into, and what brings it to the screen: blending is of light, before the tone curve. */
+function createDeveloped() {
+    const target = new THREE.WebGLRenderTarget(1, 1, { type: THREE.HalfFloatType, samples: 4 });
+    const material = new THREE.ShaderMaterial({
+        uniforms: { radiance: { value: target.texture } },
+        vertexShader: `
+            out vec2 at;
+            void main() {
+                gl_Position = vec4( position.xy, 0.0, 1.0 );
+                at = 0.5 + 0.5 * position.xy;
+            }`,
+        fragmentShader: `
+            uniform sampler2D radiance;
+            in vec2 at;
+            void main() {
+                gl_FragColor = vec4( texture( radiance, at ).rgb, 1.0 );
+                #include <tonemapping_fragment>
+                #include <colorspace_fragment>
+            }`,
+        depthTest: false, depthWrite: false,
+    });
+    const quad = new THREE.Mesh(new THREE.PlaneGeometry(2, 2), material);
+    quad.frustumCulled = false;
+    return { target, quad };
+}
+
+function start(renderer, { description, light, scene, depth, blended, unshadowed }) {
     const camera = new THREE.PerspectiveCamera(), canvas = renderer.domElement, sky = scene.getObjectByName("sky");
     const [low, high] = description.bounds.map((corner) => new THREE.Vector3(...corner));
     const size = low.distanceTo(high);
+    const developed = blended.length ? createDeveloped() : null;
     let wanted = true, then = 0, milliseconds = 0, automatic = 1;
     const draw = () => { wanted = true; };
 
@@ -87,7 +114,7 @@ function start(renderer, { description, light, scene, depth, unshadowed }) {
     function apply() {
         onlyIndirect.value = settings.gi === "only";
         light.visible = settings.gi !== "off";
-        if (sky) sky.visible = settings.gi !== "only";
+        for (const each of [...blended, sky]) if (each) each.visible = settings.gi !== "only";
         renderer.toneMappingExposure = settings.exposure ?? automatic;
         const turning = settings.controls === "orbit";
         if (turning && !orbit.enabled) aim();
@@ -118,15 +145,21 @@ function start(renderer, { description, light, scene, depth, unshadowed }) {
 
     function resize() {
         renderer.setSize(innerWidth, innerHeight, false);
+        developed?.target.setSize(canvas.width, canvas.height);
         camera.aspect = innerWidth / innerHeight;
         camera.updateProjectionMatrix();
         draw();
     }
 
     function render() {
+        const output = renderer.getRenderTarget();
+        if (developed) renderer.setRenderTarget(developed.target);
         renderer.clear();
         renderer.render(depth, camera);
         renderer.render(scene, camera);
+        if (!developed) return;
+        renderer.setRenderTarget(output);
+        renderer.render(developed.quad, camera);
     }
 
     /** Milliseconds of a frame, the median of `count`, each waited for. */

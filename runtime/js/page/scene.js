@@ -116,14 +116,14 @@ export async function fetchBytes(name, progress = () => {}) {
 }
 
 /**
- * The three.js scene of scene.json, whose files come from `fetchOne(name)` as Blobs, and a scene `depth` of its opaque
- * triangles: drawn first, it keeps what is hidden from looking up its light.
+ * The three.js scene of scene.json, whose files come from `fetchOne(name)` as Blobs, a scene `depth` of its opaque
+ * triangles, which drawn first keeps what is hidden from looking up its light, and the meshes that are `blended`.
  *
  * Its textures show their mean until `loadImages(changed)` has read them; that calls `changed()` after each.
  */
 export async function buildScene(description, fetchOne, renderer) {
     patchShaders();
-    const scene = new THREE.Scene(), depth = new THREE.Scene();
+    const scene = new THREE.Scene(), depth = new THREE.Scene(), blended = [];
     const [data, environment, ...images] = await Promise.all([
         fetchOne(description.data).then((blob) => blob.arrayBuffer()),
         description.environment && fetchOne(description.environment.file).then((blob) => blob.arrayBuffer()),
@@ -132,10 +132,13 @@ export async function buildScene(description, fetchOne, renderer) {
     const textures = description.images.map(() => []); // of each image
     const materials = description.materials.map((each) => material(each, description, images, textures, renderer));
     for (const each of description.meshes) {
-        const made = new THREE.Mesh(geometry(each, data), materials[each.material]);
-        made.castShadow = made.receiveShadow = true;
+        const made = new THREE.Mesh(geometry(each, data), materials[each.material]), { transparent } = made.material;
+        made.castShadow = !transparent; // light meets the stand-ins instead
+        made.receiveShadow = true;
         scene.add(made);
-        if (!made.material.alphaTest) depth.add(new THREE.Mesh(made.geometry, DEPTH[made.material.side]));
+        if (transparent) blended.push(centred(made));
+        else if (!made.material.alphaTest && made.material.colorWrite)
+            depth.add(new THREE.Mesh(made.geometry, DEPTH[made.material.side]));
     }
     const limit = renderer.capabilities.maxTextures - MAPS - LIGHT_MAPS;
     const shadowed = description.lights.slice(0, limit);
@@ -151,7 +154,7 @@ export async function buildScene(description, fetchOne, renderer) {
     };
     const loadImages = (changed) =>
         Promise.all(description.images.map((image, i) => loadImage(image, i).then(changed)));
-    return { scene, depth, loadImages, unshadowed: description.lights.length - shadowed.length };
+    return { scene, depth, blended, loadImages, unshadowed: description.lights.length - shadowed.length };
 }
 
 function geometry({ attributes, index }, data) {
@@ -159,6 +162,14 @@ function geometry({ attributes, index }, data) {
     for (const [name, { offset, size, count }] of Object.entries(attributes))
         made.setAttribute(name, new THREE.BufferAttribute(new Float32Array(data, offset, size * count), size));
     return made.setIndex(new THREE.BufferAttribute(new Uint32Array(data, index.offset, index.count), 1));
+}
+
+/** The mesh with its origin in its middle, by which three.js sorts what it blends. */
+function centred(mesh) {
+    mesh.geometry.computeBoundingBox();
+    mesh.geometry.boundingBox.getCenter(mesh.position);
+    mesh.geometry.translate(...mesh.position.clone().negate());
+    return mesh;
 }
 
 function material(each, description, images, textures, renderer) {
@@ -174,13 +185,17 @@ function material(each, description, images, textures, renderer) {
         textures[image].push(made);
         return Object.assign(made, { flipY: false, channel: slot.uv, colorSpace, needsUpdate: true });
     };
+    const shape = {
+        name: each.name, opacity: each.alpha, map: texture(each.map, true), alphaTest: each.alphaCutoff ?? 0,
+        vertexColors: each.colored, side: each.doubleSided ? THREE.DoubleSide : THREE.FrontSide,
+        shadowSide: THREE.DoubleSide,
+    };
+    if (each.standIn) return new THREE.MeshBasicMaterial({ ...shape, colorWrite: false, depthWrite: false });
     const made = new THREE.MeshLambertMaterial({
-        name: each.name, color: new THREE.Color(...each.color), opacity: each.alpha, map: texture(each.map, true),
-        alphaTest: each.alphaCutoff ?? 0, vertexColors: each.colored,
+        ...shape, color: new THREE.Color(...each.color), transparent: each.blended, depthWrite: !each.blended,
         emissive: new THREE.Color(...each.emission), emissiveMap: texture(each.emissionMap, true),
         normalMap: texture(each.normalMap, false), normalScale: new THREE.Vector2(each.normalScale, each.normalScale),
         specularMap: texture(each.metallicMap, false),
-        side: each.doubleSided ? THREE.DoubleSide : THREE.FrontSide, shadowSide: THREE.DoubleSide,
     });
     made.defines = each.unlit ? { UNLIT: "" } : each.metallic ? { METALLIC: each.metallic.toFixed(6) } : {};
     made.onBeforeCompile = (shader) => { shader.uniforms.onlyIndirect = onlyIndirect; };

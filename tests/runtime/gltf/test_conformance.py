@@ -207,10 +207,13 @@ def test_negative_scale_keeps_boxes_turned_outwards():
 
 def test_alpha_modes():
     scene = read_gltf(CONFORMANCE / "khronos_samples/AlphaBlendModeTest/AlphaBlendModeTest.gltf")
-    cutoffs = {material.name: material.alpha_cutoff for material in scene.materials}
+    cutoffs = {material.name: material.alpha_cutoff for material in scene.used_materials()}
     assert cutoffs["MatOpaque"] is None
     assert (cutoffs["MatCutoff25"], cutoffs["MatCutoff75"], cutoffs["MatCutoffDefault"]) == (0.25, 0.75, 0.5)
     assert cutoffs["MatBlend"] == 0.5
+    blended = scene.materials[scene.blended[0].material]
+    assert (blended.name, blended.alpha_cutoff, blended.stand_in) == ("MatBlend", None, False)
+    assert [material.name for material in scene.materials if material.stand_in] == ["MatBlend"]
 
 
 def test_primitive_modes_depict_one_square():

@@ -216,7 +216,13 @@ def test_blended(read, mode, cutoff, count):
     document["meshes"][0]["primitives"].append({"attributes": {"POSITION": 0}, "indices": 3})
     scene = read(document, data, transparency=mode)
     assert len(scene.meshes) == count + 1
-    assert scene.materials[0].alpha_cutoff == (cutoff if count else None)
+    stand_ins = [material for material in scene.materials if material.stand_in]
+    assert [material.alpha_cutoff for material in stand_ins] == [cutoff] * count
+    (mesh,) = scene.blended
+    blended = scene.materials[mesh.material]
+    assert (blended.stand_in, blended.alpha_cutoff, blended.base_color_texture is None) == (False, None, False)
+    assert not any(material.stand_in for material in scene.as_traced().materials)
+    assert not scene.as_traced().blended
     (warning,) = [warning for warning in scene.warnings if "--transparent" in warning]
     assert f'{MATERIAL}/alphaMode: "paint" is blended: ' in warning
 
@@ -235,9 +241,11 @@ def test_transmission(read, factor, fields, mode, alpha, cutoff):
     document, data = alpha_pixels(0, 255)
     document["materials"][0] |= glass(factor, **fields)
     scene = read(document, data, transparency=mode)
-    (material,) = scene.materials
+    (material,) = scene.used_materials()
     assert material.base_color[3] == pytest.approx(alpha)
-    assert material.alpha_cutoff == cutoff
+    assert (material.alpha_cutoff, material.stand_in) == (cutoff, True)
+    blended = scene.materials[scene.blended[0].material]
+    assert blended.base_color[3] == pytest.approx(1 - factor)
     assert any('"paint" transmits light: ' in warning for warning in scene.warnings)
 
 
@@ -248,8 +256,9 @@ def test_what_is_one_hole_is_left_out(read, fields):
         read(document, data)
     document["meshes"][0]["primitives"].append({"attributes": {"POSITION": 0}, "indices": 3})
     scene = read(document, data)
-    assert (len(scene.meshes), len(scene.materials), scene.textures) == (1, 1, ())
-    assert scene.meshes[0].material == 0
+    (material,) = scene.used_materials()
+    assert (len(scene.meshes), material.name, material.stand_in) == (1, "", False)
+    assert len(scene.blended) == (fields != glass(1, **BLEND)), "but frames show what is not quite clear"
 
 
 def test_a_mask_that_cuts_everything_or_nothing(read):

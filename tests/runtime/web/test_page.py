@@ -2,6 +2,7 @@
 
 import base64
 import json
+from dataclasses import replace
 from urllib.parse import urlencode
 
 import flip_evaluator
@@ -20,7 +21,7 @@ from gsgi.runtime.errors import UnsupportedError
 from gsgi.runtime.file import codec
 from gsgi.runtime.gaussians import Bake, OverBlend, SurfaceBlend
 from gsgi.runtime.gl.renderer import DeferredRenderer
-from gsgi.runtime.scene import Scene
+from gsgi.runtime.scene import Material, Scene
 from gsgi.runtime.web.page import MODULES, PAGE, write_page
 
 WIDTH, HEIGHT = 320, 240
@@ -149,3 +150,32 @@ def test_light_of_the_over_operator_is_refused(tmp_path, made):
     bake = Bake(made[1].gaussians, OverBlend(near=0.01))
     with pytest.raises(UnsupportedError, match="over"):
         write_page(tmp_path, made[0], bake, b"", {}, "")
+
+
+def test_films_are_blended_back_to_front(gl, made, tmp_path):
+    """Two of them, lit, the farther first in one file and last in the other."""
+    scene, bake, _ = made
+    materials = [
+        Material(name, (*color, 0.4), double_sided=True) for name, color in (("a", (0.9, 0.2, 0.1)), ("b", (0.1, 0.3, 0.9)))
+    ]
+    films = [
+        scenes.quad([(-0.5, -0.9, z), (0.6, -0.9, z), (0.6, 0.6, z), (-0.5, 0.6, z)], len(scene.materials) + k)
+        for k, z in enumerate((0.2, -0.2))
+    ]
+    pictures = []
+    for number, order in enumerate((films, films[::-1])):
+        blended = replace(scene, materials=(*scene.materials, *materials), blended=tuple(order))
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        write_page(folder, blended, bake, codec.encode(bake), {"inside": scenes.inside_camera()}, "films")
+        found = open_page(folder, [{"gi": "on", "exposure": EXPOSURE}])
+        assert found["console"] == []
+        pictures.append(found["pictures"][0]["pixels"].astype(np.float32) / 255)
+    np.testing.assert_array_equal(*pictures)
+    renderer = DeferredRenderer(gl, blended, bake, WIDTH * SAMPLES, HEIGHT * SAMPLES)
+    renderer.render(scenes.inside_camera())
+    expected = blocks(tone_map(renderer.read("final"), EXPOSURE)).mean(axis=2).astype(np.float32)
+    renderer.release()
+    flip = flip_evaluator.evaluate(expected, pictures[0], "LDR")[1]
+    print(f"FLIP {flip:.4f}")
+    assert flip <= 0.02
