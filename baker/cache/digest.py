@@ -24,7 +24,7 @@ def digest(value) -> str:
 
 def scene_digest(scene: Scene) -> str:
     """The digest of everything that light depends on, without cameras, file names and the reader's warnings."""
-    return digest(dataclasses.replace(scene, cameras={}, warnings=(), transparent=(), files=()))
+    return digest(dataclasses.replace(scene, cameras={}, warnings=(), transparent=(), files=(), blended=()))
 
 
 def _plain(value):

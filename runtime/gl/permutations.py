@@ -171,10 +171,7 @@ PASSES: dict[str, dict[str, Callable[[Any], int]]] = {
         "SHADOWS": lambda p: p.shadows,
         "INDIRECT": lambda p: p.indirect,
         "LOOKUP": lambda p: p.lookup is not None,
-        **{
-            name: lambda p, name=name: _lookup_define(name, p.lookup)
-            for name in lookup_defines(0, 0)
-        },
+        **{name: lambda p, name=name: _lookup_define(name, p.lookup) for name in lookup_defines(0, 0)},
     },
     "pyrender/silhouette": {},
     "pyrender/visible": {"NORMAL": lambda p: p.normals},  # Primitive

@@ -111,8 +111,9 @@ class DeferredRenderer:
         """A layer of the last frame, row 0 on top, float32: "depth" (H, W), the others (H, W, 3).
 
         "final" and "primary" are radiance, and hold the environment's radiance where there is no surface. The others
-        are 0 there. Partly transparent surfaces are in "final" alone; without a bake "primary" is the same. "indirect": B; "albedo"; "normal": shading normal as bent by the normal map, world space, unit;
-        "depth": distance along the view axis, m. Raises RuntimeError before the first frame of this size.
+        are 0 there. Partly transparent surfaces are in "final" alone; without a bake "primary" is the same. "indirect":
+        B; "albedo"; "normal": shading normal as bent by the normal map, world space, unit; "depth": distance along the
+        view axis, m. Raises RuntimeError before the first frame of this size.
         """
         assert layer in LAYERS, layer
         self._check_drawn()

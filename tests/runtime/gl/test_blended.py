@@ -54,7 +54,8 @@ def test_films_blend_by_depth_in_any_order_of_the_file(gl, order):
     materials = shown(RED, 0.25), shown(GREEN, 0.6), shown(BLUE, 1.0)
     films = [wall(1.0, 0), wall(2.0, 1)]
     frame = final(gl, Scene((wall(3.0, 2),), materials, blended=tuple(films[k] for k in order)))
-    np.testing.assert_allclose(frame, np.broadcast_to(over((RED, 0.25), (GREEN, 0.6), (BLUE, 1)), frame.shape), rtol=2e-3)
+    expected = over((RED, 0.25), (GREEN, 0.6), (BLUE, 1))
+    np.testing.assert_allclose(frame, np.broadcast_to(expected, frame.shape), rtol=2e-3)
 
 
 def test_films_that_cross_blend_by_the_depth_of_each_pixel(gl):
@@ -90,9 +91,12 @@ def test_at_full_opacity_it_looks_as_a_solid_surface_does(gl, material, offset):
     light = replace(light, gaussians=levels[0], coarse=levels[1])
     materials = [replace(m, alpha_cutoff=None, double_sided=True) for m in scene.materials]
     materials[1] = replace(materials[1], base_color_texture=None)  # whose alpha is not 1
-    scene = replace(scene, materials=tuple(materials), meshes=tuple(
-        replace(m, position=m.position + at) for m in scene.meshes), lights=tuple(
-        replace(lamp, position=lamp.position + at.astype(float)) for lamp in scene.lights))
+    scene = replace(
+        scene,
+        materials=tuple(materials),
+        meshes=tuple(replace(m, position=m.position + at) for m in scene.meshes),
+        lights=tuple(replace(lamp, position=lamp.position + at.astype(float)) for lamp in scene.lights),
+    )
     part = tuple(mesh for mesh in scene.meshes if mesh.material == material)
     rest = tuple(mesh for mesh in scene.meshes if mesh.material != material)
     stand_in = replace(materials[material], stand_in=True)

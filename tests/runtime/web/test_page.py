@@ -155,9 +155,8 @@ def test_light_of_the_over_operator_is_refused(tmp_path, made):
 def test_films_are_blended_back_to_front(gl, made, tmp_path):
     """Two of them, lit, the farther first in one file and last in the other."""
     scene, bake, _ = made
-    materials = [
-        Material(name, (*color, 0.4), double_sided=True) for name, color in (("a", (0.9, 0.2, 0.1)), ("b", (0.1, 0.3, 0.9)))
-    ]
+    colors = (0.9, 0.2, 0.1), (0.1, 0.3, 0.9)
+    materials = [Material("film", (*color, 0.4), double_sided=True) for color in colors]
     films = [
         scenes.quad([(-0.5, -0.9, z), (0.6, -0.9, z), (0.6, 0.6, z), (-0.5, 0.6, z)], len(scene.materials) + k)
         for k, z in enumerate((0.2, -0.2))
