@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .evaluation import held_out
+from .evaluation import bias, held_out
 from .plan import Plan
 
 POINTS, SAMPLES = 1 << 14, 64
@@ -18,11 +18,13 @@ def estimate(plan: Plan) -> dict[str, float]:
     With a target loss, only the fit with the whole budget is counted, which takes the longest.
     """
     path, gathering = _seconds_per_path(plan)
-    whole = plan.whole_paths
-    return {
-        "irradiance": path * whole + gathering * (plan.paths - whole),
+    known = {"known light": path * plan.whole_paths + gathering * (plan.known_paths - plan.whole_paths)}
+    rest, gathers = plan.paths - plan.known_paths, plan.known_paths > 0
+    each, compared = (gathering, path) if held_out.gathers(plan) else (path, 0.0)
+    return (known if gathers else {}) | {
+        "irradiance": rest * (gathering if gathers else path),
         "fit": _seconds_of_fit(plan),
-        "references": path * held_out.points(plan) * held_out.SAMPLES / 2,
+        "references": each * held_out.points(plan) * held_out.samples(plan) / 2 + compared * bias.PATHS,
     }
 
 
@@ -39,7 +41,7 @@ def _seconds_per_path(plan: Plan) -> tuple[float, float]:
     points = tuple(np.resize(array, (POINTS, 3)) for array in points)
     sampling = Sampling(SAMPLES, plan.settings.bounces)
     light = tracer.indirect(*points, sampling, 0).mean
-    known, _ = IrradianceCache.halves(points[0], points[1], light, light)
+    known = IrradianceCache.halves(points[0], points[1], light, light).a
     whole, gathering = (
         _second_run(lambda seed, end=end: tracer.indirect(*points, sampling, seed, None, end)) / (POINTS * SAMPLES)
         for end in (None, known)

@@ -6,7 +6,7 @@ from pathlib import Path
 from gsgi.runtime.file import codec
 
 from . import bake as baking
-from .evaluation import held_out
+from .evaluation import bias, held_out
 from .evaluation.preview import Preview
 from .plan import Plan
 from .progress import Progress
@@ -26,11 +26,19 @@ def run(
     evaluation loses nothing. `preview` is an existing folder for pictures of the fit while it runs. Without `evaluate`,
     references are traced only if a target loss or a preview needs them.
     """
-    references, of_scene = {}, {}
+    references, of_scene, found = {}, {}, None
     if evaluate or preview or plan.settings.target_loss is not None:
+        known = held_out.known_light(plan, progress)
         with progress.stage("references", held_out.points(plan), "points") as advance:
-            references = held_out.references(plan, advance)
-            of_scene = held_out.scene_references(plan, advance)
+            references = held_out.references(plan, known, advance)
+            of_scene = held_out.scene_references(plan, known, advance)
+            if held_out.gathers(plan):
+                found = bias.measure(plan.tracer, references | of_scene, plan.settings.seed)
+        if found and found.large:
+            progress.warn(
+                f"the traced light is {abs(found.bias):.1%} too {'bright' if found.bias > 0 else 'dark'} on average: "
+                "light that varies within a few centimetres misleads paths that end in known light"
+            )
     if plan.settings.target_loss is not None and not references:
         progress.warn("no held-out view shows a surface with indirect light: there is no loss to aim at")
     pictures = Preview(preview, references, plan.placement.held_out) if preview and references else None
@@ -40,6 +48,7 @@ def run(
     if evaluate:
         with progress.stage("evaluation"):
             cameras = held_out.scene_cameras(plan) | plan.placement.held_out
-            evaluation = held_out.evaluate(references, cameras, codec.decode(result.data), of_scene, plan.triangles)
+            baked = codec.decode(result.data)
+            evaluation = held_out.evaluate(references, cameras, baked, of_scene, plan.triangles, found)
     seconds, warnings = dict(progress.seconds), tuple(progress.warnings)
     return BakeReport(plan, result, evaluation, seconds, peak_memory(), warnings)

@@ -2,11 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from gsgi.baker.cache.store import Cache
 from gsgi.baker.trace.cached_tracer import CachedTracer
+from gsgi.baker.trace.irradiance_cache import KnownLight
 from gsgi.baker.trace.pilot import Pilot
 from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling
 from gsgi.baker.views.cached_placement import place_once
@@ -24,9 +26,10 @@ from . import memory
 from .effects import effects, without
 from .over.fits import SH_DEGREE
 from .progress import Progress
-from .settings import BUDGET_MAX, ERROR, QUALITIES, SAMPLES, Settings
+from .settings import BOUNCE_FRACTION, BUDGET_MAX, ERROR, QUALITIES, SAMPLES, Settings
 from .surface import budget as surface_budget
-from .surface.samples import free_layers, known_paths, known_rounds, path_count, point_count, surface_layers
+from .surface.samples import Sampler, free_layers, known_paths, known_rounds, path_count, point_count, surface_layers
+from .surface.seen_surface import SeenSurface
 from .surface_detail import gaussians_for
 from .trace import pilot
 
@@ -131,9 +134,25 @@ class Plan:
 
     @property
     def whole_paths(self) -> float:
-        """Number of those that do not end in known light."""
+        """Number of the known light's paths that do not end in known light themselves."""
         rounds = known_rounds(self.settings.bounces) if self.settings.operator == "surface" else ()
-        return path_count(rounds[0]) if rounds else self.paths
+        return path_count(rounds[0]) if rounds else 0
+
+    @cached_property
+    def sampler(self) -> Sampler:
+        """Draws and traces the samples of `surface`."""
+        dark = [name in self.dark for name in self.placement.fitted]
+        seen = SeenSurface(self.tracer, self.cameras, dark, self.placement.importance)
+        return Sampler.gathering(self.tracer, seen, self.settings.bounces, self.settings.seed + 1, self.settings.error)
+
+    def known_light(self, progress: Progress) -> KnownLight | None:
+        """The light in which paths end, traced when it is first needed; None with `over`, and without bounces."""
+        if not self.known_paths:
+            return None
+        if not self.sampler.prepared:
+            with progress.stage("known light", self.known_paths, "paths") as advance:
+                self.sampler.prepare(advance)
+        return self.sampler.known_light
 
     @property
     def memory(self) -> int:
@@ -176,14 +195,16 @@ def make_plan(
         seen = placement.importance
         some = slice(pilot.POINTS)
         probe = pilot.run(tracer.at_points, seen.position[some], seen.normal[some], settings.seed)
-        bounces = probe.bounces(settings.bounce_fraction) if settings.bounces is None else settings.bounces
+        fraction = settings.bounce_fraction
+        fraction = BOUNCE_FRACTION[settings.operator] if fraction is None else fraction
+        bounces = probe.bounces(fraction) if settings.bounces is None else settings.bounces
         dark = dark_views(triangles, placement.fitted | placement.held_out, tracer.at_points, bounces, settings.seed)
         placement = placement.without_dark(dark)
     settings = replace(settings, views=len(placement.fitted), size=size, bounces=bounces)
     settings = replace(settings, budget=_budget(settings, seen), iterations=_iterations(settings))
     samples = SAMPLES[settings.operator] if settings.samples is None else settings.samples
     error = ERROR[settings.operator] if settings.error is None else settings.error
-    settings = replace(settings, samples=samples, error=error)
+    settings = replace(settings, samples=samples, error=error, bounce_fraction=fraction)
     dark &= placement.fitted.keys()
     plan = Plan(scene, settings, triangles, tracer, placement, probe, probe.lost.get(bounces), dark)
     if there is not None and plan.memory > there:

@@ -36,6 +36,11 @@ QUALITIES = {
 
 SAMPLES = {"over": 256, "surface": 1024}  # most paths per pixel of a view, or per surface sample
 LEAST = {"budget": 1, "views": 1, "size": 1, "samples": 1, "bounces": 0, "iterations": 0}
+
+# Of the picture, by bounces beyond the last. With `surface` most paths end at the next surface in light that few paths
+# have traced: bounces cost little, and 0.005 made the darker of two rooms 1.6 % too dark.
+BOUNCE_FRACTION = {"over": 0.005, "surface": 0.0005}
+
 ERROR = {"over": 0.1, "surface": 0.05}  # noise at which they take no more, relative to the light
 
 
@@ -62,7 +67,7 @@ class Settings:
     samples: int | None = None
     error: float | None = None
     bounces: int | None = None
-    bounce_fraction: float = 0.005
+    bounce_fraction: float | None = None
     iterations: int | None = None
     denoise: bool = True
     ignore: tuple[str, ...] = ()

@@ -113,7 +113,8 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
                         help="stop at a standard error of X times the B around a sample (default: 0.05), or of "
                         "X * (B + mean B) of a pixel with over (default: 0.1); 0: never")  # fmt: skip
     parser.add_argument("--bounce-fraction", type=number(0, 1), default=Settings.bounce_fraction, metavar="X",
-                        help="most that bounces beyond the last may add, as a share of the picture")  # fmt: skip
+                        help="most that bounces beyond the last may add, as a share of the picture (default: 0.0005, "
+                        "or 0.005 with over)")  # fmt: skip
     parser.add_argument("--denoise", choices=("auto", "off"), default="auto", help="over: denoise the fitted views")
     parser.add_argument("--ignore", choices=EFFECTS, action="append", default=[], metavar="EFFECT",
                         help=f"leave out an effect (repeatable): {', '.join(EFFECTS)}")  # fmt: skip

@@ -9,6 +9,8 @@ import numpy as np
 
 from gsgi.baker.fitting.loss import image_loss
 from gsgi.baker.fitting.target import Target
+from gsgi.baker.progress import Progress
+from gsgi.baker.trace.irradiance_cache import KnownLight
 from gsgi.baker.trace.reference import Reference
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime import constants
@@ -16,6 +18,7 @@ from gsgi.runtime.camera import Camera
 from gsgi.runtime.display import auto_exposure
 from gsgi.runtime.gaussians import Bake, OverBlend
 
+from .bias import Bias
 from .comparison import Comparison, compare_frame, compare_indirect, indirect_ceiling
 from .leak import Surroundings, leak, reach
 from .metrics import mean_psnr, psnr, squared_error
@@ -25,7 +28,11 @@ if TYPE_CHECKING:
     from gsgi.baker.plan import Plan
 
 SIZE = 128  # px, edge of a view
-SAMPLES = 1024  # paths per pixel, in two halves
+
+# Paths per pixel, in two halves: whole ones, or such as end in known light. The latter have as little noise, in a tenth
+# of the time, and share what they read with the samples of the bake; `bias` compares them with whole ones.
+SAMPLES, GATHERED = 1024, 256
+LOST_MAX = 1e-3  # of the picture, by bounces that known light lacks; if it lacks more, paths are whole
 SCENE_VIEWS = 4  # most of the scene's own cameras that are evaluated
 SCENE_SEED = 1000  # from the seeds of the held-out views to those of the scene's
 
@@ -63,26 +70,43 @@ class Evaluation:
 
     The mean PSNR is that of the mean squared error. The worst view has the lowest SSIM of the full frame. The scene's
     views were fitted, so they are no part of the mean. Mean and worst are None if there is no view that is not noisy.
+    `bias` is that of the references; None if it was not measured.
     """
 
     views: list[ViewEvaluation]
     mean: ViewEvaluation | None
     scene_views: list[ViewEvaluation]
     worst: ViewEvaluation | None
+    bias: Bias | None = None
 
 
-def references(plan: "Plan", advance: Callable[..., None]) -> dict[str, Reference]:
+def gathers(plan: "Plan") -> bool:
+    """Whether the paths of references end in the plan's known light: it has nearly all bounces."""
+    return plan.known_paths > 0 and plan.lost is not None and plan.lost <= LOST_MAX
+
+
+def known_light(plan: "Plan", progress: Progress) -> KnownLight | None:
+    """The light in which the references' paths end; None if they are whole."""
+    return plan.known_light(progress) if gathers(plan) else None
+
+
+def samples(plan: "Plan") -> int:
+    """Paths per pixel of the references."""
+    return GATHERED if gathers(plan) else SAMPLES
+
+
+def references(plan: "Plan", known: KnownLight | None, advance: Callable[..., None]) -> dict[str, Reference]:
     """References, by name, of the plan's held-out views, without those in which no B is seen.
 
-    References in the plan's cache are not traced again. With those of `scene_references`, `advance(points)` is called
-    with a total of `points(plan)`.
+    Their paths end in `known` light, that of `known_light`. References in the plan's cache are not
+    traced again. With those of `scene_references`, `advance(points)` is called with a total of `points(plan)`.
     """
-    return _traced(plan, plan.placement.held_out, 1000, advance)
+    return _traced(plan, plan.placement.held_out, 1000, known, advance)
 
 
-def scene_references(plan: "Plan", advance: Callable[..., None]) -> dict[str, Reference]:
+def scene_references(plan: "Plan", known: KnownLight | None, advance: Callable[..., None]) -> dict[str, Reference]:
     """References like those of `references`, of the scene's own cameras."""
-    return _traced(plan, scene_cameras(plan), 1000 + SCENE_SEED, advance)
+    return _traced(plan, scene_cameras(plan), 1000 + SCENE_SEED, known, advance)
 
 
 def scene_cameras(plan: "Plan") -> dict[str, Camera]:
@@ -152,11 +176,12 @@ def evaluate(
     baked: Bake,
     of_scene: Mapping[str, Reference] | None = None,
     triangles: Triangles | None = None,
+    bias: Bias | None = None,
 ) -> Evaluation:
     """Compare a bake with `references`, and with those `of_scene`; `cameras` holds the cameras of both by name.
 
     The full frame is the reference's primary light and albedo with the B of the bake. Leaks are looked for if the
-    `triangles` of the scene are given.
+    `triangles` of the scene are given. `bias` is that of the references.
     """
     own_truths, around = of_scene or {}, None
     if triangles is not None and (references or own_truths) and (far := reach(baked)):
@@ -164,7 +189,7 @@ def evaluate(
     views = [_evaluated(name, cameras[name], truth, baked, around, False) for name, truth in references.items()]
     own = [_evaluated(name, cameras[name], truth, baked, around, True) for name, truth in own_truths.items()]
     worst = min((v for v in (*views, *own) if not v.noisy), key=lambda view: view.final.ssim, default=None)
-    return Evaluation(views, _mean(views), own, worst)
+    return Evaluation(views, _mean(views), own, worst, bias)
 
 
 def draw(baked: Bake, camera: Camera, reference: Reference) -> np.ndarray:
@@ -183,10 +208,10 @@ def draw(baked: Bake, camera: Camera, reference: Reference) -> np.ndarray:
     return image
 
 
-def _traced(plan: "Plan", cameras: Mapping[str, Camera], seed: int, advance) -> dict[str, Reference]:
-    traced = {}
+def _traced(plan: "Plan", cameras: Mapping[str, Camera], seed: int, known, advance) -> dict[str, Reference]:
+    traced, paths = {}, samples(plan)
     for i, (name, camera) in enumerate(cameras.items()):
-        traced[name] = plan.tracer.reference(camera, SIZE, SAMPLES, plan.settings.seed + seed + i, advance)
+        traced[name] = plan.tracer.reference(camera, SIZE, paths, plan.settings.seed + seed + i, advance, known)
     return {name: reference for name, reference in traced.items() if reference.valid.any()}
 
 

@@ -9,6 +9,9 @@ def summary(evaluation: Evaluation) -> list[str]:
     lines = [_line(view) for view in (*evaluation.views, *evaluation.scene_views)]
     if evaluation.mean:
         lines.append(_line(evaluation.mean))
+    if evaluation.bias:
+        found = evaluation.bias
+        lines.append(f"references: {found.bias:+.2%} of whole paths' light (+- {found.standard_error:.2%})")
     if evaluation.worst:
         worst = evaluation.worst
         lines.append(f"worst view: {named(worst)}, SSIM of the frame {worst.final.ssim:.4f}{_shares(worst)}")

@@ -13,8 +13,7 @@ from gsgi.baker.progress import Progress
 from gsgi.runtime.gaussians import Effects, Gaussians
 
 from .budget import coarse_count
-from .samples import CHUNK, Sampler, SurfaceSamples, free_layers, known_paths, path_count, point_count, surface_layers
-from .seen_surface import SeenSurface
+from .samples import CHUNK, SurfaceSamples, free_layers, path_count, point_count, surface_layers
 
 if TYPE_CHECKING:
     from gsgi.baker.plan import Plan
@@ -34,10 +33,6 @@ class SurfaceFits:
     def __init__(self, plan: "Plan", progress: Progress):
         self.plan, self.progress = plan, progress
         self.tone_scale = plan.pilot.mean or 1.0
-        settings = plan.settings
-        dark = [name in plan.dark for name in plan.placement.fitted]
-        seen = SeenSurface(plan.tracer, plan.cameras, dark, plan.placement.importance)
-        self.sampler = Sampler.gathering(plan.tracer, seen, settings.bounces, settings.seed + 1, settings.error)
 
     def fit(self, budget: int, make_monitor: MakeMonitor) -> FitResult:
         """Fit both levels.
@@ -63,13 +58,11 @@ class SurfaceFits:
 
     def _samples(self, budget: int) -> tuple[SurfaceSamples, SurfaceSamples]:
         """Samples on the surfaces and in free space."""
-        paths = self.plan.settings.samples
-        on_surfaces, in_free_space = surface_layers(budget, paths), free_layers(budget)
-        number = known_paths(self.plan.settings.bounces) + path_count(on_surfaces + in_free_space)
-        with self.progress.stage("irradiance", number, "paths") as advance:
-            self.sampler.prepare(advance)
-            free = self.sampler.free(in_free_space, advance)
-            surface = self.sampler.surface(on_surfaces, advance)
+        on_surfaces, in_free_space = surface_layers(budget, self.plan.settings.samples), free_layers(budget)
+        self.plan.known_light(self.progress)
+        with self.progress.stage("irradiance", path_count(on_surfaces + in_free_space), "paths") as advance:
+            free = self.plan.sampler.free(in_free_space, advance)
+            surface = self.plan.sampler.surface(on_surfaces, advance)
         if invalid := surface.invalid + free.invalid:
             self.progress.warn(f"{invalid} paths gave no finite number and were left out")
         return surface, free

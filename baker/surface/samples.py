@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from gsgi.baker.trace.cached_tracer import CachedTracer
-from gsgi.baker.trace.irradiance_cache import IrradianceCache
+from gsgi.baker.trace.irradiance_cache import IrradianceCache, KnownLight
 from gsgi.baker.trace.local_light import local_light
 from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling, Tracer
 
@@ -122,6 +122,7 @@ class Sampler:
         """
         self._tracer, self._seen, self._seed, self._known = tracer, seen, seed, known
         self._sampling, self._error = Sampling(PASS_SAMPLES, bounces), error
+        self._known_samples: SurfaceSamples | None = None
 
     @classmethod
     def gathering(cls, tracer: CachedTracer, seen: SeenSurface, bounces: int, seed: int, error: float) -> "Sampler":
@@ -132,10 +133,18 @@ class Sampler:
         return cls(tracer, seen, bounces, seed, known, error)
 
     def prepare(self, advance: Callable[..., None]) -> None:
-        """Trace the light in which paths end. `advance(paths)` is called with a total of `known_paths(bounces)`."""
-        if self._known is not None:
+        """Trace the light in which paths end, once.
+
+        `advance(paths)` is called with a total of `known_paths(bounces)`.
+        """
+        if not self.prepared:
             self._known.sampler.prepare(advance)
             self._known_samples = self._known.sampler.surface(self._known.layers, advance)
+
+    @property
+    def prepared(self) -> bool:
+        """Whether the light in which paths end has been traced, or none is needed."""
+        return self._known is None or self._known_samples is not None
 
     def surface(self, layers: list[int], advance: Callable[..., None]) -> SurfaceSamples:
         """Samples on the surfaces that the cameras see, spread over each camera's visible area by importance.
@@ -204,12 +213,17 @@ class Sampler:
         return {"sampling": self._sampling, "known": known}
 
     @cached_property
-    def known_light(self) -> tuple[IrradianceCache | None, IrradianceCache | None]:
-        """The light in which the paths of each half end, once `prepare` has traced it."""
-        if self._known is None:
-            return None, None
+    def known_light(self) -> KnownLight | None:
+        """The light in which paths end, once `prepare` has traced it; None if they are whole."""
         known = self._known_samples
-        return IrradianceCache.halves(known.position, known.normal, known.indirect_a, known.indirect_b)
+        if known is None:
+            return None
+        samples = known.position, known.normal, known.indirect_a, known.indirect_b
+        key = self._tracer.key("known", __name__, paths=self._paths)
+        light, _ = self._tracer.once(
+            key, KnownLight, lambda: IrradianceCache.halves(*samples, self._tracer.tracer.blocked)
+        )
+        return light
 
 
 @dataclass(frozen=True)
@@ -249,10 +263,8 @@ def _traced(
     seed: tuple[int, ...], advance,
 ) -> _Layer:  # fmt: skip
     where = points.position[noisy], points.normal[noisy], points.geometric_normal[noisy]
-    lights = [
-        tracer.indirect(*where, sampling, int(half), lambda count: advance(count * PASS_SAMPLES), light, numbers[noisy])
-        for half, light in zip(np.random.SeedSequence(seed).generate_state(2), known, strict=True)
-    ]
+    step = lambda count: advance(count * PASS_SAMPLES)  # noqa: E731
+    lights = tracer.halves(*where, sampling, seed, step, known, numbers[noisy])
 
     def at_all(values: np.ndarray) -> np.ndarray:
         result = np.zeros((len(noisy), *values.shape[1:]), values.dtype)

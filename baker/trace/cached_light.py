@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .irradiance_cache import COORDINATE_BITS, IrradianceCache, hashed_cell
+from .irradiance_cache import AWAY, COORDINATE_BITS, UNKNOWN, IrradianceCache, hashed_cell
 from .mitsuba_scene import load_mitsuba
 
 mi = load_mitsuba()
@@ -21,18 +21,15 @@ class CachedLight:
         self._size = dr.opaque(mi.Float, cache.size)
         self._origin = mi.Point3f(*(dr.opaque(mi.Float, float(x)) for x in cache.origin))
 
-    def look_up(self, p, n, jitter, active):
-        """B at points with unit normals, and whether it is known there. `jitter` in [0, 1)^2 blurs the cells' borders.
-
-        The point is moved by up to half a cell within its plane, so that the mean over `jitter` changes smoothly.
-        """
-        frame = mi.Frame3f(n)
-        moved = p + self._size * ((jitter.x - 0.5) * frame.s + (jitter.y - 0.5) * frame.t)
-        light, known = mi.Color3f(0), mi.Bool(False)
+    def look_up(self, p, n, distance, active):
+        """B at points with unit normals, and whether it is known there to who sees them from a `distance`, m."""
+        light, searching = mi.Color3f(UNKNOWN), active
         for level in range(self._levels):
-            there, found = self._look_up(moved, n, level, active & ~known)
-            light, known = dr.select(found, there, light), known | found
-        return light, known
+            searching &= distance >= AWAY * self._size * 2**level
+            there, found = self._look_up(p, n, level, searching)
+            light, searching = dr.select(found, there, light), searching & ~found
+        known = light.x != UNKNOWN
+        return dr.select(known, light, 0), known
 
     @dr.syntax
     def _look_up(self, p, n, level, active):

@@ -14,7 +14,7 @@ from gsgi.runtime.camera import Camera
 from gsgi.runtime.scene import Scene
 
 from . import reference
-from .irradiance_cache import IrradianceCache
+from .irradiance_cache import IrradianceCache, KnownLight
 from .tracer import Light, Sampling, Tracer
 
 PACKAGES = ("mitsuba", "drjit", "numpy")
@@ -80,11 +80,16 @@ class CachedTracer:
             advance(0, f"view {i + 1}/{len(keys)}")
         return views
 
-    def reference(self, camera: Camera, size: int, samples: int, seed: int, advance) -> reference.Reference:
-        """A square reference of `size` px, in two halves."""
-        key = self.key("reference", __name__, camera=camera, size=size, samples=samples, seed=seed)
+    def reference(
+        self, camera: Camera, size: int, samples: int, seed: int, advance,
+        known: KnownLight | None = None,
+    ) -> reference.Reference:  # fmt: skip
+        """A square reference of `size` px, in two halves, whose paths end in `known` light."""
+        key = self.key("reference", __name__, camera=camera, size=size, samples=samples, seed=seed, known=known)
         truth, found = self.once(
-            key, reference.Reference, lambda: reference.trace(self.tracer, camera, size, size, samples, seed, advance)
+            key,
+            reference.Reference,
+            lambda: reference.trace(self.tracer, camera, size, size, samples, seed, advance, known),
         )
         if found:
             advance(2 * size**2, "from the cache")

@@ -4,6 +4,7 @@ Irradiance is cached on surfaces (Ward et al. 1988) and precomputed at points (C
 light hardly shows, because a point sees the mean over all directions of it, reflected once.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,10 +16,19 @@ VARIES = 0.35  # standard deviation in a cell, relative to its mean light: with 
 ACROSS = 1.2  # edge of the finest cells where samples have a density, relative to the distance to the NEAR-th nearest
 DENSE, SPARSE = 0.05, 0.95  # quantiles of that distance from which the sizes of cells are taken
 LEVELS_MOST = 16  # of cells
+
+# A path reads a cell only if it comes from at least so many of the cell's edges away, else it goes on. A cell that
+# reaches through a thin wall at its foot fills the view of a point beside it, which would shine: in a dark room beside
+# a bright one by 25 %, with SSIM 0.958 there instead of 0.993. From afar such cells are few among many.
+AWAY = 2.0
 NEAR, MEASURED = 8, 4096  # neighbours, and the number of samples whose neighbours are looked for
 COORDINATE_BITS = 19  # of a cell, along each axis; cells so far apart share their light
 SMALLEST = 1e-6  # m, edge of a cell: points can coincide
+LIFT = 0.25  # of a cell's edge: how far above its samples a wall is looked for; bent surfaces hardly reach so high
+UNKNOWN = -1.0  # the light of a cell that has none
 ORIGIN = 0.37  # of a cell: keeps walls at round coordinates off the borders of cells
+
+Blocked = Callable[[np.ndarray, np.ndarray], np.ndarray]  # (N,) bool, of the ways between points (N, 3) and (N, 3)
 
 
 @dataclass(frozen=True)
@@ -28,7 +38,7 @@ class IrradianceCache:
     Each of the `levels` has cells twice as wide as those before; the finest with enough samples is read. origin (3,)
     float64 is the lowest corner of cell 0, size the edge of the finest cells, m. The E cells lie in a hash
     table of a power of two of buckets: `start` (buckets + 1,) uint32 is each bucket's first cell, `low` and `high` (E,)
-    uint32 are the cells' keys, and light (E, 3) float32 is B, linear Rec.709 radiance.
+    uint32 are the cells' keys, and light (E, 3) float32 is B, linear Rec.709 radiance, or UNKNOWN.
     """
 
     origin: np.ndarray
@@ -41,12 +51,13 @@ class IrradianceCache:
 
     @staticmethod
     def halves(
-        position: np.ndarray, normal: np.ndarray, a: np.ndarray, b: np.ndarray
-    ) -> tuple["IrradianceCache", "IrradianceCache"]:
+        position: np.ndarray, normal: np.ndarray, a: np.ndarray, b: np.ndarray, blocked: Blocked | None = None
+    ) -> "KnownLight":
         """The caches of both halves `a` and `b` (S, 3) of B at samples: position (S, 3) m, normal (S, 3) unit.
 
-        The halves' noise is independent, so that their covariance shows in which cells the light itself varies: those
-        that reach through a wall, for example. They have no light in either cache.
+        Some cells have no light in either cache and end the search for it: those that a wall divides, as `blocked`
+        tells of ways between points above their samples; and those in which the light itself varies, as the covariance
+        of the halves shows, whose noise is independent.
         """
         origin, size, levels = _grid(position)
         keys, lights = [], []
@@ -58,7 +69,10 @@ class IrradianceCache:
             mean = np.stack([np.bincount(of, column, len(cells)) for column in both.T], axis=1) / count[:, None]
             of_both = mean[:, :3].mean(axis=1) * mean[:, 3:].mean(axis=1)
             varies = np.bincount(of, product, len(cells)) / count - of_both > VARIES**2 * of_both
-            use = (count >= LEAST) & (count <= (MOST if level else np.inf)) & ~varies
+            use = (count >= LEAST) & (count <= (MOST if level else np.inf))
+            if blocked is not None:
+                varies |= _divided(position, normal, of, use, LIFT * size * 2**level, blocked)
+            mean[varies] = UNKNOWN
             keys.append(cells[use])
             lights.append(mean[use])
         key, light = np.concatenate(keys), np.concatenate(lights).astype(np.float32)
@@ -68,7 +82,15 @@ class IrradianceCache:
         order = np.argsort(bucket, kind="stable")
         start = np.searchsorted(bucket[order], np.arange(buckets + 1)).astype(np.uint32)
         table = origin, size, levels, start, low[order], high[order]
-        return tuple(IrradianceCache(*table, light[order, i : i + 3]) for i in (0, 3))
+        return KnownLight(*(IrradianceCache(*table, light[order, i : i + 3]) for i in (0, 3)))
+
+
+@dataclass(frozen=True)
+class KnownLight:
+    """The caches in which the paths of both halves of B end."""
+
+    a: IrradianceCache
+    b: IrradianceCache
 
 
 def cell_keys(position: np.ndarray, normal: np.ndarray, origin: np.ndarray, size: float, level: int) -> np.ndarray:
@@ -80,6 +102,20 @@ def cell_keys(position: np.ndarray, normal: np.ndarray, origin: np.ndarray, size
     return (low & np.uint64(0xFFFFFFFF)) | (
         (low >> np.uint64(32)) | z << np.uint64(6) | (side.astype(np.uint64) << np.uint64(25)) | np.uint64(level << 28)
     ) << np.uint64(32)
+
+
+def _divided(position, normal, of, use, lift: float, blocked: Blocked) -> np.ndarray:
+    """Cells (E,) bool among those to `use` (E,) that a wall divides: it blocks a way between two of their samples.
+
+    `of` (S,) is the cell of each sample. The ways lead from a cell's first sample to the others, `lift` m above them.
+    """
+    first = np.full(len(use), len(of))
+    np.minimum.at(first, of, np.arange(len(of)))
+    others = np.flatnonzero(use[of])
+    above = position + np.float32(lift) * normal
+    divided = np.zeros(len(use), bool)
+    divided[of[others[blocked(above[first[of[others]]], above[others])]]] = True
+    return divided
 
 
 def hashed_cell(low, high):

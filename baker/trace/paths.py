@@ -93,6 +93,16 @@ def indirect(
     return Sums(np.array(light, np.float64).T, np.array(squared, np.float64), np.array(invalid, np.int64))
 
 
+def blocked(tracer, origin, target) -> dict[str, np.ndarray]:
+    """Whether a surface is between points, `blocked` (N,) bool; arguments (N, 3) float32."""
+    o = mi.Point3f(origin.T)
+    towards = mi.Point3f(target.T) - o
+    distance = dr.norm(towards)
+    apart = distance > 0
+    free = unoccluded(tracer, o, towards / distance, distance, apart)
+    return {"blocked": np.array(apart & ~free).astype(bool)}
+
+
 def direct(tracer, position, normal, geometric_normal) -> dict[str, np.ndarray]:
     """Light of all punctual lights at each point over pi, `direct` (N, 3) float32; arguments (N, 3) float32."""
     p, n, ng = mi.Point3f(position.T), mi.Normal3f(normal.T), mi.Normal3f(geometric_normal.T)
@@ -113,16 +123,18 @@ def _paths(tracer, known, key, first, start, start_n, start_ng, samples, bounces
 
     The points of a path are lifted off their surfaces.
     """
-    p, n, ng = mi.Point3f(start), mi.Normal3f(start_n), mi.Normal3f(start_ng)
+    p, n, ng, distance = mi.Point3f(start), mi.Normal3f(start_n), mi.Normal3f(start_ng), mi.Float(0)
     throughput, light = mi.Color3f(1), mi.Color3f(0)
     total, squared, invalid = mi.Color3f(0), mi.Float(0), mi.UInt32(0)
     sample, bounce = mi.UInt32(first), mi.UInt32(0)
     active = (dr.squared_norm(start_n) > 0) & (samples > 0)
     while active:
         draws = Draws(key, sample, bounce)
-        arriving, open_ended = _arriving_at_vertex(tracer, known, draws, p, n, ng, bounce, active)
+        arriving, open_ended = _arriving_at_vertex(tracer, known, draws, p, n, ng, distance, bounce, active)
         light += throughput * arriving
-        light_there, alive, p, n, ng, reflectance = _next_vertex(tracer, draws, p, n, ng, bounce < bounces, open_ended)
+        light_there, alive, p, n, ng, distance, reflectance = _next_vertex(
+            tracer, draws, p, n, ng, bounce < bounces, open_ended
+        )
         light += throughput * light_there
         throughput *= reflectance
         # Russian roulette (Arvo and Kirk 1990).
@@ -146,12 +158,11 @@ def _paths(tracer, known, key, first, start, start_n, start_ng, samples, bounces
     return total, squared, invalid
 
 
-def _arriving_at_vertex(tracer, known, draws, p, n, ng, bounce, active):
+def _arriving_at_vertex(tracer, known, draws, p, n, ng, distance, bounce, active):
     """Light at a vertex, over pi, and where the path goes on: B where it is known, else an estimate of direct light."""
     light, open_ended = mi.Color3f(0), active
     if known is not None:
-        # Emitters are sampled only where B is unknown, so the look-up can use their random numbers.
-        light, found = known.look_up(p, n, draws.two(EMITTER_POINT), active & (bounce > 0))
+        light, found = known.look_up(p, n, distance, active & (bounce > 0))
         open_ended = active & ~found
     if tracer.lights.count > 0:
         # The engine computes the direct light of punctual lights, so the point itself (bounce 0) gets none here, and
@@ -198,7 +209,7 @@ def _next_vertex(tracer, draws, p, n, ng, reflects, active):
     reflectance = dr.select(alive & ~_is_unlit(tracer, material, alive), reflectance, 0)
     next_n = tracer.shading.shading_normal(hit.prim, hit.b, front_ng, alive)
     next_p = lifted_hit(tracer, p, d, hit, front_ng, front, found)
-    return light, alive, next_p, next_n, mi.Normal3f(front_ng), reflectance
+    return light, alive, next_p, next_n, mi.Normal3f(front_ng), hit.t, reflectance
 
 
 def _jitter(draws):

@@ -76,7 +76,7 @@ def run(at_points: Callable, position: np.ndarray, normal: np.ndarray, seed: int
             break
     lost.setdefault(BOUNCES_MAX, 0.0)
     deviation = whole.error * np.sqrt(np.maximum(whole.samples, 1))
-    known, _ = IrradianceCache.halves(position, normal, whole.mean, whole.mean)
+    known = IrradianceCache.halves(position, normal, whole.mean, whole.mean).a
     half = Sampling(SAMPLES // 2, BOUNCES_MAX)
     a, b = (at_points(position, normal, half, seed + 1 + i, known=known).mean for i in range(2))
     return Pilot(mean, lost, deviation, whole.mean.mean(axis=1), local_light(position, normal, a, b))

@@ -8,6 +8,7 @@ import numpy as np
 from gsgi.runtime.camera import Camera
 
 from . import denoise
+from .irradiance_cache import KnownLight
 from .tracer import Sampling, Surface, Tracer
 
 
@@ -62,16 +63,19 @@ def primary(tracer: Tracer, surface: Surface) -> np.ndarray:
     return surface.emission + surface.albedo * direct
 
 
-def trace(tracer: Tracer, camera: Camera, width: int, height: int, samples: int, seed: int, advance=None) -> Reference:
+def trace(
+    tracer: Tracer, camera: Camera, width: int, height: int, samples: int, seed: int, advance=None,
+    known: KnownLight | None = None,
+) -> Reference:  # fmt: skip
     """Trace a reference of `samples` paths per pixel, half of them for each half.
 
-    `advance(points)` is called as pixels are done, with `2 * width * height` points in all.
+    The paths of each half end where they meet its `known` light. `advance(points)` is called as pixels are done, with
+    `2 * width * height` points in all.
     """
     surface = tracer.surface(camera, width, height)
     half = Sampling(-(-samples // 2))
-    # Hash the seed, so that a reference shares no random numbers with a view of a bake, whose seed is small as well.
-    seeds = np.random.SeedSequence(seed).generate_state(2).tolist()
-    a, b = (tracer.indirect(*surface.points(), half, s, advance) for s in seeds)
+    # The seed is hashed: a reference shares no random numbers with a view of a bake, whose seed is small as well.
+    a, b = tracer.halves(*surface.points(), half, seed, advance, known)
     if advance:
         advance(2 * float((~surface.diffuse).sum()))
     valid = surface.image((a.samples > 0) & (b.samples > 0))

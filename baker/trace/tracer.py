@@ -14,7 +14,7 @@ from gsgi.runtime.metals import lambertian
 from gsgi.runtime.scene import Scene
 
 from . import mitsuba_scene
-from .irradiance_cache import IrradianceCache
+from .irradiance_cache import IrradianceCache, KnownLight
 from .planes import onto_planes
 from .punctual_lights import PunctualLights
 from .surface_tables import tabulate
@@ -167,6 +167,22 @@ class Tracer:
                 advance((len(active) - len(going)) * (passes - 1 - k) / passes)
             active = going
         return sums.light()
+
+    def halves(
+        self, position, normal, geometric_normal, sampling: Sampling, seed, advance=None,
+        known: KnownLight | None = None, numbers: np.ndarray | None = None,
+    ) -> tuple[Light, Light]:  # fmt: skip
+        """B twice, from independent paths: `indirect` with seeds made from `seed`, and `known` light."""
+        ends = (None, None) if known is None else (known.a, known.b)
+        seeds = np.random.SeedSequence(seed).generate_state(2).tolist()
+        where = position, normal, geometric_normal, sampling
+        return tuple(self.indirect(*where, s, advance, end, numbers) for s, end in zip(seeds, ends, strict=True))
+
+    def blocked(self, origin: np.ndarray, target: np.ndarray) -> np.ndarray:
+        """Whether a surface is between points (N, 3) and others (N, 3), m: (N,) bool. Points must be off surfaces."""
+        from . import paths
+
+        return self._launched(paths.blocked, origin, target)["blocked"]
 
     def direct(self, position, normal, geometric_normal) -> np.ndarray:
         """Direct light of the punctual lights: (N, 3) float32, such that primary = albedo * direct + emission.

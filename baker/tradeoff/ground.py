@@ -13,11 +13,10 @@ from gsgi.baker.evaluation import held_out
 from gsgi.baker.plan import make_plan
 from gsgi.baker.progress import Display, Progress
 from gsgi.baker.settings import Settings
-from gsgi.baker.surface.fits import SurfaceFits
 from gsgi.baker.surface.samples import Sampler, known_paths
 from gsgi.baker.surface.seen_surface import SeenSurface
 from gsgi.baker.trace.cached_tracer import CachedTracer
-from gsgi.baker.trace.irradiance_cache import IrradianceCache
+from gsgi.baker.trace.irradiance_cache import IrradianceCache, KnownLight
 from gsgi.baker.trace.reference import Reference
 from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling
 from gsgi.runtime.camera import Camera
@@ -28,14 +27,6 @@ from .method import Answer, Method
 PATHS = 1024  # per texel: as many as a sample of ours takes at most
 GATHERING_PAYS = 2  # from so many times the paths of the gathered light on
 FREE_POINTS, FREE_SAMPLES = 2048, 1024  # points in free space where moving objects may be, and paths at each
-
-
-@dataclass(frozen=True)
-class GatheredLight:
-    """Both halves of the light in which paths end, as our own samples have it (final gathering, Reichert 1992)."""
-
-    a: IrradianceCache
-    b: IrradianceCache
 
 
 @dataclass(frozen=True)
@@ -71,8 +62,10 @@ class Ground:
         """References of the held-out cameras that tell something, by name, traced once."""
         placement = replace(self.plan.placement, held_out=dict(self.cameras))
         plan = replace(self.plan, tracer=self.cached, placement=placement)
-        with Progress(self.display).stage("references", 2 * len(self.cameras) * held_out.SIZE**2, "points") as advance:
-            traced = held_out.references(plan, advance)
+        progress = Progress(self.display)
+        known = held_out.known_light(plan, progress)
+        with progress.stage("references", 2 * len(self.cameras) * held_out.SIZE**2, "points") as advance:
+            traced = held_out.references(plan, known, advance)
         return {name: reference for name, reference in traced.items() if not held_out.noisy(reference)}
 
     @property
@@ -105,36 +98,29 @@ class Ground:
         inputs = {"method": method.name, "value": value, "settings": self.plan.settings}
         return self.timed("study", method.answer, compute, module=method.module, **inputs)
 
-    def gathered(self) -> tuple[GatheredLight, dict[str, float]]:
+    def gathered(self) -> tuple[KnownLight, dict[str, float]]:
         """The light in which the paths of texels and probes end, and the seconds that it takes."""
 
-        def trace(progress: Progress) -> GatheredLight:
-            sampler = SurfaceFits(self.plan, progress).sampler
-            with progress.stage("light", known_paths(self.plan.settings.bounces), "paths") as advance:
-                sampler.prepare(advance)
-            return GatheredLight(*sampler.known_light)
+        def trace(progress: Progress) -> KnownLight:
+            plan = replace(self.plan)  # another plan, which has traced nothing yet
+            return plan.known_light(progress)
 
-        return self.timed("gathered", GatheredLight, trace, settings=self.plan.settings)
+        return self.timed("gathered", KnownLight, trace, settings=self.plan.settings)
 
     def trace(self, position, normal, geometric_normal, paths: int, progress: Progress) -> np.ndarray:
         """B (N, 3) float32 at points, with `paths` paths each.
 
         They end in gathered light, as those of our own samples do, unless there are so few that it would take longer.
         """
-        known = None, None
+        known = None
         if len(position) * paths > GATHERING_PAYS * known_paths(self.plan.settings.bounces):
-            gathered, seconds = self.gathered()
-            known = gathered.a, gathered.b
+            known, seconds = self.gathered()
             progress.seconds.update(seconds)
         half = Sampling(-(-paths // (2 * PASS_SAMPLES)) * PASS_SAMPLES, self.plan.settings.bounces)
-        seeds = np.random.SeedSequence((self.settings.seed, len(position))).generate_state(2).tolist()
-        tracer = self.cold.tracer
+        seed = self.settings.seed, len(position)
         with progress.stage("irradiance", 2 * len(position), "points") as advance:
-            a, b = (
-                tracer.indirect(position, normal, geometric_normal, half, seed, advance, light).mean
-                for seed, light in zip(seeds, known, strict=True)
-            )
-        return (a + b) / 2
+            a, b = self.cold.tracer.halves(position, normal, geometric_normal, half, seed, advance, known)
+        return (a.mean + b.mean) / 2
 
     def timed(
         self, stage: str, kind: type, compute: Callable[[Progress], object], module: str = __name__, **inputs
@@ -158,6 +144,6 @@ class Ground:
         """Compile the path tracer's kernels, so that no method pays for them."""
         position, normal = (np.tile(np.float32(v), (64, 1)) for v in (self.plan.triangles.low, [0, 1, 0]))
         light = np.ones((64, 3), np.float32)
-        known, _ = IrradianceCache.halves(position, normal, light, light)
-        for end in (None, known):
+        known = IrradianceCache.halves(position, normal, light, light)
+        for end in (None, known.a):
             self.cold.tracer.indirect(position, normal, normal, Sampling(PASS_SAMPLES, 4), 0, None, end)

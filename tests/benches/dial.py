@@ -70,8 +70,9 @@ def measure(path: Path, settings: Settings, progress: Progress) -> tuple[list[Me
     progress.say(f"bench: dial of {path.stem}")
     plan = make_plan(read_gltf(path), settings, progress, cache)
     s = plan.settings
+    known = held_out.known_light(plan, progress)
     with progress.stage("references") as advance:
-        references = held_out.references(plan, advance)
+        references = held_out.references(plan, known, advance)
     cache.trim()
 
     def fit(budget: int, seed: int) -> Measured:

@@ -27,8 +27,9 @@ def stages() -> list[dict]:
         baked = codec.decode(data)
         with progress.stage("render"):
             draw(scene, baked, next(iter(scene.cameras.values())), 512, 512, "auto")
+        known = held_out.known_light(plan, progress)
         with progress.stage("references", held_out.points(plan), "points") as advance:
-            references = held_out.references(plan, advance), held_out.scene_references(plan, advance)
+            references = held_out.references(plan, known, advance), held_out.scene_references(plan, known, advance)
             cameras = held_out.scene_cameras(plan) | plan.placement.held_out
             evaluation = held_out.evaluate(references[0], cameras, baked, references[1])
         total = sum(progress.seconds.values())

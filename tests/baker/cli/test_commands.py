@@ -39,7 +39,7 @@ OVER = ["--operator", "over"]
 QUICK = """
 from gsgi.baker.cli import main
 from gsgi.baker.evaluation import held_out
-held_out.SIZE, held_out.SAMPLES = 64, 256
+held_out.SIZE, held_out.SAMPLES, held_out.GATHERED = 64, 256, 128
 main.main()
 """
 

@@ -24,11 +24,11 @@ KILLS = 3
 GSGI = """
 from gsgi.baker.cache import checkpoint
 from gsgi.baker.cli import main
-from gsgi.baker.evaluation import held_out
+from gsgi.baker.evaluation import bias, held_out
 from gsgi.baker.surface import budget, samples
 from gsgi.baker.views import placement
 checkpoint.INTERVAL, checkpoint.SHARE = 0.1, 1.0
-placement.HELD_OUT, held_out.SIZE, held_out.SAMPLES = 1, 16, 32
+placement.HELD_OUT, held_out.SIZE, held_out.SAMPLES, bias.SAMPLES = 1, 16, 32, 32
 budget.SAMPLES_FEWEST, samples.CHUNK = 1 << 12, 1 << 9
 main.main()
 """

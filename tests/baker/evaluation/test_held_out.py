@@ -226,7 +226,7 @@ def test_the_cameras_of_the_scene_are_reported_beside_the_mean(baked, truths):
 def test_the_first_cameras_of_a_scene_are_traced(truths):
     seeds = []
 
-    def reference(camera, size, samples, seed, advance) -> Reference:
+    def reference(camera, size, samples, seed, advance, known) -> Reference:
         seeds.append(seed)
         return truths["front"]
 
@@ -236,9 +236,10 @@ def test_the_first_cameras_of_a_scene_are_traced(truths):
         placement=SimpleNamespace(held_out=CAMERAS),
         scene=SimpleNamespace(cameras=own),
         settings=SimpleNamespace(seed=0),
+        known_paths=0,
     )
-    assert list(held_out.scene_references(plan, print)) == list(own)[: held_out.SCENE_VIEWS]
-    held_out.references(plan, print)
+    assert list(held_out.scene_references(plan, None, print)) == list(own)[: held_out.SCENE_VIEWS]
+    held_out.references(plan, None, print)
     assert len(set(seeds)) == len(seeds) == held_out.SCENE_VIEWS + len(CAMERAS)
     assert held_out.points(plan) == 2 * len(seeds) * held_out.SIZE**2
 
@@ -246,9 +247,10 @@ def test_the_first_cameras_of_a_scene_are_traced(truths):
 def test_views_without_a_b_are_no_part_of_the_evaluation(truths):
     blind = replace(truths["back"], valid=np.zeros((SIZE, SIZE), bool))
     found = iter([truths["front"], blind])
-    light = SimpleNamespace(reference=lambda camera, size, samples, seed, advance: next(found))
-    plan = SimpleNamespace(tracer=light, placement=SimpleNamespace(held_out=CAMERAS), settings=SimpleNamespace(seed=0))
-    assert list(held_out.references(plan, print)) == ["front"]
+    light = SimpleNamespace(reference=lambda *_: next(found))
+    placement, settings = SimpleNamespace(held_out=CAMERAS), SimpleNamespace(seed=0)
+    plan = SimpleNamespace(tracer=light, placement=placement, settings=settings, known_paths=0)
+    assert list(held_out.references(plan, None, print)) == ["front"]
 
 
 def test_no_view_is_no_failure(baked):

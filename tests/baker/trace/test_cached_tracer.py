@@ -127,7 +127,7 @@ def test_points_are_traced_once(tmp_path, calls):
 
 
 def test_references_are_traced_once(tmp_path, calls, monkeypatch):
-    def trace(tracer, camera, width, height, samples, seed, advance):
+    def trace(tracer, camera, width, height, samples, seed, advance, known):
         image = np.full((height, width, 3), seed, np.float32)
         advance(2 * width * height)
         calls.append(samples)

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 import scenes
 
-from gsgi.baker.trace.irradiance_cache import LEAST, IrradianceCache, cell_keys
+from gsgi.baker.trace import cached_light, irradiance_cache
+from gsgi.baker.trace.irradiance_cache import AWAY, LEAST, IrradianceCache, cell_keys
 from gsgi.baker.trace.tracer import Sampling, Tracer
 from gsgi.runtime.scene import Light, Material, Scene
 
@@ -19,19 +20,20 @@ def points(count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
     return position, normal
 
 
-def look_up(cache: IrradianceCache, position, normal, jitter=0.5) -> tuple[np.ndarray, np.ndarray]:
-    """Light (N, 3) and whether it is known (N,), by the path tracer's kernels."""
+def look_up(cache: IrradianceCache, position, normal, distance=1e3) -> tuple[np.ndarray, np.ndarray]:
+    """Light (N, 3) and whether it is known (N,) from a distance, m, by the path tracer's kernels."""
     from gsgi.baker.trace.cached_light import CachedLight, mi
 
-    p, n, j = mi.Point3f(position.T), mi.Normal3f(normal.T), mi.Point2f(jitter, jitter)
-    light, known = CachedLight(cache).look_up(p, n, j, mi.Bool(True))
+    p, n = mi.Point3f(position.T), mi.Normal3f(normal.T)
+    light, known = CachedLight(cache).look_up(p, n, mi.Float(distance), mi.Bool(True))
     return np.array(light).T, np.array(known)
 
 
 def test_a_cell_holds_the_mean_of_its_samples():
     position, normal = points(20000)
     light = np.random.default_rng(1).uniform(0.9, 1.1, (len(position), 3)).astype(np.float32)
-    cache, other = IrradianceCache.halves(position, normal, light, 2 * light)
+    both = IrradianceCache.halves(position, normal, light, 2 * light)
+    cache, other = both.a, both.b
     found, known = look_up(cache, position, normal)
     key = cell_keys(position, normal, cache.origin, cache.size, 0)
     _, of, count = np.unique(key, return_inverse=True, return_counts=True)
@@ -45,7 +47,7 @@ def test_a_cell_holds_the_mean_of_its_samples():
 
 def test_nothing_is_known_elsewhere_or_of_the_other_side():
     position, normal = points(20000)
-    cache, _ = IrradianceCache.halves(position, normal, *[np.ones_like(position)] * 2)
+    cache = IrradianceCache.halves(position, normal, *[np.ones_like(position)] * 2).a
     for where, facing in ((position / 2, normal), (position, -normal), (position + 3, normal)):
         inside = np.abs(where).max(axis=1) < 0.9 if where is not position else np.ones(len(where), bool)
         inside |= (where > 1.5).any(axis=1)
@@ -59,11 +61,11 @@ def test_cells_through_a_wall_are_unknown():
     rng = np.random.default_rng(2)
     position = rng.uniform(-1, 1, (20000, 3)).astype(np.float32) * np.float32([1, 0, 1])
     normal = np.tile(SIDES[2], (len(position), 1))
-    even, _ = IrradianceCache.halves(position, normal, *[np.ones_like(position)] * 2)
+    even = IrradianceCache.halves(position, normal, *[np.ones_like(position)] * 2).a
     beyond = position[:, 0] - even.origin[0] - 42.5 * even.size  # the wall is in the middle of cells
     level = np.where(beyond[:, None] > 0, 10.0, 0.1)
     a, b = ((level * rng.uniform(0.8, 1.2, (len(position), 3))).astype(np.float32) for _ in range(2))
-    cache, _ = IrradianceCache.halves(position, normal, a, b)
+    cache = IrradianceCache.halves(position, normal, a, b).a
     light, known = look_up(cache, position, normal)
     dark = known & (beyond < 0)
     # Where a cell holds a dark sample or two among bright ones, the dark points at its edge are taken for bright.
@@ -73,21 +75,42 @@ def test_cells_through_a_wall_are_unknown():
     assert known[near].mean() < 0.2
 
 
-def test_jitter_stays_in_the_plane_and_within_a_cell():
+def test_cells_are_read_from_afar():
+    """From two edges of the finest cells away only those are read, from closer none."""
     position, normal = points(20000)
-    ramp = np.repeat(position[:, :1] + 3, 3, axis=1)
-    cache, _ = IrradianceCache.halves(position, normal, ramp, ramp)
-    for jitter in (0.0, 0.999):
-        light, known = look_up(cache, position, normal, jitter)
-        inner = known & (np.abs(position).min(axis=1) < 0.8)
-        assert inner.mean() > 0.8
-        # Half a cell of jitter and, on the coarser level, a whole cell and a half within it.
-        assert np.abs(light[inner] - ramp[inner]).max() < (0.5 + 2**cache.levels) * cache.size
+    level = np.ones_like(position)
+    cache = IrradianceCache.halves(position, normal, level, level).a
+    edge = AWAY * cache.size
+    known = [look_up(cache, position, normal, distance=share * edge)[1].mean() for share in (0.99, 1.01, 2.01, 1e3)]
+    assert known[0] == 0
+    assert 0.7 < known[1] < known[2] <= known[3]
+
+
+def test_the_foot_of_a_thin_wall_stays_dark(monkeypatch):
+    """Two rooms with one floor, lit to 1 and black: known light reaches through the wall here and there."""
+    walls = Material("wall", (0.5, 0.5, 0.5, 1.0), double_sided=True)
+    wall = scenes.quad([(0, -1, -1), (0, -1, 1), (0, 1, 1), (0, 1, -1)])
+    tracer = Tracer(Scene((*scenes.box(), wall), (walls,)))
+    position, normal = points(20000)
+    lit = np.repeat(np.float32(position[:, :1] > 0), 3, axis=1)
+    apart = IrradianceCache.halves(position, normal, lit, lit, tracer.blocked).a
+    monkeypatch.setattr(irradiance_cache, "VARIES", 1e6)
+    through = IrradianceCache.halves(position, normal, lit, lit).a
+    foot = np.stack([np.zeros(4096), np.full(4096, -0.995), np.linspace(-0.9, 0.9, 4096)], axis=1).astype(np.float32)
+    facing = np.tile(SIDES[1], (len(foot), 1))
+
+    def at_the_foot(known: IrradianceCache) -> float:
+        return tracer.indirect(foot, facing, facing, Sampling(64), 3, None, known).mean.mean()
+
+    assert at_the_foot(apart) == 0
+    afar = at_the_foot(through)
+    monkeypatch.setattr(cached_light, "AWAY", 0.0)
+    assert at_the_foot(through) > 10 * afar > 0
 
 
 def test_without_samples_nothing_is_known():
     none = np.empty((0, 3), np.float32)
-    cache, _ = IrradianceCache.halves(none, none, none, none)
+    cache = IrradianceCache.halves(none, none, none, none).a
     _, known = look_up(cache, *points(10))
     assert not known.any()
 
@@ -97,13 +120,14 @@ def test_paths_that_end_in_the_right_light_find_it_with_less_noise(albedo):
     """A closed box that emits 1: B is 1 / (1 - albedo) everywhere."""
     tracer, (position, normal) = Tracer(scenes.furnace(albedo)), points(16384)
     b = np.full((len(position), 3), 1 / (1 - albedo), np.float32)
-    known, _ = IrradianceCache.halves(position, normal, b, b)
+    known = IrradianceCache.halves(position, normal, b, b).a
     whole, short = (tracer.indirect(position, normal, normal, Sampling(32), 3, None, k) for k in (None, known))
     assert short.mean.mean() == pytest.approx(1 / (1 - albedo), rel=0.01)
     assert short.error.mean() < 0.8 * whole.error.mean()
-    wrong, _ = IrradianceCache.halves(position, normal, 2 * b, 2 * b)  # what is read is reflected once
-    twice = tracer.indirect(position, normal, normal, Sampling(32), 3, None, wrong).mean.mean()
-    assert twice - short.mean.mean() == pytest.approx(albedo / (1 - albedo), rel=0.01)
+    wrong = IrradianceCache.halves(position, normal, 2 * b, 2 * b).a  # what is read is reflected once
+    twice = tracer.indirect(position, normal, normal, Sampling(32), 3, None, wrong)
+    far = (np.abs(position) < 0.5).sum(axis=1) == 2  # from all other walls, so that paths end where they first meet one
+    assert (twice.mean - short.mean)[far].mean() == pytest.approx(albedo / (1 - albedo), rel=0.01)
 
 
 def test_punctual_light_comes_on_top_of_what_is_known():
@@ -112,7 +136,7 @@ def test_punctual_light_comes_on_top_of_what_is_known():
     box = Scene(tuple(scenes.box()), (Material("wall", (0.5, 0.5, 0.5, 1.0)),), lights=(lamp,))
     tracer, (position, normal) = Tracer(box), points(8192)
     whole = tracer.indirect(position, normal, normal, Sampling(256), 1)
-    known, _ = IrradianceCache.halves(position, normal, whole.mean, whole.mean)
+    known = IrradianceCache.halves(position, normal, whole.mean, whole.mean).a
     short = tracer.indirect(position, normal, normal, Sampling(64), 2, None, known)
     assert short.mean.mean() == pytest.approx(whole.mean.mean(), rel=0.01)
     again = tracer.indirect(position, normal, normal, Sampling(64), 2, None, known)
