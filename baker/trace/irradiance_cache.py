@@ -71,7 +71,7 @@ class IrradianceCache:
             varies = np.bincount(of, product, len(cells)) / count - of_both > VARIES**2 * of_both
             use = (count >= LEAST) & (count <= (MOST if level else np.inf))
             if blocked is not None:
-                varies |= _divided(position, normal, of, use, LIFT * size * 2**level, blocked)
+                varies |= _divided(position, normal, of, use, origin, size * 2**level, blocked)
             mean[varies] = UNKNOWN
             keys.append(cells[use])
             lights.append(mean[use])
@@ -104,17 +104,26 @@ def cell_keys(position: np.ndarray, normal: np.ndarray, origin: np.ndarray, size
     ) << np.uint64(32)
 
 
-def _divided(position, normal, of, use, lift: float, blocked: Blocked) -> np.ndarray:
-    """Cells (E,) bool among those to `use` (E,) that a wall divides: it blocks a way between two of their samples.
+def _divided(position, normal, of, use, corner, edge: float, blocked: Blocked) -> np.ndarray:
+    """Cells (E,) bool among those to `use` (E,) that a wall divides.
 
-    `of` (S,) is the cell of each sample. The ways lead from a cell's first sample to the others, `lift` m above them.
+    `of` (S,) is the cell of each sample. A wall blocks ways, a little above the surface, from a cell's first sample to
+    its others, or along the surface to one of its sides. Cells have sides of `edge` (m) from their corners at `corner`.
     """
     first = np.full(len(use), len(of))
     np.minimum.at(first, of, np.arange(len(of)))
-    others = np.flatnonzero(use[of])
-    above = position + np.float32(lift) * normal
+    above = position + np.float32(LIFT * edge) * normal
+    others, cells = np.flatnonzero(use[of]), np.flatnonzero(use)
     divided = np.zeros(len(use), bool)
     divided[of[others[blocked(above[first[of[others]]], above[others])]]] = True
+    start, up = above[first[cells]], normal[first[cells]].astype(np.float64)
+    within = (position[first[cells]] - corner) % edge
+    for axis, along in enumerate(np.eye(3)):
+        along = along - up[:, axis, None] * up
+        for side in (0.0, edge):
+            reach = (side - within[:, axis]) / np.maximum(along[:, axis], np.finfo(np.float64).tiny)
+            way = np.clip(reach, -edge, edge)[:, None] * along
+            divided[cells[blocked(start, start + way.astype(np.float32))]] = True
     return divided
 
 
