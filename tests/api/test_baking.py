@@ -55,7 +55,7 @@ def test_the_report_says_what_was_reached(report):
     assert len(bake) == report.as_dict()["bytes"]
     assert report.ssim == report.evaluation.mean.final.ssim > 0.5
     assert list(report.seconds) == [
-        "scene", "views", "plan", "references", "irradiance", "fit", "encode", "evaluation",
+        "scene", "views", "plan", "references", "known light", "irradiance", "fit", "encode", "evaluation",
     ]  # fmt: skip
     json.dumps(report.as_dict())  # plain numbers and strings
     assert report.warnings == ()
@@ -76,7 +76,8 @@ def test_the_command_line_makes_the_same_file(report, cache, tmp_path, capsys):
 def test_progress_is_told_stage_by_stage(cache, capsys):
     told = []
     gsgi.bake(CORNELL, settings=SMALL, cache=cache, evaluate=False, progress=lambda *step: told.append(step))
-    assert list(dict.fromkeys(stage for stage, _ in told)) == ["scene", "views", "plan", "irradiance", "fit", "encode"]
+    stages = ["scene", "views", "plan", "known light", "irradiance", "fit", "encode"]
+    assert list(dict.fromkeys(stage for stage, _ in told)) == stages
     for stage in {stage for stage, _ in told}:
         done = [share for name, share in told if name == stage]
         assert done[0] == 0.0
@@ -98,7 +99,7 @@ def test_light_and_quality_are_arguments(cache):
     rows = {row.what: row.decision for row in plan.decisions}
     assert rows["environment"] == "one colour"
     assert plan.gaussians < gsgi.plan(CORNELL, settings=replace(SMALL, budget=None), cache=cache).gaussians
-    assert set(plan.seconds) == {"irradiance", "fit", "references"}
+    assert set(plan.seconds) == {"known light", "irradiance", "fit", "references"}
     assert plan.memory > 1e8
     assert plan.file_bytes > 144
 
