@@ -16,10 +16,11 @@ from gsgi.runtime.vectors import sphere
 from .atlas import Atlas, Texels, rasterise, unwrap
 from .ground import PATHS, Ground
 from .method import Method
+from .surface_hits import LIFT, SurfaceHits
 
 if TYPE_CHECKING:
     from .gl.frame import Frame
-    from .gl.lightmap_light import LightmapLight
+    from .gl.surface_light import SurfaceLight
 
 TEXELS = tuple(1 << power for power in range(10, 21, 2))  # covered texels that are aimed at
 TEXELS_QUICK = 1 << 10, 1 << 13, 1 << 16
@@ -29,7 +30,6 @@ UV = 4  # bytes of a vertex for the second set of coordinates, two 16-bit number
 TEXEL = 8  # bytes of a texel on the GPU: RGBA16F, as drivers hold RGB16F
 
 BACKS = 0.25  # share of hits on backs above which a texel is buried, under a body that stands there, and is not used
-LIFT = 1e-4  # of the diagonal; rays start so far above their surface
 
 
 @dataclass(frozen=True)
@@ -51,38 +51,21 @@ class Lightmap:
 
     def at(self, position: np.ndarray, normal: np.ndarray) -> np.ndarray:
         """B (N, 3) at points (N, 3) on surfaces with unit normals (N, 3), bilinear; 0 where there is no surface."""
-        import open3d as o3d
-
-        position, normal = np.asarray(position, np.float32), np.asarray(normal, np.float32)
-        lift = np.float32(LIFT * self._diagonal)
-        rays = np.concatenate([position + lift * normal, -normal], axis=1)
-        hits = self._rays.cast_rays(o3d.core.Tensor(rays))
-        triangle = hits["primitive_ids"].numpy().astype(np.int64)
-        found = hits["t_hit"].numpy() < 3 * lift
-        v, w = hits["primitive_uvs"].numpy()[found].astype(np.float64).T
-        weight = np.stack([1 - v - w, v, w], axis=1)
-        uv = (weight[..., None] * self.atlas.uv[self.atlas.triangle[triangle[found]]]).sum(axis=1)
+        found, triangle, weight = self._surface.at(position, normal)
+        uv = (weight[..., None] * self.atlas.uv[self.atlas.triangle[triangle]]).sum(axis=1)
         light = np.zeros((len(position), 3), np.float32)
         light[found] = _bilinear(self.texels, uv)
         return light
 
-    def light_pass(self, frame: "Frame", scale: int) -> "LightmapLight":
+    def light_pass(self, frame: "Frame", scale: int) -> "SurfaceLight":
         """A texture that the G-buffer pass reads."""
-        from .gl.lightmap_light import LightmapLight
+        from .gl.lightmap_light import lightmap_light
 
-        return LightmapLight(frame, self)
-
-    @property
-    def _diagonal(self) -> float:
-        return float(np.linalg.norm(np.ptp(self.atlas.position, axis=0)))
+        return lightmap_light(frame, self)
 
     @cached_property
-    def _rays(self):
-        import open3d as o3d
-
-        rays = o3d.t.geometry.RaycastingScene()
-        rays.add_triangles(o3d.core.Tensor(self.atlas.position), o3d.core.Tensor(self.atlas.triangle.astype(np.uint32)))
-        return rays
+    def _surface(self) -> SurfaceHits:
+        return SurfaceHits(self.atlas.position, self.atlas.triangle)
 
 
 def bake_plain(ground: Ground, value: float, progress: Progress) -> Lightmap:

@@ -1,6 +1,6 @@
 """The methods of the study, one line each. A further one is a further file of this folder and a line here."""
 
-from . import ambient, gaussians, lightmap, none, path_tracing, probes
+from . import ambient, gaussians, light_volume, lightmap, none, path_tracing, probes, radiosity, voxel_cones
 from .method import Method
 
 METHODS: tuple[Method, ...] = (
@@ -10,6 +10,9 @@ METHODS: tuple[Method, ...] = (
     lightmap.DENOISED,
     probes.PLAIN,
     probes.VISIBLE,
+    radiosity.METHOD,
+    light_volume.METHOD,
+    voxel_cones.METHOD,
     path_tracing.PLAIN,
     path_tracing.DENOISED,
     ambient.METHOD,

@@ -10,7 +10,8 @@ from .ranking import COSTS
 # After Okabe and Ito (2008): distinguishable with any colour vision, and dark enough on white.
 COLOURS = {
     "surface": "#d55e00", "over": "#e69f00", "lightmap": "#56b4e9", "lightmap-denoised": "#0072b2",
-    "probes": "#66c2a5", "probes-visibility": "#008a64", "path-tracing": "#cc79a7", "path-tracing-denoised": "#8a3a6a",
+    "probes": "#66c2a5", "probes-visibility": "#008a64", "radiosity": "#b5a300", "light-volume": "#8c564b",
+    "voxel-cones": "#b2182b", "path-tracing": "#cc79a7", "path-tracing-denoised": "#8a3a6a",
     "ambient": "#777777", "none": "#222222",
 }  # fmt: skip
 OTHER = "#a05195"

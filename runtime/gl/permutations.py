@@ -159,8 +159,11 @@ PASSES: dict[str, dict[str, Callable[[Any], int]]] = {
     },
     "panda3d/add": {},
     "tradeoff/ambient": {},
+    "tradeoff/light_volume": {},
     "tradeoff/lightmap": _SURFACE,  # Triangles
     "tradeoff/probes": {"VISIBILITY": lambda tested: tested},  # bool: whether probes are tested for visibility
+    "tradeoff/vertex_light": _SURFACE,  # Triangles
+    "tradeoff/voxels": {},
     "pyrender/forward": {  # Primitive
         "NORMAL": lambda p: p.lit and p.normals,
         "VERTEX_COLOR": lambda p: p.colored,

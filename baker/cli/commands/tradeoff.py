@@ -15,7 +15,7 @@ def add(commands) -> None:
         commands,
         "tradeoff",
         run,
-        "Study what accuracy costs in a scene: Gaussians, lightmaps, probes and path tracing, side by side.",
+        "Study what accuracy costs in a scene: Gaussians, lightmaps, probes, radiosity and more, side by side.",
         "  gsgi tradeoff room.glb -o study              # writes study/report.html, and its data and plots beside it\n"
         "  gsgi tradeoff room.glb -o study --quick      # fewer settings\n"
         "  gsgi tradeoff room.glb -o study --methods surface,lightmap-denoised,none",

@@ -21,13 +21,14 @@ from ..method import LightPass
 class Frame:
     """Draws `scene` at `size` (width, height) px with the light of any LightPass; all of them share its targets.
 
-    Everything in it is relative to `origin` (3,), world space, m. `local` is the scene in that space, Lambertian.
+    Everything in it is relative to `origin` (3,), world space, m. `local` is the `scene` in that space,
+    Lambertian.
     """
 
     def __init__(self, ctx: moderngl.Context, scene: Scene, size: tuple[int, int]):
-        self.ctx, self.size, self.origin = ctx, size, origin_of(scene)
         scene = scene.as_traced()
-        self.local = lambertian(local_scene(scene, self.origin) if self.origin.any() else scene)
+        self.ctx, self.size, self.scene, self.origin = ctx, size, scene, origin_of(scene)
+        self.local = self.localized(scene)
         self.geometry = Geometry(ctx, self.local)
         self.gbuffer = GBuffer(ctx, self.geometry, size)
         self._background = None if scene.environment is None else Background(ctx, self.gbuffer, scene.environment)
@@ -36,6 +37,10 @@ class Frame:
             self._shadow = Shadow(ctx, self.geometry, self.local.bounds())
             self._primary = Primary(ctx, [self.gbuffer], self._shadow, self.local.lights)
         self._composite = Composite(ctx, self.gbuffer)
+
+    def localized(self, scene: Scene) -> Scene:
+        """A scene of world space in the frame's own space, Lambertian."""
+        return lambertian(local_scene(scene, self.origin) if self.origin.any() else scene)
 
     def draw(self, camera: Camera, light: LightPass | None) -> moderngl.Texture | None:
         """Draw one frame and return its B; without `light` the frame has primary light alone, and there is none."""

@@ -79,6 +79,7 @@ SUBJECTS = {
     "panda3d/light": [(1, 9), (4, 1), (9, 4)],
     "tradeoff/lightmap": triangles(),
     "tradeoff/probes": BOTH,
+    "tradeoff/vertex_light": triangles(),
     "pyrender/forward": primitives(),
     "pyrender/visible": primitives(),
 }
