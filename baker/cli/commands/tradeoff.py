@@ -18,9 +18,12 @@ def add(commands) -> None:
         "Study what accuracy costs in a scene: Gaussians, lightmaps, probes, radiosity and more, side by side.",
         "  gsgi tradeoff room.glb -o study              # writes study/report.html, and its data and plots beside it\n"
         "  gsgi tradeoff room.glb -o study --quick      # fewer settings\n"
-        "  gsgi tradeoff room.glb -o study --methods surface,lightmap-denoised,none",
+        "  gsgi tradeoff room.glb -o study --methods surface,lightmap-denoised,none\n"
+        "  gsgi tradeoff room.glb hall.glb -o study     # also one page that ranks the methods over both",
     )
-    shared.add_scene(parser)
+    parser.add_argument("scenes", metavar="SCENE", nargs="+",
+                        help="glTF 2.0 file: .glb or .gltf; each of several gets a folder in DIR")  # fmt: skip
+    shared.add_reading(parser)
     shared.add_light(parser)
     parser.add_argument("-o", "--output", metavar="DIR", type=Path, required=True,
                         help="folder for report.html, study.json, study.csv and plots")  # fmt: skip
@@ -34,38 +37,70 @@ def add(commands) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    """Study the scene and write the report. An interrupted study goes on where it was."""
+    """Study the scenes and write the reports. An interrupted study goes on where it was."""
     from gsgi.baker.cli.console import Console
-    from gsgi.baker.cli.inputs import open_cache, read_scene
+    from gsgi.baker.cli.inputs import open_cache
     from gsgi.baker.cli.json_output import print_json
     from gsgi.baker.evaluation.preview import make_folder
     from gsgi.baker.progress import Progress
+    from gsgi.baker.tradeoff import report, summary
+
+    methods = _methods(options.methods)
+    folders = _folders(options.scenes, options.output)
+    make_folder(options.output)
+    console = Console(options.quiet)
+    progress = Progress(console)
+    cache = open_cache(options, progress)
+    studies = {}
+    for folder, scene in folders.items():
+        make_folder(folder)
+        one = argparse.Namespace(**vars(options), scene=scene)
+        studies[folder.name] = data = _study(one, folder, methods, cache, console, progress)
+        cache.trim()
+    if len(studies) > 1:
+        data = summary.write(studies, options.output)
+    settings = sum(len(each["entries"]) for each in studies.values())
+    console.close(f"wrote {options.output / report.PAGE}: {settings} settings of {len(methods)} methods")
+    if options.json:
+        print_json(data)
+
+
+def _study(options: argparse.Namespace, folder: Path, methods: list, cache, console, progress) -> dict:
+    """The data of the study of the scene that the options name, once all of it is written to a folder."""
+    from gsgi.baker.cli.inputs import read_scene
     from gsgi.baker.settings import Settings
     from gsgi.baker.tradeoff import report, study
     from gsgi.baker.tradeoff.ground import Ground
     from gsgi.baker.tradeoff.ranking import GOALS
     from gsgi.runtime.errors import SceneError
 
-    methods = _methods(options.methods)
-    make_folder(options.output)
-    console = Console(options.quiet)
-    progress = Progress(console)
-    cache = open_cache(options, progress)
     scene = read_scene(options, progress)
     try:
         ground = Ground(scene, Settings(), cache, console, options.quick, VIEWS)
         found = study.run(ground, methods, options.size)
     except SceneError as error:
         raise SceneError(f"{options.scene}: {error}") from error
-    data = report.write(found, options.output, Path(options.scene).name, _command(options))
-    cache.trim()
+    data = report.write(found, folder, Path(options.scene).name, _command(options))
     for goal in GOALS:
         places = data["ranking"][str(goal)]
         names = ", ".join(dict.fromkeys(data["entries"][i]["method"] for i in places))
         progress.say(f"SSIM of B of {goal:g}: {names or 'not reached by any method'}")
-    console.close(f"wrote {options.output / report.PAGE}: {len(found.entries)} settings of {len(methods)} methods")
-    if options.json:
-        print_json(data)
+    return data
+
+
+def _folders(scenes: list[str], output: Path) -> dict[Path, str]:
+    """The folder of each scene: that of the output for one alone, else one in it with the scene's name.
+
+    Raises UsageError if two scenes have the same name.
+    """
+    from gsgi.runtime.errors import UsageError
+
+    if len(scenes) == 1:
+        return {output: scenes[0]}
+    folders = {output / Path(scene).stem: scene for scene in scenes}
+    if len(folders) < len(scenes):
+        raise UsageError(f"SCENE: expected files with different names, got {' '.join(scenes)}")
+    return folders
 
 
 def _methods(names: str | None) -> list:
