@@ -1,7 +1,8 @@
 """Faces that lie on each other in one plane are moved apart: which of them a ray meets would be chance.
 
 Exporters write sheets as two one-sided faces back to back, and lamps as faces in the plane of a ceiling. Each of these
-moves to its front by a little more than the error with which rays meet it, and one that emits light by twice that.
+moves to its front by a little more than the error with which rays meet it, and one that emits light by twice that. Of
+several that emit light to one side each moves farther than those it covers: light counted for all is more than there is.
 """
 
 from collections.abc import Iterator
@@ -24,6 +25,7 @@ PARALLEL = 1 - 1e-6  # cosine between faces in one plane
 # Points at which each triangle is examined, and how many more there are on all surfaces.
 PROBES, MORE_PROBES = 4, 1 << 16
 AT_ONCE = 1 << 20  # points; bounds memory
+RANKS = 8  # most faces on each other that emit light to one side
 
 
 def apart(surfaces: Surfaces) -> tuple[Surfaces, float]:
@@ -37,39 +39,83 @@ def apart(surfaces: Surfaces) -> tuple[Surfaces, float]:
     error = _error(surfaces)
     material = surfaces.face[:, 3].view(np.uint32)
     two_sided, emits = surfaces.surface[material, 2] > 0, _emits(surfaces)[material]
-    factor = APART * np.where(emits, 2, 1)
+    factor = np.where(emits, 2, 1)
     direction = np.zeros(len(error))  # along the normal
-    found = [np.empty((0, 2), np.int64)]
-    for this, that, facing in _pairs(surfaces, np.where(two_sided, 0, factor * error), _reach(surfaces, error)):
+    found, lamps = ([np.empty((0, 2), np.int64)] for _ in range(2))
+    for this, that, facing in _pairs(surfaces, np.where(two_sided, 0, APART * factor * error), _reach(surfaces, error)):
         differ = (facing < 0) | (emits[this] != emits[that]) | (two_sided[this] != two_sided[that])
         for one, other in ((this[differ], that[differ]), (that[differ], this[differ])):
             direction[one[~two_sided[one]]] = 1
             is_lamp = two_sided[one] & emits[one] & ~two_sided[other]
             direction[one[is_lamp]] = np.sign(facing[differ][is_lamp])
         found.append(np.unique(np.stack([this[differ], that[differ]], axis=1), axis=0))
-    moved = np.flatnonzero(direction)
+        lamps.append(_both_shine(this, that, facing, emits, two_sided))
+    pairs, shine = np.concatenate(found), np.unique(np.concatenate(lamps), axis=0)
+    for _ in range(RANKS):
+        rank = _ranks(shine, len(error))
+        size = APART * (factor + rank) * _largest_of_neighbours(error, np.concatenate([pairs, shine]))
+        there, most = _moved(surfaces, np.where((rank > 0) & (direction == 0), 1, direction) * size)
+        if not len(shine):
+            break
+        # Of three on each other a ray has met two: others may still be in one plane.
+        reach = np.full(len(size), 2 * most)
+        met = [_both_shine(*pair, emits, two_sided) for pair in _pairs(there, np.zeros(len(size)), reach)]
+        known, shine = len(shine), np.unique(np.concatenate([shine, *met]), axis=0)
+        if len(shine) == known:
+            break
+    return there, most
+
+
+def _both_shine(
+    this: np.ndarray, that: np.ndarray, facing: np.ndarray, emits: np.ndarray, two_sided: np.ndarray
+) -> np.ndarray:
+    """Those of the pairs (P,) of triangles that emit light to the same side, (Q, 2): the first covers the second.
+
+    One-sided ones cover two-sided ones; else it is the one that comes first.
+    """
+    shine = emits[this] & emits[that] & ((facing > 0) | two_sided[this] | two_sided[that])
+    pairs = np.stack([this[shine], that[shine]], axis=1)
+    order = np.lexsort((pairs, two_sided[pairs]), axis=1)
+    return np.unique(np.take_along_axis(pairs, order, axis=1), axis=0)
+
+
+def _ranks(pairs: np.ndarray, count: int) -> np.ndarray:
+    """How many triangles each of `count` covers, one over the other, by pairs (P, 2); at most RANKS."""
+    rank = np.zeros(count, np.int64)
+    for _ in range(RANKS):
+        before = rank.copy()
+        np.maximum.at(rank, pairs[:, 0], before[pairs[:, 1]] + 1)
+        if (rank == before).all():
+            break
+    return rank
+
+
+def _moved(surfaces: Surfaces, offset: np.ndarray) -> tuple[Surfaces, float]:
+    """The surfaces with triangles moved by `offset` (F,), m, along their normals; and the largest offset."""
+    moved = np.flatnonzero(offset)
     if not len(moved):
         return surfaces, 0.0
-    size = factor * _largest_of_neighbours(error, np.concatenate(found))
-    offset = surfaces.face[moved, :3].astype(np.float64) * (direction * size)[moved, None]
-    corners = surfaces.position[surfaces.triangle[moved]] + offset[:, None]
+    along = surfaces.face[moved, :3].astype(np.float64) * offset[moved, None]
+    corners = surfaces.position[surfaces.triangle[moved]] + along[:, None]
     position = np.concatenate([surfaces.position, corners.reshape(-1, 3).astype(np.float32)])
     triangle = surfaces.triangle.copy()
     triangle[moved] = len(surfaces.position) + np.arange(3 * len(moved), dtype=np.uint32).reshape(-1, 3)
     there = replace(surfaces, position=position, triangle=triangle, plane=planes(position, triangle))
-    return there, float(size[moved].max())
+    return there, float(np.abs(offset).max())
 
 
 def _pairs(surfaces: Surfaces, step: np.ndarray, reach: np.ndarray) -> Iterator[tuple]:
     """Pairs of triangles that lie on each other: two arrays (P,) of indices, and the cosine (P,) of their normals.
 
     All are moved by `step` (F,), m, along their normals, so that of a pair one is met first from one side at least by
-    rays that start `reach` (F,), m, off a point of either.
+    rays that start `reach` (F,), m, off a point of either, no nearer than that to an edge of the other.
     """
     normal = surfaces.face[:, :3].astype(np.float64)
     corners = surfaces.position[surfaces.triangle] + (normal * step[:, None])[:, None]
     moved = build(corners.reshape(-1, 3).astype(np.float32), np.arange(3 * len(step), dtype=np.uint32).reshape(-1, 3))
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    lowest = area / np.maximum(longest, np.finfo(float).tiny)  # height of a triangle, m
     more = MORE_PROBES * area / max(area.sum(), np.finfo(float).tiny)
     probed = np.repeat(np.arange(len(step)), np.where(area > 0, PROBES + more.astype(np.int64), 0))
     rng = np.random.default_rng(0)
@@ -89,7 +135,10 @@ def _pairs(surfaces: Surfaces, step: np.ndarray, reach: np.ndarray) -> Iterator[
             met = np.flatnonzero(np.array(found.is_valid()).astype(bool))
             this, that = at[met], np.array(found.prim_index)[met].astype(np.int64)
             facing = (normal[this] * normal[that]).sum(axis=1)
-            on_it = (this != that) & (np.abs(facing) > PARALLEL)
+            # A ray next to the edge between two triangles may meet the neighbour.
+            uv = np.array(found.prim_uv)[:, met]
+            edge = np.minimum(np.minimum(*uv), 1 - uv.sum(axis=0)) * lowest[that]
+            on_it = (this != that) & (np.abs(facing) > PARALLEL) & (edge > reach[this])
             yield this[on_it], that[on_it], facing[on_it]
 
 

@@ -240,6 +240,8 @@ CASES = [
             ("and an unlit one at the same place", None, (False, False, 1)),
             ("at the same place, lit as well", None, (False, False, 0)),
             ("back to back with an unlit one", None, (True, False, 1)),
+            ("in the plane of another one, of other triangles", None, (False, True, 0)),
+            ("along no axis, in the plane of another one, of other triangles", turned(), (False, True, 0)),
             ("in the plane of an unlit one of other triangles", None, (False, True, 1)),
             ("along no axis, in the plane of an unlit one of other triangles", turned(), (False, True, 1)),
             ("back to back with an unlit one of other triangles", None, (True, True, 1)),

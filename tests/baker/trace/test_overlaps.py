@@ -87,6 +87,16 @@ def test_faces_on_each_other_move_to_their_fronts_and_lamps_twice_as_far(turn):
     assert heights(face(PLAIN, back=True), small(TWO_SIDED_LIT), turn=turn) == pytest.approx([-0.5, -1], abs=0.1)
 
 
+@pytest.mark.parametrize("turn", [np.eye(3), TILTED])
+def test_of_lamps_on_each_other_each_covers_the_next(turn):
+    """Each is at a height of its own, the one-sided highest, else the first."""
+    assert heights(face(LIT), small(LIT), turn=turn) == pytest.approx([1, 0], abs=0.1)
+    assert heights(face(LIT), small(LIT), face(LIT, half=0.7), turn=turn) == pytest.approx([1, 0.75, 0], abs=0.1)
+    assert heights(small(TWO_SIDED_LIT), face(TWO_SIDED_LIT, back=True), turn=turn) == pytest.approx([1, 0], abs=0.1)
+    assert heights(face(TWO_SIDED_LIT), small(LIT), turn=turn) == pytest.approx([2 / 3, 1], abs=0.1)
+    assert heights(face(TWO_SIDED_LIT, back=True), small(LIT), turn=turn) == pytest.approx([2 / 3, 1], abs=0.1)
+
+
 def test_what_lies_on_nothing_or_on_its_like_stays():
     assert heights(face(PLAIN), small(PLAIN)) == [0, 0]
     assert heights(face(TWO_SIDED), small(TWO_SIDED, back=True)) == [0, 0]
