@@ -2,7 +2,7 @@
 
 Exporters write sheets as two one-sided faces back to back, and lamps as faces in the plane of a ceiling. Each of these
 moves to its front by a little more than the error with which rays meet it, and one that emits light by twice that. Of
-several that emit light to one side each moves farther than those it covers: light counted for all is more than there is.
+several that emit light to one side each moves farther than those it covers: light counted for all is too much.
 """
 
 from collections.abc import Iterator

@@ -8,7 +8,7 @@ from typing import NamedTuple, Protocol
 import moderngl
 import pytest
 
-GL_LAYERS = "llvmpipe", "softpipe", "look-up", "frame", "frame of over"
+GL_LAYERS = "llvmpipe", "softpipe", "look-up", "frame", "frame of over", "drop-in"
 
 
 class Tolerance(NamedTuple):

@@ -2,6 +2,7 @@
 
 from . import (
     codec,
+    drop_in,
     gaussians,
     gltf,
     gltf_validator,
@@ -29,6 +30,7 @@ CASES: list[Case] = [
     *room_cases.INVARIANCE,
     *loss.CASES,
     *motion.CASES,
+    *drop_in.CASES,
     *gltf.CASES,
     *gltf_validator.CASES,
 ]

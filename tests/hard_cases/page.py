@@ -40,6 +40,7 @@ LAYERS = {
     "bake": "a bake by `surface` with few samples, read at points by `gsgi.sample`",
     "frame": "its light in frames of the deferred renderer, on llvmpipe",
     "frame of over": "the same of a bake by `over`",
+    "drop-in": "`gsgi.runtime.pyrender`, on llvmpipe",
     "reader": "`read_gltf`",
     "validator": "`gsgi validate`",
     "runtime": "numpy that has but one implementation",
