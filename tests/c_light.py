@@ -1,8 +1,10 @@
 """The same view by the C library's light pass and by IndirectLight, in one context."""
 
+import ctypes
+
 import numpy as np
 from c_library import OK, Light
-from host import CAMERA, SIZE, bake, projection
+from host import CAMERA, SIZE, bake, call, projection
 
 from gsgi.runtime.file import codec
 from gsgi.runtime.gaussians import Bake, OverBlend
@@ -59,3 +61,15 @@ def drawn(gl, light: Light, textures, clip=None) -> np.ndarray:
     result, name = light.draw(*(made.glo for made in textures))
     assert result == OK, light.context.messages
     return texels(name, gl, SIZE)
+
+
+def read_floats(gl, name: int, size) -> np.ndarray:
+    """The texture (H, W, 4) float32: OpenGL ES reads framebuffers alone."""
+    target, found = (ctypes.c_uint * 1)(), np.empty((size[1], size[0], 4), np.float32)
+    call(gl, "GenFramebuffers", 1, target)
+    for function, *arguments in (
+        ("BindFramebuffer", 0x8D40, target[0]), ("FramebufferTexture2D", 0x8D40, 0x8CE0, 0x0DE1, name, 0),
+        ("BindBuffer", 0x88EB, 0), ("ReadPixels", 0, 0, *size, 0x1908, 0x1406, found.ctypes.data_as(ctypes.c_void_p)),
+    ):  # fmt: skip
+        call(gl, function, *arguments)
+    return found

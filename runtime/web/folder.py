@@ -33,12 +33,15 @@ def check_folder(path: str | Path) -> None:
 def replacing_folder(path: str | Path) -> Iterator[Path]:
     """Yield an empty folder that replaces the folder `path` at the end of the block.
 
-    If the block raises, `path` stays as it was. Raises UsageError as check_folder() does, and FileError.
+    If the block raises, `path` stays as it was. A process that is killed between the two renames leaves the old folder
+    beside, as `.gsgi-NAME.old`; the next call puts it back first. Raises UsageError as check_folder() does, and
+    FileError.
     """
-    check_folder(path)
     target = Path(path).resolve()
-    new, old = (target.with_name(f".gsgi-{uuid.uuid4().hex}.dir") for _ in range(2))
+    new, old = target.with_name(f".gsgi-{uuid.uuid4().hex}.dir"), target.with_name(f".gsgi-{target.name}.old")
     try:
+        _put_back(old, target)
+        check_folder(path)
         target.parent.mkdir(parents=True, exist_ok=True)
         _remove_leftovers(target.parent)
         new.mkdir()
@@ -46,16 +49,21 @@ def replacing_folder(path: str | Path) -> Iterator[Path]:
         check_folder(path)
         with suppress(FileNotFoundError):
             target.rename(old)
-        try:
-            new.rename(target)
-        except OSError:
-            old.rename(target)
-            raise
+        new.rename(target)
     except OSError as error:
         raise FileError(f"{path}: cannot write: {error.strerror or error}") from None
     finally:
-        for folder in (new, old):
-            shutil.rmtree(folder, ignore_errors=True)
+        shutil.rmtree(new, ignore_errors=True)
+        with suppress(OSError):
+            _put_back(old, target)
+
+
+def _put_back(old: Path, target: Path) -> None:
+    """Rename `old` to `target` if there is no `target`, else remove it. Raises OSError."""
+    if not os.path.lexists(target):
+        with suppress(FileNotFoundError):
+            old.rename(target)
+    shutil.rmtree(old, ignore_errors=True)
 
 
 def _is_page(folder: Path) -> bool:

@@ -44,10 +44,17 @@ typedef struct gsgi__level {
     gsgi__texels shape, sh, slope;
 } gsgi__level;
 
-/* A grid of the Gaussians that reach into each cell; see sample.c. */
+/* What decides the weight of a Gaussian. */
+typedef struct gsgi__kernel {
+    float center[3]; /* m, relative to the bake's origin */
+    float opacity;
+    float whiten[3][3]; /* rows: the ellipsoid's axes over their standard deviations, 1/m */
+} gsgi__kernel;
+
+/* A grid of the Gaussians that reach into each cell; see grid.c. */
 typedef struct gsgi__grid {
-    struct gsgi__kernel* kernels; /* one per Gaussian; NULL: there is no grid */
-    uint32_t* begin;              /* of each cell's part of `index`; one more marks the end */
+    gsgi__kernel* kernels; /* one per Gaussian; NULL: there is no grid */
+    uint32_t* begin;       /* of each cell's part of `index`; one more marks the end */
     uint32_t* index;
     double low[3], high[3], per_cell[3]; /* m, relative to the bake's origin; cells per m */
     int32_t cells[3];
@@ -62,11 +69,16 @@ struct gsgi_bake {
     gsgi__grid grids[2];
 };
 
-/* ---- sample.c ---- */
+/* ---- grid.c ---- */
 
 /* The grid of a level; `radius` in standard deviations. Returns false if there is no memory. */
 bool gsgi__grid_create(gsgi__grid* grid, const gsgi_callbacks* callbacks, const gsgi__level* level, float radius);
 void gsgi__grid_destroy(gsgi__grid* grid, const gsgi_callbacks* callbacks);
+
+/* The cell that holds a point, m, which must lie within the grid. */
+size_t gsgi__grid_cell(const gsgi__grid* grid, const double x[3]);
+
+gsgi__kernel gsgi__kernel_of(const float* shape);
 
 /* Columns of the rotation matrix of the quaternion xyzw: axes[0] is the rotated x axis (Shoemake 1985). */
 void gsgi__axes(const float* quaternion, float axes[3][3]);

@@ -1,11 +1,9 @@
 """The C library in OpenGL ES: the pixels of OpenGL, and the host's state as it was."""
 
-import ctypes
-
 import numpy as np
 import pytest
 from c_library import OK, Context, Light
-from c_light import OVER, SURFACE, of_python
+from c_light import OVER, SURFACE, of_python, read_floats
 from gl_dump import Dump
 from host import CAMERA, SIZE, call, projection, texture
 
@@ -68,15 +66,3 @@ def test_opengl_es_draws_the_same_and_finds_its_state(drawn_in_opengl, host, es_
     np.testing.assert_array_equal(found[1][..., :3], lit)
     light.destroy()
     context.destroy()
-
-
-def read_floats(gl, name: int, size) -> np.ndarray:
-    """The texture (H, W, 4) float32: OpenGL ES reads framebuffers alone."""
-    target, found = (ctypes.c_uint * 1)(), np.empty((size[1], size[0], 4), np.float32)
-    call(gl, "GenFramebuffers", 1, target)
-    for function, *arguments in (
-        ("BindFramebuffer", 0x8D40, target[0]), ("FramebufferTexture2D", 0x8D40, 0x8CE0, 0x0DE1, name, 0),
-        ("BindBuffer", 0x88EB, 0), ("ReadPixels", 0, 0, *size, 0x1908, 0x1406, found.ctypes.data_as(ctypes.c_void_p)),
-    ):  # fmt: skip
-        call(gl, function, *arguments)
-    return found

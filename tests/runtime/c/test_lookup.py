@@ -5,10 +5,11 @@ import platform
 import moderngl
 import numpy as np
 import pytest
-from c_library import OK, UNSUPPORTED, Lookup
-from c_light import OVER, SURFACE
+from c_library import OK, UNSUPPORTED, Context, Lookup
+from c_light import OVER, SURFACE, read_floats
+from gl_dump import Dump
 from gsgi_files import constant, surface_example
-from host import bake, pixels
+from host import bake
 from oracle import random_gaussians
 
 from gsgi.runtime.file import codec
@@ -69,19 +70,25 @@ def draw(ctx, version: str, source: str, names: dict[str, int]) -> np.ndarray:
     ctx.framebuffer(target).use()
     ctx.enable_only(moderngl.NOTHING)
     ctx.vertex_array(program, []).render(vertices=3)
-    return pixels(target)[0, :, :3]
+    return read_floats(ctx, target.glo, target.size)[0, :, :3]
 
 
 ES = "#version 300 es\nprecision highp float; precision highp int; precision highp sampler2D;\n"
 
 
-@pytest.mark.parametrize("version", ["#version 330\n", ES], ids=["330", "300 es"])
-def test_its_textures_serve_a_shader(gl, context, library, version):
-    lookup = Lookup(library, SURFACE)
+@pytest.mark.parametrize(
+    ("api", "version"), [("gl", "#version 330\n"), ("gl", ES), ("es_gl", ES)], ids=["330", "300 es", "OpenGL ES"]
+)
+def test_its_textures_serve_a_shader(request, library, api, version):
+    gl = request.getfixturevalue(api)
+    context, lookup = Context(library, gl), Lookup(library, SURFACE)
     gl.error  # noqa: B018  reading it clears what earlier tests left
+    dump = Dump(gl)
     names = lookup.upload(context)
     assert (gl.error, context.messages) == ("GL_NO_ERROR", [])
+    assert dump.changed() == set()
     found = draw(gl, version, lookup.info.source.decode(), names)
+    context.destroy()
     bake = library.opened(SURFACE, sampling=True)
     expected = library.sample(bake, RANDOM, RANDOM[:, [1, 2, 0]])
     library.close(bake)

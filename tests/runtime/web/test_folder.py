@@ -2,6 +2,8 @@
 
 import json
 import os
+import subprocess
+import sys
 
 import pytest
 from gsgi_files import constant, example
@@ -105,3 +107,33 @@ def test_a_full_disk_is_an_error_that_names_the_folder(small_disk):
     with pytest.raises(FileError, match="site: cannot write"):
         write(small_disk / "site")
     assert os.listdir(small_disk) == []
+
+
+KILLED = """
+import os, sys
+from pathlib import Path
+from gsgi.runtime.web.folder import replacing_folder
+
+rename, calls = Path.rename, []
+def renamed(self, target):
+    calls.append(self)
+    if len(calls) == 2:
+        os._exit(9)
+    return rename(self, target)
+Path.rename = renamed
+with replacing_folder(sys.argv[1]) as new:
+    (new / "scene.json").write_text('{"generator": "gsgi", "page": 2}')
+"""
+
+
+def test_a_page_that_was_set_aside_when_the_process_was_killed_comes_back(tmp_path):
+    site = tmp_path / "site"
+    write(site)
+    assert subprocess.run([sys.executable, "-c", KILLED, str(site)]).returncode == 9
+    assert not site.exists()
+    with pytest.raises(KeyboardInterrupt):
+        write(site, interrupted)
+    assert sorted(os.listdir(site)) == ["scene.bin", "scene.json"]
+    assert "page" not in json.loads((site / "scene.json").read_text())
+    write(site)
+    assert [name for name in os.listdir(tmp_path) if name.endswith(".old")] == []
