@@ -65,10 +65,20 @@ function prefixed(source) {
     return source.replace(new RegExp(`\\b(${own.join("|")})\\b`, "g"), "gsgi_$1");
 }
 
+/** With short names of variables, parameters and members; new ones begin with _, which no other name does. */
+function shortened(source) {
+    const declared = source.matchAll(/\b(?:float|int|uint|bool|vec[234]|[$]Reader) (\w{3,})\b(?!\()/g);
+    const swizzle = /^([xyzw]+|[rgba]+|[stpq]+)$/;
+    const names = new Set([...declared].map((found) => found[1]).filter((name) => !swizzle.test(name)));
+    const short = new Map([...names].map((name, i) => [name, `_${i.toString(36)}`]));
+    return source.replace(/(?<!\$)\b\w+\b/g, (name) => short.get(name) ?? name);
+}
+
 function shaders() {
     const whole = bare(expanded("surface/gsgi_indirect.glsl"));
     // A $, which no name has, stands for the prefix.
-    const lookup = packed(inlined(prefixed(needed(resolved(whole), ["gsgi_indirect"])))).replaceAll("gsgi_", "$");
+    const named = packed(inlined(prefixed(needed(resolved(whole), ["gsgi_indirect"])))).replaceAll("gsgi_", "$");
+    const lookup = shortened(named);
     const value = (name) => new RegExp(`#define ${name} +(\\S+)`).exec(whole)[1];
     const numbers = CONSTANTS.map((name) => `export const ${name} = ${value(name)};\n`).join("");
     return `${NOTE}${numbers}export const LOOKUP = \`${lookup}\n\`;\n`;

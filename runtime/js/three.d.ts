@@ -1,6 +1,6 @@
 import { Loader, Object3D } from "three";
 import type { LoadingManager } from "three";
-import type { SurfaceBake } from "./index.js";
+import type { LookupTables, SurfaceBake } from "./index.js";
 
 /** Loads .gsgi files: `scene.add(await new GsgiLoader().loadAsync("room.gsgi"))`. */
 export class GsgiLoader extends Loader<IndirectLight> {
@@ -8,6 +8,9 @@ export class GsgiLoader extends Loader<IndirectLight> {
 
     /** The light in the bytes of a file. Throws FormatError, and RangeError for the operator `over`. */
     parse(data: ArrayBuffer): IndirectLight;
+
+    /** The same in a worker where there are any, so that the page goes on meanwhile. */
+    parseAsync(data: ArrayBuffer): Promise<IndirectLight>;
 }
 
 /**
@@ -16,7 +19,8 @@ export class GsgiLoader extends Loader<IndirectLight> {
  * `over`.
  */
 export class IndirectLight extends Object3D {
-    constructor(bake: SurfaceBake);
+    /** `tables`: those of lookupTables(bake), where they are at hand. */
+    constructor(bake: SurfaceBake, tables?: LookupTables);
     readonly bake: SurfaceBake;
 
     /** Factor on the light; 1 by default. */

@@ -16,15 +16,15 @@ export class GsgiLoader extends Loader {
     load(url, onLoad, onProgress, onError) {
         const loader = new FileLoader(this.manager).setPath(this.path).setResponseType("arraybuffer")
             .setRequestHeader(this.requestHeader).setWithCredentials(this.withCredentials);
+        const fail = (error) => {
+            error.message = `${url}: ${error.message}`;
+            if (onError) onError(error);
+            else console.error(error);
+            this.manager.itemError(url);
+        };
         const parse = (data) => {
-            try {
-                onLoad(this.parse(data));
-            } catch (error) {
-                error.message = `${url}: ${error.message}`;
-                if (onError) onError(error);
-                else console.error(error);
-                this.manager.itemError(url);
-            }
+            this.manager.itemStart(url);
+            this.parseAsync(data).then(onLoad).catch(fail).finally(() => this.manager.itemEnd(url));
         };
         loader.load(url, parse, onProgress, onError);
     }
@@ -33,6 +33,25 @@ export class GsgiLoader extends Loader {
     parse(data) {
         return new IndirectLight(decode(data));
     }
+
+    /** The same in a worker, so that the page goes on; where that cannot be had, and for errors, by parse(). */
+    async parseAsync(data) {
+        const made = await inWorker(data).catch(() => {});
+        return made ? new IndirectLight(made.bake, made.tables) : this.parse(data);
+    }
+}
+
+/** What worker.js makes of the bytes of a file; undefined where it fails. */
+function inWorker(data) {
+    return new Promise((resolve) => {
+        const worker = new Worker(new URL("./worker.js", import.meta.url), { type: "module" });
+        worker.onmessage = worker.onerror = (event) => {
+            event.preventDefault();
+            worker.terminate();
+            resolve(event.data);
+        };
+        worker.postMessage(data);
+    });
 }
 
 /**
@@ -51,10 +70,10 @@ export class IndirectLight extends Object3D {
     #ancestors = [];
     #leave = () => this.#release();
 
-    constructor(bake) {
+    constructor(bake, tables = lookupTables(bake)) {
         super();
         this.bake = bake;
-        const { width, gaussians, cells, lists } = lookupTables(bake);
+        const { width, gaussians, cells, lists } = tables;
         const texture = (data, channels, format, type, internalFormat) => {
             const made = new DataTexture(data, width, data.length / (width * channels), format, type);
             return Object.assign(made, { internalFormat, needsUpdate: true });

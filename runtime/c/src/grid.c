@@ -142,7 +142,8 @@ bool gsgi__grid_create(gsgi__grid* grid, const gsgi_callbacks* callbacks, const 
     grid->index = gsgi__allocate(callbacks, (size_t)entries * sizeof *grid->index);
     if (!grid->kernels || !grid->begin || !grid->index) return false;
     grid->bytes = kernel_bytes + begin_bytes + (size_t)entries * sizeof *grid->index;
-    for (size_t i = 0; i < level->count; ++i) grid->kernels[i] = gsgi__kernel_of(level->shape.texels + i * GSGI_SHAPE_FLOATS);
+    for (size_t i = 0; i < level->count; ++i)
+        grid->kernels[i] = gsgi__kernel_of(level->shape.texels + i * GSGI_SHAPE_FLOATS);
     fill_lists(grid, level, radius);
     return true;
 }

@@ -41,7 +41,7 @@ async function load(renderer) {
     document.title = description.title;
     const [built, light] = await Promise.all([
         buildScene(description, fetchOne, renderer),
-        fetchOne(description.light).then((blob) => blob.arrayBuffer()).then((data) => new GsgiLoader().parse(data)),
+        fetchOne(description.light).then((blob) => blob.arrayBuffer()).then((data) => new GsgiLoader().parseAsync(data)),
     ]);
     light.position.set(...description.origin).negate();
     built.scene.add(light);

@@ -75,6 +75,12 @@ def test_the_bake_moves_with_the_object(found):
     np.testing.assert_allclose(found["cloned"], 2 * np.array(found["spot"]), rtol=2e-3)
 
 
+def test_files_are_decoded_in_a_worker_where_there_is_one(found):
+    assert [answers for answers, _ in found["fromWorker"]] == [1, 0, 0]
+    for _, light in found["fromWorker"]:
+        np.testing.assert_allclose(light, EVEN, rtol=2e-3)
+
+
 def test_files_that_cannot_be_shown_are_errors(found):
     over, damaged, missing = found["errors"]
     assert over.startswith("RangeError: over.gsgi: the bake has the operator")

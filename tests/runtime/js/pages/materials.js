@@ -138,5 +138,21 @@ await post(async () => {
     found.errors = [];
     for (const name of ["over.gsgi", "damaged.gsgi", "missing.gsgi"])
         found.errors.push(await load(name).then(() => "", (error) => `${error.name}: ${error.message}`));
+
+    // Files are decoded in a worker, and where there is none all the same.
+    const Native = Worker;
+    found.fromWorker = [];
+    for (const kind of [Native, undefined, class { constructor() { throw new DOMException("another origin"); } }]) {
+        let answers = 0;
+        globalThis.Worker = kind === Native ? class extends Native {
+            constructor(...how) {
+                super(...how);
+                this.addEventListener("message", ({ data }) => { answers += data.tables.cells.length > 0; });
+            }
+        } : kind;
+        const again = await load("even.gsgi");
+        found.fromWorker.push([answers, shown(sceneOf(mesh(new THREE.MeshLambertMaterial()), again))]);
+    }
+    globalThis.Worker = Native;
     return found;
 });
