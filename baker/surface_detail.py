@@ -7,7 +7,7 @@ from gsgi.baker.views.importance import ImportanceField
 PROBES, NEIGHBOURS = 1 << 12, 8
 BENT_SINE, BENT_COSINE = 0.25, 0.7  # of the angle from the tangent plane to a neighbour; of that between normals
 
-# Gaussians if every neighbour is bent, and if none is. `./dev bench dial` shows the accuracy of fewer and more.
+# Gaussians if every neighbour is bent, and if none is. `gsgi tradeoff` shows the accuracy of fewer and more.
 PER_SCENE, FEWEST = 1 << 17, 1 << 11
 
 

@@ -8,20 +8,15 @@ import subprocess
 from pathlib import Path
 
 from benches.c_library import c_library
-from benches.dial import dial
 from benches.fit import fit
-from benches.frame_costs import frame_costs, frame_passes
+from benches.frames import frames
 from benches.front import front
 from benches.host_state import host_state
 from benches.leak import leak
 from benches.looks import looks
 from benches.lookup import lookup_lists, lookup_passes, lookup_points
-from benches.operator_motion import operator_motion
-from benches.operator_pictures import operator_pictures
-from benches.operator_sphere import operator_sphere
-from benches.operators import operator_bakes, operator_equal, operator_scales
+from benches.motion import motion
 from benches.order import order
-from benches.quality import quality
 from benches.scenes import scenes
 from benches.splats import splats
 from benches.stages import stages
@@ -32,10 +27,8 @@ from repository import ROOT
 
 from gsgi.runtime.atomic import check_writable, write_atomic
 
-FRAMES = frame_costs, frame_passes
 LOOKUP = lookup_lists, lookup_passes, lookup_points
 PASSES = splats, order, host_state, c_library, *LOOKUP
-OPERATOR = operator_bakes, operator_equal, operator_scales, operator_motion, operator_sphere, operator_pictures
 BENCHES = {
     bench.__name__: bench
     for bench in (
@@ -45,17 +38,15 @@ BENCHES = {
         scenes,
         *PASSES,
         triangles,
-        dial,
-        quality,
         leak,
         looks,
         front,
         web,
-        *FRAMES,
-        *OPERATOR,
+        frames,
+        motion,
     )
 }
-GROUPED = {"frames": FRAMES, "operator": OPERATOR, "lookup": LOOKUP}
+GROUPED = {"lookup": LOOKUP}
 GROUPS = {name: [bench.__name__ for bench in group] for name, group in GROUPED.items()}
 
 

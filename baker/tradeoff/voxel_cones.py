@@ -1,6 +1,6 @@
 """Voxel cone tracing: lit voxels with opacity, filtered for six directions, and six cones at every surface point."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -32,6 +32,7 @@ STEPS = 3  # per level
 START = 1.0  # of a voxel, along the normal
 CONE = 1.0, (1 + REACH) / 2, REACH * (1 + REACH) / 2  # mean of the Legendre polynomials of degree 0 to 2 in a cone
 
+BOUNCE_VOXELS = 32  # most along the longest edge that bounces cross
 BOUNCES, DIMMEST = 6, 0.02  # most bounces, and the share of all light below which they end
 SIDES = 6
 
@@ -117,23 +118,26 @@ def bake(ground: Ground, value: float, progress: Progress) -> VoxelCones:
         count = int(min(POINTS_PER_VOXEL * triangles.area / voxels.edge**2, POINTS_MOST))
         points = lit_points(ground, count, ground.settings.seed)
     with progress.stage("voxels"):
-        return trace(voxels, points, ground.scene.environment)
+        coarse = grid(triangles.low, triangles.high, int(min(value, BOUNCE_VOXELS)), margin=0)
+        return trace(voxels, coarse, points, ground.scene.environment)
 
 
-def trace(voxels: Grid, points: LitPoints, environment: Environment | None) -> VoxelCones:
-    """The voxels of points and an environment that light them, with all bounces."""
-    surroundings = np.zeros((9, 3), np.float32) if environment is None else _surroundings(environment)
+def trace(voxels: Grid, coarse: Grid, points: LitPoints, environment: Environment | None) -> VoxelCones:
+    """The voxels of points and an environment that light them, with all bounces, which cross `coarse` voxels."""
+    around = np.zeros((9, 3), np.float32) if environment is None else _surroundings(environment)
     radiance = points.emission + points.albedo * points.direct
-    first = _filtered(voxels, points, radiance)
-    cones = VoxelCones(voxels.corner, voxels.edge, np.array(voxels.size), first, surroundings)
-    of, position, normal = _groups(voxels, points)
+    of, position, normal = _groups(coarse, points)
     for _ in range(BOUNCES):
-        arrived = cones.at(position, normal)[of]
+        arrived = _cones(coarse, points, radiance, around).at(position, normal)[of]
         before, radiance = radiance, points.emission + points.albedo * (points.direct + arrived)
-        cones = replace(cones, voxels=_filtered(voxels, points, radiance))
         if np.abs(radiance - before).sum() <= DIMMEST * radiance.sum():
             break
-    return cones
+    return _cones(voxels, points, radiance, around)
+
+
+def _cones(voxels: Grid, points: LitPoints, radiance: np.ndarray, surroundings: np.ndarray) -> VoxelCones:
+    levels = _filtered(voxels, points, radiance)
+    return VoxelCones(voxels.corner, voxels.edge, np.array(voxels.size), levels, surroundings)
 
 
 def level_sizes(size: tuple[int, int, int]) -> list[tuple[int, int, int]]:

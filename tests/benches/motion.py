@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from gsgi.baker.settings import OPERATORS
 from gsgi.baker.surface.lookup import look_up
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.camera import Camera
@@ -14,9 +15,8 @@ from gsgi.runtime.constants import MID_GREY
 from gsgi.runtime.display import auto_exposure, tone_map
 from gsgi.runtime.gaussians import Bake
 
-from .operator_bakes import Kept, scene_files
-from .operator_frames import Frame, frames, held_out_cameras, lit_scene
-from .operators import matches
+from .default_bakes import DefaultBake, default_bake, scene_files
+from .drawn_frames import Frame, frames, held_out_cameras, lit_scene
 
 STEPS = 23
 STEP, TURN = 0.002, np.radians(0.2)  # of the scene's diagonal; rad
@@ -27,7 +27,7 @@ CENTRED, SAME_DEPTH = 0.1, 0.005
 WAVE = 0.1  # of the diagonal; wavelength of the field whose change is the error of the method itself
 
 
-def operator_motion() -> list[dict]:
+def motion() -> list[dict]:
     """Change between frames, in 1/255 of the display's range, at fixed surface points under a fixed exposure.
 
     There are 24 frames, each 0.2 % of the diagonal and 0.2 degrees further. Path-traced B at a surface point does not
@@ -96,15 +96,15 @@ def bilinear(image: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return above * (1 - t) + below * t
 
 
-def _clear_start(kept: Kept) -> tuple[Camera, np.ndarray, float]:
+def _clear_start(baked: DefaultBake) -> tuple[Camera, np.ndarray, float]:
     """A camera, a direction and a step (m) with which `slow_path` runs into nothing.
 
     The camera is the held-out one that sees most light on smooth surfaces. The direction is that along one of its axes
     in which the next surface is farthest.
     """
-    cameras = held_out_cameras(kept)
-    light = [(frame.indirect.mean(axis=2) * frame.smooth).mean() for frame in frames(kept, cameras)]
-    camera, triangles = cameras[int(np.argmax(light))], Triangles(lit_scene(kept.scene))
+    cameras = held_out_cameras(baked)
+    light = [(frame.indirect.mean(axis=2) * frame.smooth).mean() for frame in frames(baked, cameras)]
+    camera, triangles = cameras[int(np.argmax(light))], Triangles(lit_scene(baked.scene))
     axes = np.concatenate([camera.world_from_view[:3, :3].T, -camera.world_from_view[:3, :3].T])
     free = triangles.hits(np.tile(camera.position, (6, 1)), axes).distance
     # A camera that moves into the open sees less and less, so the direction is towards the farthest surface.
@@ -112,33 +112,33 @@ def _clear_start(kept: Kept) -> tuple[Camera, np.ndarray, float]:
 
 
 def _rows(path: Path) -> list[dict]:
-    bakes = list(dict.fromkeys(kept for match in matches(path) for kept in match))
+    bakes = [default_bake(path, operator) for operator in OPERATORS]
     cameras = slow_path(*_clear_start(bakes[0]))
-    rows = [_about(kept) | _moved(kept, cameras) for kept in bakes]
+    rows = [_about(baked) | _moved(baked, cameras) for baked in bakes]
     if any(material.normal_texture for material in lit_scene(path).materials):
-        mapped = [kept for kept in bakes if kept.operator == "surface"]
-        rows += [_about(kept) | {"normal_maps": "yes"} | _row(_changes(frames(kept, cameras))) for kept in mapped]
+        mapped = [baked for baked in bakes if baked.operator == "surface"]
+        rows += [_about(baked) | {"normal_maps": "yes"} | _row(_changes(frames(baked, cameras))) for baked in mapped]
     still = _still(frames(bakes[0], cameras, normal_maps=False), lit_scene(path).diagonal())
-    rows.sort(key=lambda row: (row["operator"], row["normal_maps"], row["gaussians"]))
+    rows.sort(key=lambda row: (row["operator"], row["normal_maps"]))
     return [*rows, {"scene": path.stem, "operator": "still"} | _row(changes(*pair) for pair in pairwise(still))]
 
 
-def _moved(kept: Kept, cameras: list[Camera]) -> dict:
+def _moved(baked: DefaultBake, cameras: list[Camera]) -> dict:
     """The row of a bake that is drawn without normal maps."""
-    drawn = frames(kept, cameras, normal_maps=False)
-    if kept.operator != "surface":
+    drawn = frames(baked, cameras, normal_maps=False)
+    if baked.operator != "surface":
         return _row(_changes(drawn))
     drawn, again = tee(drawn)
     found, beyond = [], 0.0
-    for change, own in zip(_changes(drawn), _changes(_read(kept.read(), again)), strict=True):
+    for change, own in zip(_changes(drawn), _changes(_read(baked.read(), again)), strict=True):
         found.append(change)
         beyond = max(beyond, float(np.abs(change - own).max(initial=0)))
     return _row(found) | {"beyond": round(255 * beyond, 2)}
 
 
-def _about(kept: Kept) -> dict:
-    names = {"scene": kept.scene.stem, "operator": kept.operator, "setting": kept.setting}
-    return names | {"gaussians": kept.gaussians, "normal_maps": "no"}
+def _about(baked: DefaultBake) -> dict:
+    names = {"scene": baked.scene.stem, "operator": baked.operator}
+    return names | {"gaussians": baked.gaussians, "normal_maps": "no"}
 
 
 def _row(found: Iterable[np.ndarray]) -> dict:
