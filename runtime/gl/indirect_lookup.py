@@ -18,6 +18,7 @@ from .permutations import lookup_defines
 from .shader import set_uniforms, source
 
 HEADER_TEXELS = 8  # 2 * LEVEL_TEXELS + 2 of glsl/surface/lookup.glsl
+UNIT_ERROR = 1e-3  # of the length of a quaternion
 EXACT = 1 << 24  # texels; float32 counts no further, in which the header says where things begin
 
 
@@ -32,7 +33,8 @@ class IndirectLookup:
     `source` is its GLSL without #version, the same for all bakes of the same SH degrees. It serves forward shading,
     transparent and moving surfaces, vertices and particles. The result is that of the pass (`IndirectLight`) up to
     rounding. The textures are RGBA32F, R32UI and R16UI or R32UI, read by texelFetch alone. Raises UnsupportedError for
-    a bake of the `over` operator, and for more Gaussians than the driver's textures hold.
+    a bake of the `over` operator, for rotations that are no unit quaternions, and for more Gaussians than the driver's
+    textures hold.
     """
 
     def __init__(self, ctx: moderngl.Context, bake: Bake):
@@ -76,7 +78,16 @@ def sh_counts(bake: Bake) -> tuple[int, int]:
 
 
 def lookup_tables(bake: Bake) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The texels (T, 4) float32 and (T, 1) uint32 and uint16 or uint32 that glsl/surface/lookup.glsl describes."""
+    """The texels (T, 4) float32 and (T, 1) uint32 and uint16 or uint32 that glsl/surface/lookup.glsl describes.
+
+    Raises UnsupportedError for a rotation that is no unit quaternion: files have none, and texels could not hold it.
+    """
+    for level in (bake.gaussians, bake.coarse):
+        length = np.linalg.norm(level.rotation, axis=1)
+        odd = np.flatnonzero((np.abs(length - 1) > UNIT_ERROR) & (length > 0))
+        if len(odd):
+            text = f"a look-up needs unit quaternions, got one of length {length[odd[0]]:.3g}"
+            raise UnsupportedError(f"Gaussian {odd[0]}: {text}")
     origin = origin_of_bake(bake)
     local, blend = local_bake(bake, origin), bake.blend
     header, gaussians, cells, lists = [], [], [], [np.zeros(1, np.uint32)]  # no list begins at 0

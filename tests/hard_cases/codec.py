@@ -96,7 +96,7 @@ CASES = [
     kept("no Gaussians in both levels", lambda: both(nobody())),
     kept("a fine level alone", lambda: both(gsgi_files.gaussians(50, 0, sloped=True))),
     kept("one Gaussian", lambda: over(gaussians((3, -4, 5)))),
-    kept("300,000 Gaussians", lambda: over(many(300_000))),
+    replace(kept("300,000 Gaussians", lambda: over(many(300_000))), slow=True),
     Case("Codec", "5,000,000 Gaussians", "the same, in less than four times the memory of the Gaussians, 0.3 GB",
          lambda: Measured({"file": lambda _: five_million()}), {"file": TOLERANCE}, slow=True),
     *[kept(f"SH of degree {k}", lambda k=k: over(gsgi_files.gaussians(200, k))) for k in range(4)],

@@ -73,6 +73,7 @@ CASES = [
     over("needle of aspect 1e4 towards the view", lambda: gaussians(scale=(1e-4, 1e-4, 1), position=(0.2, 0.1, -1.5))),
     over("needle of aspect 1e9 towards the view", lambda: gaussians(scale=(1e-6, 1e-6, 1e3))),
     over("zero quaternion", lambda: gaussians(rotation=0, scale=(0.2, 0.1, 0.05)), holds="it is no turn"),
+    over("a quaternion of length 1.5", lambda: gaussians(rotation=(0.3, 0.6, 0.9, 0.95), scale=(0.2, 0.1, 0.05))),
     over("a quaternion of length 1e30", lambda: gaussians(rotation=np.full(4, 5e29)), IMAGES, known=(0, 0, 0),
          holds="all layers drop it; a file normalises it"),
     over("opacity -1", lambda: gaussians(opacity=-1), IMAGES, known=(0, 0, 0)),
@@ -96,6 +97,8 @@ CASES = [
          pinhole=moved(PINHOLE, (1e5, 1e5, -1e5))),
     over("a millimetre scene", lambda: _scaled(random(50, 5), 1e-3), pinhole=moved(INSIDE, (0, 0, 0)),
          blend=OverBlend(1e-5)),
+    over("a kilometre scene", lambda: _scaled(random(50, 5), 1e3), pinhole=moved(INSIDE, (0, 0, 0)),
+         blend=OverBlend(10.0)),
     over("black", lambda: gaussians(colour=0), known=(0, 0, 0)),
     over("colours of 1e-6", lambda: gaussians(colour=1e-6, opacity=0.5, scale=1e3), known=(5e-7,) * 3, tolerances={
         "llvmpipe": Tolerance(0.1, "half floats end at 6e-8")}),

@@ -37,8 +37,8 @@ def over(name: str, build, **question) -> Case:
     return over_case(GROUP, name, build, WITHOUT_FILE, "images and gradients are the twin's", **question)
 
 
-def measured(name: str, layer: str, measure, tolerance: Tolerance, holds: str) -> Case:
-    return Case(GROUP, name, holds, lambda: Measured({layer: lambda _: measure()}), {layer: tolerance})
+def measured(name: str, layer: str, measure, tolerance: Tolerance, holds: str, slow: bool = False) -> Case:
+    return Case(GROUP, name, holds, lambda: Measured({layer: lambda _: measure()}), {layer: tolerance}, slow=slow)
 
 
 def at_clamps() -> Gaussians:
@@ -193,7 +193,7 @@ CASES = [
     over("saturated at alpha_max", lambda: gaussians(scale=9, opacity=1.0)),
     *[
         measured(f"over: finite differences, SH of degree {k}", "oracle", lambda k=k: oracle_differences(k),
-                 DIFFERENCES, "the twin's gradient is the oracle's")
+                 DIFFERENCES, "the twin's gradient is the oracle's", slow=k in (1, 2))
         for k in range(4)
     ],
     *[
@@ -206,6 +206,8 @@ CASES = [
              "loss and parameters stay finite"),
     measured("surface: 1,000 steps from a hostile start", "kernels", lambda: hostile_surface_fit(1000),
              FINITE["kernels"], "loss and parameters stay finite"),
+    measured("surface: 10,000 steps from a hostile start", "kernels", lambda: hostile_surface_fit(10_000),
+             FINITE["kernels"], "loss and parameters stay finite", slow=True),
     singular("twelve coincident Gaussians, no ridge", coincident),
     singular("Gaussians that no sample sees, no ridge", unseen),
     singular("black Gaussians, no ridge", black),

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from repository import ROOT, TESTS
 
-CASES, FIT = "hard_cases/test_cases.py", "baker/surface/test_fit.py"
+CASES, FIT, BLENDED = "hard_cases/test_cases.py", "baker/surface/test_fit.py", "runtime/gl/test_blended.py"
 
 
 class Mutant(NamedTuple):
@@ -52,6 +52,12 @@ MUTANTS = [
            "weight >= optimiser.blend.floor", FIT),
     Mutant("faces that stay on each other", "baker/trace/overlaps.py", "APART = 4.0", "APART = 0.0"),
     Mutant("lamps that count twice", "baker/trace/duplicates.py", "keep[some] = False", "keep[some] = True"),
+    Mutant("lamps in one plane that count twice", "baker/trace/overlaps.py", "before[pairs[:, 1]] + 1",
+           "before[pairs[:, 1]]"),
+    Mutant("films seen through walls", "glsl/frame/gbuffer.frag", "v_depth > solid * (1.0 + SAME_DEPTH)",
+           "v_depth > solid * 9.0", BLENDED),
+    Mutant("films without B", "glsl/frame/blend.frag", "radiance += reflectance.rgb * gsgi_indirect",
+           "radiance += 0.0 * gsgi_indirect", BLENDED),
     Mutant("points that stay on edges", "baker/trace/planes.py", "EDGE = 2.0**-22", "EDGE = 0.0"),
 ]  # fmt: skip
 

@@ -14,12 +14,19 @@ LAYER = "softpipe"
 
 
 @cache
-def answers() -> dict[str, float | str] | None:
-    """Worst errors by case, or the message of what went wrong; None where Mesa has no softpipe."""
+def start() -> subprocess.Popen:
+    """Begin to find the answers, beside whatever else runs meanwhile."""
     environment = os.environ | {"GALLIUM_DRIVER": LAYER, "PYTHONPATH": os.pathsep.join(sys.path)}
     command = [sys.executable, "-W", "ignore", "-m", "hard_cases.softpipe"]
-    run = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
-    return json.loads(run.stdout)
+    return subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+@cache
+def answers() -> dict[str, float | str] | None:
+    """Worst errors by case, or the message of what went wrong; None where Mesa has no softpipe."""
+    found, said = start().communicate()
+    assert start().returncode == 0, said
+    return json.loads(found)
 
 
 def main() -> None:

@@ -214,7 +214,7 @@ LAYERS: dict[str, Callable[[Reading, moderngl.Context | None], np.ndarray]] = {
 
 def surface_case(
     group: str, name: str, build, layers: tuple[str, ...] = EVERYWHERE, holds: str = "the oracle's B",
-    tolerances: Mapping[str, Tolerance] | None = None, **question,
+    tolerances: Mapping[str, Tolerance] | None = None, refused: tuple[type[Exception], str] | None = None, **question,
 ) -> Case:  # fmt: skip
     """A case of the light that the Gaussians of `build()` give: those of the fine level, or those of both levels.
 
@@ -227,4 +227,4 @@ def surface_case(
         fine, coarse = built if isinstance(built, tuple) else (built, nobody())
         return replace(Reading(fine, coarse), **{k: v() if callable(v) else v for k, v in question.items()})
 
-    return Case(group, f"surface: {name}", holds, reading, chosen)
+    return Case(group, f"surface: {name}", holds, reading, chosen, refused)

@@ -6,6 +6,7 @@ import numpy as np
 import oracle
 import scenes
 
+from gsgi.runtime.errors import UnsupportedError
 from gsgi.runtime.gaussians import SurfaceBlend
 
 from .build import PINHOLE, gaussians, joined, moved, nobody, turned
@@ -49,6 +50,11 @@ def weighing(total: float):
     """Two Gaussians whose weights sum to `total` in the middle of the wall, and nearly that far around it."""
     opacity = total / (1 - BLEND.cutoff) / 2
     return on_wall(scale=1e3, opacity=[opacity, opacity], colour=[(1, 0, 0), (0, 1, 0)])
+
+
+def too_long():
+    """A Gaussian whose quaternion is none of a rotation."""
+    return on_wall(rotation=(0.3, 0.6, 0.9, 0.99), scale=(1, 2, 0.5))
 
 
 def lobes(sign: float):
@@ -104,6 +110,9 @@ CASES = [
     case("needles that fill the wall", lambda: on_wall(
         np.column_stack([np.zeros(900), np.linspace(-1.3, 1.3, 900), np.zeros(900)]), (20, 2e-3, 2e-3), colour=COLOUR)),
     case("zero quaternion", lambda: on_wall(rotation=0, scale=(1, 2, 0.5)), holds="it is no turn"),
+    case("a quaternion of length 1.5", too_long, tuple(layer for layer in EVERYWHERE if layer != "look-up")),
+    case("a quaternion of length 1.5 in a look-up", too_long, ("look-up",), "refused, naming the Gaussian",
+         refused=(UnsupportedError, "^Gaussian 0: .* length 1.5")),
     case("opacity 0", lambda: on_wall(opacity=0, scale=9), known=(0, 0, 0)),
     case("opacity 1e-6 over a coarse level", lambda: (on_wall(opacity=1e-6, scale=9), everywhere())),
     case("opacity just under 1", lambda: on_wall(opacity=np.nextafter(np.float32(1), 0), scale=9)),
