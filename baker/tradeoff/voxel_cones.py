@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from .gl.frame import Frame
     from .gl.full_screen import FullScreenLight
 
-ALONG, ALONG_QUICK = (16, 32, 64, 128), (16, 32, 64)  # voxels along the scene's longest edge
+ALONG, ALONG_QUICK = (16, 32, 64, 128), (16, 32)  # voxels along the scene's longest edge
 POINTS_PER_VOXEL, POINTS_MOST = 8, 1 << 20  # on surfaces, per square of a voxel's size
 
 # Cones (Crassin et al. 2011): one along the normal and five around it, 60 degrees wide and tilted by 60 degrees, with

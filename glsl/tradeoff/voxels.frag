@@ -28,6 +28,7 @@ layout(location = 0) out vec4 out_indirect;
 #define STEPS 3.0     // per level
 #define START 1.0     // finest voxels, along the normal
 #define REACH 0.8660254  // distance at which a cone of 60 degrees is one wide
+#define PASSING_MIN 0.004  // of a cone's light: less is not followed
 #define TILTED 5
 #define ALONG_NORMAL 0.25
 #define TILTED_WEIGHT 0.15
@@ -50,6 +51,7 @@ vec3 cone(vec3 start, vec3 d) {
             seen /= max(seen.w, 1.0);
             light += passing * seen.xyz;
             passing *= 1.0 - seen.w;
+            if (passing < PASSING_MIN) return light;
         }
         first += level == 0.0 ? vec3(count.x + 2.0, 0.0, 0.0) : vec3(0.0, count.y + 2.0, 0.0);
         count = ceil(0.5 * count);
