@@ -12,6 +12,7 @@ from gsgi.baker.trace.local_light import local_light
 from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling, Tracer
 
 from .budget import PATHS_STEP, free_count, sample_count
+from .contrast import Contrast
 from .seen_surface import SeenSurface
 
 CHUNK = 1 << 16  # points that are drawn together
@@ -149,10 +150,11 @@ class Sampler:
     def surface(self, layers: list[int], advance: Callable[..., None]) -> SurfaceSamples:
         """Samples on the surfaces that the cameras see, spread over each camera's visible area by importance.
 
-        The n-th chunk has `layers[n]` layers. Points without a finite path in each half are left out. `advance(paths)`
-        is called with a total of `path_count(layers)`.
+        They are denser where the light in which their paths end varies. The n-th chunk has `layers[n]` layers. Points
+        without a finite path in each half are left out. `advance(paths)` is called with a total of
+        `path_count(layers)`.
         """
-        return self._chunks("surface", layers, advance, lambda rng: self._seen.surface(CHUNK, rng))
+        return self._chunks("surface", layers, advance, lambda rng: self._seen.surface(CHUNK, rng, self._shares))
 
     def free(self, layers: list[int], advance: Callable[..., None]) -> SurfaceSamples:
         """The same in the free space in front of the cameras, with normals uniform over all directions."""
@@ -163,7 +165,8 @@ class Sampler:
 
     def _chunk(self, stage: str, chunk: int, layers: int, advance, draw) -> SurfaceSamples:
         seed = self._seed, chunk, int(stage == "free")
-        key = self._tracer.key(stage, __name__, views=self._seen.digest, seed=seed)
+        drawn_by = self._paths["known"] if stage == "surface" else None
+        key = self._tracer.key(stage, __name__, views=self._seen.digest, seed=seed, drawn_by=drawn_by)
         rng = np.random.default_rng(np.random.SeedSequence(seed))
         points, _ = self._tracer.once(key, _Points, lambda: _Points(*draw(rng)))
         traced: list[_Layer] = []
@@ -211,6 +214,14 @@ class Sampler:
                 "layers": self._known.layers,
             }
         return {"sampling": self._sampling, "known": known}
+
+    @cached_property
+    def _shares(self) -> np.ndarray:
+        """How many samples lie behind each pixel of the seen surface."""
+        known = self._known_samples
+        if known is None or not len(known):
+            return self._seen.shares()
+        return self._seen.shares(Contrast.of(known.position, known.normal, known.indirect_a, known.indirect_b))
 
     @cached_property
     def known_light(self) -> KnownLight | None:

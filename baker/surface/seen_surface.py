@@ -12,6 +12,8 @@ from gsgi.baker.views.importance import ImportanceField
 from gsgi.baker.views.visibility import COS_MIN
 from gsgi.runtime.camera import Camera
 
+from .contrast import Contrast
+
 SIZE = 64  # px, edge of the images that find surface points
 DARK_STEP = 4  # a camera that sees no light uses only every DARK_STEP-th pixel: enough to learn this
 
@@ -19,6 +21,7 @@ DARK_STEP = 4  # a camera that sees no light uses only every DARK_STEP-th pixel:
 FREE = 0.05, 0.95
 
 AREA_SHARE = 1 / 2  # of the samples go by area, so that no surface is left without; the rest by importance
+CONTRAST_SHARE = 1 / 2  # instead by importance and contrast, where the light's contrast is known
 MASS = 1 / 4, 4  # range of the share of the samples around a point of importance, relative to the mean of all points
 FOOTPRINT_QUANTILE = 0.999  # larger pixel footprints are cut to this: at glancing angles they have no limit
 
@@ -41,13 +44,24 @@ class SeenSurface:
         self._steps = [DARK_STEP if is_dark else 1 for is_dark in dark or [False] * len(cameras)]
         self.digest = digest({"cameras": cameras, "steps": self._steps, "importance": importance})
 
-    def surface(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Position, normal and geometric normal (count, 3) float32 of surface points, stratified."""
+    def shares(self, contrast: Contrast | None = None) -> np.ndarray:
+        """How many of the points that are drawn lie behind each pixel (P,): more where the light has `contrast`."""
+        seen = self._pixels
+        varied = seen.share * contrast.around(seen.position, seen.normal) if contrast else seen.share
+        if not varied.any():
+            return seen.share
+        return (1 - CONTRAST_SHARE) * seen.share + CONTRAST_SHARE * varied / varied.sum()
+
+    def surface(
+        self, count: int, rng: np.random.Generator, shares: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Position, normal and geometric normal (count, 3) float32 of surface points, stratified by `shares` (P,)."""
         seen = self._pixels
         if not len(seen.position):
             return (np.empty((0, 3), np.float32),) * 3
-        at = (np.arange(count) + rng.random(count)) / count * seen.below[-1]
-        index = np.minimum(np.searchsorted(seen.below, at, side="right"), len(seen.position) - 1)
+        below = np.cumsum(shares, dtype=np.float64)
+        at = (np.arange(count) + rng.random(count)) / count * below[-1]
+        index = np.minimum(np.searchsorted(below, at, side="right"), len(seen.position) - 1)
         return seen.position[index], seen.normal[index], seen.geometric_normal[index]
 
     def free(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -81,20 +95,21 @@ class SeenSurface:
                 looks = _looks(arrays[0], arrays[1], area * upright, self._importance)
                 looks /= max(looks.sum(), np.finfo(np.float64).tiny)
                 area = AREA_SHARE * area / area.sum() + (1 - AREA_SHARE) * looks
-        return _Pixels(*arrays, np.cumsum(area, dtype=np.float64))
+            area /= area.sum()
+        return _Pixels(*arrays, area)
 
 
 class _Pixels(NamedTuple):
     """Surface points (P, 3) float32 behind pixels, with their normals and viewpoints.
 
-    `below` (P,) is the cumulative share of the samples, including each point's own.
+    `share` (P,) is that of the points to draw.
     """
 
     position: np.ndarray
     normal: np.ndarray
     geometric_normal: np.ndarray
     viewpoint: np.ndarray
-    below: np.ndarray
+    share: np.ndarray
 
 
 def _looks(position: np.ndarray, normal: np.ndarray, area: np.ndarray, importance: ImportanceField) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""An order of surface points in which neighbours that face the same way are adjacent."""
+"""Which surface points are neighbours: those that are near and face the same way."""
 
 import numpy as np
 
@@ -28,6 +28,27 @@ def signed_axis(normal: np.ndarray) -> np.ndarray:
     """The axis (N,) to which each of the normals (N, 3) is nearest: 0 to 5 for +x, -x, +y, -y, +z, -z."""
     axis = np.abs(normal).argmax(axis=1)
     return 2 * axis + (np.take_along_axis(normal, axis[:, None], axis=1)[:, 0] < 0)
+
+
+def by_side(normal: np.ndarray) -> list[tuple[int, np.ndarray]]:
+    """The signed axes to which normals (N, 3) are nearest, each with the indices of those that are."""
+    side = signed_axis(normal)
+    return [(number, np.flatnonzero(side == number)) for number in np.unique(side)]
+
+
+def nearest(known: tuple[np.ndarray, np.ndarray], asked: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    """Index (N,) of the point that is nearest to each of N others, of those on the same side, if there are any.
+
+    Both are positions (S, 3) and (N, 3), m, and normals. At least one point must be known.
+    """
+    from scipy.spatial import cKDTree
+
+    index = np.empty(len(asked[0]), np.int64)
+    there = dict(by_side(known[1]))
+    for side, here in by_side(asked[1]):
+        some = there.get(side, np.arange(len(known[0])))
+        index[here] = some[cKDTree(known[0][some]).query(asked[0][here], workers=-1)[1]]
+    return index
 
 
 def _spread(values: np.ndarray) -> np.ndarray:

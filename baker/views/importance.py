@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gsgi.baker.trace.point_order import signed_axis
+from gsgi.baker.trace.point_order import by_side, nearest
 from gsgi.runtime.camera import Camera
 
 from .free_space import FreeSpace
@@ -20,7 +20,8 @@ STARTS = 8  # surface points tried per eye, because many places are not free
 ROUNDS = 2  # how often eyes are placed again, in front of what the eyes before see
 WITNESSES = 1024  # surface points that tell which eyes see the same
 
-GIVEN_SHARE = 0.25  # of all looks, from the given cameras
+GIVEN_SHARE = 0.25  # of all looks, from the given cameras into their pictures
+GIVEN_ASPECT = 16 / 9  # of those pictures, width to height
 DRAWS = 64  # most times to look around; many looks into the open meet nothing
 
 POINTS, NEIGHBOURS = 1 << 14, 16  # of a field; as many neighbours as tell the density
@@ -47,7 +48,7 @@ class ImportanceField:
 
         count = len(points)
         density = np.ones(count, np.float32)
-        for _, here in _by_side(points.normal):
+        for _, here in by_side(points.normal):
             number = min(NEIGHBOURS, len(here) - 1)
             if number:
                 position = points.position[here]
@@ -68,14 +69,7 @@ class ImportanceField:
 
         The field must have points. Normals are (N, 3).
         """
-        from scipy.spatial import cKDTree
-
-        index = np.empty(len(position), np.int64)
-        there = dict(_by_side(self.normal))
-        for side, asked in _by_side(normal):
-            known = there.get(side, np.arange(len(self.position)))
-            index[asked] = known[cKDTree(self.position[known]).query(position[asked], workers=-1)[1]]
-        return index
+        return nearest((self.position, self.normal), (position, normal))
 
     def extent(self, position: np.ndarray, normal: np.ndarray) -> np.ndarray:
         """Edge (N,) float32, m, of the square that would be all that people see if they looked at all of it as often as
@@ -86,27 +80,31 @@ class ImportanceField:
 class Importance:
     """How much of what people see each surface is.
 
-    Eyes are in free space and in the given cameras. The share of each eye falls with the number of others that see the
-    same, so that spaces out of each other's sight count alike: a closed room as much as the street before it.
+    Eyes are in free space, look in all directions, and the share of each falls with the number of others that see the
+    same, so that spaces out of each other's sight count alike: a closed room as much as the street before it. Given
+    cameras look at what is in their pictures, pixel by pixel.
     """
 
     def __init__(self, triangles: Triangles, free: FreeSpace, given: list[Camera], rng: np.random.Generator):
         self._triangles = triangles
         starts = triangles.draw_by_size(STARTS * EYES, rng)[rng.permutation(STARTS * EYES)]
         eyes = free.draw(starts, triangles.diagonal, rng, must=True)[:EYES]
-        own = np.array([camera.position for camera in given]).reshape(-1, 3)
-        self._look_from(eyes, own, rng)
+        self._look_from(eyes, given, rng)
         for _ in range(ROUNDS):
             eyes = free.draw(self.draw(STARTS * EYES, rng), triangles.diagonal, rng)[:EYES]
             if len(eyes):
-                self._look_from(eyes, own, rng)
+                self._look_from(eyes, given, rng)
 
     def draw(self, count: int, rng: np.random.Generator) -> SurfacePoints:
         """`count` random points that people see, with normals on the side that is seen; none if they see no surface."""
         parts, found = [], 0
         for _ in range(DRAWS):
-            eye = np.searchsorted(self._below, rng.random(count), side="right")
-            points = self._triangles.seen(self._eyes[np.minimum(eye, len(self._eyes) - 1)], _directions(count, rng))
+            eye = np.minimum(np.searchsorted(self._below, rng.random(count), side="right"), len(self._eyes) - 1)
+            direction = _directions(count, rng)
+            if self._given:
+                number = eye - (len(self._eyes) - len(self._given))
+                direction[number >= 0] = _into_pictures(self._given, number[number >= 0], rng)
+            points = self._triangles.seen(self._eyes[eye], direction)
             parts.append(points)
             found += len(points)
             if found >= count:
@@ -114,9 +112,9 @@ class Importance:
         fields = (np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0]))
         return SurfacePoints(*fields)[np.arange(min(found, count))]
 
-    def _look_from(self, eyes: np.ndarray, own: np.ndarray, rng: np.random.Generator) -> None:
-        """Look from `eyes` (E, 3) and from the given cameras at `own` (C, 3), with the shares that fit them."""
-        self._eyes = eyes
+    def _look_from(self, eyes: np.ndarray, given: list[Camera], rng: np.random.Generator) -> None:
+        """Look from `eyes` (E, 3) and from the given cameras, with the shares that fit them."""
+        self._eyes, self._given = eyes, []
         self._below = np.arange(1, len(eyes) + 1) / len(eyes)
         if len(witnesses := self.draw(WITNESSES, rng)):
             lines = sight_lines(self._triangles, eyes, witnesses)
@@ -125,19 +123,22 @@ class Importance:
             share = np.bincount(lines.viewpoint, 1 / seen_by[lines.side], len(eyes)) / sees
             if share.any():
                 self._below = np.cumsum(share / share.sum())
-        if len(own):
-            self._eyes = np.concatenate([eyes, own])
-            given = 1 - GIVEN_SHARE + GIVEN_SHARE * np.arange(1, len(own) + 1) / len(own)
-            self._below = np.concatenate([(1 - GIVEN_SHARE) * self._below, given])
-
-
-def _by_side(normal: np.ndarray) -> list[tuple[int, np.ndarray]]:
-    """The six directions to which normals (N, 3) can be nearest, with the indices of those that are."""
-    side = signed_axis(normal)
-    return [(number, np.flatnonzero(side == number)) for number in np.unique(side)]
+        if given:
+            self._eyes, self._given = np.concatenate([eyes, [camera.position for camera in given]]), given
+            shares = 1 - GIVEN_SHARE + GIVEN_SHARE * np.arange(1, len(given) + 1) / len(given)
+            self._below = np.concatenate([(1 - GIVEN_SHARE) * self._below, shares])
 
 
 def _directions(count: int, rng: np.random.Generator) -> np.ndarray:
     """Random unit directions (count, 3), uniform over the sphere."""
     direction = rng.normal(size=(count, 3))
+    return direction / np.linalg.norm(direction, axis=1, keepdims=True)
+
+
+def _into_pictures(cameras: list[Camera], number: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Unit directions (N, 3) through random places of the pictures of the cameras with these numbers (N,)."""
+    pose = np.array([camera.world_from_view[:3, :3] for camera in cameras])[number]
+    half = np.tan([camera.yfov / 2 for camera in cameras])[number]
+    across = rng.uniform(-1, 1, (len(number), 2)) * half[:, None] * (GIVEN_ASPECT, 1)
+    direction = np.einsum("nij,nj->ni", pose, np.concatenate([across, np.full((len(number), 1), -1.0)], axis=1))
     return direction / np.linalg.norm(direction, axis=1, keepdims=True)

@@ -59,6 +59,13 @@ def test_what_the_cameras_see_counts_first():
     assert shares[1] == pytest.approx(1 / 4 + 3 / 4 * shares[0], abs=0.06)
 
 
+def test_cameras_count_by_what_their_pictures_show():
+    camera = look_at(np.array([0.0, 0, 0.5]), np.array([0.0, 0, -1]), np.array([0.0, 1, 0]), 0.5, 0.01)
+    points = drawn(*scenes.box(), cameras=(camera,))
+    in_picture = (points.position[:, 2] < -0.99) & (np.abs(points.position[:, 1]) < 1.5 * np.tan(0.25))
+    assert in_picture.mean() > 1 / 4
+
+
 def test_the_density_of_a_field_is_that_of_its_points():
     triangles = Triangles(scenes.furnace())
     field = ImportanceField.of(triangles.draw(POINTS, np.random.default_rng(0)))
