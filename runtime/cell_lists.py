@@ -10,13 +10,13 @@ from .gaussians import Gaussians
 
 ROOTS = 8  # cells along the longest edge of the box, before any is split
 DEPTH_MAX = 20  # splits of a root; float32 coordinates within it have 24 bits
-SPLIT_MIN = 6  # sheets in a cell that is worth eight more
+SPLIT_MIN = 12  # sheets in a cell that is worth eight more
 SLACK = 1e-5  # of a root's edge and of an ellipsoid's radius; covers the rounding of float32, here and in shaders
 CHUNK = 2048  # pairs tested at once: their temporary arrays stay in the L2 cache
 
-# Edge of a leaf over the mean in-plane radius of the Gaussians in it. Half the edge takes 4 to 5 times the bytes, so
-# that small bakes have the finest cells that pay and those of 10,500 Gaussians and more take 100 bytes for each.
-FINEST, COARSEST, FINEST_COUNT = 0.4, 0.85, 2600
+# Edge of a leaf over the mean in-plane radius of the Gaussians in it. Half the edge takes 4 to 5 times the bytes. With
+# these numbers at most 1.6 Gaussians are listed for one that reaches a surface, in less than 1 MB for all of Sponza.
+FINEST, COARSEST, FINEST_COUNT = 0.3, 0.4, 2600
 
 # The light of a surface is asked for where a Gaussian's sheet is: the plane of its two longer axes, near its centre.
 SHEET = 0.7  # standard deviations around the centre

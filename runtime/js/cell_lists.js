@@ -4,9 +4,9 @@ const { abs, ceil, floor, max, min, sqrt } = Math;
 
 const ROOTS = 8; // cells along the longest edge of the box, before any is split
 const DEPTH_MAX = 20; // splits of a root; float32 coordinates within it have 24 bits
-const SPLIT_MIN = 6; // sheets in a cell that is worth eight more
+const SPLIT_MIN = 12; // sheets in a cell that is worth eight more
 const SLACK = 1e-5; // of a root's edge and of an ellipsoid's radius; covers the rounding of float32 in shaders
-const FINEST = 0.4, COARSEST = 0.85, FINEST_COUNT = 2600; // edge of a leaf over the Gaussians' mean in-plane radius
+const FINEST = 0.3, COARSEST = 0.4, FINEST_COUNT = 2600; // edge of a leaf over the Gaussians' mean in-plane radius
 const SHEET = 0.7; // standard deviations around the centre
 const TINY = 1.2e-38; // the smallest normal float32
 const CORNERS = Array.from({ length: 8 }, (_, i) => [(i & 4) / 2 - 1, (i & 2) - 1, 2 * (i & 1) - 1]);

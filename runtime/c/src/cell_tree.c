@@ -5,10 +5,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define ROOTS 8     /* cells along the longest edge of the box, before any is split */
-#define SPLIT_MIN 6 /* sheets in a cell that is worth eight more */
-#define FINEST 0.4  /* edge of a leaf over the mean in-plane radius of the Gaussians in it */
-#define COARSEST 0.85
+#define ROOTS 8      /* cells along the longest edge of the box, before any is split */
+#define SPLIT_MIN 12 /* sheets in a cell that is worth eight more */
+#define FINEST 0.3   /* edge of a leaf over the mean in-plane radius of the Gaussians in it */
+#define COARSEST 0.4
 #define FINEST_COUNT 2600.0 /* which grows with the number of Gaussians from this on */
 
 void* gsgi__tree_take(const gsgi__tree* b, size_t count, size_t size) {
