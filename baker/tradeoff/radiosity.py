@@ -122,12 +122,17 @@ class _Surface:
         root, v = np.sqrt(rng.random((len(triangle), 1))), rng.random((len(triangle), 1))
         return (a + root * (1 - v) * (b - a) + root * v * (c - a)).astype(np.float32)
 
-    def around_vertices(self) -> np.ndarray:
-        """The mean (V, 3), m, of the middles of the triangles at each vertex."""
+    def inwards(self) -> np.ndarray:
+        """From each vertex to the middle of its triangles (V, 3) float32, m, but never below the surface there.
+
+        The middle of the triangles of a round body lies within it.
+        """
         corner, repeated = self.triangle.reshape(-1), np.repeat(self.middle, 3, axis=0)
         number = np.bincount(corner, minlength=len(self.position))
         sums = [np.bincount(corner, column, len(self.position)) for column in repeated.T]
-        return np.stack(sums, axis=1) / np.maximum(number, 1)[:, None]
+        way = np.stack(sums, axis=1) / np.maximum(number, 1)[:, None] - self.position
+        below = np.minimum((way * self.normal).sum(axis=1, keepdims=True), 0)
+        return ((way - below * self.normal) * (number > 0)[:, None]).astype(np.float32)
 
     def seen(self, position: np.ndarray, normal: np.ndarray, rays: int, rng: np.random.Generator) -> np.ndarray:
         """The triangles (N, rays) that `rays` rays from points (N, 3) meet, with the density of the cosine.
@@ -217,7 +222,7 @@ def _form_factors(ground: Ground, surface: _Surface, patch: np.ndarray, advance)
 def _at_vertices(ground: Ground, surface: _Surface, radiance: np.ndarray, advance) -> np.ndarray:
     """B (V, 3) float16 at the vertices, from the radiance (F, 3) of triangles. Buried ones take that of neighbours."""
     rng = np.random.default_rng(ground.settings.seed)
-    position = (surface.position + PULL * (surface.around_vertices() - surface.position)).astype(np.float32)
+    position = surface.position + PULL * surface.inwards()
     radiance = np.concatenate([radiance, np.zeros((2, 3))])
     light, buried = np.zeros((len(position), 3)), np.zeros(len(position), bool)
     for first in range(0, len(position), AT_ONCE):
