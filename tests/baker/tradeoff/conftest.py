@@ -31,4 +31,4 @@ def patched():
 def ground(patched) -> grounds.Ground:
     """The ground of all tests."""
     scene = read_gltf(SCENES / "cornell.glb")
-    return grounds.Ground(scene, SETTINGS, Cache(), Silent(), quick=True, views=2)
+    return grounds.Ground(scene, SETTINGS, Cache(), Silent(), quick=True, views=4)

@@ -14,8 +14,8 @@ STORED = {method.name: method for method in (*CONVERGING, light_volume.METHOD, v
 SETTINGS = {
     "lightmap": (6.0, 30.0),
     "lightmap-denoised": (6.0, 30.0),
-    "probes": (2.0, 8.0),
-    "probes-visibility": (2.0, 8.0),
+    "probes": (2.0, 16.0),
+    "probes-visibility": (2.0, 16.0),
     "radiosity": (128.0, 2048.0),
     "light-volume": (4.0, 6.0),
     "voxel-cones": (4.0, 10.0),
