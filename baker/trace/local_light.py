@@ -12,6 +12,7 @@ from .point_order import coherent
 
 BLOCK = 32  # points, neighbours in coherent order, whose mean light is what eyes adapt to
 NEIGHBOURS = 4  # blocks whose noise is averaged, itself included
+NEARBY, ONE_IN = 16, 8  # points over which the light nearby is averaged, of one in so many
 TURN = 0.05  # of the diagonal: how far apart two blocks count whose normals differ by a right angle
 FAINT = 0.002  # of the mean B over all points: eyes in a scene adapt to no less
 LEAST = 1e-12  # radiance; its inverse square, times any squared radiance, is finite in float32
@@ -48,6 +49,18 @@ def local_light(position: np.ndarray, normal: np.ndarray, a: np.ndarray, b: np.n
     level = np.maximum(level, max(FAINT * float(light[:, 0].mean()), LEAST))
     variance = variance[_near(means(position), means(normal))].mean(axis=1)
     return LocalLight(level[block].astype(np.float32), np.sqrt(variance)[block].astype(np.float32))
+
+
+def nearby_light(position: np.ndarray, light: np.ndarray) -> np.ndarray:
+    """The mean of `light` (S,) near points (S, 3), m, whichever way they face and whatever is between; (S,) float32."""
+    from scipy.spatial import cKDTree
+
+    if not len(position):
+        return np.empty(0, np.float32)
+    some = slice(None, None, ONE_IN)
+    tree = cKDTree(position[some])
+    _, near = tree.query(position, k=min(NEARBY, tree.n), workers=-1)
+    return light[some][near.reshape(len(position), -1)].mean(axis=1, dtype=np.float64).astype(np.float32)
 
 
 def blocks(position: np.ndarray, normal: np.ndarray) -> np.ndarray:

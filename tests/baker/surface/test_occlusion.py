@@ -13,7 +13,7 @@ from gsgi.baker.fitting.schedule import Schedule
 from gsgi.baker.surface.coarse import coarse_level
 from gsgi.baker.surface.fit import fit_surface
 from gsgi.baker.surface.lookup import look_up
-from gsgi.baker.surface.occlusion import INTO_BRIGHT, VARIES, Occlusion, seen_light
+from gsgi.baker.surface.occlusion import INTO_BRIGHT, LEAK, VARIES, Occlusion, seen_light
 from gsgi.baker.surface.samples import SurfaceSamples
 from gsgi.baker.trace.local_light import local_light
 from gsgi.baker.views.surface_points import Triangles
@@ -133,7 +133,9 @@ def test_eyes_beside_a_wall_adapt_to_the_light_on_their_side():
     arrays = samples.position, samples.normal, samples.indirect_a, samples.indirect_b
     assert local_light(*arrays).level[dark].max() > 100 * DARK
     around = seen_light(samples, TRIANGLES)
-    np.testing.assert_allclose(around.level[dark], max(DARK, 0.002 * samples.indirect.mean()), rtol=0.2)
+    # Next to the wall, so little light is within tolerance as leaks through it; farther off, only the dark side counts.
+    assert np.median(around.level[dark]) == pytest.approx(LEAK * BRIGHT / 2, rel=0.2)
+    np.testing.assert_allclose(around.level[samples.position[:, 0] > 0.5], DARK, rtol=0.2)
     # Few dark samples among bright neighbours vary less than VARIES: the level is the mean of them all.
     few = 1 - 1 / (1 + VARIES**2)
     np.testing.assert_allclose(around.level[samples.position[:, 0] < -0.001], BRIGHT, rtol=few)

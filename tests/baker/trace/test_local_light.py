@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gsgi.baker.trace.local_light import FAINT, LEAST, local_light
+from gsgi.baker.trace.local_light import FAINT, LEAST, NEARBY, ONE_IN, local_light, nearby_light
 
 COUNT = 8192
 
@@ -59,6 +59,17 @@ def test_what_is_faint_or_black_has_a_level_all_the_same():
     assert (black.level == np.float32(LEAST)).all()
     assert not black.noise.any()
     assert all(len(values) == 0 for values in local_light(*[np.empty((0, 3), np.float32)] * 4))
+
+
+def test_light_nearby_is_that_of_all_points_near():
+    position, normal = floor()
+    light = np.where(position[:, 0] > 0.5, 100.0, 1.0).astype(np.float32)
+    found = nearby_light(position, light)
+    reach = 2 * np.sqrt(NEARBY * ONE_IN * 4 / COUNT / np.pi)  # twice the radius of the disc of which the light is averaged
+    np.testing.assert_allclose(found[position[:, 0] < 0.5 - reach], 1.0)
+    np.testing.assert_allclose(found[position[:, 0] > 0.5 + reach], 100.0)
+    assert np.median(found[np.abs(position[:, 0] - 0.5) < reach / 8]) == pytest.approx(50, rel=0.2)
+    assert len(nearby_light(position[:0], light[:0])) == 0
 
 
 def test_a_number_that_is_not_finite_stays_where_it_is():
