@@ -24,10 +24,7 @@ SIGNIFICANT = 3.0  # standard deviations of the noise, by which a sample is dark
 LEAK = 0.01  # of the light on the bright side of a wall: less on its dark side is within tolerance
 NEIGHBOURS = 8  # samples over whose light is averaged, as far as they see each other
 
-# How far off the far side of an occluder must lie, in radii of the Gaussian. A dark one may reach on a little:
-# Gaussians must fill the space up to the occluder, and too little light on the bright side is no leak.
-INTO_DARK, INTO_BRIGHT = 1.02, 0.7
-
+CLEAR = 1.02  # radii of a Gaussian that its centre lies off an occluder after a cut
 MARGIN = 1.3  # samples a little beyond a Gaussian tell of occluders just within it
 AT_ONCE = 1 << 12  # Gaussians; bounds memory
 FLAT, ROUND = 8, 128  # samples per Gaussian that are looked at on surfaces, beside those where light varies; in space
@@ -133,21 +130,19 @@ class Occlusion:
         share = self._triangles.hits(start, way).distance
         blocked = share < 1
         of, sample, occluder = of[blocked], sample[blocked], start[blocked] + share[blocked, None] * way[blocked]
-        onward = self._light[sample] > self._light[home[of]]
-        limit = np.where(onward, INTO_BRIGHT, INTO_DARK) * self._blend.radius
-        return _Across(of, occluder, self._position[sample], limit)
+        return _Across(of, occluder, self._position[sample], CLEAR * self._blend.radius)
 
 
 class _Across(NamedTuple):
     """Q pairs of a Gaussian `of` (Q,) and a sample at `position` (Q, 3) of other light behind an `occluder` (Q, 3).
 
-    The occluder's point is that on the sample's side. It must lie at least `limit` (Q,) standard deviations off.
+    The occluder's point is that on the sample's side. It must lie at least `limit` standard deviations off.
     """
 
     of: np.ndarray
     occluder: np.ndarray
     position: np.ndarray
-    limit: np.ndarray
+    limit: float
 
 
 def _turned(gaussians: Gaussians, normal: np.ndarray, which: np.ndarray) -> Gaussians:
@@ -202,9 +197,9 @@ def _cut_flat(gaussians: Gaussians, found: _Across) -> Gaussians:
     above = _offset(gaussians, found.of, found.position)
     is_above = np.abs(above[:, 2]) > np.hypot(above[:, 0], above[:, 1])
     thin = np.ones(len(gaussians))
-    np.minimum.at(thin, found.of[is_above], np.abs(above[is_above, 2]) / found.limit[is_above])
-    of, limit = found.of[~is_above], found.limit[~is_above]
-    beside = _offset(gaussians, of, found.occluder[~is_above])[:, :2] / limit[:, None]
+    np.minimum.at(thin, found.of[is_above], np.abs(above[is_above, 2]) / found.limit)
+    of = found.of[~is_above]
+    beside = _offset(gaussians, of, found.occluder[~is_above])[:, :2] / found.limit
     turn, size = _principal(_cut_shapes(len(gaussians), of, beside), gaussians.scale[:, :2])
     frame = axes(gaussians.rotation)
     frame[:, :, :2] = frame[:, :, :2] @ turn
@@ -214,7 +209,7 @@ def _cut_flat(gaussians: Gaussians, found: _Across) -> Gaussians:
 
 def _cut_round(gaussians: Gaussians, found: _Across) -> Gaussians:
     """The same for Gaussians whose axes are all alike."""
-    offset = _offset(gaussians, found.of, found.occluder) / found.limit[:, None]
+    offset = _offset(gaussians, found.of, found.occluder) / found.limit
     turn, size = _principal(_cut_shapes(len(gaussians), found.of, offset), gaussians.scale)
     return _shaped(gaussians, found.of, axes(gaussians.rotation) @ turn, size)
 
