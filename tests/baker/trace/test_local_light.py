@@ -62,10 +62,10 @@ def test_what_is_faint_or_black_has_a_level_all_the_same():
 
 
 def test_light_nearby_is_that_of_all_points_near():
-    position, normal = floor()
+    position, _ = floor()
     light = np.where(position[:, 0] > 0.5, 100.0, 1.0).astype(np.float32)
     found = nearby_light(position, light)
-    reach = 2 * np.sqrt(NEARBY * ONE_IN * 4 / COUNT / np.pi)  # twice the radius of the disc of which the light is averaged
+    reach = 2 * np.sqrt(NEARBY * ONE_IN * 4 / COUNT / np.pi)  # twice the radius of the disc that is averaged over
     np.testing.assert_allclose(found[position[:, 0] < 0.5 - reach], 1.0)
     np.testing.assert_allclose(found[position[:, 0] > 0.5 + reach], 100.0)
     assert np.median(found[np.abs(position[:, 0] - 0.5) < reach / 8]) == pytest.approx(50, rel=0.2)
