@@ -43,7 +43,7 @@ WIDTH, THICKNESS = 1.3, 0.5
 OPACITY = 0.5
 SPACING_MIN = 1e-6  # m; points can coincide
 
-CUT_COST = 0.01  # squared error relative to the light around, of a sample, that a leak less may cost
+CUT_COST = 0.001  # squared error relative to the light around, of a sample, that a leak less may cost
 HOLE_SAMPLES = 4  # least samples without a Gaussian for each that is added among them
 
 

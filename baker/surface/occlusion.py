@@ -243,7 +243,8 @@ def _principal(shape: np.ndarray, scale: np.ndarray) -> tuple[np.ndarray, np.nda
     """
     values, turn = np.linalg.eigh(shape / (scale[:, :, None] * scale[:, None, :]).astype(np.float64))
     turn[:, :, -1] *= np.linalg.det(turn)[:, None]
-    return turn, 1 / np.sqrt(values)
+    longest = scale.max(axis=1, keepdims=True)  # no cut lengthens a Gaussian; a needle's values round to 0 and below
+    return turn, 1 / np.sqrt(np.maximum(values, 1 / np.square(longest, dtype=np.float64)))
 
 
 def _cut_shapes(count: int, of: np.ndarray, points: np.ndarray) -> np.ndarray:

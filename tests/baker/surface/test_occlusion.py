@@ -10,6 +10,7 @@ from surface_cases import samples_of
 
 from gsgi.baker.fitting.rotations import axes, rotation_to
 from gsgi.baker.fitting.schedule import Schedule
+from gsgi.baker.surface import occlusion
 from gsgi.baker.surface.coarse import coarse_level
 from gsgi.baker.surface.fit import fit_surface
 from gsgi.baker.surface.lookup import look_up
@@ -84,6 +85,16 @@ def test_a_cut_keeps_the_gradient_of_the_light_in_metres():
     assert cut.scale[0].min() < 0.5 * one.scale[0].min()
     gradients = [axes(g.rotation)[0, :, :2] @ (g.slope / g.scale[:, :2])[0] for g in (one, cut)]
     np.testing.assert_allclose(*gradients, atol=1e-5)
+
+
+def test_a_cut_lengthens_no_axis_however_thin_the_gaussian():
+    rng = np.random.default_rng(0)
+    spread = rng.normal(size=(500, 3, 3))
+    shape = np.eye(3) + spread @ spread.transpose(0, 2, 1) * rng.uniform(0, 2500, (500, 1, 1))
+    scale = np.tile(np.float32([1, 1, 1e-8]), (500, 1))
+    _, size = occlusion._principal(shape, scale)
+    assert (size > 0).all()
+    assert size.max() <= 1
 
 
 def test_a_dark_gaussian_ends_at_the_wall_too():
