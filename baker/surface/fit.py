@@ -108,7 +108,8 @@ def fit_surface(
         if checkpoint and (iteration + 1) % LIST_STEPS == 0 and checkpoint.due():
             checkpoint.save(to_arrays(_Run(state, error, iteration + 1)))
     last = cut_where_better(state.gaussians, optimiser, occlusion)[0] if occlusion else state.gaussians
-    return optimiser.solve(last, SOLVE_LAST)
+    seen = ~to_remove(optimiser.share(last))  # a cut may leave some that lie between samples, as good as unknown
+    return optimiser.solve(Gaussians(*(column[seen] for column in vars(last).values())), SOLVE_LAST)
 
 
 def start(samples: SurfaceSamples, count: int, rng: np.random.Generator, beside: Gaussians | None = None) -> Gaussians:

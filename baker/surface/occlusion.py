@@ -31,6 +31,7 @@ FLAT, ROUND = 8, 128  # samples per Gaussian that are looked at on surfaces, bes
 CUTS = 4  # most cuts of a Gaussian, each on one of its sides
 STEPS = 12  # of the search for the nearest point of a convex hull
 SMALLEST = 0.02  # standard deviation after a cut, relative to that before
+NEEDLE = 8.0  # most times that a Gaussian is as long as wide after a cut: between samples, a needle shows as a scratch
 SIDE = 0.3  # cosine to the nearest point within which points are on the same side of a Gaussian
 
 
@@ -201,6 +202,7 @@ def _cut_flat(gaussians: Gaussians, found: _Across) -> Gaussians:
     of = found.of[~is_above]
     beside = _offset(gaussians, of, found.occluder[~is_above])[:, :2] / found.limit
     turn, size = _principal(_cut_shapes(len(gaussians), of, beside), gaussians.scale[:, :2])
+    size = np.minimum(size, NEEDLE * size.min(axis=1, keepdims=True))
     frame = axes(gaussians.rotation)
     frame[:, :, :2] = frame[:, :, :2] @ turn
     size = np.column_stack([size, np.maximum(thin, SMALLEST) * gaussians.scale[:, 2]])

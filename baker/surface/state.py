@@ -14,6 +14,8 @@ from .colours import bounded_slope
 # Gaussian's own axes.
 PARAMETERS = {"place": 3, "turn": 3, "log_scale": 3, "logit_opacity": 1, "colour": 3, "slope": 2}
 
+LEAST_SHARE = 4.0  # samples that a Gaussian accounts for; with fewer it would show their noise
+
 # Limits of a Gaussian's standard deviations: LARGEST times the longest at the start, and SMALLEST times each at the
 # start. Larger Gaussians fit the noise of many samples with differences of few Gaussians, and cover more pixels. No
 # sample sees smaller ones.
@@ -78,7 +80,7 @@ class SurfaceState:
 
 def to_remove(share: np.ndarray) -> np.ndarray:
     """Mask (N,) bool of Gaussians that hardly any sample sees; `share` (N,) sums w / sum w over all samples."""
-    return share < 1
+    return share < LEAST_SHARE
 
 
 def to_split(error: np.ndarray, count: int) -> np.ndarray:

@@ -139,8 +139,7 @@ def test_there_are_never_more_gaussians_than_the_budget(budget):
     fitted = fit(Schedule(budget, 20), lambda _, __, now: counts.append(len(now())), samples=samples)
     assert len(counts) == 20
     assert max(counts) <= budget
-    assert len(fitted) == counts[-1]
-    assert counts[-1] >= 0.9 * budget  # this light needs more
+    assert 0.9 * budget <= len(fitted) <= counts[-1]  # this light needs more; a few are hardly seen in the end
     assert len(fit(Schedule(budget, 0), samples=samples)) <= budget
 
 

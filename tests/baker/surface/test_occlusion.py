@@ -87,6 +87,14 @@ def test_a_cut_keeps_the_gradient_of_the_light_in_metres():
     np.testing.assert_allclose(*gradients, atol=1e-5)
 
 
+def test_a_cut_leaves_no_needle():
+    one = gaussian((-0.002, 0, 0))
+    cut, which = Occlusion(on_floor(), TRIANGLES, BLEND, 50).cut(one)
+    assert which.all()
+    assert cut.scale[0].min() < one.scale[0].min() / 50
+    assert cut.scale[0, :2].max() <= 1.001 * occlusion.NEEDLE * cut.scale[0, :2].min()
+
+
 def test_a_cut_lengthens_no_axis_however_thin_the_gaussian():
     rng = np.random.default_rng(0)
     spread = rng.normal(size=(500, 3, 3))

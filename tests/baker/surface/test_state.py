@@ -8,6 +8,7 @@ from gsgi.baker.cache.records import from_arrays, to_arrays
 from gsgi.baker.surface.colours import SLOPE_BOUND
 from gsgi.baker.surface.state import (
     LARGEST,
+    LEAST_SHARE,
     SMALLEST,
     SPLIT_OFFSET,
     SPLIT_SCALE,
@@ -129,8 +130,9 @@ def test_halves_are_within_their_limits():
     assert (halves.gaussians.scale <= halves.largest).all()
 
 
-def test_whom_less_than_one_sample_sees_goes():
-    np.testing.assert_array_equal(to_remove(np.float32([0, 0.99, 1, 50])), [True, True, False, False])
+def test_whom_hardly_any_sample_sees_goes():
+    share = LEAST_SHARE * np.float32([0, 0.99, 1, 12])
+    np.testing.assert_array_equal(to_remove(share), [True, True, False, False])
 
 
 def test_those_with_most_error_are_split():
