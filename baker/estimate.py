@@ -2,10 +2,12 @@
 
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from .evaluation import bias, held_out
+from .evaluation.monitor import entries
 from .plan import Plan
 
 POINTS, SAMPLES = 1 << 14, 64
@@ -17,45 +19,106 @@ def estimate(plan: Plan) -> dict[str, float]:
 
     With a target loss, only the fit with the whole budget is counted, which takes the longest.
     """
-    path, gathering = _seconds_per_path(plan)
-    known = {"known light": path * plan.whole_paths + gathering * (plan.known_paths - plan.whole_paths)}
-    rest, gathers = plan.paths - plan.known_paths, plan.known_paths > 0
-    each, compared = (gathering, path) if held_out.gathers(plan) else (path, 0.0)
-    return (known if gathers else {}) | {
-        "irradiance": rest * (gathering if gathers else path),
-        "fit": _seconds_of_fit(plan),
-        "references": each * held_out.points(plan) * held_out.samples(plan) / 2 + compared * bias.PATHS,
-    }
+    return Rates.timed(plan).seconds(plan)
+
+
+@dataclass(frozen=True)
+class Rates:
+    """What parts of a bake take on this machine, in seconds.
+
+    `whole` is a path, and `gathering` one that ends in known light. `fit` are the parts of the fit of the plan `of`
+    which was timed. A held-out view is `prepared` once, `looked` at several times during the fit, and `evaluated`.
+    """
+
+    of: Plan
+    whole: float
+    gathering: float
+    fit: tuple[float, ...]
+    prepared: float
+    looked: float
+    evaluated: float
+
+    @staticmethod
+    def timed(plan: Plan) -> "Rates":
+        """Time the parts of a plan's bake."""
+        parts = _fits(plan).parts_on_grey_light(plan, STEPS)
+        fit = tuple(_second_run(lambda seed, run=run: run()) for run in parts)
+        return Rates(plan, *_seconds_per_path(plan), fit, *_seconds_per_view(plan))
+
+    def seconds(self, plan: Plan, evaluate: bool = True) -> dict[str, float]:
+        """The seconds of each stage of the bake of another plan for the same scene.
+
+        Without `evaluate`, there are no references and no evaluation.
+        """
+        known = self.whole * plan.whole_paths + self.gathering * (plan.known_paths - plan.whole_paths)
+        path = self.gathering if plan.known_paths else self.whole
+        times = _fits(plan).times_on_grey_light(plan, self.of, STEPS)
+        fit = sum(part * often for part, often in zip(self.fit, times, strict=True))
+        stages = {"known light": known} if plan.known_paths else {}
+        stages |= {"irradiance": path * (plan.paths - plan.known_paths), "fit": fit}
+        if not evaluate:
+            return stages
+        each, compared = (self.gathering, self.whole) if held_out.gathers(plan) else (self.whole, 0.0)
+        views = held_out.points(plan) / (2 * held_out.SIZE**2)
+        looks = self.prepared + entries(plan.settings.iterations) * self.looked
+        return stages | {
+            "fit": fit + looks * len(plan.placement.held_out),
+            "references": each * held_out.points(plan) * held_out.samples(plan) / 2 + compared * bias.PATHS,
+            "evaluation": views * self.evaluated,
+        }
+
+
+def _fits(plan: Plan):
+    """The module of the fits of the plan's operator."""
+    if plan.settings.operator == "surface":
+        from .surface import fits
+    else:
+        from .over import fits
+    return fits
 
 
 def _seconds_per_path(plan: Plan) -> tuple[float, float]:
-    """Seconds of a whole path, and of one that ends in known light."""
+    """Seconds of a whole path, and of one that ends in known light, from points that people see."""
     from gsgi.baker.trace.irradiance_cache import IrradianceCache
     from gsgi.baker.trace.tracer import Sampling
 
-    tracer, size = plan.tracer.tracer, plan.settings.size
-    views = (tracer.surface(camera, size, size).points() for camera in plan.cameras)
-    points = next((points for points in views if len(points[0])), None)
-    if points is None:
-        return 0.0, 0.0  # no view shows a surface with B
-    points = tuple(np.resize(array, (POINTS, 3)) for array in points)
+    seen, tracer = plan.placement.importance, plan.tracer.tracer
+    if not len(seen.position):
+        return 0.0, 0.0
+    index = np.random.default_rng(plan.settings.seed).integers(len(seen.position), size=POINTS)
+    position, normal = seen.position[index], seen.normal[index]
     sampling = Sampling(SAMPLES, plan.settings.bounces)
-    light = tracer.indirect(*points, sampling, 0).mean
-    known = IrradianceCache.halves(points[0], points[1], light, light).a
+    light = tracer.indirect(position, normal, normal, sampling, 0).mean
+    known = IrradianceCache.halves(position, normal, light, light).a
     whole, gathering = (
-        _second_run(lambda seed, end=end: tracer.indirect(*points, sampling, seed, None, end)) / (POINTS * SAMPLES)
+        _second_run(lambda seed, end=end: tracer.indirect(position, normal, normal, sampling, seed, None, end))
+        / (POINTS * SAMPLES)
         for end in (None, known)
     )
     return whole, gathering
 
 
-def _seconds_of_fit(plan: Plan) -> float:
-    """Seconds of the fit with the whole budget of Gaussians, of both levels."""
-    if plan.settings.operator == "surface":
-        from .surface.fits import parts_on_grey_light
-    else:
-        from .over.fits import parts_on_grey_light
-    return sum(times * _second_run(lambda seed, run=run: run()) for run, times in parts_on_grey_light(plan, STEPS))
+def _seconds_per_view(plan: Plan) -> tuple[float, float, float]:
+    """Seconds that a view takes before, during and after the fit, with the scene's surfaces in grey light."""
+    from gsgi.baker.trace.reference import Reference
+
+    from .surface.fits import grey_bake
+
+    size, views = held_out.SIZE, plan.placement.held_out
+    surfaces = ((name, plan.tracer.tracer.surface(camera, size, size)) for name, camera in views.items())
+    name, surface = next(((name, surface) for name, surface in surfaces if surface.diffuse.any()), (None, None))
+    if surface is None:
+        return 0.0, 0.0, 0.0
+    grey = np.ones_like(surface.position)
+
+    def truth() -> dict[str, Reference]:
+        return {name: Reference(surface, np.zeros_like(grey), grey, grey, surface.diffuse)}
+
+    baked, loss = grey_bake(plan), held_out.HeldOutLoss(truth(), views, 1.0)
+    prepared = _second_run(lambda seed: held_out.HeldOutLoss(truth(), views, 1.0))
+    looked = _second_run(lambda seed: loss.of(baked))
+    evaluated = _second_run(lambda seed: held_out.evaluate(truth(), views, baked, {}, plan.triangles))
+    return prepared, looked, evaluated
 
 
 def _second_run(run: Callable[[int], object]) -> float:

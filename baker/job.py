@@ -6,9 +6,11 @@ from pathlib import Path
 from gsgi.runtime.file import codec
 
 from . import bake as baking
+from .deadline import Clock
 from .evaluation import bias, held_out
 from .evaluation.preview import Preview
 from .plan import Plan
+from .plan_table import summary
 from .progress import Progress
 from .report import BakeReport, peak_memory
 
@@ -19,13 +21,16 @@ def run(
     write: Callable[[bytes, int], None],
     evaluate: bool = True,
     preview: Path | None = None,
+    seconds: float | None = None,
 ) -> BakeReport:
     """Bake a plan and report it.
 
     `write(data, gaussians)` receives the bytes of the .gsgi file before they are evaluated, so that an interrupted
     evaluation loses nothing. `preview` is an existing folder for pictures of the fit while it runs. Without `evaluate`,
-    references are traced only if a target loss or a preview needs them.
+    references are traced only if a target loss or a preview needs them. With `seconds`, a plan of medium quality
+    is baked with settings that let the bake end so long after `progress` began.
     """
+    clock, decided = Clock(plan, seconds, evaluate, progress) if seconds is not None else None, None
     references, of_scene, found = {}, {}, None
     if evaluate or preview or plan.settings.target_loss is not None:
         known = held_out.known_light(plan, progress)
@@ -41,6 +46,12 @@ def run(
             )
     if plan.settings.target_loss is not None and not references:
         progress.warn("no held-out view shows a surface with indirect light: there is no loss to aim at")
+    if clock:
+        plan.known_light(progress)
+        decided = clock.decide("known light", "references")
+        clock.keep(decided)
+        plan = plan.spending(decided.budget, decided.error, decided.iterations)
+        progress.say(summary(plan))
     pictures = Preview(preview, references, plan.placement.held_out) if preview and references else None
     result = baking.bake(plan, progress, references, pictures)
     write(result.data, result.attempt.count)
@@ -50,5 +61,5 @@ def run(
             cameras = held_out.scene_cameras(plan) | plan.placement.held_out
             baked = codec.decode(result.data)
             evaluation = held_out.evaluate(references, cameras, baked, of_scene, plan.triangles, found)
-    seconds, warnings = dict(progress.seconds), tuple(progress.warnings)
-    return BakeReport(plan, result, evaluation, seconds, peak_memory(), warnings)
+    stages, warnings = dict(progress.seconds), tuple(progress.warnings)
+    return BakeReport(plan, result, evaluation, stages, peak_memory(), warnings, decided)

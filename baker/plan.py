@@ -145,6 +145,13 @@ class Plan:
         seen = SeenSurface(self.tracer, self.cameras, dark, self.placement.importance)
         return Sampler.gathering(self.tracer, seen, self.settings.bounces, self.settings.seed + 1, self.settings.error)
 
+    def spending(self, budget: int, error: float, iterations: int) -> "Plan":
+        """The plan with other costs of a bake with `surface`. Light that is known already is not traced again."""
+        settings = replace(self.settings, budget=budget, error=error, iterations=iterations)
+        other = replace(self, settings=settings)
+        vars(other)["sampler"] = self.sampler.until(error)
+        return other
+
     def known_light(self, progress: Progress) -> KnownLight | None:
         """The light in which paths end, traced when it is first needed; None with `over`, and without bounces."""
         if not self.known_paths:

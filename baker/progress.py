@@ -56,9 +56,15 @@ class Progress:
     """Times stages in `seconds` (name -> s), keeps `warnings`, and passes everything on to `display`."""
 
     def __init__(self, display: Display | None = None):
+        self._began = time.perf_counter()
         self.seconds: dict[str, float] = {}
         self.warnings: list[str] = []
         self._display = display or Silent()
+
+    @property
+    def elapsed(self) -> float:
+        """Seconds since the progress was made, which is when the work began."""
+        return time.perf_counter() - self._began
 
     @contextmanager
     def stage(self, name: str, total: float = 0, unit: str = "") -> Iterator[Callable[..., None]]:

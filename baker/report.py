@@ -6,6 +6,7 @@ from functools import cached_property
 
 from .advice import Advice, advise
 from .bake import BakeResult
+from .deadline import Deadline
 from .evaluation.held_out import Evaluation
 from .plan import Plan
 
@@ -16,7 +17,7 @@ class BakeReport:
 
     `evaluation` compares the result with path tracing in held-out views and from the scene's own cameras; None if it
     was not evaluated. `seconds` are by stage. `peak_memory` is that of the process, bytes; None if the system does not
-    report it.
+    report it. `deadline` is what was decided for a bake of so many seconds; None if none were asked for.
     """
 
     plan: Plan
@@ -25,6 +26,7 @@ class BakeReport:
     seconds: dict[str, float]
     peak_memory: int | None
     warnings: tuple[str, ...]
+    deadline: Deadline | None = None
 
     @property
     def data(self) -> bytes:
@@ -68,7 +70,15 @@ class BakeReport:
             "gaussians": attempt.count,
             "bytes": len(self.data),
             "budget": settings.budget,
+            "error": settings.error,
+            "iterations": settings.iterations,
             "target_loss": settings.target_loss,
+            "deadline": self.deadline
+            and {
+                "seconds": self.deadline.asked,
+                "expected": round(self.deadline.expected, 1),
+                "flags": self.deadline.flags,
+            },
             "attempts": [
                 {
                     "gaussians": attempt.count,

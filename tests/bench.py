@@ -8,6 +8,7 @@ import subprocess
 from pathlib import Path
 
 from benches.c_library import c_library
+from benches.deadline import deadline
 from benches.fit import fit
 from benches.frames import frames
 from benches.front import front
@@ -34,6 +35,7 @@ BENCHES = {
     for bench in (
         fit,
         stages,
+        deadline,
         trace,
         scenes,
         *PASSES,

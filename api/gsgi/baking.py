@@ -63,6 +63,7 @@ def bake(
     cameras: Mapping[str, Camera] | None = None,
     cache: bool | str | Path = True,
     evaluate: bool = True,
+    seconds: float | None = None,
     progress: OnProgress | None = None,
 ) -> BakeReport:
     """Trace the indirect light of a scene, fit Gaussians to it, and write them to `output`.
@@ -73,22 +74,23 @@ def bake(
     scene: a glTF file, or a `Scene`. output: the .gsgi file; None: the bytes are only in `report.data`. quality:
     "draft", "medium" or "high", in place of that of the `settings`. lighting: light that the file lacks; None: that of
     room.lights.toml beside room.glb. cameras: further cameras to fit, by name. cache: whether finished work is kept in
-    the default folder, or a folder for it. evaluate: trace held-out views and compare the bake with them.
+    the default folder, or a folder for it. evaluate: trace held-out views and compare the bake with them. seconds: make
+    the best bake that ends in about so much time on this machine; `report.deadline` says with which settings.
 
-    Raises FileError, SceneError, UnsupportedError, and TargetError where `settings.target_loss` was not met: then the
-    best file is written.
+    Raises FileError, SceneError, UnsupportedError, UsageError where `seconds` and the settings contradict each other,
+    and TargetError where `settings.target_loss` was not met: then the best file is written.
     """
     from gsgi.baker import job
 
     if output is not None:
         check_writable(output)
-    made, told = _plan(scene, quality, settings, lighting, cameras, cache, progress)
+    made, told = _plan(scene, quality, settings, lighting, cameras, cache, progress, seconds)
 
     def write(data: bytes, gaussians: int) -> None:
         if output is not None:
             write_atomic(output, data)
 
-    report = job.run(made, told, write, evaluate)
+    report = job.run(made, told, write, evaluate, seconds=seconds)
     made.tracer.cache.trim()
     if report.missed:
         raise TargetError(f"{output}: {report.missed}")
@@ -104,16 +106,20 @@ def plan(
     lighting: Lighting | None = None,
     cameras: Mapping[str, Camera] | None = None,
     cache: bool | str | Path = True,
+    seconds: float | None = None,
     progress: OnProgress | None = None,
 ) -> PlanReport:
     """What `bake` would do with the same arguments, why, and what it would cost. Takes some seconds.
 
-    Raises FileError, SceneError, UnsupportedError.
+    Raises FileError, SceneError, UnsupportedError, and UsageError as `bake` does.
     """
+    from gsgi.baker.deadline import in_time
     from gsgi.baker.estimate import estimate
     from gsgi.baker.plan_table import decisions
 
-    made, told = _plan(scene, quality, settings, lighting, cameras, cache, progress)
+    made, told = _plan(scene, quality, settings, lighting, cameras, cache, progress, seconds)
+    if seconds is not None:
+        made = in_time(made, seconds, told)
     with told.stage("estimate"):
         seconds = estimate(made)
     rows = tuple(decisions(made))
@@ -128,17 +134,22 @@ def _plan(
     cameras: Mapping[str, Camera] | None,
     cache: bool | str | Path,
     progress: OnProgress | None,
+    seconds: float | None,
 ) -> "tuple[Plan, Progress]":
+    from gsgi.baker import deadline
     from gsgi.baker.plan import make_plan
     from gsgi.baker.progress import Progress
 
+    settings = settings or Settings()
+    settings = replace(settings, quality=quality or settings.quality)
+    if seconds is not None:
+        deadline.check(settings, seconds)
     told = Progress(_Callback(progress) if progress else None)
     with told.stage("scene"):
         lit = _lit(scene, lighting)
     for line in lit.warnings:
         told.warn(line)
-    settings = settings or Settings()
-    return make_plan(lit, replace(settings, quality=quality or settings.quality), told, _cache(cache), cameras), told
+    return make_plan(lit, settings, told, _cache(cache), cameras), told
 
 
 def _lit(scene: str | Path | Scene, lighting: Lighting | None) -> Scene:

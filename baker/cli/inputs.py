@@ -71,9 +71,13 @@ def _lighting(options: argparse.Namespace, progress: Progress) -> Lighting:
 
 def plan_of(options: argparse.Namespace, progress: Progress, cache: Cache) -> "Plan":
     """Make the plan for the scene, light and settings that the options name."""
+    from gsgi.baker import deadline
     from gsgi.baker.plan import make_plan
     from gsgi.baker.views.camera_path import read_camera_path
 
+    settings = _settings(options)
+    if options.seconds is not None:
+        deadline.check(settings, options.seconds)
     with progress.stage("scene"):
         scene = read_scene(options, progress)
     path = {}
@@ -81,7 +85,7 @@ def plan_of(options: argparse.Namespace, progress: Progress, cache: Cache) -> "P
         path = read_camera_path(options.camera_path, scene.diagonal())
         scene = replace(scene, files=(*scene.files, Path(options.camera_path)))
     try:
-        return make_plan(scene, _settings(options), progress, cache, path)
+        return make_plan(scene, settings, progress, cache, path)
     except SceneError as error:
         raise SceneError(f"{options.scene}: {error}") from error
 

@@ -138,6 +138,9 @@ def _add_accuracy(parser: argparse.ArgumentParser) -> None:
     size = group.add_mutually_exclusive_group()
     size.add_argument("--budget", type=whole(1, BUDGET_MAX), metavar="N", help="most Gaussians (default: by --quality)")
     size.add_argument("--target-bytes", type=whole(1, 2**32), metavar="N", help="largest size of the .gsgi file, bytes")
+    size.add_argument("--seconds", type=positive, metavar="N",
+                      help="surface: the best bake in about N seconds on this machine, with its evaluation; decides "
+                      "--budget, --error and --iterations")  # fmt: skip
 
 
 def add_picture(parser: argparse.ArgumentParser) -> None:

@@ -13,6 +13,16 @@ ENTRIES = 25  # in the history, approximately; evenly spaced over the iterations
 MEMORY = 0.98  # decay of the running mean of the loss, per iteration
 
 
+def entries(iterations: int) -> int:
+    """Number of entries in the history of a fit."""
+    return iterations // interval(iterations)
+
+
+def interval(iterations: int) -> int:
+    """Iterations from one entry to the next."""
+    return max(iterations // ENTRIES, 1)
+
+
 class FitMonitor:
     """A `fitting.task.Monitor` that reports each iteration of a fit to the progress.
 
@@ -30,7 +40,7 @@ class FitMonitor:
         """`bake_of` makes a bake from the Gaussians of an iteration."""
         self.history: list[HistoryEntry] = []
         self._advance, self._held_out, self._bake_of, self._preview = advance, held_out, bake_of, preview
-        self._interval = max(iterations // ENTRIES, 1)
+        self._interval = interval(iterations)
         self._iteration, self._loss, self._note = 0, None, ""
         self._start = time.perf_counter()
 

@@ -14,6 +14,7 @@ from gsgi.baker.progress import Progress
 from gsgi.baker.settings import BUDGET_MAX
 from gsgi.baker.trace import denoise
 from gsgi.baker.trace.cached_tracer import TracedView
+from gsgi.runtime.camera import Camera
 from gsgi.runtime.gaussians import Effects, Gaussians
 
 if TYPE_CHECKING:
@@ -101,8 +102,8 @@ def _visible(gaussians: Gaussians) -> Gaussians:
     return Gaussians(*(getattr(gaussians, name)[keep] for name in fields))
 
 
-def parts_on_grey_light(plan: "Plan", steps: int) -> list[tuple[Callable[[], object], float]]:
-    """Up to `steps` steps of the plan's fit on grey images, and how often they make the whole; for timing."""
+def parts_on_grey_light(plan: "Plan", steps: int) -> list[Callable[[], object]]:
+    """The one part of the plan's fit: up to `steps` steps on grey images; for timing."""
     from gsgi.baker.fitting.target import Target
 
     from .fit import RATES
@@ -117,7 +118,16 @@ def parts_on_grey_light(plan: "Plan", steps: int) -> list[tuple[Callable[[], obj
     state = State.fresh(RawGaussians.from_gaussians(start))
     optimiser = optimiser_class()(state.raw, state.adam, plan.blend)
     grey = Target.of(np.ones((size, size, 3), np.float32), np.ones((size, size), bool), 1.0)
-    pinholes = [camera.pinhole(size, size) for camera in plan.cameras[:: -(-len(plan.cameras) // steps)]]
+    pinholes = [camera.pinhole(size, size) for camera in _every(plan, steps)]
     still = dict.fromkeys(RATES, 0.0)
-    run = lambda: [optimiser.iterate(pinhole, grey, still) for pinhole in pinholes]  # noqa: E731
-    return [(run, plan.settings.iterations / len(pinholes))]
+    return [lambda: [optimiser.iterate(pinhole, grey, still) for pinhole in pinholes]]
+
+
+def times_on_grey_light(plan: "Plan", timed: "Plan", steps: int) -> list[float]:
+    """How often the part of the fit of the plan that was `timed` makes this plan's fit, with the same budget."""
+    return [plan.settings.iterations / len(_every(timed, steps))]
+
+
+def _every(plan: "Plan", steps: int) -> list[Camera]:
+    """Up to `steps` of the plan's cameras."""
+    return plan.cameras[:: -(-len(plan.cameras) // steps)]

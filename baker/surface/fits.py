@@ -10,7 +10,7 @@ from gsgi.baker.cache.code_version import code_version
 from gsgi.baker.fitting.schedule import Schedule
 from gsgi.baker.fitting.task import FitResult, MakeMonitor, run_or_resume
 from gsgi.baker.progress import Progress
-from gsgi.runtime.gaussians import Effects, Gaussians
+from gsgi.runtime.gaussians import Bake, Effects, Gaussians, SurfaceBlend
 
 from .budget import coarse_count
 from .samples import CHUNK, SurfaceSamples, free_layers, path_count, point_count, surface_layers
@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 FREE_SHARE = 1 / 16  # free samples per surface sample; they keep fine Gaussians from reaching space with other light
 
 COARSE_TIMED = 8  # the coarse level is timed with one free sample in this many; it takes as much longer with all
+
+COARSE_GROWS = 0.45  # a sample of n coarse Gaussians takes n^COARSE_GROWS as long: measured for 290 to 1,024
+CHANGES = 1.2  # a fit of the fine level with the changes and cuts of its Gaussians, relative to steps and solutions
 
 FIT_PACKAGES = ("numpy", "scipy", "open3d")  # a fit depends on their versions
 
@@ -88,28 +91,56 @@ class SurfaceFits:
         return gaussians, history or ()
 
 
-def parts_on_grey_light(plan: "Plan", steps: int) -> list[tuple[Callable[[], object], float]]:
-    """Parts of the plan's fit, on grey samples, each with how often it would have to run for the whole; for timing.
+def parts_on_grey_light(plan: "Plan", steps: int) -> list[Callable[[], object]]:
+    """Parts of the plan's fit, on grey samples, for timing.
 
-    The parts are `steps` steps of the fine level, a solution for its colours, and the coarse level with few samples.
+    They are `steps` steps of the fine level, a solution for its colours, and the coarse level with few samples.
     """
     from .coarse import coarse_level
-    from .fit import GROWTH, RATES, SOLVE_AGAIN, SOLVE_FIRST, SOLVE_LAST, start
+    from .fit import RATES, SOLVE_AGAIN, start
     from .optimiser import SurfaceOptimiser
     from .state import SurfaceState
 
     settings, rng = plan.settings, np.random.default_rng(plan.settings.seed)
-    points = plan.triangles.draw(plan.points, rng)
-    grey = np.ones_like(points.position)
-    samples = SurfaceSamples(points.position, points.normal, grey, grey, 0)
+    samples = _grey_samples(plan, plan.points, rng)
     optimiser = SurfaceOptimiser(samples, coarse_level(samples[:1], 1, plan.blend, 0), plan.blend)
     state = SurfaceState.fresh(start(samples, settings.budget, rng))
     still = dict.fromkeys(RATES, 0.0)
-    solved = (SOLVE_FIRST + len(GROWTH) * SOLVE_AGAIN + SOLVE_LAST) / SOLVE_AGAIN
-    free = point_count(free_layers(settings.budget))
-    few = samples[: free // COARSE_TIMED]
+    few = samples[: point_count(free_layers(settings.budget)) // COARSE_TIMED]
     return [
-        (lambda: [optimiser.step(state, still, 1 + i) for i in range(steps)], settings.iterations / steps),
-        (lambda: optimiser.solve(state.gaussians, SOLVE_AGAIN), solved),
-        (lambda: coarse_level(few, coarse_count(settings.budget), plan.blend, 0, plan.triangles), COARSE_TIMED),
+        lambda: [optimiser.step(state, still, 1 + i) for i in range(steps)],
+        lambda: optimiser.solve(state.gaussians, SOLVE_AGAIN),
+        lambda: coarse_level(few, coarse_count(settings.budget), plan.blend, 0, plan.triangles),
     ]
+
+
+def times_on_grey_light(plan: "Plan", timed: "Plan", steps: int) -> list[float]:
+    """How often each part of the fit of the plan that was `timed` would have to run for the fit of this plan.
+
+    A part takes as long as it has samples: a sample reaches about as many Gaussians with any budget, except in the
+    coarse level. Each cut solves for the colours twice.
+    """
+    from .fit import GROWTH, SOLVE_AGAIN, SOLVE_FIRST, SOLVE_LAST
+
+    changes = len(GROWTH)
+    solved = (SOLVE_FIRST + changes * SOLVE_AGAIN + SOLVE_LAST) / SOLVE_AGAIN + 2 * (1 + changes + 1)
+    coarse, timed_coarse = (coarse_count(each.settings.budget) for each in (plan, timed))
+    free = plan.free_paths / timed.free_paths * max(coarse / timed_coarse, 1.0) ** COARSE_GROWS
+    samples = CHANGES * plan.points / timed.points
+    return [samples * plan.settings.iterations / steps, samples * solved, COARSE_TIMED * free]
+
+
+def grey_bake(plan: "Plan") -> Bake:
+    """A bake with the plan's number of Gaussians on its surfaces, in grey light, for timing."""
+    from .coarse import coarse_level
+    from .fit import start
+
+    rng, budget = np.random.default_rng(plan.settings.seed), plan.settings.budget
+    samples = _grey_samples(plan, point_count([1]), rng)
+    return Bake(start(samples, budget, rng), SurfaceBlend(), coarse=coarse_level(samples[:1], 1, SurfaceBlend(), 0))
+
+
+def _grey_samples(plan: "Plan", count: int, rng: np.random.Generator) -> SurfaceSamples:
+    points = plan.triangles.draw(count, rng)
+    grey = np.ones_like(points.position)
+    return SurfaceSamples(points.position, points.normal, grey, grey, 0)

@@ -1,6 +1,7 @@
 """The samples of the `surface` operator: points at which B is traced in two independent halves."""
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -132,6 +133,12 @@ class Sampler:
         for layers, fewer in zip(rounds, range(len(rounds), 0, -1), strict=True):
             known = Known(cls(tracer, seen, bounces - fewer, seed + fewer, known), layers)
         return cls(tracer, seen, bounces, seed, known, error)
+
+    def until(self, error: float) -> "Sampler":
+        """The same sampler with another `error`; it keeps the light that is known already."""
+        other = copy(self)
+        other._error = error
+        return other
 
     def prepare(self, advance: Callable[..., None]) -> None:
         """Trace the light in which paths end, once.

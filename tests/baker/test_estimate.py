@@ -9,7 +9,7 @@ from traced_paths import counted
 from gsgi.baker import estimate as estimating
 from gsgi.baker import job
 from gsgi.baker.cache.store import Cache
-from gsgi.baker.estimate import estimate
+from gsgi.baker.estimate import Rates, estimate
 from gsgi.baker.evaluation import held_out
 from gsgi.baker.plan import Plan, make_plan
 from gsgi.baker.plan_table import decisions
@@ -59,7 +59,7 @@ def test_a_bake_traces_the_paths_that_were_announced(closed, traced, monkeypatch
     monkeypatch.setattr(estimating, "_seconds_per_path", lambda plan: (1.0, 1.0))
     announced = estimate(plan)
     report = job.run(plan, Progress(), lambda data, count: None).as_dict()
-    assert sum(traced) == sum(paths for stage, paths in announced.items() if stage != "fit")
+    assert sum(traced) == sum(paths for stage, paths in announced.items() if stage not in {"fit", "evaluation"})
     assert report["paths"] == announced["irradiance"] + announced.get("known light", 0)
     traced.clear()
     job.run(replace(plan), Progress(), lambda data, count: None, evaluate=False)
@@ -84,9 +84,25 @@ def test_all_parts_of_a_fit_are_timed(closed, monkeypatch, operator, parts):
     plan = replace(closed, settings=replace(closed.settings, operator=operator))
     runs = []
     monkeypatch.setattr(estimating, "_seconds_per_path", lambda plan: (0.0, 0.0))
+    monkeypatch.setattr(estimating, "_seconds_per_view", lambda plan: (0.0, 0.0, 0.0))
     monkeypatch.setattr(estimating, "_second_run", lambda run: (run(0), runs.append(run), 10.0 ** len(runs))[2])
     fit = estimate(plan)["fit"]
     assert len(runs) == parts
     steps = SETTINGS.iterations / (3 if operator == "over" else estimating.STEPS)
-    # 10 + 3 * 5 + 10 iterations of the solver are timed as 5; one sample in 8 of the coarse level.
-    assert fit == pytest.approx(10 * steps + (0 if operator == "over" else 100 * 7 + 1000 * 8))
+    # Of the solver, 10 + 3 * 5 + 10 iterations and two times 5 for each of 5 cuts are timed as 5; of the coarse level,
+    # one sample in 8.
+    changes = fits.CHANGES if operator == "surface" else 1
+    assert fit == pytest.approx(changes * 10 * steps + (0 if operator == "over" else changes * 100 * 17 + 1000 * 8))
+
+
+def test_what_was_timed_for_one_bake_tells_of_others(closed):
+    rates = Rates(closed, 1.0, 0.5, (2.0, 0.0, 0.0), 3.0, 5.0, 7.0)
+    longer = replace(closed, settings=replace(closed.settings, iterations=8))
+    before, after = rates.seconds(closed), rates.seconds(longer)
+    assert before.keys() == after.keys()
+    steps, looks = fits.CHANGES * 2.0 / estimating.STEPS, len(closed.placement.held_out)
+    assert before["fit"] == pytest.approx(4 * steps + looks * (3 + 4 * 5))
+    assert after["fit"] == pytest.approx(8 * steps + looks * (3 + 8 * 5))
+    assert before["evaluation"] == 7 * (looks + len(held_out.scene_cameras(closed)))
+    assert rates.seconds(closed, evaluate=False).keys() == before.keys() - {"references", "evaluation"}
+    assert rates.seconds(closed, evaluate=False)["fit"] == pytest.approx(4 * steps)

@@ -18,6 +18,7 @@ def add(commands) -> None:
         "  gsgi bake room.glb -o room.gsgi --quality high                       # more accurate, larger, slower\n"
         "  gsgi bake room.glb -o room.gsgi --target-loss 0.01                   # the smallest file with this loss\n"
         "  gsgi bake room.glb -o room.gsgi --target-bytes 100000                # the best file of this size\n"
+        "  gsgi bake room.glb -o room.gsgi --seconds 60                         # the best one in about a minute\n"
         "  gsgi bake room.glb -o room.gsgi --quiet --json > room.json           # with a report as JSON\n"
         "  gsgi bake room.glb -o room.gsgi --quiet --depfile room.gsgi.d        # in a Makefile: -include room.gsgi.d\n"
         "  gsgi bake room.glb -o room.gsgi --quiet --depfile room.gsgi.d --if-changed   # in ninja, with restat = 1",
@@ -63,8 +64,10 @@ def run(options: argparse.Namespace) -> None:
     cache = open_cache(options, progress)
     plan = plan_of(options, progress, cache)
     rules = _rules(options, plan, progress)
-    for line in (*coverage_summary(plan.placement.coverage), summary(plan)):
+    for line in coverage_summary(plan.placement.coverage):
         progress.say(line)
+    if options.seconds is None:
+        progress.say(summary(plan))
     done = []
 
     def write(data: bytes, gaussians: int) -> None:
@@ -74,7 +77,7 @@ def run(options: argparse.Namespace) -> None:
         done.append(f"{verb} {options.output}: {gaussians} Gaussians, {len(data)} bytes")
         progress.say(done[-1])
 
-    report = job.run(plan, progress, write, options.evaluate, options.preview)
+    report = job.run(plan, progress, write, options.evaluate, options.preview, options.seconds)
     cache.trim()
     if report.evaluation:
         for line in evaluation_summary(report.evaluation):

@@ -14,6 +14,7 @@ def add(commands) -> None:
         "Show what a bake of a scene would do, why, and what it would cost.",
         "  gsgi plan room.glb\n"
         "  gsgi plan room.glb --env sky.hdr --json > plan.json\n"
+        "  gsgi plan room.glb --seconds 60                    # what a bake of a minute would do\n"
         "  gsgi plan room.glb --bounces 2 --ignore emissive   # see what the flags of a bake change",
     )
     shared.add_scene(parser)
@@ -29,6 +30,7 @@ def run(options: argparse.Namespace) -> None:
     from gsgi.baker.cli.console import Console
     from gsgi.baker.cli.inputs import open_cache, plan_of
     from gsgi.baker.cli.json_output import print_json
+    from gsgi.baker.deadline import in_time
     from gsgi.baker.estimate import estimate
     from gsgi.baker.plan_table import Decision, decisions
     from gsgi.baker.progress import Progress
@@ -36,6 +38,8 @@ def run(options: argparse.Namespace) -> None:
 
     progress = Progress(Console(options.quiet))
     plan = plan_of(options, progress, open_cache(options, progress))
+    if options.seconds is not None:
+        plan = in_time(plan, options.seconds, progress)
     with progress.stage("estimate"):
         seconds = estimate(plan)
     stages = ", ".join(f"{stage} {value:.0f} s" for stage, value in seconds.items())
