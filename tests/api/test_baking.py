@@ -99,7 +99,7 @@ def test_light_and_quality_are_arguments(cache):
     rows = {row.what: row.decision for row in plan.decisions}
     assert rows["environment"] == "one colour"
     assert plan.gaussians < gsgi.plan(CORNELL, settings=replace(SMALL, budget=None), cache=cache).gaussians
-    assert set(plan.seconds) == {"known light", "irradiance", "fit", "references"}
+    assert set(plan.seconds) == {"known light", "irradiance", "fit", "references", "evaluation"}
     assert plan.memory > 1e8
     assert plan.file_bytes > 144
 
