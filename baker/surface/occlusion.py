@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gsgi.baker.fitting.rotations import axes
-from gsgi.baker.trace.local_light import LocalLight, blocks, local_light, nearby_light
+from gsgi.baker.trace.local_light import FAINT, LocalLight, blocks, local_light, nearby_light
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.display import luminance
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
@@ -21,7 +21,8 @@ from .samples import SurfaceSamples
 FACTOR = 8.0  # light differs across an occluder if it does by this factor
 VARIES = 0.5  # standard deviation of the light of neighbours, relative to its mean
 SIGNIFICANT = 3.0  # standard deviations of the noise, by which a sample is darker than its neighbours
-LEAK = 0.01  # of the light on the bright side of a wall: less on its dark side is within tolerance
+BLACK = 2.0  # times the level to which eyes adapt at least: less light is as good as none
+LEAK = 0.01  # of the light on the bright side of a wall: less on a black side is within tolerance
 NEIGHBOURS = 8  # samples over whose light is averaged, as far as they see each other
 
 CLEAR = 1.02  # radii of a Gaussian that its centre lies off an occluder after a cut
@@ -38,15 +39,17 @@ SIDE = 0.3  # cosine to the nearest point within which points are on the same si
 def seen_light(samples: SurfaceSamples, triangles: Triangles) -> LocalLight:
     """The light around samples as `local_light` has it, but only over neighbours that see each other.
 
-    Where light varies among neighbours on the same surface, they may lie on both sides of a wall. The level is not
-    below LEAK of the light nearby, so that a black room does not take the Gaussians of the bright one beside it.
+    Where light varies among neighbours on the same surface, they may lie on both sides of a wall. Where all is as
+    good as black, the level is not below LEAK of the light nearby, so that a black room does not take the Gaussians of
+    the bright one beside it.
     """
     around, varies = _around(samples)
     level = around.level.copy()
     bright = samples.indirect.mean(axis=1)
     light = _seen_mean(samples[varies], triangles, bright[varies], True)
     level[varies] = np.maximum(light, around.level.min(initial=np.inf))
-    level = np.hypot(level, np.float32(LEAK) * np.maximum(nearby_light(samples.position, bright), 0))
+    black = level < BLACK * FAINT * bright.sum(dtype=np.float64) / max(len(bright), 1)
+    level[black] = np.hypot(level[black], LEAK * np.maximum(nearby_light(samples.position, bright), 0)[black])
     return LocalLight(level, around.noise)
 
 
