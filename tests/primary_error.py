@@ -87,8 +87,8 @@ def _near_shadow_edge(tracer: Tracer, light: Light, corners: np.ndarray, surface
     step = REACH * (faces.texel_size[0] + faces.texel_size[1] * depth)[:, None]
     # The light has neither range nor cone, and surfaces face it wherever they are moved, so only its shadow is left.
     kind = "directional" if light.kind == "directional" else "point"
-    diagonal = float(np.linalg.norm(np.ptp(corners, axis=0)))
-    tracer.lights = PunctualLights((replace(light, kind=kind, range=np.inf, color=np.ones(3)),), diagonal)
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    tracer.lights = PunctualLights((replace(light, kind=kind, range=np.inf, color=np.ones(3)),), low, high)
     ways = 0 * normal, across, -across, along, -along, normal, towards, normal + towards
     around = np.concatenate([position + step * way for way in ways]).astype(np.float32)
     facing = [np.tile(n, (len(ways), 1)).astype(np.float32) for n in (towards, normal)]

@@ -1,9 +1,10 @@
-"""Emissive triangles as lights: points are sampled in proportion to area times radiance."""
+"""Emissive triangles as lights: those that bring light are likely, and points on one are equally likely."""
 
 import numpy as np
 
 from gsgi.runtime.scene import Scene
 
+from .light_choice import LightChoice
 from .mitsuba_scene import load_mitsuba
 from .surface_tables import Surfaces
 
@@ -27,26 +28,34 @@ class Emitters:
         corners = surfaces.position[surfaces.triangle[lit]].astype(np.float64)
         edges = corners[:, 1:] - corners[:, :1]
         area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) / 2
-        weight = area * _brightness(scene, surfaces, lit)
-        weight /= weight.sum()
+        self.choice = LightChoice(
+            area * _brightness(scene, surfaces, lit), corners.mean(axis=1), np.ptp(corners, axis=1).max(axis=1)
+        )
         rows = np.zeros((self.count, 12), np.float32)
         rows[:, :3], rows[:, 4:7], rows[:, 8:11] = corners[:, 0], edges[:, 0], edges[:, 1]
+        rows[:, 3], rows[:, 7] = lit.astype(np.uint32).view(np.float32), 1 / area
         self.corners = mi.Float(rows.ravel())
-        self.prim = mi.UInt32(lit.astype(np.uint32))
-        self.distribution = mi.DiscreteDistribution(mi.Float(weight.astype(np.float32)))
-        # Probability density (1/m^2) on each triangle of the scene, 0 on those that do not emit.
-        density = np.zeros(len(surfaces.triangle), np.float32)
-        density[lit] = weight / area
-        self.density = mi.Float(density)
+        # Index of each triangle of the scene among the emissive ones, and its probability density (1/m^2) in its own
+        # cluster: 0 if it does not emit.
+        number = np.zeros(len(surfaces.triangle), np.uint32)
+        number[lit] = np.arange(self.count)
+        within = np.zeros(len(surfaces.triangle), np.float32)
+        within[lit] = self.choice.within() / area
+        self._number, self._within = mi.UInt32(number), mi.Float(within)
 
-    def sample(self, u, v):
-        """A point on an emitter from `u` Float and `v` Point2f in [0, 1): (Point3f, prim, b, density in 1/m^2)."""
-        index = self.distribution.sample(u)
+    def sample(self, index, v):
+        """A point on emissive triangle `index` from `v` Point2f in [0, 1): (Point3f, prim, b, density in 1/m^2)."""
         b = mi.warp.square_to_uniform_triangle(v)
         row = [dr.gather(mi.Vector4f, self.corners, 3 * index + k) for k in range(3)]
         at, first, second = (mi.Vector3f(r.x, r.y, r.z) for r in row)
-        prim = dr.gather(mi.UInt32, self.prim, index)
-        return mi.Point3f(at + first * b.x + second * b.y), prim, b, dr.gather(mi.Float, self.density, prim)
+        prim = dr.reinterpret_array(mi.UInt32, row[0].w)
+        return mi.Point3f(at + first * b.x + second * b.y), prim, b, row[1].w
+
+    def density(self, prim, cell, active):
+        """The density (1/m^2) of what `choice` and `sample` choose in `cell` on triangle `prim`; 0 if it is dark."""
+        within = dr.gather(mi.Float, self._within, prim, active)
+        emits = active & (within > 0)
+        return within * self.choice.likely(dr.gather(mi.UInt32, self._number, prim, emits), cell, emits)
 
 
 def _brightness(scene: Scene, surfaces: Surfaces, lit: np.ndarray) -> np.ndarray:

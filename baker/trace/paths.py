@@ -88,7 +88,7 @@ def indirect(
     point, first = mi.Point2u(numbers.T)
     key = hashed(point + hashed(dr.opaque(mi.UInt32, seed)))
     limits = dr.opaque(mi.UInt32, samples), dr.opaque(mi.UInt32, bounces)
-    light, squared, invalid = _paths(tracer, known, key, first, p, n, ng, *limits)
+    light, squared, invalid = _paths(tracer, tracer.cells, known, key, first, p, n, ng, *limits)
     dr.eval(light, squared, invalid)
     return Sums(np.array(light, np.float64).T, np.array(squared, np.float64), np.array(invalid, np.int64))
 
@@ -112,13 +112,13 @@ def direct(tracer, position, normal, geometric_normal) -> dict[str, np.ndarray]:
     result = mi.Color3f(0)
     for index in range(tracer.lights.count):
         # An opaque index lets one kernel serve all lights.
-        result += _punctual(tracer, p, n, ng, dr.opaque(mi.UInt32, index), active)
+        result += punctual_light(tracer, p, n, ng, dr.opaque(mi.UInt32, index), active)
         dr.eval(result)
     return {"direct": np.array(result).T}
 
 
 @dr.syntax
-def _paths(tracer, known, key, first, start, start_n, start_ng, samples, bounces):
+def _paths(tracer, cells, known, key, first, start, start_n, start_ng, samples, bounces):
     """Sums over the paths of each lane's point: cosine-weighted light without direct light from punctual lights.
 
     The points of a path are lifted off their surfaces.
@@ -130,10 +130,11 @@ def _paths(tracer, known, key, first, start, start_n, start_ng, samples, bounces
     active = (dr.squared_norm(start_n) > 0) & (samples > 0)
     while active:
         draws = Draws(key, sample, bounce)
-        arriving, open_ended = _arriving_at_vertex(tracer, known, draws, p, n, ng, distance, bounce, active)
+        cell = mi.UInt32(0) if cells is None else cells.find(p, n, active)
+        arriving, open_ended = _arriving_at_vertex(tracer, known, draws, cell, p, n, ng, distance, bounce, active)
         light += throughput * arriving
         light_there, alive, p, n, ng, distance, reflectance = _next_vertex(
-            tracer, draws, p, n, ng, bounce < bounces, open_ended
+            tracer, draws, cell, p, n, ng, bounce < bounces, open_ended
         )
         light += throughput * light_there
         throughput *= reflectance
@@ -158,7 +159,7 @@ def _paths(tracer, known, key, first, start, start_n, start_ng, samples, bounces
     return total, squared, invalid
 
 
-def _arriving_at_vertex(tracer, known, draws, p, n, ng, distance, bounce, active):
+def _arriving_at_vertex(tracer, known, draws, cell, p, n, ng, distance, bounce, active):
     """Light at a vertex, over pi, and where the path goes on: B where it is known, else an estimate of direct light."""
     light, open_ended = mi.Color3f(0), active
     if known is not None:
@@ -167,16 +168,17 @@ def _arriving_at_vertex(tracer, known, draws, p, n, ng, distance, bounce, active
     if tracer.lights.count > 0:
         # The engine computes the direct light of punctual lights, so the point itself (bounce 0) gets none here, and
         # the B of other points has none.
-        index, weight = tracer.lights.sample(draws.one(LIGHT))
-        light += weight * _punctual(tracer, p, n, ng, index, active & (bounce > 0))
+        index, probability = tracer.lights.choice.choose(draws.one(LIGHT), draws.rest(LIGHT), cell)
+        light += punctual_light(tracer, p, n, ng, index, active & (bounce > 0)) / probability
     if tracer.emitters.count > 0:
-        light += _sample_emitter(tracer, draws, p, n, ng, open_ended)
+        index, probability = tracer.emitters.choice.choose(draws.one(EMITTER), draws.rest(EMITTER), cell)
+        light += emitter_light(tracer, draws, index, probability, p, n, ng, open_ended)
     if tracer.environment is not None and tracer.environment.samples_light:
         light += _sample_environment(tracer, draws, p, n, ng, open_ended)
     return light, open_ended
 
 
-def _next_vertex(tracer, draws, p, n, ng, reflects, active):
+def _next_vertex(tracer, draws, cell, p, n, ng, reflects, active):
     """Sample a direction of the cosine lobe and follow it to the next surface.
 
     Returns the light that the surface emits or that comes from the environment; whether the path continues (only where
@@ -195,7 +197,7 @@ def _next_vertex(tracer, draws, p, n, ng, reflects, active):
     jitter = _jitter(draws)
     light = mi.Color3f(0)
     if tracer.emitters.count > 0:
-        density = dr.gather(mi.Float, tracer.emitters.density, hit.prim, visible)
+        density = tracer.emitters.density(hit.prim, cell, visible)
         emits = visible & (density > 0)
         emission = tracer.shading.emission(material, hit.prim, hit.b, emits, jitter)
         light_pdf = density * hit.t * hit.t / dr.abs(dr.dot(front_ng, d))
@@ -222,7 +224,7 @@ def _balance(pdf, other):
     return dr.rcp(1 + other / pdf)
 
 
-def _punctual(tracer, p, n, ng, index, active):
+def punctual_light(tracer, p, n, ng, index, active):
     """Light of punctual light `index` that a white Lambertian surface at p would reflect."""
     # Not `active &= ...`, which would modify the caller's array.
     wi, distance, color = tracer.lights.arriving(index, p)
@@ -232,9 +234,13 @@ def _punctual(tracer, p, n, ng, index, active):
     return dr.select(active, color * cosine * dr.inv_pi, 0)
 
 
-def _sample_emitter(tracer, draws, p, n, ng, active):
-    """Light of one point on an emissive surface; multiple importance sampling with the cosine lobe (Veach 1997)."""
-    point, prim, b, density = tracer.emitters.sample(draws.one(EMITTER), draws.two(EMITTER_POINT))
+def emitter_light(tracer, draws, index, probability, p, n, ng, active):
+    """Light of one point on emissive triangle `index`, chosen with this probability, over it.
+
+    Multiple importance sampling with the cosine lobe (Veach 1997).
+    """
+    point, prim, b, density = tracer.emitters.sample(index, draws.two(EMITTER_POINT))
+    density *= probability
     offset = point - p
     squared = dr.squared_norm(offset)
     distance = dr.sqrt(squared)

@@ -13,13 +13,15 @@ _KINDS = {"point": 0, "spot": 1, "directional": 2}
 
 
 class PunctualLights:
-    """The lights of a scene with this diagonal (m), as tables that a kernel gathers from.
+    """The lights of a scene whose bounding box has the corners `low` and `high` (3,), m, as tables for kernels.
 
     Only the kinds of light that occur are compiled into the kernel.
     """
 
-    def __init__(self, lights: Sequence[Light], diagonal: float):
+    def __init__(self, lights: Sequence[Light], low: np.ndarray, high: np.ndarray):
         mi = load_mitsuba()
+        from .light_choice import LightChoice
+
         self.count = len(lights)
         self.kinds = {light.kind for light in lights}
         if not lights:
@@ -33,14 +35,29 @@ class PunctualLights:
         self.range = mi.Float(columns["range"])
         self.cos_inner = mi.Float(columns["cos_inner"])
         self.cos_outer = mi.Float(columns["cos_outer"])
-        self.distribution = mi.DiscreteDistribution(mi.Float(_probabilities(lights, diagonal).astype(np.float32)))
+        diagonal = float(np.linalg.norm(high - low))
+        self._middle, self._radius = mi.Point3f((low + high).astype(np.float64) / 2), diagonal / 2
+        somewhere = np.array([light.kind != "directional" for light in lights])
+        place = np.where(somewhere[:, None], columns["position"].T, np.inf)
+        self.choice = LightChoice(_probabilities(lights, diagonal), place, np.zeros(len(lights)))
 
-    def sample(self, u):
-        """Sample a light; bright ones are likelier. `u` Float in [0, 1) -> (index UInt32, 1 / probability Float)."""
+    def leave(self, index, place, direction):
+        """A ray (Point3f, Vector3f unit) of light `index`, from `place` and `direction`, Point2f in [0, 1)^2.
+
+        Those of a directional light pass through all of the scene.
+        """
         import drjit as dr
 
-        index, pdf = self.distribution.sample_pmf(u)
-        return index, dr.rcp(pdf)
+        mi = load_mitsuba()
+        kind = dr.gather(mi.UInt32, self.kind, index)
+        axis = dr.gather(mi.Vector3f, self.direction, index)
+        narrowest = dr.select(kind == _KINDS["spot"], dr.gather(mi.Float, self.cos_outer, index), -1)
+        d = mi.Frame3f(axis).to_world(mi.warp.square_to_uniform_cone(direction, narrowest))
+        disk = mi.warp.square_to_uniform_disk(place) * self._radius
+        far = self._middle + mi.Frame3f(axis).to_world(mi.Vector3f(disk.x, disk.y, -self._radius))
+        directional = kind == _KINDS["directional"]
+        at = dr.gather(mi.Point3f, self.position, index)
+        return dr.select(directional, far, at), dr.select(directional, axis, d)
 
     def arriving(self, index, point):
         """Unshadowed light of light `index` at `point` (Point3f, m).

@@ -41,6 +41,10 @@ class Draws:
         """Float in [0, 1)."""
         return _unit(self._word(dimension, GOLDEN))
 
+    def rest(self, dimension: int):
+        """The bits that `one` lacks, as a Float in [0, 1)."""
+        return mi.Float(self._word(dimension, GOLDEN) & 255) * (1 / 256)
+
     def two(self, dimension: int):
         """Point2f in [0, 1)^2; uses `dimension` and the next one."""
         steps = R2 if dimension == DIRECTION else Y2

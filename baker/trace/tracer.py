@@ -6,6 +6,8 @@ reaches x directly from a punctual light. B contains all light from emissive sur
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,6 +20,9 @@ from .irradiance_cache import IrradianceCache, KnownLight
 from .planes import onto_planes
 from .punctual_lights import PunctualLights
 from .surface_tables import tabulate
+
+if TYPE_CHECKING:
+    from .learned_lights import FoundCell
 
 # Paths per point and points of one launch. The number of points is fixed, as Dr.Jit recompiles for any other number.
 PASS_SAMPLES = 32
@@ -109,9 +114,16 @@ class Tracer:
         self.opaque, self.masked = (mitsuba_scene.build(surfaces.position, p) if len(p) else None for p in parts)
         self.unlit = any(material.unlit for material in scene.materials)
         self.shading = Shading(surfaces, moved)
-        self.lights = PunctualLights(scene.lights, scene.diagonal())
+        self.lights = PunctualLights(scene.lights, *scene.bounds())
         self.emitters = Emitters(scene, surfaces)
         self.environment = None if scene.environment is None else EnvironmentLight(scene.environment)
+
+    @cached_property
+    def cells(self) -> "FoundCell | None":
+        """Where which lights are likely to matter; None if there is nothing to choose."""
+        from .learned_lights import learn
+
+        return learn(self)
 
     def surface(self, camera: Camera, width: int, height: int) -> Surface:
         """The surfaces seen through the pixel centres of an image of this size (px)."""
@@ -127,7 +139,7 @@ class Tracer:
             some = cameras[first : first + together]
             rays = [_rays(camera, width, height) for camera in some]
             origin, direction = (np.concatenate(part) for part in zip(*rays, strict=True))
-            hits = self._launched(paths.first_hits, origin, direction)
+            hits = self.launched(paths.first_hits, origin, direction)
             met = origin + hits.pop("distance")[:, None].astype(np.float64) * direction
             hits["position"] = onto_planes(met, position[corner[hits.pop("triangle")]])
             for camera, *columns in zip(some, *(np.split(c, len(some)) for c in hits.values()), strict=True):
@@ -182,7 +194,7 @@ class Tracer:
         """Whether a surface is between points (N, 3) and others (N, 3), m: (N,) bool. Points must be off surfaces."""
         from . import paths
 
-        return self._launched(paths.blocked, origin, target)["blocked"]
+        return self.launched(paths.blocked, origin, target)["blocked"]
 
     def direct(self, position, normal, geometric_normal) -> np.ndarray:
         """Direct light of the punctual lights: (N, 3) float32, such that primary = albedo * direct + emission.
@@ -194,9 +206,9 @@ class Tracer:
 
         if not self.lights.count:
             return np.zeros((len(position), 3), np.float32)
-        return self._launched(paths.direct, position, normal, geometric_normal)["direct"]
+        return self.launched(paths.direct, position, normal, geometric_normal)["direct"]
 
-    def _launched(self, kernel: Callable, *inputs: np.ndarray) -> dict[str, np.ndarray]:
+    def launched(self, kernel: Callable, *inputs: np.ndarray) -> dict[str, np.ndarray]:
         """Columns (N, ...) of a kernel that takes arrays (N, 3), computed in launches of one size."""
         count = len(inputs[0])
         starts = range(0, max(count, 1), LAUNCH_POINTS)

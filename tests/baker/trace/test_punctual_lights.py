@@ -17,9 +17,10 @@ SPOT = replace(POINT, kind="spot", cos_outer=0.5)
 def chosen(lights: list[Light], diagonal: float = 10.0) -> np.ndarray:
     """Share of the numbers in [0, 1) at which each light is chosen; checks the probability that comes with it."""
     mi, count = load_mitsuba(), 1 << 16
-    index, inverse = PunctualLights(lights, diagonal).sample(mi.Float((np.arange(count) + 0.5) / count))
+    choice = PunctualLights(lights, np.zeros(3), np.array([diagonal, 0, 0])).choice
+    index, probability = choice.choose(mi.Float((np.arange(count) + 0.5) / count), mi.Float(0), mi.UInt32(0))
     share = np.bincount(np.array(index), minlength=len(lights)) / count
-    np.testing.assert_allclose(1 / np.array(inverse), share[np.array(index)], atol=2 / count)
+    np.testing.assert_allclose(np.array(probability), share[np.array(index)], atol=2 / count)
     return share
 
 

@@ -1,0 +1,84 @@
+"""Which of many lights a path asks: one that brings light to where it is. Importing this starts Mitsuba."""
+
+import numpy as np
+
+from .light_clusters import clusters
+from .mitsuba_scene import load_mitsuba
+
+mi = load_mitsuba()
+
+import drjit as dr  # noqa: E402  (needs the LLVM that load_mitsuba chose)
+
+BITS = 2.0**-24  # what the first number of a choice cannot tell apart
+
+
+class LightChoice:
+    """Chooses one of L lights: first a cluster, as likely as the cell says, then a light in it by its weight.
+
+    Until `learn` is called there is one cell, in which clusters are as likely as they weigh. cluster (L,) is each
+    light's, `count` their number, and share (count,) what each weighs.
+    """
+
+    def __init__(self, weight: np.ndarray, centre: np.ndarray, extent: np.ndarray):
+        """`weight` (L,) more than 0; `centre` (L, 3) and `extent` (L,), m, as `clusters` takes them."""
+        self.cluster = clusters(centre, extent)
+        size = np.bincount(self.cluster)
+        self.count, self._most = len(size), int(size.max())
+        total = np.bincount(self.cluster, weight)
+        self.share = total / total.sum()
+        within = weight / total[self.cluster]
+        order = np.argsort(self.cluster, kind="stable")
+        end = np.cumsum(size)
+        below = np.cumsum(within[order])
+        below -= np.repeat(np.concatenate([[0], below[end[:-1] - 1]]), size)
+        self._end, self._order, self._below = mi.UInt32(np.append(0, end)), mi.UInt32(order), mi.Float(below)
+        self._cluster, self._within = mi.UInt32(self.cluster), mi.Float(within)
+        self.learn(self.share[None])
+
+    def learn(self, likely: np.ndarray) -> None:
+        """From now on choose cluster k in cell c with probability `likely`[c, k]: (C, count), rows of sum 1."""
+        below = np.zeros((len(likely), self.count + 1), np.float32)
+        below[:, 1:] = np.minimum(np.cumsum(likely, axis=1), 1)
+        below[:, -1] = 1
+        self._likely = mi.Float(below.ravel())
+
+    def choose(self, u, rest, cell):
+        """A light in `cell`, from `u` and `rest` in [0, 1), `rest` the bits that `u` lacks: (index, probability)."""
+        if self.count == 1:
+            return self.choose_within(u, mi.UInt32(0))
+        row = cell * (self.count + 1)
+        after = _first_above(self._likely, u, row + 1, row + self.count + 1, self.count)
+        low, high = (dr.gather(mi.Float, self._likely, after - i) for i in (1, 0))
+        again = dr.clip((u - low + rest * BITS) / (high - low), 0, 1 - BITS)
+        index, within = self.choose_within(again, after - row - 1)
+        return index, (high - low) * within
+
+    def choose_within(self, u, cluster):
+        """A light of `cluster` from `u` in [0, 1), and its probability there: (index, probability)."""
+        if self._most == 1:
+            return dr.gather(mi.UInt32, self._order, cluster), mi.Float(1)
+        start, end = (dr.gather(mi.UInt32, self._end, cluster + i) for i in (0, 1))
+        index = dr.gather(mi.UInt32, self._order, _first_above(self._below, u, start, end, self._most))
+        return index, dr.gather(mi.Float, self._within, index)
+
+    def likely(self, index, cell, active):
+        """The probability of `choose` to choose light `index` in `cell`, over that of its weight in its cluster."""
+        if self.count == 1:
+            return mi.Float(1)
+        at = cell * (self.count + 1) + dr.gather(mi.UInt32, self._cluster, index, active)
+        low, high = (dr.gather(mi.Float, self._likely, at + i, active) for i in (0, 1))
+        return high - low
+
+    def within(self) -> np.ndarray:
+        """The probability (L,) of each light in its own cluster."""
+        return self._within.numpy()
+
+
+def _first_above(values, u, start, end, most: int):
+    """Index of the first of the ascending `values` from `start` to before `end`, at most `most`, that is above `u`."""
+    low, high = mi.UInt32(start), mi.UInt32(end) - 1  # the last is above, whatever rounding says
+    for _ in range((most - 1).bit_length()):
+        middle = (low + high) >> 1
+        above = dr.gather(mi.Float, values, middle) > u
+        low, high = dr.select(above, low, dr.minimum(middle + 1, high)), dr.select(above, middle, high)
+    return low
