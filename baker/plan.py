@@ -168,7 +168,7 @@ class Plan:
 
     @property
     def file_bytes(self) -> int:
-        """Size of the file if no Gaussian is left out, bytes."""
+        """Bytes that the file hardly exceeds."""
         return file_bytes(self.settings.operator, self.settings.budget)
 
 

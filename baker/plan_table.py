@@ -43,7 +43,7 @@ def decisions(plan: Plan) -> list[Decision]:
         ("coverage", f"{coverage.seen[VIEWS - 1]:.1%}", seen),
         *(_surface_rows(plan) if s.operator == "surface" else _over_rows(plan, fine)),
         ("memory", f"{plan.memory / 1e9:.1f} GB", "at the peak"),
-        ("file", f"{plan.file_bytes} bytes", f"{s.budget} Gaussians at most"),
+        ("file", f"{plan.file_bytes} bytes", f"at most, with {s.budget} Gaussians"),
     ]
     return [Decision(*row) for row in rows]
 

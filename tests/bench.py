@@ -10,6 +10,7 @@ from pathlib import Path
 from benches.c_library import c_library
 from benches.deadline import deadline
 from benches.fit import fit
+from benches.format import format
 from benches.frames import frames
 from benches.front import front
 from benches.host_state import host_state
@@ -42,6 +43,7 @@ BENCHES = {
         triangles,
         leak,
         looks,
+        format,
         front,
         web,
         frames,

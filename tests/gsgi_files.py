@@ -9,10 +9,10 @@ from repository import DATA
 
 from gsgi.runtime import constants
 from gsgi.runtime.file.header import GAUSSIAN_COUNT_MAX, HEADER, LEVELS
-from gsgi.runtime.file.levels import LEVEL
+from gsgi.runtime.file.levels import STEPS
 from gsgi.runtime.gaussians import Bake, Effects, Gaussians, OverBlend, SurfaceBlend
 
-STORED = ("v4_over", "v4_surface")
+STORED = ("v5_over", "v5_surface")
 ARRAYS = ("position", "rotation", "scale", "opacity", "sh")
 
 
@@ -91,22 +91,21 @@ def damaged_files(name: str, count: int):
 
 
 # Fields of the header, and values that a reader must refuse.
+_OF_LEVEL = [("position_floor", -150), ("position_floor", 105), ("position_bits", 17), ("angle_bits", 17)]
+_OF_LEVEL += [(name, 0) for name in STEPS]
 _EITHER = [
     *[("reserved", 1), ("operator", 2), ("effects", 0x200), ("effects", 0x8000)],
-    *[("version", 0), ("version", 1), ("version", 3), ("version", 5), ("header_bytes", 88), ("header_bytes", 146)],
+    *[("version", 0), ("version", 1), ("version", 4), ("version", 6), ("header_bytes", 86), ("header_bytes", 144)],
     *[("tone_scale", 0), ("tone_scale", np.nan)],
     *[(f"{level}.gaussian_count", 2**31) for level in LEVELS],
-    *[(f"{level}.{field}", np.nan) for level in LEVELS for field in LEVEL.names if LEVEL[field].base.kind == "f"],
-    *[(f"{level}.position_step", value) for level in LEVELS for value in (3e38, -1, np.inf)],
-    *[(f"{level}.log_scale_min", value) for level in LEVELS for value in (60, -60)],
-    *[(f"{level}.log_scale_step", value) for level in LEVELS for value in (-1, 1, 1e38)],
-    *[(f"{level}.sh_rest_step", value) for level in LEVELS for value in (-1, 2e30)],
+    *[("fine.gaussian_count", count) for count in (0, 1, 3, GAUSSIAN_COUNT_MAX)],
+    *[(f"fine.{field}", value) for field, value in _OF_LEVEL],
 ]
 _OVER = [
     *[("near", np.nan), ("near", -1), ("dilation", np.inf), ("alpha_min", 0), ("alpha_max", 1), ("alpha_max", 0.001)],
     *[("operator", 1), ("sharpness", 1), ("cutoff", 0.05), ("floor", 0.1), ("fine.sh_degree", 4), ("fine.basis", 1)],
-    *[("coarse.sh_degree", 1), ("coarse.position_min", 1), ("coarse.position_step", 1), ("coarse.log_scale_min", 1)],
-    *[("coarse.basis", 1), ("coarse.gaussian_count", 1), ("coarse.sh_rest_step", 1)],
+    *[("coarse.sh_degree", 1), ("coarse.basis", 1), ("coarse.gaussian_count", 1), ("coarse.position_floor", 1)],
+    *[(f"coarse.{field}", 1) for field in STEPS],
 ]
 _SURFACE = [
     *[("cutoff", value) for value in (0, 1, -0.1, 2, np.nan)],
@@ -114,8 +113,9 @@ _SURFACE = [
     *[("sharpness", value) for value in (0, 65, 255)],
     *[("operator", 0), ("near", 0.1), ("dilation", 0.1), ("alpha_min", 0.1), ("alpha_max", 0.1), ("near", np.nan)],
     *[("fine.sh_degree", 1), ("fine.sh_degree", 4), ("coarse.sh_degree", 3), ("coarse.sh_degree", 1)],
-    *[("fine.basis", 0), ("coarse.basis", 1), ("fine.basis", 2), ("coarse.basis", 2), ("fine.basis", 0xFFFF)],
-    *[("fine.gaussian_count", 1), ("coarse.gaussian_count", 3), ("coarse.gaussian_count", GAUSSIAN_COUNT_MAX - 1)],
+    *[("fine.basis", 0), ("coarse.basis", 1), ("fine.basis", 2), ("coarse.basis", 2), ("fine.basis", 0xFF)],
+    *[("coarse.gaussian_count", count) for count in (0, 1, 3, GAUSSIAN_COUNT_MAX - 1)],
+    *[(f"coarse.{field}", value) for field, value in _OF_LEVEL],
 ]
 NONSENSE = [
     *[(example(2), *case) for case in _EITHER + _OVER],

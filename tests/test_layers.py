@@ -112,7 +112,10 @@ def test_the_pytest_plugin_loads_pytest_alone():
 
 def test_only_the_codec_knows_the_bytes_of_a_file():
     """`codec` is the way in; what it is made of is nobody else's to import."""
-    parts = {f"gsgi.runtime.file.{part}" for part in ("header", "levels", "packing")}
+    parts = {
+        f"gsgi.runtime.file.{part}"
+        for part in ("header", "levels", "codes", "colours", "integers", "order", "rotations")
+    }
     for path in [*RUNTIME, *BAKER]:
         if path.parent != ROOT / "runtime" / "file":
             assert 'b"GSGI"' not in path.read_text(encoding="utf-8"), path

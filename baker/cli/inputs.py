@@ -112,12 +112,12 @@ def _settings(options: argparse.Namespace) -> Settings:
 
 
 def _budget(operator: str, size: int) -> int:
-    """How many Gaussians a file of `size` bytes can hold. Raises UsageError if it cannot hold any."""
+    """How many Gaussians a file of `size` bytes holds for certain. Raises UsageError if that is none."""
     from gsgi.baker.plan import file_bytes
 
     least = file_bytes(operator, 1)
     if size < least:
-        raise UsageError(f"--target-bytes {size}: a file with one Gaussian takes {least}")
+        raise UsageError(f"--target-bytes {size}: a file with one Gaussian may take {least}")
     return bisect_right(range(1, BUDGET_MAX + 1), size, key=lambda count: file_bytes(operator, count))
 
 

@@ -137,7 +137,9 @@ def _add_accuracy(parser: argparse.ArgumentParser) -> None:
                        help="search for the fewest Gaussians with at most this loss in held-out views")  # fmt: skip
     size = group.add_mutually_exclusive_group()
     size.add_argument("--budget", type=whole(1, BUDGET_MAX), metavar="N", help="most Gaussians (default: by --quality)")
-    size.add_argument("--target-bytes", type=whole(1, 2**32), metavar="N", help="largest size of the .gsgi file, bytes")
+    size.add_argument(
+        "--target-bytes", type=whole(1, 2**32), metavar="N", help="size that the .gsgi file is to stay within, bytes"
+    )
     size.add_argument("--seconds", type=positive, metavar="N",
                       help="surface: the best bake in about N seconds on this machine, with its evaluation; decides "
                       "--budget, --error and --iterations")  # fmt: skip

@@ -33,6 +33,6 @@ def free_count(budget: int) -> int:
 
 
 def file_bytes(budget: int) -> int:
-    """Size of a file with `budget` Gaussians."""
+    """Bytes that a file with `budget` Gaussians hardly exceeds."""
     coarse = coarse_count(budget)
     return codec.file_bytes(budget - coarse, FINE_DEGREE, coarse, COARSE_DEGREE, FINE_BASIS)

@@ -1,4 +1,4 @@
-"""The header of a .gsgi file: its fields, read and checked."""
+"""The header of a .gsgi file and the sections after it: read, and checked."""
 
 import zlib
 from dataclasses import fields
@@ -8,10 +8,10 @@ import numpy as np
 from gsgi.runtime.errors import FormatError
 from gsgi.runtime.gaussians import BASES, OverBlend, SurfaceBlend
 
-from .levels import LEVEL, arrays_bytes, check_level
+from .levels import LEVEL, check_level, least_level_bytes
 
 MAGIC = b"GSGI"
-VERSION = 4
+VERSION = 5
 
 HEADER = np.dtype(
     [
@@ -38,6 +38,9 @@ HEADER = np.dtype(
 )
 LEVELS = ("fine", "coarse")
 
+SECTION = np.dtype([("tag", "S4"), ("bytes", "<u4")])
+TAGS = {"fine": b"FINE", "coarse": b"COAR"}
+
 OPERATORS = OverBlend, SurfaceBlend  # the operator byte is an index into this
 EFFECT_BITS = 0x1FF
 
@@ -55,10 +58,11 @@ def version(data: bytes) -> int:
     return int.from_bytes(data[4:6], "little")
 
 
-def read_header(data: bytes) -> np.ndarray:
-    """The header of a .gsgi file as a record of HEADER.
+def read_header(data: bytes) -> tuple[np.ndarray, dict[str, tuple[int, int]]]:
+    """The header of a .gsgi file, a record of HEADER, and the first byte of each level's section and the one after it.
 
-    Raises FormatError unless every field, the length and the checksum are ones that the encoder could have written.
+    Raises FormatError unless every field, the sections and the checksum are ones that the encoder could have written.
+    Sections of other tags are skipped.
     """
     if len(data) < HEADER.itemsize:
         raise FormatError(f"byte {len(data)}: expected a header of {HEADER.itemsize} bytes, the file ends here")
@@ -72,15 +76,43 @@ def read_header(data: bytes) -> np.ndarray:
     expect(magic == MAGIC, "magic", repr(MAGIC), repr(magic))
     expect(header["version"] == VERSION, "version", f"{VERSION}", header["version"])
     expect(header["header_bytes"] == HEADER.itemsize, "header_bytes", f"{HEADER.itemsize}", header["header_bytes"])
-    _check_counts(header, expect)
-    count = sum(int(header[level]["gaussian_count"]) for level in LEVELS)
-    size = HEADER.itemsize + sum(arrays_bytes(header[level]) for level in LEVELS)
-    if len(data) != size:
-        raise FormatError(f"byte {min(len(data), size)}: expected {size} bytes for {count} Gaussians, got {len(data)}")
+    check_counts(header, expect)
+    sections = _level_sections(header, data)
     crc = checksum(data)
     expect(header["crc32"] == crc, "crc32", f"{crc:#010x}", f"{int(header['crc32']):#010x}: the file is damaged")
     check_fields(header, expect)
-    return header
+    return header, sections
+
+
+def section(tag: bytes, content: bytes) -> bytes:
+    """A section: `tag` of four bytes, the length of the content, and the content."""
+    return np.array((tag, len(content)), SECTION).tobytes() + content
+
+
+def _level_sections(header: np.ndarray, data: bytes) -> dict[str, tuple[int, int]]:
+    """Where the sections of the levels begin and end: they come first, and are long enough for their Gaussians."""
+    names = LEVELS if header["operator"] == OPERATORS.index(SurfaceBlend) else LEVELS[:1]
+    at, found = HEADER.itemsize, {}
+    while at < len(data) or len(found) < len(names):
+        name = names[len(found)] if len(found) < len(names) else None
+        known = name or "section"
+        if at + SECTION.itemsize > len(data):
+            raise FormatError(f"byte {len(data)} ({known}): expected a section, the file ends here")
+        tag, size = np.frombuffer(data, SECTION, 1, at)[0].tolist()
+        if name and tag != TAGS[name]:
+            raise FormatError(f"byte {at} ({known}): expected {TAGS[name]!r}, got {tag!r}")
+        least = least_level_bytes(header[name]) if name else 0
+        if not least <= size:
+            raise FormatError(f"byte {at + 4} ({known}): expected at least {least} bytes, got {size}")
+        at += SECTION.itemsize
+        if size > len(data) - at:
+            raise FormatError(f"byte {len(data)} ({known}): expected {size} bytes from byte {at}, the file ends here")
+        if name:
+            found[name] = at, at + size
+        elif tag in TAGS.values():
+            raise FormatError(f"byte {at - SECTION.itemsize} (section): expected no second {tag!r}")
+        at += size
+    return found
 
 
 def checksum(data: bytes) -> int:
@@ -89,10 +121,22 @@ def checksum(data: bytes) -> int:
     return zlib.crc32(data[at + 4 :], zlib.crc32(bytes(4), zlib.crc32(data[:at])))
 
 
-def check_fields(header: np.ndarray, expect) -> None:
-    """Refuse what the encoder never writes, by `expect(condition, field, expected, got)`."""
+def check_counts(header: np.ndarray, expect) -> None:
+    """Refuse what the sections cannot follow from, by `expect(condition, field, expected, got)`."""
     numbers = " or ".join(f"{i} ({OPERATOR_NAMES[blend]})" for i, blend in enumerate(OPERATORS))
     expect(header["operator"] < len(OPERATORS), "operator", numbers, header["operator"])
+    highest, total = SH_DEGREE_MAX[OPERATORS[int(header["operator"])]], 0
+    for level in LEVELS:
+        total += int(header[level]["gaussian_count"])
+        expect(total <= GAUSSIAN_COUNT_MAX, f"{level}.gaussian_count", f"at most {GAUSSIAN_COUNT_MAX}", total)
+        degree = header[level]["sh_degree"]
+        expect(degree <= highest, f"{level}.sh_degree", f"0 to {highest}", degree)
+        known, basis = " or ".join(f"{i} ({name})" for i, name in enumerate(BASES)), header[level]["basis"]
+        expect(basis < len(BASES), f"{level}.basis", known, basis)
+
+
+def check_fields(header: np.ndarray, expect) -> None:
+    """Refuse what else the encoder never writes, in the same way."""
     known = header["effects"] | EFFECT_BITS == EFFECT_BITS
     expect(known, "effects", f"bits of {EFFECT_BITS:#x}", hex(header["effects"]))
     expect(header["reserved"] == 0, "reserved", "0", header["reserved"])
@@ -105,9 +149,7 @@ def check_fields(header: np.ndarray, expect) -> None:
                 header[field.name] == 0, field.name, f"0, since {OPERATOR_NAMES[operator]} has none", header[field.name]
             )
     {OverBlend: _check_over, SurfaceBlend: _check_surface}[operator](header, expect)
-    for level in LEVELS:
-        degree, highest = header[level]["sh_degree"], SH_DEGREE_MAX[operator]
-        expect(degree <= highest, f"{level}.sh_degree", f"0 to {highest}", degree)
+    for level in LEVELS if operator is SurfaceBlend else LEVELS[:1]:
         check_level(header[level], level, expect)
 
 
@@ -115,18 +157,6 @@ def _offset(field: str) -> int:
     """Where `field` or `level.field` begins in a file."""
     level, _, name = field.rpartition(".")
     return HEADER.fields[level][1] + LEVEL.fields[name][1] if level else HEADER.fields[name][1]
-
-
-def _check_counts(header: np.ndarray, expect) -> None:
-    """What the length follows from: small enough to compute with."""
-    total = 0
-    for level in LEVELS:
-        total += int(header[level]["gaussian_count"])
-        expect(total <= GAUSSIAN_COUNT_MAX, f"{level}.gaussian_count", f"at most {GAUSSIAN_COUNT_MAX}", total)
-        degree = header[level]["sh_degree"]
-        expect(degree <= 3, f"{level}.sh_degree", "0 to 3", degree)
-        known, basis = " or ".join(f"{i} ({name})" for i, name in enumerate(BASES)), header[level]["basis"]
-        expect(basis < len(BASES), f"{level}.basis", known, basis)
 
 
 def _check_finite(record: np.ndarray, prefix: str, expect) -> None:

@@ -1,133 +1,239 @@
-"""A level of a .gsgi file: Gaussians as quantised arrays, and the header record that dequantises them."""
+"""A level of a .gsgi file: streams of integers, and the header record that says what their steps are."""
+
+from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 
-from gsgi.runtime import constants
 from gsgi.runtime.gaussians import BASES, Gaussians
 
-from .packing import pack_rgb9e5, pack_rotation, unpack_rgb9e5, unpack_rotation
+from .codes import (
+    FLOOR_MAX,
+    FLOOR_MIN,
+    POSITION_BITS,
+    SCALE_OCTAVES,
+    SH_CODE_MAX,
+    SLOPE_CODE_MAX,
+    Codes,
+    angle_bits,
+    dequantise,
+    exponents,
+    quantise,
+)
+from .colours import code_max
+from .integers import least_bytes, read_bits, read_integers, write_bits, write_integers
+from .order import spatial_order
 
 LEVEL = np.dtype(
     [
         ("gaussian_count", "<u4"),
-        ("sh_degree", "<u2"),
-        ("basis", "<u2"),
-        ("position_min", "<f4", 3),
-        ("position_step", "<f4", 3),
-        ("log_scale_min", "<f4"),
-        ("log_scale_step", "<f4"),
-        ("sh_rest_step", "<f4"),
+        ("sh_degree", "u1"),
+        ("basis", "u1"),
+        ("position_floor", "<i2"),
+        ("position_bits", "u1"),
+        ("scale_steps", "u1"),
+        ("normal_steps", "u1"),
+        ("angle_bits", "u1"),
+        ("opacity_steps", "u1"),
+        ("light_steps", "u1"),
+        ("sh_steps", "u1"),
+        ("slope_steps", "u1"),
     ]
 )
+STEPS = "scale_steps", "normal_steps", "opacity_steps", "light_steps", "sh_steps", "slope_steps"
+BITS_MAX = 16  # of position_bits and angle_bits
 
-SLOPE_STEP = 1 / 256  # of the light at the centre, per standard deviation
+# What the encoder chooses, by measurement (docs/benchmarks.md). Through `over` light passes many Gaussians, opaque ones
+# among them, whose errors add up.
+FINE_STEPS = {
+    "position_bits": 4, "scale_steps": 20, "normal_steps": 112, "angle_bits": 2, "opacity_steps": 24,
+    "light_steps": 16, "sh_steps": 24, "slope_steps": 36,
+}  # fmt: skip
+COARSE_STEPS = FINE_STEPS | {"sh_steps": 20}
+OVER_STEPS = FINE_STEPS | {
+    "position_bits": 5, "scale_steps": 32, "opacity_steps": 255, "light_steps": 48, "sh_steps": 48,
+}  # fmt: skip
 
-LOG_SCALE_MAX = 40  # scales within exp(+-40) m keep their variances in float32
-SH_REST_STEP_MAX = 1e30  # 127 steps times the largest RGB9E5 value fit in float32
+DIFFERENCES = "scale_long", "scale_middle", "scale_normal", "normal_u", "normal_v", "opacity", "green", "red", "blue"
 
-
-def planes(count: int, sh_degree: int, basis: int) -> np.dtype:
-    """The consecutive arrays of a level as a packed dtype; `basis` is an index into BASES."""
-    rest = (sh_degree + 1) ** 2 - 1
-    fields = [("rotation", "<u4", count), ("sh_dc", "<u4", count), ("position", "<u2", (count, 3))]
-    fields += [("scale", "u1", (count, 3)), ("opacity", "u1", count), ("sh_rest", "i1", (count, rest, 3))]
-    fields += [("slope", "i1", (count, 2))] if BASES[basis] == "linear" else []
-    return np.dtype(fields)
-
-
-def arrays_bytes(level: np.ndarray) -> int:
-    """Size of the arrays that a LEVEL record describes, computed without allocating them."""
-    return _planes_of(level).itemsize
+# expect(condition, byte, field, expected) raises if the condition is false
+Expect = Callable[[bool, int, str, str], None]
 
 
-def encode_level(gaussians: Gaussians, level: np.ndarray) -> bytes:
-    """The arrays of a level as bytes; fills in `level`, a LEVEL record."""
+def stream_counts(level: np.ndarray) -> dict[str, int]:
+    """The streams of a LEVEL record by name, in their order, and how many integers each holds."""
+    count, degree = int(level["gaussian_count"]), int(level["sh_degree"])
+    names = "scale_long", "scale_middle", "scale_normal", "normal_u", "normal_v"
+    names += "position_x", "position_y", "position_z", "opacity", "green", "red", "blue"
+    counts = dict.fromkeys(names, count)
+    for band in range(1, degree + 1):
+        counts |= {f"sh{band}_green": (2 * band + 1) * count, f"sh{band}_red_blue": 2 * (2 * band + 1) * count}
+    return counts | ({"slope": 2 * count} if BASES[level["basis"]] == "linear" else {})
+
+
+def least_level_bytes(level: np.ndarray) -> int:
+    """The fewest bytes that the streams of a LEVEL record can take, computed without allocating anything."""
+    return sum(map(least_bytes, stream_counts(level).values()))
+
+
+def encode_level(gaussians: Gaussians, level: np.ndarray, steps: dict[str, int], facing: bool) -> bytes:
+    """The streams of a level as bytes; fills in `level`, a LEVEL record, with `steps` among others.
+
+    `facing`: the z axis has a meaning of its own, and must remain.
+    """
     for name in ("position", "rotation", "scale", "opacity", "sh", "slope"):
         array = getattr(gaussians, name)
         finite = np.isfinite(array).all(axis=tuple(range(1, array.ndim)))
         assert finite.all(), f"Gaussian {finite.argmin()}: {name} is not finite"
     level["gaussian_count"], level["sh_degree"] = len(gaussians), gaussians.sh_degree
     level["basis"] = BASES.index(gaussians.basis)
-    body = np.zeros((), _planes_of(level))
-    body["rotation"] = pack_rotation(gaussians.rotation)
-    body["opacity"] = np.rint(np.clip(gaussians.opacity, 0, 1) * 255)
-    _encode_positions(gaussians.position, level, body)
-    _encode_scales(gaussians.scale, level, body)
-    _encode_sh(gaussians.sh, level, body)
-    if gaussians.sloped:
-        body["slope"] = np.clip(np.rint(gaussians.slope / SLOPE_STEP), -127, 127)
-    return body.tobytes()
+    for name, value in steps.items():
+        level[name] = value
+    codes = quantise(gaussians, level, facing)
+    codes = codes[storage_order(codes, level)]
+    values = _differences(codes, level)
+    streams = {name: write_integers(values[name], name in DIFFERENCES) for name in stream_counts(level)}
+    streams["normal_v"] += write_bits(codes.angle, angle_bits(codes.scale, level))
+    return b"".join(streams.values())
 
 
-def decode_level(level: np.ndarray, data: bytes, offset: int) -> Gaussians:
-    """The Gaussians whose arrays begin at byte `offset` of `data`; `level` is their LEVEL record, already checked."""
-    body = np.frombuffer(data, _planes_of(level), count=1, offset=offset)[0]
-    position = level["position_min"] + body["position"].astype(np.float32) * level["position_step"]
-    log_scales = level["log_scale_min"] + np.arange(256, dtype=np.float32) * level["log_scale_step"]
-    scales = np.exp(log_scales.astype(np.float64)).astype(np.float32)  # in double, as every reader can
-    dc = unpack_rgb9e5(body["sh_dc"]) / np.float32(constants.SH_C0)
-    brightest = dc.max(axis=1)[:, None, None]
-    rest = body["sh_rest"].astype(np.float32) * level["sh_rest_step"] * brightest
-    sloped = BASES[level["basis"]] == "linear"
-    return Gaussians(
-        position=position.astype(np.float32),
-        rotation=unpack_rotation(body["rotation"]),
-        scale=scales[body["scale"]],
-        opacity=body["opacity"].astype(np.float32) / np.float32(255),
-        sh=np.concatenate([dc[:, None, :], rest], axis=1).astype(np.float32),
-        slope=body["slope"].astype(np.float32) * np.float32(SLOPE_STEP) if sloped else None,
-    )
+def decode_level(level: np.ndarray, data: bytes, at: int, end: int, name: str, expect: Expect) -> Gaussians:
+    """The Gaussians whose streams take the bytes `at` to `end` of `data`; `level` is their LEVEL record, checked.
+
+    Fields in messages are called `name.stream`.
+    """
+    return dequantise(_Reader(level, data, at, end, name, expect).codes(), level)
 
 
-def check_level(level: np.ndarray, name: str, expect) -> None:
+def check_level(level: np.ndarray, name: str, expect: Callable) -> None:
     """Refuse a LEVEL record, called `name`, whose numbers would not decode to finite, usable Gaussians.
 
-    `expect(condition, field, expected, got)` raises if the condition is false. The numbers must be finite.
+    `expect(condition, field, expected, got)` raises if the condition is false.
     """
-    for field in ("position_step", "log_scale_step", "sh_rest_step"):
-        expect((level[field] >= 0).all(), f"{name}.{field}", "0 or more", level[field])
-    low = float(level["log_scale_min"])
-    high = low + 255 * float(level["log_scale_step"])
-    in_range = low >= -LOG_SCALE_MAX and high <= LOG_SCALE_MAX
-    expect(in_range, f"{name}.log_scale_min", f"scales within exp(+-{LOG_SCALE_MAX})", f"exp({low}) to exp({high})")
-    corner = np.abs(level["position_min"]) + np.float64(65535) * level["position_step"].astype(np.float64)
-    representable = (corner < np.finfo(np.float32).max).all()
-    expect(representable, f"{name}.position_step", "positions within float32", level["position_step"])
-    step = level["sh_rest_step"]
-    expect(step <= SH_REST_STEP_MAX, f"{name}.sh_rest_step", f"at most {SH_REST_STEP_MAX}", step)
+    floor = level["position_floor"]
+    in_range = FLOOR_MIN <= floor <= FLOOR_MAX
+    expect(in_range, f"{name}.position_floor", f"{FLOOR_MIN} to {FLOOR_MAX}", floor)
+    for field in ("position_bits", "angle_bits"):
+        expect(level[field] <= BITS_MAX, f"{name}.{field}", f"at most {BITS_MAX}", level[field])
+    for field in STEPS:
+        expect(level[field] > 0, f"{name}.{field}", "at least 1", level[field])
 
 
-def _planes_of(level: np.ndarray) -> np.dtype:
-    return planes(int(level["gaussian_count"]), int(level["sh_degree"]), int(level["basis"]))
+def storage_order(codes: Codes, level: np.ndarray) -> np.ndarray:
+    """The order (N,) in which Gaussians are stored: by rising exponent, then beside similar ones."""
+    features = codes.position, codes.normal, codes.scale, 2 * codes.light[:, 1:2], codes.opacity[:, None]
+    steps = int(level["normal_steps"])
+    kind = (3 * np.rint(codes.normal[:, 0] / steps) + np.rint(codes.normal[:, 1] / steps)).astype(np.int8)
+    return spatial_order(exponents(codes.scale, level), codes.position, kind, features)
 
 
-def _encode_positions(position: np.ndarray, level: np.ndarray, body: np.ndarray) -> None:
-    low = position.min(axis=0) if len(position) else np.zeros(3)
-    high = position.max(axis=0) if len(position) else np.zeros(3)
-    level["position_min"], level["position_step"] = low, (high - low) / 65535
-    body["position"] = _quantise(position, level["position_min"], level["position_step"], 65535)
+def _differences(codes: Codes, level: np.ndarray) -> dict[str, np.ndarray]:
+    """What the streams hold, by name: integers (N,), or more of them, Gaussian by Gaussian."""
+    values = {"scale_long": codes.scale[:, 0]}
+    values |= {
+        "scale_middle": codes.scale[:, 0] - codes.scale[:, 1],
+        "scale_normal": codes.scale[:, 0] - codes.scale[:, 2],
+    }
+    values |= {"normal_u": codes.normal[:, 0], "normal_v": codes.normal[:, 1]}
+    exponent = exponents(codes.scale, level)
+    rise = np.diff(exponent, prepend=exponent[:1])[:, None]
+    before = np.concatenate([np.zeros((1, 3), np.int32), codes.position[:-1]])[: len(codes)] >> np.minimum(rise, 31)
+    values |= dict(zip(("position_x", "position_y", "position_z"), (codes.position - before).T, strict=True))
+    values |= {"opacity": codes.opacity, "slope": codes.slope.ravel()}
+    red, green, blue = codes.light.T
+    values |= {"green": green, "red": red - green, "blue": blue - green}
+    for band in range(1, int(level["sh_degree"]) + 1):
+        part = codes.sh[:, band * band - 1 : (band + 1) ** 2 - 1]
+        green = part[:, :, 1:2]
+        values |= {f"sh{band}_green": green.ravel(), f"sh{band}_red_blue": (part[:, :, ::2] - green).ravel()}
+    return values
 
 
-def _encode_scales(scale: np.ndarray, level: np.ndarray, body: np.ndarray) -> None:
-    # Stay one below the reader's limit, so that rounding cannot exceed it.
-    limit = np.exp(LOG_SCALE_MAX - 1.0)
-    log_scale = np.log(np.clip(scale, 1 / limit, limit))
-    low, high = (log_scale.min(), log_scale.max()) if len(scale) else (0.0, 0.0)
-    level["log_scale_min"], level["log_scale_step"] = low, (high - low) / 255
-    body["scale"] = _quantise(log_scale, level["log_scale_min"], level["log_scale_step"], 255)
+class _Reader:
+    """Reads the streams of a level one after the other, and refuses those that the encoder never writes."""
 
+    def __init__(self, level: np.ndarray, data: bytes, at: int, end: int, name: str, expect: Expect):
+        self.level, self.data, self.at, self.end, self.name, self.expect = level, data, at, end, name, expect
+        self.counts = stream_counts(level)
 
-def _encode_sh(sh: np.ndarray, level: np.ndarray, body: np.ndarray) -> None:
-    body["sh_dc"] = pack_rgb9e5(sh[:, 0] * constants.SH_C0)
-    decoded_dc = unpack_rgb9e5(body["sh_dc"]) / constants.SH_C0
-    brightest = decoded_dc.max(axis=1, initial=0)[:, None, None]
-    with np.errstate(over="ignore"):  # an infinite ratio is clipped to the largest code
-        ratio = np.divide(sh[:, 1:], brightest, out=np.zeros_like(sh[:, 1:]), where=brightest > 0)
-    level["sh_rest_step"] = min(np.abs(ratio).max(initial=0) / 127, SH_REST_STEP_MAX)
-    step = level["sh_rest_step"]
-    body["sh_rest"] = np.clip(np.rint(ratio / step), -127, 127) if step > 0 else 0
+    def codes(self) -> Codes:
+        """All codes of the level."""
+        level, octaves = self.level, SCALE_OCTAVES * int(self.level["scale_steps"])
+        scales = f"scales within 2^+-{SCALE_OCTAVES} m"
+        first = self._stream("scale_long")
+        self._within(first, -octaves, octaves, scales)
+        second = self._stream("scale_middle")
+        self._within(second, 0, None, "a second axis no longer than the first")
+        second = first - second
+        self._within(second, -octaves, octaves, scales)
+        third = first - self._stream("scale_normal")
+        self._within(third, -octaves, octaves, scales)
+        scale = np.stack([first, second, third], axis=1)
+        exponent = exponents(scale, level)
+        self._within(np.diff(exponent), 0, None, "positions in steps that do not shrink")
+        steps = int(level["normal_steps"])
+        normal = np.stack(
+            [self._in_steps("normal_u", -steps, steps), self._in_steps("normal_v", -steps, steps)], axis=1
+        )
+        angle, self.at = read_bits(self.data, self.at, self.end, angle_bits(scale, level), self._expect_in("angle"))
+        angle = angle.astype(np.int32)
+        position = np.stack([self._position(f"position_{axis}", exponent) for axis in "xyz"], axis=1)
+        opacity = self._in_steps("opacity", 0, int(level["opacity_steps"]))
+        light = self._light()
+        sh = self._sh()
+        slope = np.zeros((len(scale), 0), np.int32)
+        if "slope" in self.counts:
+            slope = self._in_steps("slope", -SLOPE_CODE_MAX, SLOPE_CODE_MAX).reshape(-1, 2)
+        self.expect(self.at == self.end, self.at, self.name, "the end of the section")
+        return Codes(scale, normal, angle, position, opacity, light, sh, slope)
 
+    def _stream(self, stream: str) -> np.ndarray:
+        self.stream, self.start = stream, self.at
+        values, self.at = read_integers(self.data, self.at, self.end, self.counts[stream], self._expect_in(stream))
+        return values.astype(np.int32)
 
-def _quantise(values: np.ndarray, low: np.ndarray, step: np.ndarray, top: int) -> np.ndarray:
-    safe = np.where(step > 0, step, 1)
-    return np.clip(np.rint((values - low) / safe), 0, top)
+    def _expect_in(self, stream: str) -> Callable:
+        return lambda condition, byte, expected: self.expect(condition, byte, f"{self.name}.{stream}", expected)
+
+    def _within(self, values: np.ndarray, low: int | None, high: int | None, expected: str) -> None:
+        fine = (low is None or values.min(initial=low) >= low) and (high is None or values.max(initial=high) <= high)
+        self.expect(bool(fine), self.start, f"{self.name}.{self.stream}", expected)
+
+    def _in_steps(self, stream: str, low: int, high: int) -> np.ndarray:
+        values = self._stream(stream)
+        self._within(values, low, high, f"steps from {low} to {high}")
+        return values
+
+    def _position(self, stream: str, exponent: np.ndarray) -> np.ndarray:
+        """Coordinates (N,): each is stored as the difference to the one before it, in its own steps, rounded down."""
+        values = self._stream(stream).astype(np.int64)
+        before = 0
+        runs = np.flatnonzero(np.diff(exponent, prepend=exponent[:1] - 1))
+        for low, high in pairwise([*runs, len(values)]):
+            if low:
+                before = int(values[low - 1]) >> int(exponent[low] - exponent[low - 1])
+            values[low] += before
+            values[low:high] = np.cumsum(values[low:high])
+        most = (1 << POSITION_BITS) - 1
+        self._within(values, -most, most, f"steps from {-most} to {most}")
+        return values.astype(np.int32)
+
+    def _light(self) -> np.ndarray:
+        most = code_max(int(self.level["light_steps"]))
+        green = self._in_steps("green", 0, most)
+        channels = [green]
+        for name in ("red", "blue"):
+            channels.append(green + self._stream(name))
+            self._within(channels[-1], 0, most, f"steps from 0 to {most}")
+        return np.stack([channels[1], green, channels[2]], axis=1)
+
+    def _sh(self) -> np.ndarray:
+        bands = []
+        for band in range(1, int(self.level["sh_degree"]) + 1):
+            size = 2 * band + 1
+            green = self._in_steps(f"sh{band}_green", -SH_CODE_MAX, SH_CODE_MAX).reshape(-1, size)
+            others = green[:, :, None] + self._stream(f"sh{band}_red_blue").reshape(-1, size, 2)
+            self._within(others, -SH_CODE_MAX, SH_CODE_MAX, f"steps from {-SH_CODE_MAX} to {SH_CODE_MAX}")
+            bands.append(np.stack([others[:, :, 0], green, others[:, :, 1]], axis=2))
+        count = int(self.level["gaussian_count"])
+        return np.concatenate([np.zeros((count, 0, 3), np.int32), *bands], axis=1)

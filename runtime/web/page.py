@@ -17,7 +17,7 @@ from gsgi.runtime.scene import Camera, Light, Mesh, Scene, TextureSlot
 
 JS = Path(__file__).parents[1] / "js"
 PAGE = "index.html", "page.js", "scene.js", "fly.js", "shaders.js", "three.js", "three.LICENSE"
-MODULES = "three.js", "worker.js", "decode.js", "lookup.js", "cell_lists.js", "shaders.js"
+MODULES = "three.js", "worker.js", "decode.js", "integers.js", "level.js", "lookup.js", "cell_lists.js", "shaders.js"
 DESCRIPTION, DATA, LIGHT, ENVIRONMENT = "scene.json", "scene.bin", "light.gsgi", "environment.bin"
 GENERATOR = "gsgi"  # in the description of every page of ours
 LOSSLESS_TEXELS = 256 * 256  # larger opaque images become JPEG files, which take a tenth of the bytes

@@ -335,7 +335,7 @@ def test_where_no_held_out_view_sees_a_b_there_is_no_search():
     assert baked.data == bake(of(plan, target_loss=None), Progress()).data
 
 
-@pytest.mark.parametrize(("operator", "size"), [("over", 144 + 18 * 64), ("surface", 144 + 20 * 48 + 42 * 16)])
+@pytest.mark.parametrize(("operator", "size"), [("over", 198 + 12 * 64), ("surface", 1329)])
 def test_what_a_scene_has_none_of_takes_no_bytes(small, operator, size):
     lit = room(environment=Environment(np.arange(24, dtype=np.float32).reshape(2, 4, 3)))
     assert (

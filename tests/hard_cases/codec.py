@@ -54,7 +54,7 @@ def not_written(name: str, field: str, value: float) -> Case:
 
 def not_read(name: str, field: str, value, holds: str = "refused, naming byte and field") -> Case:
     """A case of a file that is whole but for one field of its header, which no encoder writes."""
-    data = gsgi_files.stored("v4_surface" if "." in field or field in ("cutoff", "floor") else "v4_over")
+    data = gsgi_files.stored("v5_surface" if "." in field or field in ("cutoff", "floor") else "v5_over")
     build = lambda: Measured({"file": lambda _: file_codec.decode(gsgi_files.changed(data, field, value))})  # noqa: E731
     return Case("Codec", name, holds, build, {"file": ANY}, (FormatError, rf"byte \d+ \({field}\): expected"))
 
@@ -109,28 +109,28 @@ CASES = [
     kept("one scale for all", lambda: over(gaussians(np.zeros((9, 3)), 0.37))),
     kept("scales from 1e-12 to 1e6", lambda: scaled(*spread(1e-12, 1e6, 3000).reshape(-1, 3))),
     kept("scales beyond both ends of the range", lambda: scaled([0, 0, 0], [1e-30, 1, 1e30], [3e38, 1, 1]),
-         "they are clamped to exp(-39) m to exp(39) m"),
+         "they are clamped to 2^-57 m to 2^57 m"),
     kept("every opacity of eight bits, and between", lambda: over(gaussians(opacity=np.linspace(0, 1, 1021)))),
     kept("opacities beyond both ends", lambda: over(gaussians(opacity=[-0.1, 0, 1, 1.1])),
          "they are clamped to 0 and 1"),
     kept("light from 1e-4 to 1e4", lambda: coloured(*spread(1e-4, 1e4, 3000).reshape(-1, 3))),
-    kept("light at both ends of RGB9E5", lambda: coloured([0, 0, 0], [65408, 0, 2**-24], [2**-25, 0, 0])),
-    kept("light beyond them", lambda: coloured([65409, 1, 0], [1e9, 1e30, -1], [-1, -2, -3], [511.9, 1, 0]),
-         "it is clamped to 0 and 65408"),
+    kept("light at both ends of the range", lambda: coloured([0, 0, 0], [65000, 0, 60000], [2**-32, 0, 0])),
+    kept("light beyond them", lambda: coloured([1e10, 1e9, 0], [1e9, 1e30, -1], [-1, -2, -3], [2**-33, 0, 0]),
+         "it is clamped to 0 and just less than 2^16"),
     kept("quaternions at the sign flip", lambda: over(gaussians(rotation=at_sign_flip()))),
     kept("zero and non-unit quaternions", lambda: over(gaussians(rotation=[[0.0] * 4, [0, 0, 3, 4], [1e-20, 0, 0, 0]])),
          "they are normalised; zero becomes no turn"),
     kept("slopes at both ends and beyond", lambda: both(gaussians(
-        np.zeros((5, 3)), slope=[[0.5, -0.5], [9, -9], [127 / 256, -127 / 256], [0, 1e30], [0.25, -0.25]])),
-        "they are clamped to 127 steps of 1/256"),
+        np.zeros((5, 3)), slope=[[0.5, -0.5], [9, -9], [127 / 36, -127 / 36], [0, 1e30], [0.25, -0.25]])),
+        "they are clamped to 127 steps of 1/36"),
     *[not_written(name, field, value) for name, value in (("NaN", np.nan), ("infinity", np.inf)) for field in NAMES],
     *[
         not_read(f"{value} as {field}", field, value)
         for field, value in (
             ("near", np.nan), ("near", -1.0), ("dilation", np.inf), ("alpha_min", 0.0), ("tone_scale", 0.0),
-            ("cutoff", 0.0), ("cutoff", 1.0), ("floor", 0.0), ("floor", np.inf), ("fine.position_min", np.nan),
-            ("fine.position_step", -1.0), ("coarse.position_step", 3e38), ("fine.log_scale_min", 60.0),
-            ("coarse.log_scale_step", -1.0), ("fine.sh_rest_step", 2e30), ("fine.basis", 2), ("coarse.sh_degree", 4),
+            ("cutoff", 0.0), ("cutoff", 1.0), ("floor", 0.0), ("floor", np.inf), ("fine.position_floor", -150),
+            ("coarse.position_bits", 17), ("fine.scale_steps", 0), ("coarse.light_steps", 0), ("fine.angle_bits", 99),
+            ("fine.basis", 2), ("coarse.sh_degree", 4),
             ("fine.gaussian_count", GAUSSIAN_COUNT_MAX + 1))
     ],
     kept("bounces and fingerprint at their ends", lambda: replace(over(gaussians()), bounces=65535, scene=2**64 - 1)),

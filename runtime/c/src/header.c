@@ -1,16 +1,19 @@
-/* The header of a .gsgi file: read, and checked. runtime/file/FORMAT.md is its specification. */
+/* The header of a .gsgi file and the sections after it: read, and checked. runtime/file/FORMAT.md is its specification.
+ */
 #include "header.h"
+#include "level.h"
 
-#include <float.h>
 #include <math.h>
 
-#define FORMAT_VERSION 4
+#define FORMAT_VERSION 5
 #define GAUSSIAN_COUNT_MAX (1u << 24)
 #define EFFECT_BITS 0x1FFu
 #define SHARPNESS_MAX 64u
 #define FLOOR_MAX 1e6f
-#define LOG_SCALE_MAX 40.0
-#define SH_REST_STEP_MAX 1e30f
+#define FLOOR_EXPONENT_MIN (-149)
+#define FLOOR_EXPONENT_MAX 104
+#define BITS_MAX 16u
+#define SECTION_BYTES 8
 
 /* CRC-32 (zlib's) of a file whose own field for it counts as 0. Eight bytes at a time: Kounavis and Berry 2005,
  * "A Systematic Approach to Building High Performance Software-Based CRC Generators". */
@@ -36,13 +39,18 @@ static uint32_t checksum(const uint8_t* data, size_t size) {
 }
 
 static gsgi__level_header read_level_header(const uint8_t* at) {
-    gsgi__level_header level = {gsgi__read_u32(at),      gsgi__read_u16(at + 4),  gsgi__read_u16(at + 6), {0}, {0},
-                                gsgi__read_f32(at + 32), gsgi__read_f32(at + 36), gsgi__read_f32(at + 40)};
-    for (int i = 0; i < 3; ++i) {
-        level.position_min[i] = gsgi__read_f32(at + 8 + 4 * i);
-        level.position_step[i] = gsgi__read_f32(at + 20 + 4 * i);
-    }
-    return level;
+    return (gsgi__level_header){gsgi__read_u32(at),
+                                at[4],
+                                at[5],
+                                (int16_t)gsgi__read_u16(at + 6),
+                                at[8],
+                                at[9],
+                                at[10],
+                                at[11],
+                                at[12],
+                                at[13],
+                                at[14],
+                                at[15]};
 }
 
 gsgi__header gsgi__read_header(const uint8_t* data) {
@@ -64,14 +72,14 @@ gsgi__header gsgi__read_header(const uint8_t* data) {
     h.cutoff = gsgi__read_f32(data + 48);
     h.weight_floor = gsgi__read_f32(data + 52);
     h.levels[0] = read_level_header(data + 56);
-    h.levels[1] = read_level_header(data + 100);
+    h.levels[1] = read_level_header(data + 72);
     return h;
 }
 
 /* ---- Checks ---- */
 
 static const char* const level_names[2] = {"fine", "coarse"};
-static const int level_offsets[2] = {56, 100};
+static const int level_offsets[2] = {56, 72};
 
 static gsgi_result refuse(const gsgi_callbacks* callbacks, int offset, const char* level, const char* field,
                           const char* expected, double got) {
@@ -91,20 +99,16 @@ static gsgi_result refuse(const gsgi_callbacks* callbacks, int offset, const cha
                           (double)(got)); \
     } while (0)
 
-static bool all_finite(const float* values, int count) {
-    for (int i = 0; i < count; ++i)
-        if (!isfinite(values[i])) return false;
-    return true;
-}
-
 static gsgi_result check_counts(const gsgi__header* h, const gsgi_callbacks* callbacks) {
     uint64_t total = 0;
+    EXPECT(h->blend <= 1, 12, "operator", "0 (over) or 1 (surface)", h->blend);
+    const uint32_t highest = h->blend == GSGI_OVER ? 3 : 2;
     for (int l = 0; l < 2; ++l) {
         const gsgi__level_header* level = &h->levels[l];
         total += level->count;
         EXPECT_IN(l, total <= GAUSSIAN_COUNT_MAX, 0, "gaussian_count", "at most 16777216", total);
-        EXPECT_IN(l, level->sh_degree <= 3, 4, "sh_degree", "0 to 3", level->sh_degree);
-        EXPECT_IN(l, level->basis <= 1, 6, "basis", "0 (constant) or 1 (linear)", level->basis);
+        EXPECT_IN(l, level->sh_degree <= highest, 4, "sh_degree", highest == 3 ? "0 to 3" : "0 to 2", level->sh_degree);
+        EXPECT_IN(l, level->basis <= 1, 5, "basis", "0 (constant) or 1 (linear)", level->basis);
     }
     return GSGI_OK;
 }
@@ -114,15 +118,6 @@ static gsgi_result check_finite(const gsgi__header* h, const gsgi_callbacks* cal
     const float values[] = {h->near_plane, h->dilation, h->alpha_min, h->alpha_max, h->cutoff, h->weight_floor};
     EXPECT(isfinite(h->tone_scale), 20, "tone_scale", "finite numbers", h->tone_scale);
     for (int i = 0; i < 6; ++i) EXPECT(isfinite(values[i]), 32 + 4 * i, names[i], "finite numbers", values[i]);
-    for (int l = 0; l < 2; ++l) {
-        const gsgi__level_header* level = &h->levels[l];
-        EXPECT_IN(l, all_finite(level->position_min, 3), 8, "position_min", "finite numbers", level->position_min[0]);
-        EXPECT_IN(l, all_finite(level->position_step, 3), 20, "position_step", "finite numbers",
-                  level->position_step[0]);
-        EXPECT_IN(l, isfinite(level->log_scale_min), 32, "log_scale_min", "finite numbers", level->log_scale_min);
-        EXPECT_IN(l, isfinite(level->log_scale_step), 36, "log_scale_step", "finite numbers", level->log_scale_step);
-        EXPECT_IN(l, isfinite(level->sh_rest_step), 40, "sh_rest_step", "finite numbers", level->sh_rest_step);
-    }
     return GSGI_OK;
 }
 
@@ -134,7 +129,7 @@ static gsgi_result check_over(const gsgi__header* h, const uint8_t* data, const 
     EXPECT(h->dilation >= 0, 36, "dilation", "0 or more", h->dilation);
     EXPECT(0 < h->alpha_min && h->alpha_min < h->alpha_max && h->alpha_max < 1, 40, "alpha_min",
            "0 < alpha_min < alpha_max < 1", h->alpha_min);
-    EXPECT_IN(0, h->levels[0].basis == 0, 6, "basis", "0, since over has no slopes", h->levels[0].basis);
+    EXPECT_IN(0, h->levels[0].basis == 0, 5, "basis", "0, since over has no slopes", h->levels[0].basis);
     for (int i = level_offsets[1]; i < GSGI_HEADER_BYTES; ++i)
         EXPECT(data[i] == 0, level_offsets[1], "coarse", "zeros, since over has none", data[i]);
     return GSGI_OK;
@@ -154,49 +149,79 @@ static gsgi_result check_surface(const gsgi__header* h, const gsgi_callbacks* ca
 
 /* Refuse numbers that would not decode to finite, usable Gaussians. */
 static gsgi_result check_level(const gsgi__header* h, int l, const gsgi_callbacks* callbacks) {
+    static const char* const names[6] = {"scale_steps", "normal_steps", "opacity_steps",
+                                         "light_steps", "sh_steps",     "slope_steps"};
+    static const int offsets[6] = {9, 10, 12, 13, 14, 15};
     const gsgi__level_header* level = &h->levels[l];
-    const uint32_t highest = h->blend == GSGI_OVER ? 3 : 2;
-    EXPECT_IN(l, level->sh_degree <= highest, 4, "sh_degree", highest == 3 ? "0 to 3" : "0 to 2", level->sh_degree);
-    for (int i = 0; i < 3; ++i)
-        EXPECT_IN(l, level->position_step[i] >= 0, 20, "position_step", "0 or more", level->position_step[i]);
-    EXPECT_IN(l, level->log_scale_step >= 0, 36, "log_scale_step", "0 or more", level->log_scale_step);
-    EXPECT_IN(l, level->sh_rest_step >= 0, 40, "sh_rest_step", "0 or more", level->sh_rest_step);
-    double low = level->log_scale_min, high = low + 255.0 * (double)level->log_scale_step;
-    EXPECT_IN(l, low >= -LOG_SCALE_MAX && high <= LOG_SCALE_MAX, 32, "log_scale_min", "scales within exp(+-40)", low);
-    for (int i = 0; i < 3; ++i) {
-        double corner = fabs((double)level->position_min[i]) + 65535.0 * (double)level->position_step[i];
-        EXPECT_IN(l, corner < FLT_MAX, 20, "position_step", "positions within float32", level->position_step[i]);
-    }
-    EXPECT_IN(l, level->sh_rest_step <= SH_REST_STEP_MAX, 40, "sh_rest_step", "at most 1e+30", level->sh_rest_step);
+    const uint32_t steps[6] = {level->scale_steps, level->normal_steps, level->opacity_steps,
+                               level->light_steps, level->sh_steps,     level->slope_steps};
+    bool in_range = level->position_floor >= FLOOR_EXPONENT_MIN && level->position_floor <= FLOOR_EXPONENT_MAX;
+    EXPECT_IN(l, in_range, 6, "position_floor", "-149 to 104", level->position_floor);
+    EXPECT_IN(l, level->position_bits <= BITS_MAX, 8, "position_bits", "at most 16", level->position_bits);
+    EXPECT_IN(l, level->angle_bits <= BITS_MAX, 11, "angle_bits", "at most 16", level->angle_bits);
+    for (int i = 0; i < 6; ++i) EXPECT_IN(l, steps[i] > 0, offsets[i], names[i], "at least 1", 0);
     return GSGI_OK;
 }
 
-size_t gsgi__arrays_bytes(const gsgi__level_header* level) {
-    size_t rest = (level->sh_degree + 1) * (level->sh_degree + 1) - 1;
-    return level->count * (18 + 3 * rest + 2 * level->basis);
+static gsgi_result check_section(const uint8_t* data, size_t size, size_t* at, const char* name, const char* tag,
+                                 uint64_t least, const gsgi_callbacks* callbacks) {
+    if (size - *at < SECTION_BYTES)
+        return gsgi__fail(callbacks, GSGI_INVALID_FILE, "byte %llu (%s): expected a section, the file ends here",
+                          (unsigned long long)size, name);
+    const uint32_t bytes = gsgi__read_u32(data + *at + 4);
+    if (tag && memcmp(data + *at, tag, 4) != 0)
+        return gsgi__fail(callbacks, GSGI_INVALID_FILE, "byte %llu (%s): expected b'%s', got another",
+                          (unsigned long long)*at, name, tag);
+    if (bytes < least)
+        return gsgi__fail(callbacks, GSGI_INVALID_FILE, "byte %llu (%s): expected at least %llu bytes, got %lu",
+                          (unsigned long long)*at + 4, name, (unsigned long long)least, (unsigned long)bytes);
+    *at += SECTION_BYTES;
+    if (bytes > size - *at)
+        return gsgi__fail(callbacks, GSGI_INVALID_FILE,
+                          "byte %llu (%s): expected %lu bytes from byte %llu, the file ends here",
+                          (unsigned long long)size, name, (unsigned long)bytes, (unsigned long long)*at);
+    if (!tag &&
+        (memcmp(data + *at - SECTION_BYTES, "FINE", 4) == 0 || memcmp(data + *at - SECTION_BYTES, "COAR", 4) == 0))
+        return gsgi__fail(callbacks, GSGI_INVALID_FILE, "byte %llu (%s): expected no second b'%.4s'",
+                          (unsigned long long)*at - SECTION_BYTES, name, (const char*)data + *at - SECTION_BYTES);
+    *at += bytes;
+    return GSGI_OK;
 }
 
-gsgi_result gsgi__check_file(const gsgi__header* h, const uint8_t* data, size_t size, const gsgi_callbacks* callbacks) {
+/* The sections of the levels come first, and are long enough for their Gaussians; others are skipped. */
+static gsgi_result find_sections(const gsgi__header* h, const uint8_t* data, size_t size, gsgi__section sections[2],
+                                 const gsgi_callbacks* callbacks) {
+    static const char* const tags[2] = {"FINE", "COAR"};
+    const int levels = h->blend == GSGI_SURFACE ? 2 : 1;
+    gsgi_result result = GSGI_OK;
+    size_t at = GSGI_HEADER_BYTES;
+    for (int l = 0; l < levels && !result; ++l) {
+        sections[l].begin = at + SECTION_BYTES;
+        result =
+            check_section(data, size, &at, level_names[l], tags[l], gsgi__least_level_bytes(&h->levels[l]), callbacks);
+        sections[l].end = at;
+    }
+    while (at < size && !result) result = check_section(data, size, &at, "section", NULL, 0, callbacks);
+    return result;
+}
+
+gsgi_result gsgi__check_file(const gsgi__header* h, const uint8_t* data, size_t size, gsgi__section sections[2],
+                             const gsgi_callbacks* callbacks) {
     gsgi_result result = GSGI_OK;
     EXPECT(memcmp(data, "GSGI", 4) == 0, 0, "magic", "b'GSGI'", data[0]);
-    EXPECT(h->version == FORMAT_VERSION, 4, "version", "4", h->version);
-    EXPECT(h->header_bytes == GSGI_HEADER_BYTES, 6, "header_bytes", "144", h->header_bytes);
+    EXPECT(h->version == FORMAT_VERSION, 4, "version", "5", h->version);
+    EXPECT(h->header_bytes == GSGI_HEADER_BYTES, 6, "header_bytes", "88", h->header_bytes);
     if ((result = check_counts(h, callbacks))) return result;
-    size_t expected = GSGI_HEADER_BYTES + gsgi__arrays_bytes(&h->levels[0]) + gsgi__arrays_bytes(&h->levels[1]);
-    if (size != expected)
-        return gsgi__fail(callbacks, GSGI_INVALID_FILE, "byte %llu: expected %llu bytes for %llu Gaussians, got %llu",
-                          (unsigned long long)(size < expected ? size : expected), (unsigned long long)expected,
-                          (unsigned long long)h->levels[0].count + h->levels[1].count, (unsigned long long)size);
+    if ((result = find_sections(h, data, size, sections, callbacks))) return result;
     uint32_t crc = checksum(data, size);
     if (h->crc != crc)
         return gsgi__fail(callbacks, GSGI_INVALID_FILE,
                           "byte 8 (crc32): expected 0x%08x, got 0x%08x: the file is damaged", crc, h->crc);
-    EXPECT(h->blend <= 1, 12, "operator", "0 (over) or 1 (surface)", h->blend);
     EXPECT((h->effects & ~EFFECT_BITS) == 0, 14, "effects", "bits of 0x1ff", h->effects);
     EXPECT(h->reserved == 0, 18, "reserved", "0", h->reserved);
     if ((result = check_finite(h, callbacks))) return result;
     EXPECT(h->tone_scale > 0, 20, "tone_scale", "more than 0", h->tone_scale);
     result = h->blend == GSGI_OVER ? check_over(h, data, callbacks) : check_surface(h, callbacks);
-    for (int l = 0; l < 2 && !result; ++l) result = check_level(h, l, callbacks);
+    for (int l = 0; l < (h->blend == GSGI_SURFACE ? 2 : 1) && !result; ++l) result = check_level(h, l, callbacks);
     return result;
 }

@@ -6,11 +6,12 @@
 
 #include <string.h>
 
-#define GSGI_HEADER_BYTES 144
+#define GSGI_HEADER_BYTES 88
 
 typedef struct gsgi__level_header {
     uint32_t count, sh_degree, basis;
-    float position_min[3], position_step[3], log_scale_min, log_scale_step, sh_rest_step;
+    int32_t position_floor; /* power of two, m */
+    uint32_t position_bits, scale_steps, normal_steps, angle_bits, opacity_steps, light_steps, sh_steps, slope_steps;
 } gsgi__level_header;
 
 typedef struct gsgi__header {
@@ -34,10 +35,14 @@ static inline float gsgi__read_f32(const uint8_t* at) {
 /* The header of at least GSGI_HEADER_BYTES. */
 gsgi__header gsgi__read_header(const uint8_t* data);
 
-/* Bytes of a level's arrays, which follow the header. At most 1.2e9: within 32 bits. */
-size_t gsgi__arrays_bytes(const gsgi__level_header* level);
+/* Where the streams of a level stand in a file. */
+typedef struct gsgi__section {
+    size_t begin, end;
+} gsgi__section;
 
-/* Refuse a file that a reader must refuse, in the order of the Python reader, whose messages begin the same way. */
-gsgi_result gsgi__check_file(const gsgi__header* h, const uint8_t* data, size_t size, const gsgi_callbacks* callbacks);
+/* Refuse a file that a reader must refuse, in the order of the Python reader, whose messages begin the same way; and
+ * find the `sections` of its levels, of which `over` has one. */
+gsgi_result gsgi__check_file(const gsgi__header* h, const uint8_t* data, size_t size, gsgi__section sections[2],
+                             const gsgi_callbacks* callbacks);
 
 #endif

@@ -30,11 +30,11 @@ def level(count: int, degree: int, basis: str = "constant") -> Gaussians:
 
 
 @pytest.mark.parametrize("budget", BUDGETS)
-def test_a_file_is_as_large_as_its_budget_says(budget):
+def test_a_file_is_no_larger_than_its_budget_says(budget):
     coarse = coarse_count(budget)
     fine = level(budget - coarse, FINE_DEGREE, FINE_BASIS)
     bake = Bake(fine, SurfaceBlend(), coarse=level(coarse, COARSE_DEGREE))
-    assert len(codec.encode(bake)) == file_bytes(budget)
+    assert len(codec.encode(bake)) <= file_bytes(budget)
 
 
 def test_a_quarter_is_coarse_but_one_at_least_and_not_too_many():

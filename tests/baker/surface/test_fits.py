@@ -55,5 +55,5 @@ def test_a_file_holds_both_levels_of_the_budget(plan):
         budget.FINE_DEGREE,
         budget.COARSE_DEGREE,
     )
-    assert len(baked.data) == plan.file_bytes
+    assert 0.5 * plan.file_bytes < len(baked.data) <= plan.file_bytes
     assert read.tone_scale == np.float32(plan.pilot.mean)

@@ -183,7 +183,7 @@ def test_without_memory_it_says_so_and_keeps_none(library):
     results = []
     for count in range(20):
         budget = Budget(count)
-        result, bake = library.open(stored("v4_surface"), OpenOptions(callbacks=budget.callbacks, sampling=1))
+        result, bake = library.open(stored("v5_surface"), OpenOptions(callbacks=budget.callbacks, sampling=1))
         if result == OK:
             assert budget.blocks
             library.close(bake)
@@ -194,7 +194,7 @@ def test_without_memory_it_says_so_and_keeps_none(library):
 
 
 def test_structs_may_be_those_of_another_version(library):
-    data = stored("v4_surface")
+    data = stored("v5_surface")
     short = OpenOptions()
     short.struct_size = 8
     result, bake = library.open(data, short)

@@ -4,30 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from gsgi_files import ARRAYS, STORED, example, gaussians, stored, surface_example
+from gsgi_files import ARRAYS, STORED, constant, example, gaussians, reseal, stored, surface_example
+from quantisation import errors, in_stored_order
 
 from gsgi.runtime import constants
 from gsgi.runtime.file import codec
-from gsgi.runtime.file.header import HEADER, VERSION
-from gsgi.runtime.gaussians import Effects, Gaussians, OverBlend
+from gsgi.runtime.file.header import HEADER, VERSION, section
+from gsgi.runtime.gaussians import Bake, Effects, Gaussians, OverBlend, SurfaceBlend
+from gsgi.runtime.sampling import sample
 
 
-def check_round_trip(before: Gaussians, after: Gaussians, level: np.void) -> None:
-    slack = 1.001  # float32 rounding of the decoded value itself
-    assert (np.abs(after.position - before.position) <= level["position_step"] / 2 * slack + 1e-6).all()
-    log_error = np.abs(np.log(after.scale) - np.log(before.scale))
-    assert log_error.max() <= level["log_scale_step"] / 2 * slack + 1e-6
-    assert np.abs(after.opacity - before.opacity).max() <= 1 / 510 * slack
-    dc_step = before.sh[:, 0].max(axis=1, keepdims=True) / 512
-    assert (np.abs(after.sh[:, 0] - before.sh[:, 0]) <= dc_step * slack).all()
-    rest_step = level["sh_rest_step"] / 2 * after.sh[:, :1].max(axis=2, keepdims=True)
-    assert (np.abs(after.sh[:, 1:] - before.sh[:, 1:]) <= rest_step * slack + 1e-6).all()
-    assert after.sloped == before.sloped
-    if before.sloped:
-        assert np.abs(after.slope - before.slope).max() <= 1 / 512
-    # q and -q are one rotation; four components of error 0.0007 each turn it by less than 0.004 rad.
-    alignment = np.abs((after.rotation * before.rotation).sum(axis=1))
-    assert (2 * np.arccos(np.clip(alignment, 0, 1)) < 0.004).all()
+def check_round_trip(before: Gaussians, after: Gaussians, level: np.void, facing: bool) -> None:
+    """Every attribute is within half a step."""
+    assert max(errors(before, after, level, facing).values()) <= 1.001
 
 
 @pytest.mark.parametrize("degree", [0, 1, 2, 3])
@@ -35,7 +24,7 @@ def test_round_trip_stays_within_the_quantisation_steps(degree):
     bake = example(degree=degree)
     data = codec.encode(bake)
     decoded = codec.decode(data)
-    check_round_trip(bake.gaussians, decoded.gaussians, np.frombuffer(data, HEADER, 1)[0]["fine"])
+    check_round_trip(bake.gaussians, decoded.gaussians, np.frombuffer(data, HEADER, 1)[0]["fine"], facing=False)
     assert (decoded.tone_scale, decoded.effects) == (np.float32(0.7), bake.effects)
     assert (decoded.bounces, decoded.scene) == (bake.bounces, bake.scene)
     assert decoded.blend == OverBlend(*map(float, np.float32([0.01, *list(vars(bake.blend).values())[1:]])))
@@ -48,8 +37,8 @@ def test_both_levels_stay_within_their_own_quantisation_steps(degree, coarse_deg
     bake = replace(bake, coarse=replace(bake.coarse, position=bake.coarse.position * 100, scale=bake.coarse.scale * 9))
     data = codec.encode(bake)
     header, decoded = np.frombuffer(data, HEADER, 1)[0], codec.decode(data)
-    check_round_trip(bake.gaussians, decoded.gaussians, header["fine"])
-    check_round_trip(bake.coarse, decoded.coarse, header["coarse"])
+    check_round_trip(bake.gaussians, decoded.gaussians, header["fine"], facing=True)
+    check_round_trip(bake.coarse, decoded.coarse, header["coarse"], facing=False)
     assert (decoded.gaussians.sh_degree, decoded.coarse.sh_degree) == (degree, coarse_degree)
     assert (decoded.blend.cutoff, decoded.blend.floor) == (np.float32(0.04), np.float32(0.002))
     assert (decoded.blend.sharpness, type(decoded.blend.sharpness)) == (4, int)
@@ -57,11 +46,17 @@ def test_both_levels_stay_within_their_own_quantisation_steps(degree, coarse_deg
     assert (decoded.bounces, decoded.scene) == (bake.bounces, bake.scene)
 
 
-def test_a_level_is_stored_the_same_alone_and_beside_another():
-    over, both = example(41, 1), surface_example(41, 1)
-    decoded = codec.decode(codec.encode(both)).gaussians
-    for name in ARRAYS:
-        np.testing.assert_array_equal(getattr(decoded, name), getattr(codec.decode(codec.encode(over)).gaussians, name))
+@pytest.mark.parametrize("degree", [0, 1, 2])
+def test_what_is_read_is_written_as_it_was(degree):
+    for bake in (example(degree=degree), surface_example(degree=degree), surface_example(degree=degree, sloped=False)):
+        data = codec.encode(bake)
+        assert codec.encode(codec.decode(data)) == data
+
+
+def test_the_order_of_gaussians_does_not_count():
+    bake, order = surface_example(), np.random.default_rng(2).permutation(200)
+    mixed = Gaussians(*(getattr(bake.gaussians, name)[order] for name in (*ARRAYS, "slope")))
+    assert codec.encode(replace(bake, gaussians=mixed)) == codec.encode(bake)
 
 
 def test_the_encoder_is_deterministic():
@@ -69,26 +64,58 @@ def test_the_encoder_is_deterministic():
     assert codec.encode(surface_example()) == codec.encode(surface_example())
 
 
-@pytest.mark.parametrize(("degree", "coarse_degree"), [(0, 2), (2, 1)])
-def test_the_size_of_a_file_is_known_before(degree, coarse_degree):
-    assert len(codec.encode(example(5, degree))) == codec.file_bytes(5, degree)
-    bake = surface_example(5, degree, 3, coarse_degree)
-    assert len(codec.encode(bake)) == codec.file_bytes(5, degree, 3, coarse_degree, "linear")
-    bake = surface_example(5, degree, 3, coarse_degree, sloped=False)
-    assert len(codec.encode(bake)) == codec.file_bytes(5, degree, 3, coarse_degree)
-
-
 def test_of_negative_light_only_what_varies_is_kept():
     bake = surface_example(2, 0, 2, 1)
     bake.gaussians.sh[0, 0] = [-1, 0.5, -0.1]
     bake.coarse.sh[0] = [[1, 0.5, -2], [-0.9, 0.3, 0.8], [0.2, -1, 0.1], [0, 0, -1]]
     bake.coarse.sh[1] = -1
+    data = codec.encode(bake)
+    decoded, level = codec.decode(data), np.frombuffer(data, HEADER, 1)[0]["coarse"]
+    fine, coarse = in_stored_order(bake.gaussians, level, True), in_stored_order(bake.coarse, level, False)
+    for given, read in ((fine, decoded.gaussians), (coarse, decoded.coarse)):
+        np.testing.assert_allclose(read.sh[:, 0], np.maximum(given.sh[:, 0], 0), rtol=2 ** (0.5 / 16) - 1)
+    lit = coarse.sh[:, 0, 0] == 1
+    np.testing.assert_allclose(decoded.coarse.sh[lit, 1:], coarse.sh[lit, 1:], atol=1.03 * 0.5 / level["sh_steps"])
+    assert not decoded.coarse.sh[~lit].any()
+
+
+def floors(light: dict[float, float]) -> Bake:
+    """Rooms of 2 m at these places on the x axis, m, with Gaussians on their floors that vary around this light."""
+    x, z = np.meshgrid(np.linspace(0, 2, 15), np.linspace(0, 2, 15))
+    rng, place = np.random.default_rng(6), np.stack([x.ravel(), 0 * x.ravel(), z.ravel()], axis=1)
+    position = np.concatenate([place + rng.normal(size=place.shape) * [0.02, 0.002, 0.02] + [at, 0, 0] for at in light])
+    level = np.repeat(list(light.values()), len(place))[:, None]
+    up = np.array([-np.sqrt(0.5), 0, 0, np.sqrt(0.5)])  # +z becomes +y
+    count = len(position)
+    fine = Gaussians(
+        position=np.float32(position),
+        rotation=np.float32(up + 0.02 * rng.normal(size=(count, 4))),
+        scale=np.float32(np.exp(0.2 * rng.normal(size=(count, 3))) * [0.17, 0.17, 0.06]),
+        opacity=np.float32(rng.uniform(0.3, 0.7, count)),
+        sh=np.float32(level * rng.uniform(0.5, 1, (count, 3)) / constants.SH_C0)[:, None],
+        slope=np.float32(rng.uniform(-0.2, 0.2, (count, 2))),
+    )
+    return Bake(fine, SurfaceBlend(), coarse=constant([0.1] * 3).coarse)
+
+
+def test_errors_are_relative_to_the_light_around():
+    """A bright room beside a dim and a black one: in each B is as exact as its own light asks for."""
+    rooms = {0.0: 1000.0, 3.0: 1e-4, 6.0: 0.0}
+    bake = floors(rooms)
     decoded = codec.decode(codec.encode(bake))
-    # Steps: 1/512 of the brightest channel for degree 0, 1/127 of the greatest ratio to it for the others.
-    np.testing.assert_allclose(decoded.gaussians.sh[0, 0], [0, 0.5, 0], atol=0.5 / 512)
-    np.testing.assert_allclose(decoded.coarse.sh[0, 0], [1, 0.5, 0], atol=1 / 512)
-    np.testing.assert_allclose(decoded.coarse.sh[0, 1:], bake.coarse.sh[0, 1:], atol=1.01 / 254)
-    assert not decoded.coarse.sh[1].any()
+    rng = np.random.default_rng(7)
+    for place, light in rooms.items():
+        point = np.float32(rng.uniform([place + 0.2, 0, 0.2], [place + 1.8, 0, 1.8], (2000, 3)))
+        normal = np.tile(np.float32([0, 1, 0]), (len(point), 1))
+        given, read = (sample(each, point, normal) for each in (bake, decoded))
+        if not light:
+            assert not given.any()
+            assert not read.any()
+            continue
+        error = np.abs(read - given) / given
+        assert given.min() > 0.1 * light
+        assert np.sqrt((error**2).mean()) < 0.015
+        assert error.max() < 0.08
 
 
 @pytest.mark.parametrize("name", STORED)
@@ -96,24 +123,36 @@ def test_stored_files_stay_readable(name):
     assert codec.version(stored(name)) == int(name[1]) == VERSION
     bake = codec.decode(stored(name))
     assert (len(bake.gaussians), bake.gaussians.sh_degree) == (3, 1)
-    np.testing.assert_allclose(bake.gaussians.position, example(3, 1).gaussians.position, atol=1e-3)
-    expected = example(3, 1).gaussians.sh[:, 0]
-    assert (np.abs(bake.gaussians.sh[:, 0] - expected) <= expected.max(axis=1, keepdims=True) / 511).all()
+    given = in_stored_order(
+        example(3, 1).gaussians, np.frombuffer(stored(name), HEADER, 1)[0]["fine"], name == "v5_surface"
+    )
+    np.testing.assert_allclose(bake.gaussians.position, given.position, atol=1e-2)
+    np.testing.assert_allclose(bake.gaussians.sh[:, 0], given.sh[:, 0], rtol=0.025)
     assert (bake.bounces, bake.scene) == (300, 0xFEDC_BA98_7654_3210)
     assert bake.effects == Effects.PUNCTUAL | Effects.DENOISED | Effects.UNLIT
 
 
 def test_the_stored_operators_are_read():
-    bake = codec.decode(stored("v4_over"))
+    bake = codec.decode(stored("v5_over"))
     assert bake.blend.dilation == np.float32(constants.DILATION)
     assert bake.coarse is None
-    bake = codec.decode(stored("v4_surface"))
-    np.testing.assert_allclose(bake.gaussians.slope, surface_example(3, 1).gaussians.slope, atol=1 / 512)
+    bake = codec.decode(stored("v5_surface"))
+    assert np.abs(bake.gaussians.slope).max() == pytest.approx(
+        np.abs(surface_example(3, 1).gaussians.slope).max(), abs=0.02
+    )
     assert not bake.coarse.sloped
     assert (bake.blend.sharpness, len(bake.coarse), bake.coarse.sh_degree) == (4, 2, 2)
-    np.testing.assert_allclose(bake.coarse.position, gaussians(2, 2, seed=8).position, atol=1e-3)
+    np.testing.assert_allclose(
+        np.sort(bake.coarse.position, axis=0), np.sort(gaussians(2, 2, seed=8).position, axis=0), atol=1e-2
+    )
+
+
+def test_sections_of_other_tags_are_skipped():
+    for name in STORED:
+        bake = codec.decode(reseal(stored(name) + section(b"LATE", b"later") + section(b"", b"")))
+        assert codec.encode(bake) == stored(name)
 
 
 def test_the_encoder_still_writes_the_stored_bytes():
-    assert codec.encode(example(3, 1)) == stored("v4_over")
-    assert codec.encode(surface_example(3, 1, 2, 2)) == stored("v4_surface")
+    assert codec.encode(example(3, 1)) == stored("v5_over")
+    assert codec.encode(surface_example(3, 1, 2, 2)) == stored("v5_surface")

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from gsgi_files import example, surface_example
 
 from gsgi.runtime.constants import SH_C0
 from gsgi.runtime.file import codec
 from gsgi.runtime.file.header import EFFECT_BITS, HEADER, OPERATOR_NAMES, OPERATORS, VERSION
-from gsgi.runtime.file.levels import LEVEL, SLOPE_STEP, planes
+from gsgi.runtime.file.integers import FOLDED_BITS, MAGNITUDE_MAX, SHIFT_MAX, least_bytes
+from gsgi.runtime.file.levels import LEVEL, stream_counts
 from gsgi.runtime.gaussians import BASES, Effects
 
 FORMAT = Path(codec.__file__).with_name("FORMAT.md").read_text(encoding="utf-8")
@@ -58,10 +58,9 @@ def test_format_md_states_the_effects():
 
 
 def test_format_md_states_the_bases():
-    stated = re.search(r"^\| \d+ \| u2 \| basis \| (.*) \|$", FORMAT, re.MULTILINE)[1]
+    stated = re.search(r"^\| \d+ \| u1 \| basis \| (.*) \|$", FORMAT, re.MULTILINE)[1]
     for number, basis in enumerate(BASES):
         assert f"{number} = {basis}" in stated
-    assert f"code / {1 / SLOPE_STEP:g}" in FORMAT
 
 
 def test_format_md_shows_a_whole_file():
@@ -72,23 +71,34 @@ def test_format_md_shows_a_whole_file():
     assert [int(offset, 16) for offset, _ in lines] == list(range(0, len(data), 16))
     bake = codec.decode(data)
     assert codec.encode(bake) == data
-    assert (len(bake.gaussians), len(bake.coarse)) == (1, 1)
-    np.testing.assert_allclose(bake.gaussians.position, [[0.5, 0, -0.5]])
-    np.testing.assert_allclose(bake.gaussians.scale, [[0.1, 0.1, 0.1]], rtol=1e-6)
-    np.testing.assert_allclose(bake.gaussians.sh[0, 0] * SH_C0, [0.5, 0.25, 0.125])
-    np.testing.assert_allclose(bake.gaussians.rotation, [[0, 0, 0, 1]], atol=1e-6)
-    np.testing.assert_allclose(bake.gaussians.opacity, [1.0])
-    np.testing.assert_array_equal(bake.gaussians.slope, [[0.25, -0.125]])
+    np.testing.assert_array_equal(bake.gaussians.position, [[0.5, 0, -0.5], [0.75, 0, -0.5]])
+    np.testing.assert_array_equal(bake.gaussians.scale, [[0.25, 0.125, 0.0625]] * 2)
+    np.testing.assert_allclose(bake.gaussians.sh[:, 0] * SH_C0, [[0.5, 0.25, 0.125], [0.5, 0.5, 0.5]])
+    np.testing.assert_array_equal(bake.gaussians.rotation, [[0, 0, 0, 1]] * 2)
+    np.testing.assert_array_equal(bake.gaussians.opacity, [1, 0.5])
+    np.testing.assert_allclose(bake.gaussians.slope, [[9 / 36, -4 / 36], [0, 0]])
+    np.testing.assert_array_equal(bake.coarse.scale, [[1, 1, 1]])
     assert not bake.coarse.sloped
+    rows = re.findall(r"^\| ([0-9a-f]{2}) - ([0-9a-f]{2}) \|", section, re.MULTILINE)
+    ends = [(int(first, 16), int(last, 16)) for first, last in rows]
+    assert [first for first, _ in ends] == [0, *(last + 1 for _, last in ends[:-1])]
+    assert ends[-1][1] == len(data) - 1
+    assert f"one in the coarse level, {len(data)} bytes" in section
 
 
-def test_format_md_states_the_arrays_in_order_and_the_size():
-    section = FORMAT.split("## Arrays")[1].split("**rotation**")[0]
-    names = [name for _, name in re.findall(r"^\| ([iu]\d[^|]*) \| (\w+) \|", section, re.MULTILINE)]
-    assert names == list(planes(1, 1, BASES.index("linear")).names)
-    fixed, rest, slope = map(int, re.search(r"N \* \((\d+) \+ (\d+) \* \(K - 1\) \+ (\d+) \* basis\)", FORMAT).groups())
-    header = int(re.search(r"a file has (\d+) bytes more than its two levels", FORMAT)[1])
-    for degree in range(4):
-        level = 5 * (fixed + rest * ((degree + 1) ** 2 - 1))
-        assert len(codec.encode(example(5, degree))) == header + level
-    assert len(codec.encode(surface_example(5, 2, 7, 0))) == header + 5 * (fixed + 8 * rest + slope) + 7 * fixed
+def test_format_md_states_the_streams_in_their_order():
+    section = FORMAT.split("## Sections")[1].split("### ")[0]
+    rows = re.findall(r"^\| (\S+) \| N(?: \* (.*?))? \|", section, re.MULTILINE)
+    level = np.zeros((), LEVEL)
+    level["gaussian_count"], level["sh_degree"], level["basis"] = 1, 1, BASES.index("linear")
+    stated = [(name.replace("*l*", "1"), eval(factor.replace("(2 l + 1)", "3") or "1")) for name, factor in rows]
+    assert [row for row in stated if row[0] != "*angle*"] == list(stream_counts(level).items())
+    names = [name for name, _ in stated]
+    assert names[names.index("normal_v") + 1] == "*angle*"
+
+
+def test_format_md_states_the_limits_of_streams():
+    assert f"at most {SHIFT_MAX}; bit 5" in FORMAT
+    assert f"2^{MAGNITUDE_MAX.bit_length() - 1} in magnitude" in FORMAT
+    assert f"2^({FOLDED_BITS} - shift), or {FOLDED_BITS} - shift" in FORMAT
+    assert least_bytes(17) == 3 + 3

@@ -3,6 +3,7 @@
 import re
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from gsgi_files import (
     NONSENSE,
@@ -16,8 +17,8 @@ from gsgi_files import (
 )
 
 from gsgi.runtime.errors import FormatError
-from gsgi.runtime.file import codec
-from gsgi.runtime.file.header import GAUSSIAN_COUNT_MAX, LEVELS
+from gsgi.runtime.file import codec, levels
+from gsgi.runtime.file.header import GAUSSIAN_COUNT_MAX, HEADER, LEVELS, section
 from gsgi.runtime.gaussians import OverBlend, SurfaceBlend
 
 
@@ -67,9 +68,8 @@ def test_an_unknown_basis_is_named(level):
 @pytest.mark.parametrize(
     ("name", "field", "place"),
     [
-        ("v4_over", "near", "byte 32 (near)"),
-        ("v4_surface", "fine.position_step", "byte 76 (fine.position_step)"),
-        ("v4_surface", "coarse.position_step", "byte 120 (coarse.position_step)"),
+        ("v5_over", "near", "byte 32 (near)"),
+        ("v5_surface", "floor", "byte 52 (floor)"),
     ],
 )
 def test_an_error_names_the_place_in_the_file_itself(name, field, place):
@@ -96,11 +96,61 @@ def test_what_a_reader_would_refuse_is_not_written(change):
         codec.encode(replace(example(1), **change))
 
 
-@pytest.mark.parametrize(("level", "size"), [("fine", 20), ("coarse", 18)])
-def test_a_hostile_count_allocates_nothing(level, size):
+@pytest.mark.parametrize(("level", "byte"), [("fine", 92), ("coarse", 139)])
+def test_a_hostile_count_allocates_nothing(level, byte):
     data = changed(codec.encode(surface_example(0, 0, 0, 0)), f"{level}.gaussian_count", GAUSSIAN_COUNT_MAX)
-    with pytest.raises(FormatError, match=f"expected {144 + size * GAUSSIAN_COUNT_MAX} bytes"):
+    streams, slopes = 12, 2 if level == "fine" else 0
+    least = 3 * (streams + slopes // 2) + (streams + slopes) * GAUSSIAN_COUNT_MAX // 8
+    with pytest.raises(FormatError, match=rf"byte {byte} \({level}\): expected at least {least} bytes"):
         codec.decode(data)
+
+
+def refused(data: bytes) -> str:
+    """What the reader says of a file that is sealed but wrong."""
+    with pytest.raises(FormatError) as error:
+        codec.decode(reseal(data))
+    return str(error.value)
+
+
+def test_sections_must_be_whole_and_in_order():
+    data, whole = stored("v5_surface"), HEADER.itemsize
+    size = int.from_bytes(data[whole + 4 : whole + 8], "little")
+    fine, coarse = data[whole : whole + 8 + size], data[whole + 8 + size :]
+    head = data[:whole]
+    assert refused(head + coarse + fine).startswith(f"byte {whole} (fine): expected b'FINE'")
+    assert refused(head + fine).startswith(f"byte {len(head + fine)} (coarse): expected a section")
+    assert refused(head + fine + coarse + fine).startswith(f"byte {len(data)} (section): expected no second b'FINE'")
+    assert refused(data + b"GRPS").startswith(f"byte {len(data) + 4} (section): expected a section")
+    assert refused(data + b"GRPS" + bytes([9, 0, 0, 0])).startswith(f"byte {len(data) + 8} (section): expected 9 bytes")
+    longer = head + section(b"FINE", fine[8:] + b"\0") + coarse
+    assert refused(longer) == f"byte {len(head + fine)} (fine): expected the end of the section"
+    shorter = head + section(b"FINE", fine[8:-1]) + coarse
+    assert re.fullmatch(r"byte \d+ \(fine\.slope\): expected \d bytes of bits", refused(shorter))
+
+
+@pytest.mark.parametrize(
+    ("stream", "value", "expected"),
+    [
+        ("scale_long", 57 * 40, "scales within"),
+        ("scale_middle", -1, "a second axis no longer than the first"),
+        ("normal_u", 113, "steps from -112 to 112"),
+        ("position_x", 1 << 24, "steps from -16777215 to 16777215"),
+        ("opacity", 25, "steps from 0 to 24"),
+        ("green", -1, "steps from 0 to 768"),
+        ("blue", -2000, "steps from 0 to 768"),
+        ("slope", 128, "steps from -127 to 127"),
+    ],
+)
+def test_codes_beyond_their_range_are_refused(monkeypatch, stream, value, expected):
+    write = levels._differences
+
+    def spoilt(*arguments):
+        values = write(*arguments)
+        return values | {stream: np.full_like(values[stream], value)}
+
+    monkeypatch.setattr(levels, "_differences", spoilt)
+    with pytest.raises(FormatError, match=rf"byte \d+ \(fine\.{stream}\): expected {expected}"):
+        codec.decode(codec.encode(surface_example(5, 0, 2, 2)))
 
 
 def test_the_limit_on_gaussians_is_one_of_both_levels():

@@ -30,7 +30,7 @@ test("what Python refuses is refused", () => {
 });
 
 test("every prefix is refused", () => {
-    const whole = readFileSync(`${folder}/v4_surface.gsgi`);
+    const whole = readFileSync(`${folder}/v5_surface.gsgi`);
     for (let length = 0; length < whole.length; ++length)
         assert.throws(() => decode(whole.subarray(0, length)), FormatError);
     assert.throws(() => decode(Buffer.concat([whole, Buffer.of(0)])), FormatError);

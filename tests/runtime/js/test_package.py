@@ -15,7 +15,7 @@ from repository import ROOT, TESTS
 from gsgi.runtime.file import codec
 
 PACKAGE = json.loads((JS / "package.json").read_text())
-SIZE_MAX = 20_000  # bytes of our part, minified
+SIZE_MAX = 24_500  # bytes
 
 
 def tool(name: str):

@@ -1,0 +1,15 @@
+/* A level of a .gsgi file. */
+#ifndef GSGI_LEVEL_H
+#define GSGI_LEVEL_H
+
+#include "header.h"
+#include "integers.h"
+
+/* The fewest bytes that the streams of a level take. */
+uint64_t gsgi__least_level_bytes(const gsgi__level_header* record);
+
+/* Decode the streams of a level, which take the section at `reader`; `record` is checked. The textures of `level` are
+ * the caller's to release, also after an error. */
+gsgi_result gsgi__decode_level(gsgi__level* level, const gsgi__level_header* record, gsgi__reader* reader);
+
+#endif
