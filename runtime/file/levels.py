@@ -62,11 +62,17 @@ Expect = Callable[[bool, int, str, str], None]
 
 def stream_counts(level: np.ndarray) -> dict[str, int]:
     """The streams of a LEVEL record by name, in their order, and how many integers each holds."""
-    count, degree = int(level["gaussian_count"]), int(level["sh_degree"])
+    count = int(level["gaussian_count"])
     names = "scale_long", "scale_middle", "scale_normal", "normal_u", "normal_v"
-    names += "position_x", "position_y", "position_z", "opacity", "green", "red", "blue"
-    counts = dict.fromkeys(names, count)
-    for band in range(1, degree + 1):
+    names += "position_x", "position_y", "position_z", "opacity"
+    return dict.fromkeys(names, count) | light_counts(level)
+
+
+def light_counts(level: np.ndarray) -> dict[str, int]:
+    """Those of the streams that hold the light of the Gaussians; all others hold their shapes."""
+    count = int(level["gaussian_count"])
+    counts = dict.fromkeys(("green", "red", "blue"), count)
+    for band in range(1, int(level["sh_degree"]) + 1):
         counts |= {f"sh{band}_green": (2 * band + 1) * count, f"sh{band}_red_blue": 2 * (2 * band + 1) * count}
     return counts | ({"slope": 2 * count} if BASES[level["basis"]] == "linear" else {})
 
@@ -91,10 +97,15 @@ def encode_level(gaussians: Gaussians, level: np.ndarray, steps: dict[str, int],
         level[name] = value
     codes = quantise(gaussians, level, facing)
     codes = codes[storage_order(codes, level)]
-    values = _differences(codes, level)
-    streams = {name: write_integers(values[name], name in DIFFERENCES) for name in stream_counts(level)}
+    streams = {name: write_integers(value, name in DIFFERENCES) for name, value in _shape(codes, level).items()}
     streams["normal_v"] += write_bits(codes.angle, angle_bits(codes.scale, level))
-    return b"".join(streams.values())
+    return b"".join(streams.values()) + encode_light(codes, level)
+
+
+def encode_light(codes: Codes, level: np.ndarray) -> bytes:
+    """The streams of the light of a level whose LEVEL record is filled in; `codes` are in the order of storage."""
+    values = _light(codes, level)
+    return b"".join(write_integers(values[name], name in DIFFERENCES) for name in light_counts(level))
 
 
 def decode_level(level: np.ndarray, data: bytes, at: int, end: int, name: str, expect: Expect) -> Gaussians:
@@ -127,8 +138,8 @@ def storage_order(codes: Codes, level: np.ndarray) -> np.ndarray:
     return spatial_order(exponents(codes.scale, level), codes.position, kind, features)
 
 
-def _differences(codes: Codes, level: np.ndarray) -> dict[str, np.ndarray]:
-    """What the streams hold, by name: integers (N,), or more of them, Gaussian by Gaussian."""
+def _shape(codes: Codes, level: np.ndarray) -> dict[str, np.ndarray]:
+    """What the streams of the shapes hold, by name: integers (N,)."""
     values = {"scale_long": codes.scale[:, 0]}
     values |= {
         "scale_middle": codes.scale[:, 0] - codes.scale[:, 1],
@@ -139,9 +150,13 @@ def _differences(codes: Codes, level: np.ndarray) -> dict[str, np.ndarray]:
     rise = np.diff(exponent, prepend=exponent[:1])[:, None]
     before = np.concatenate([np.zeros((1, 3), np.int32), codes.position[:-1]])[: len(codes)] >> np.minimum(rise, 31)
     values |= dict(zip(("position_x", "position_y", "position_z"), (codes.position - before).T, strict=True))
-    values |= {"opacity": codes.opacity, "slope": codes.slope.ravel()}
+    return values | {"opacity": codes.opacity}
+
+
+def _light(codes: Codes, level: np.ndarray) -> dict[str, np.ndarray]:
+    """What the streams of the light hold, by name: integers (N,), or more of them, Gaussian by Gaussian."""
     red, green, blue = codes.light.T
-    values |= {"green": green, "red": red - green, "blue": blue - green}
+    values = {"green": green, "red": red - green, "blue": blue - green, "slope": codes.slope.ravel()}
     for band in range(1, int(level["sh_degree"]) + 1):
         part = codes.sh[:, band * band - 1 : (band + 1) ** 2 - 1]
         green = part[:, :, 1:2]
@@ -179,13 +194,17 @@ class _Reader:
         angle = angle.astype(np.int32)
         position = np.stack([self._position(f"position_{axis}", exponent) for axis in "xyz"], axis=1)
         opacity = self._in_steps("opacity", 0, int(level["opacity_steps"]))
-        light = self._light()
-        sh = self._sh()
-        slope = np.zeros((len(scale), 0), np.int32)
-        if "slope" in self.counts:
-            slope = self._in_steps("slope", -SLOPE_CODE_MAX, SLOPE_CODE_MAX).reshape(-1, 2)
+        light, sh, slope = self.light()
         self.expect(self.at == self.end, self.at, self.name, "the end of the section")
         return Codes(scale, normal, angle, position, opacity, light, sh, slope)
+
+    def light(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The codes of the light: `light`, `sh` and `slope` of Codes."""
+        channels, bands = self._channels(), self._bands()
+        slope = np.zeros((int(self.level["gaussian_count"]), 0), np.int32)
+        if "slope" in self.counts:
+            slope = self._in_steps("slope", -SLOPE_CODE_MAX, SLOPE_CODE_MAX).reshape(-1, 2)
+        return channels, bands, slope
 
     def _stream(self, stream: str) -> np.ndarray:
         self.stream, self.start = stream, self.at
@@ -218,7 +237,7 @@ class _Reader:
         self._within(values, -most, most, f"steps from {-most} to {most}")
         return values.astype(np.int32)
 
-    def _light(self) -> np.ndarray:
+    def _channels(self) -> np.ndarray:
         most = code_max(int(self.level["light_steps"]))
         green = self._in_steps("green", 0, most)
         channels = [green]
@@ -227,7 +246,7 @@ class _Reader:
             self._within(channels[-1], 0, most, f"steps from 0 to {most}")
         return np.stack([channels[1], green, channels[2]], axis=1)
 
-    def _sh(self) -> np.ndarray:
+    def _bands(self) -> np.ndarray:
         bands = []
         for band in range(1, int(self.level["sh_degree"]) + 1):
             size = 2 * band + 1
