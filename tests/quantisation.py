@@ -39,7 +39,7 @@ def errors(before: Gaussians, after: Gaussians, level: np.void, facing: bool) ->
         "scale": _scale(before, after) * 2 * steps["scale_steps"],
         "position": _position(before, after, level),
         "rotation": _rotation(before, after, level, facing),
-        "opacity": np.abs(after.opacity - np.clip(before.opacity, 0, 1)).max()
+        "opacity": np.abs(np.sqrt(after.opacity) - np.sqrt(np.clip(before.opacity, 0, 1))).max()
         * 2
         * steps["opacity_steps"]
         / (1 + FLOAT),

@@ -27,7 +27,7 @@ class Codes:
     normal    (N, 2): the z axis on an octahedron
     angle     (N,): the turn about it, in 2^angle_bits steps of half a turn
     position  (N, 3): multiples of 2^exponents m
-    opacity   (N,)
+    opacity   (N,): its square root
     light     (N, 3): the logarithms of the constant SH band
     sh        (N, K - 1, 3): the other bands, relative to the brightest channel of the constant one
     slope     (N, 0 or 2)
@@ -97,7 +97,7 @@ def _dequantised(codes: Codes, level: np.ndarray) -> Gaussians:
         position=codes.position.astype(np.float32) * step[:, None],
         rotation=rotation_of(unpack_normal(codes.normal, int(level["normal_steps"])), turn).astype(np.float32),
         scale=powers(codes.scale, int(level["scale_steps"])).astype(np.float32),
-        opacity=codes.opacity.astype(np.float32) / np.float32(level["opacity_steps"]),
+        opacity=(codes.opacity.astype(np.float32) / np.float32(level["opacity_steps"])) ** 2,
         sh=np.concatenate([dc[:, None], rest], axis=1),
         slope=codes.slope.astype(np.float32) / np.float32(level["slope_steps"]) if sloped else None,
     )
@@ -128,7 +128,7 @@ def _shape_and_light(gaussians: Gaussians, level: np.ndarray, facing: bool) -> d
     rest = gaussians.sh[:, 1:].astype(np.float64)
     brightest = _sh_dc(light, level).max(axis=1, initial=0).astype(np.float64)[:, None, None]
     ratio = np.divide(rest, brightest, out=np.zeros_like(rest), where=brightest > 0) * int(level["sh_steps"])
-    opacity = np.clip(gaussians.opacity, 0, 1) * np.float64(level["opacity_steps"])
+    opacity = np.sqrt(np.clip(gaussians.opacity, 0, 1, dtype=np.float64)) * int(level["opacity_steps"])
     slope = np.clip(slope * int(level["slope_steps"]), -SLOPE_CODE_MAX, SLOPE_CODE_MAX)
     codes = {"scale": scale, "normal": normal, "angle": angle, "opacity": _rounded(opacity), "light": light}
     codes |= {"sh": _rounded(np.clip(ratio, -SH_CODE_MAX, SH_CODE_MAX)), "slope": _rounded(slope)}

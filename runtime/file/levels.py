@@ -46,7 +46,7 @@ BITS_MAX = 16  # of position_bits and angle_bits
 # What the encoder chooses, by measurement (docs/benchmarks.md). Through `over` light passes many Gaussians, opaque ones
 # among them, whose errors add up.
 FINE_STEPS = {
-    "position_bits": 4, "scale_steps": 20, "normal_steps": 112, "angle_bits": 2, "opacity_steps": 24,
+    "position_bits": 4, "scale_steps": 20, "normal_steps": 112, "angle_bits": 2, "opacity_steps": 32,
     "light_steps": 16, "sh_steps": 24, "slope_steps": 36,
 }  # fmt: skip
 COARSE_STEPS = FINE_STEPS | {"sh_steps": 20}

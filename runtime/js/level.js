@@ -78,7 +78,7 @@ export function decodeLevel(bytes, { begin, end }, level, expect) {
     }
 
     const opacity = within(read("opacity", count), 0, level.opacitySteps);
-    for (let i = 0; i < count; ++i) gaussians.opacity[i] = opacity[i] / level.opacitySteps;
+    for (let i = 0; i < count; ++i) gaussians.opacity[i] = f(opacity[i] / level.opacitySteps) ** 2;
 
     const one = LIGHT_OCTAVES_BELOW * level.lightSteps + 1, lightMax = one - 1 + LIGHT_OCTAVES_ABOVE * level.lightSteps;
     const lightOf = powers(level.lightSteps, -one, lightMax - one);

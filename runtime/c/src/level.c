@@ -202,7 +202,8 @@ static gsgi_result read_opacities(decoder* d) {
     const int32_t steps = (int32_t)d->record->opacity_steps;
     gsgi_result result = read_steps(d, "opacity", d->count, d->codes, 0, steps);
     for (size_t i = 0; i < d->count && !result; ++i) {
-        d->level->shape.texels[i * GSGI_SHAPE_FLOATS + 3] = (float)d->codes[i] / (float)steps;
+        const float root = (float)d->codes[i] / (float)steps;
+        d->level->shape.texels[i * GSGI_SHAPE_FLOATS + 3] = root * root;
         d->level->shape.texels[i * GSGI_SHAPE_FLOATS + 11] = 0.0f;
     }
     return result;

@@ -79,6 +79,14 @@ def test_of_negative_light_only_what_varies_is_kept():
     assert not decoded.coarse.sh[~lit].any()
 
 
+def test_a_gaussian_that_weighs_little_stays_where_there_is_no_other():
+    """The one that covers everything has an opacity of 1/255; light in free space beyond all others depends on it."""
+    bake = constant([0.5, 0.25, 0.125])
+    faint = replace(bake, coarse=replace(bake.coarse, opacity=np.float32([1 / 255])))
+    decoded = codec.decode(codec.encode(faint))
+    np.testing.assert_allclose(decoded.coarse.opacity, 1 / 255, rtol=0.01)
+
+
 def floors(light: dict[float, float]) -> Bake:
     """Rooms of 2 m at these places on the x axis, m, with Gaussians on their floors that vary around this light."""
     x, z = np.meshgrid(np.linspace(0, 2, 15), np.linspace(0, 2, 15))

@@ -135,7 +135,7 @@ def test_sections_must_be_whole_and_in_order():
         ("scale_middle", -1, "a second axis no longer than the first"),
         ("normal_u", 113, "steps from -112 to 112"),
         ("position_x", 1 << 24, "steps from -16777215 to 16777215"),
-        ("opacity", 25, "steps from 0 to 24"),
+        ("opacity", 33, "steps from 0 to 32"),
         ("green", -1, "steps from 0 to 768"),
         ("blue", -2000, "steps from 0 to 768"),
         ("slope", 128, "steps from -127 to 127"),
