@@ -1,7 +1,7 @@
 """Bake a plan, stage by stage: irradiance -> fit -> encode."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from gsgi.runtime.file import codec
@@ -60,20 +60,26 @@ class _Baker:
         self.fits = _fits(plan, progress)
         tone_scale = self.fits.tone_scale
         self.held_out = HeldOutLoss(references, plan.placement.held_out, tone_scale) if references else None
+        self._baked: dict[int, Bake] = {}  # by the budget
 
     def best(self) -> BakeResult:
         settings = self.plan.settings
         if settings.target_loss is None or self.held_out is None:
-            attempt = self.attempt(settings.budget)
-            return BakeResult(attempt, (attempt,))
-        chosen, attempts = budget_search.search(settings.target_loss, settings.budget, self.attempt)
+            chosen = self.attempt(settings.budget)
+            attempts = [chosen]
+        else:
+            chosen, attempts = budget_search.search(settings.target_loss, settings.budget, self.attempt)
+        if self.plan.groups:
+            whole, chosen = chosen, self._in_groups(chosen)
+            attempts[attempts.index(whole)] = chosen
         return BakeResult(chosen, tuple(attempts))
 
     def attempt(self, budget: int) -> Attempt:
         """Fit with this budget, encode the result, and measure it as a reader decodes it."""
         fit = self.fits.fit(budget, self._monitor)
+        self._baked[budget] = self._bake(fit.gaussians, fit.coarse)
         with self.progress.stage("encode"):
-            data = codec.encode(self._bake(fit.gaussians, fit.coarse))
+            data = codec.encode(self._baked[budget])
         read = codec.decode(data)
         loss, psnr = self.held_out.of(read) if self.held_out else (None, None)
         count = len(read.gaussians) + len(read.coarse or ())
@@ -84,6 +90,15 @@ class _Baker:
                 f"  {fit.coverage:.2%} of the surface has Gaussians of its own, the rest the coarse level"
             )
         return Attempt(budget, data, count, loss, psnr, fit.seconds, fit.history, fit.coverage)
+
+    def _in_groups(self, attempt: Attempt) -> Attempt:
+        """The attempt with the light of the scene's light groups in its file."""
+        whole = self._baked[attempt.budget]
+        groups = self.fits.light_groups(attempt.budget, whole.gaussians, whole.coarse)
+        with self.progress.stage("encode"):
+            data = codec.encode(replace(whole, groups=groups))
+        self.progress.say(f"  {len(groups)} light groups: {len(data) - len(attempt.data)} bytes")
+        return replace(attempt, data=data)
 
     def _monitor(self, advance, coarse: Gaussians | None) -> "FitMonitor":
         from .evaluation.monitor import FitMonitor

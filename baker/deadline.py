@@ -69,7 +69,12 @@ class Clock:
         An interrupted bake goes on with that decision, however long it has taken. Warns if there is too little time.
         """
         self._plan, self._seconds, self._evaluate, self._progress = plan, seconds, evaluate, progress
-        inputs = {"scene": plan.tracer.scene_digest, "settings": plan.settings, "views": plan.cameras}
+        inputs = {
+            "scene": plan.tracer.scene_digest,
+            "settings": plan.settings,
+            "views": plan.cameras,
+            "groups": plan.groups,
+        }
         self._key = task_key("deadline", ladder=LADDER, seconds=seconds, evaluate=evaluate, **inputs)
         found = plan.tracer.cache.get(self._key)
         self._decided = from_arrays(Deadline, found) if found else None

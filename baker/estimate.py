@@ -55,7 +55,12 @@ class Rates:
         times = _fits(plan).times_on_grey_light(plan, self.of, STEPS)
         fit = sum(part * often for part, often in zip(self.fit, times, strict=True))
         stages = {"known light": known} if plan.known_paths else {}
-        stages |= {"irradiance": path * (plan.paths - plan.known_paths), "fit": fit}
+        irradiance = path * (plan.paths - plan.known_paths)
+        stages |= {"irradiance": irradiance, "fit": fit}
+        if plan.groups:
+            times = _fits(plan).group_times_on_grey_light(plan, self.of)
+            solved = sum(part * often for part, often in zip(self.fit, times, strict=True))
+            stages |= {f"light group {name}": known + irradiance + solved for name in plan.groups}
         if not evaluate:
             return stages
         each, compared = (self.gathering, self.whole) if held_out.gathers(plan) else (self.whole, 0.0)

@@ -17,9 +17,10 @@ from gsgi.baker.views.importance import ImportanceField
 from gsgi.baker.views.placement import Placement
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.camera import Camera
-from gsgi.runtime.errors import SceneError
+from gsgi.runtime.errors import SceneError, UsageError
 from gsgi.runtime.file import codec
 from gsgi.runtime.gaussians import Effects, OverBlend, SurfaceBlend
+from gsgi.runtime.light_groups import check_groups, lit_groups
 from gsgi.runtime.scene import Scene
 
 from . import memory
@@ -86,6 +87,11 @@ class Plan:
         if self.settings.operator == "surface":
             return SurfaceBlend()
         return OverBlend(NEAR * min(self.scene.diagonal(), NEARBY * self.placement.importance.width()), DILATION)
+
+    @property
+    def groups(self) -> list[str]:
+        """The names of the light groups that are traced apart; none unless the scene asks for them."""
+        return lit_groups(self.scene) if self.scene.groups else []
 
     @property
     def cameras(self) -> list[Camera]:
@@ -177,11 +183,15 @@ def make_plan(
 ) -> Plan:
     """Inspect the scene, place views and trace a pilot. The same arguments give the same plan.
 
-    `path` holds further cameras to fit, by name. Raises SceneError if nothing emits light, no triangle has an area, or
-    the scene is too large; and GsgiError if there is too little memory to begin. Too little to end gives a warning.
+    `path` holds further cameras to fit, by name. Raises SceneError if nothing emits light, no triangle has an area, the
+    scene is too large, or its light groups cannot be; UsageError for light groups with `over`; and GsgiError if there
+    is too little memory to begin. Too little to end gives a warning.
     """
     memory.check("a bake", memory.PROCESS)
     there = memory.available()
+    check_groups(scene)
+    if scene.groups and settings.operator != "surface":
+        raise UsageError(f"light groups: expected the operator surface, got {settings.operator}")
     scene = replace(without(scene, settings.ignore), metals=settings.metals)
     if not effects(scene) & (Effects.PUNCTUAL | Effects.EMISSIVE | Effects.ENVIRONMENT):
         raise SceneError(

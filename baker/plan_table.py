@@ -87,7 +87,16 @@ def _surface_rows(plan: Plan) -> list[tuple[str, str, str]]:
         ("paths", f"{PATHS_STEP if s.error else most} to {most}", f"{until}: about {plan.samples:.0f} per sample"),
         ("free space", f"{plan.free_paths / 1e6:.1f} M", "paths from points in free space, for the coarse level"),
         ("fit", f"{s.iterations} steps", f"each step uses all samples{_search(plan)}"),
+        *_group_rows(plan),
     ]
+
+
+def _group_rows(plan: Plan) -> list[tuple[str, str, str]]:
+    """What light groups cost, if there are some."""
+    if not plan.groups:
+        return []
+    cost = f"the light of each is traced apart, from the same points, about {plan.paths / 1e6:.0f} M paths each"
+    return [("light groups", f"{len(plan.groups)}", f"{', '.join(plan.groups)}: {cost}")]
 
 
 def _search(plan: Plan) -> str:

@@ -118,13 +118,30 @@ class Effects(IntFlag):
 
 
 @dataclass(frozen=True)
+class LightGroup:
+    """The part of a bake's light that comes from some of the scene's lights: other colours of the same Gaussians.
+
+    `patterns` match the names of its lights (see `runtime.light_groups`); the group "base" has none. sh (N, K, 3) and
+    slope (N, 0 or 2) float32 are those of the N Gaussians of the fine level, coarse_sh (M, K, 3) float32 those of the M
+    coarse ones.
+    """
+
+    name: str
+    patterns: tuple[str, ...]
+    sh: np.ndarray
+    slope: np.ndarray
+    coarse_sh: np.ndarray
+
+
+@dataclass(frozen=True)
 class Bake:
     """The content of a .gsgi file.
 
     `tone_scale` is the k of the loss's tone curve x / (x + k), in units of radiance. `bounces` is the number of
     surfaces that a traced path may visit after the point that it brings light to; it is below 2^16, and 0 means
     unknown. `scene` is the 64-bit `fingerprint` of the scene; 0 means unknown. `coarse` is the coarse level, which
-    gives light where none of `gaussians` is near; SurfaceBlend always has it and OverBlend never.
+    gives light where none of `gaussians` is near; SurfaceBlend always has it and OverBlend never. Both hold the light
+    of all lights together. `groups` hold its parts, if it was baked in groups, without those that have no light.
     """
 
     gaussians: Gaussians
@@ -134,3 +151,4 @@ class Bake:
     bounces: int = 0
     scene: int = 0
     coarse: Gaussians | None = None
+    groups: tuple[LightGroup, ...] = ()

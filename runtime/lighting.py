@@ -2,7 +2,8 @@
 
 import dataclasses
 import tomllib
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from .environment import read_environment
 from .errors import FileError, SceneError
 from .files import inside
+from .light_groups import with_each
 from .scene import MAX_LIGHT, Environment, Light, Scene
 
 SUFFIX = ".lights.toml"  # room.lights.toml belongs to room.gltf or room.glb
@@ -25,7 +27,9 @@ class Lighting:
     counter-clockwise seen from above) and multiplied by env_scale. sun: azimuth (degrees, clockwise from north seen
     from above; north is -Z, east is +X) and elevation (degrees above the horizon). A surface that faces the sun
     receives sun_irradiance * sun_color (lx, the unit of the file's directional lights). light_scale multiplies the
-    lights of the glTF file, both punctual lights and emissive surfaces; 0 turns them off.
+    lights of the glTF file, both punctual lights and emissive surfaces; 0 turns them off. groups: lights to be baked
+    apart, as patterns of the names of punctual lights, of their nodes, and of emissive materials, and the words
+    "sun" and "environment", by the name of the group. group_each: every other light is a group of its own.
     """
 
     env: str | tuple[float, float, float] | None = None
@@ -35,13 +39,19 @@ class Lighting:
     sun_irradiance: float = 10.0  # about three times the irradiance of a sky of radiance 1
     sun_color: tuple[float, float, float] = (1.0, 1.0, 1.0)
     light_scale: float = 1.0
+    groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    group_each: bool = False
 
 
 KEYS = tuple(field.name for field in dataclasses.fields(Lighting))
 
 
 def light(scene: Scene, lighting: Lighting) -> Scene:
-    """The scene with this lighting. Raises FileError or SceneError for an environment image that cannot be used."""
+    """The scene with this lighting.
+
+    Raises FileError or SceneError for an environment image that cannot be used, and SceneError for a light that cannot
+    be a group of its own.
+    """
     if lighting.light_scale != 1:
         scene = _scaled(scene, lighting.light_scale)
     if lighting.env is not None:
@@ -49,6 +59,9 @@ def light(scene: Scene, lighting: Lighting) -> Scene:
         scene = dataclasses.replace(scene, environment=_environment(lighting), files=(*scene.files, *files))
     if lighting.sun is not None:
         scene = dataclasses.replace(scene, lights=(*scene.lights, _sun(lighting)))
+    if lighting.groups or lighting.group_each:
+        groups = {name: tuple(patterns) for name, patterns in lighting.groups.items()}
+        scene = dataclasses.replace(scene, groups=with_each(scene, groups) if lighting.group_each else groups)
     return scene
 
 
@@ -98,7 +111,22 @@ def check(key: str, value):
             return _numbers(value, 1, "degrees", -DEGREES_MAX, DEGREES_MAX)[0]
         case "env_scale" | "sun_irradiance" | "light_scale":
             return _numbers(value, 1, "a number")[0]
+        case "groups":
+            return _groups(value)
+        case "group_each":
+            if not isinstance(value, bool):
+                raise ValueError(f"expected true or false, got {value!r}")
+            return value
     raise ValueError(f"expected one of the keys {', '.join(KEYS)}")
+
+
+def _groups(value) -> dict[str, tuple[str, ...]]:
+    if not isinstance(value, dict):
+        raise ValueError(f"expected a table of lists of patterns, got {value!r}")
+    for name, patterns in value.items():
+        if not isinstance(patterns, list | tuple) or not all(isinstance(pattern, str) for pattern in patterns):
+            raise ValueError(f"{name}: expected a list of patterns, got {patterns!r}")
+    return {name: tuple(patterns) for name, patterns in value.items()}
 
 
 def _angles(value) -> tuple[float, float]:

@@ -6,28 +6,34 @@ from .cell_lists import cell_lists, rotation_matrices
 from .constants import HALF_MAX, SH_C0, SH_C1, SH_C2_0, SH_C2_1, SH_C2_2
 from .errors import UnsupportedError
 from .gaussians import Bake, Gaussians, SurfaceBlend
+from .light_groups import Weights, weighted
 from .rebase import local_bake, origin_of_bake
 
 POINTS = 1 << 18  # read at once: memory beyond the result stays below 50 MB
 CHUNK = 1 << 15  # pairs of a point and a Gaussian at once: their arrays take 4 MB
 
 
-def sample(bake: Bake, positions: np.ndarray, normals: np.ndarray) -> np.ndarray:
+def sample(bake: Bake, positions: np.ndarray, normals: np.ndarray, weights: Weights | None = None) -> np.ndarray:
     """B (N, 3) float32, linear Rec.709 radiance for albedo 1, at points (N, 3), m, world space, with normals (N, 3).
 
     The result is what the passes of glsl/surface give at these points, before they round it to halves: 0 where no
-    Gaussian reaches, where a point is not finite, and where a normal is 0. Normals of any length are normalised. Use
-    `Sampler` to read one bake many times. Raises UnsupportedError for a bake of the `over` operator, whose light is no
-    function of a point, and ValueError for arrays of other shapes.
+    Gaussian reaches, where a point is not finite, and where a normal is 0. Normals of any length are normalised. The
+    light of each light group is multiplied by its weight, a number or three, by the name of the group; by default 1.
+    Use `Sampler` to read one bake many times. Raises UnsupportedError for a bake of the `over` operator, whose light is
+    no function of a point, and ValueError for arrays of other shapes and for unknown groups.
     """
-    return Sampler(bake).sample(positions, normals)
+    return Sampler(bake, weights).sample(positions, normals)
 
 
 class Sampler:
-    """A bake of the `surface` operator, prepared for sample(). Raises UnsupportedError for the `over` operator."""
+    """A bake of the `surface` operator with `weights` of its light groups, prepared for sample().
 
-    def __init__(self, bake: Bake):
+    Raises UnsupportedError for the `over` operator, and ValueError for unknown groups.
+    """
+
+    def __init__(self, bake: Bake, weights: Weights | None = None):
         check_operator(bake)
+        bake = weighted(bake, weights or {})
         self._origin, self._blend = origin_of_bake(bake), bake.blend
         bake = local_bake(bake, self._origin)
         self._fine = _Level(bake.gaussians.clamped(), bake.blend, bake.blend.sharpness)

@@ -115,7 +115,8 @@ class Light:
     range: float = np.inf  # m; no light reaches this distance or beyond
     cos_inner: float = 1.0
     cos_outer: float = 0.0
-    name: str = ""
+    name: str = ""  # of the node, or else of the entry
+    entry: str = ""  # name of the entry of the file's lights that the node places
 
 
 @dataclass(frozen=True)
@@ -145,7 +146,8 @@ class Scene:
     would on average) or "black" (they reflect nothing).
     `warnings` are one line each. `transparent` repeats the text (without file and pointer) of the warnings about partly
     transparent materials. `files` lists the files that the scene was read from: the glTF file first, then its buffers
-    and images, then files that define light.
+    and images, then files that define light. `groups` are the lights that are to be baked apart: patterns of their
+    names, by the name of the group (see `light_groups`).
     """
 
     meshes: tuple[Mesh, ...]
@@ -159,6 +161,7 @@ class Scene:
     transparent: tuple[str, ...] = ()
     files: tuple[Path, ...] = ()
     blended: tuple[Mesh, ...] = ()
+    groups: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
     def as_traced(self) -> "Scene":
         """The scene as light meets it: stand-ins are shown, and nothing is blended."""

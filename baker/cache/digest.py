@@ -23,8 +23,11 @@ def digest(value) -> str:
 
 
 def scene_digest(scene: Scene) -> str:
-    """The digest of everything that light depends on, without cameras, file names and the reader's warnings."""
-    return digest(dataclasses.replace(scene, cameras={}, warnings=(), transparent=(), files=(), blended=()))
+    """The digest of everything that light depends on, without cameras, file names and the reader's warnings.
+
+    Light groups share the tasks of their scene's light as a whole.
+    """
+    return digest(dataclasses.replace(scene, cameras={}, warnings=(), transparent=(), files=(), blended=(), groups={}))
 
 
 def _plain(value):

@@ -16,6 +16,7 @@ from gsgi.baker.settings import BUDGET_MAX, Settings
 from gsgi.runtime.camera import Camera, look_at
 from gsgi.runtime.errors import SceneError, UsageError
 from gsgi.runtime.gaussians import Bake
+from gsgi.runtime.light_groups import Factors, factors_of
 from gsgi.runtime.lighting import KEYS, Lighting, beside, light, read_lights
 from gsgi.runtime.scene import Scene
 
@@ -61,12 +62,21 @@ def _lighting(options: argparse.Namespace, progress: Progress) -> Lighting:
     if path := _lights_file(options):
         values = read_lights(path)
         progress.say(f"light also from {path}")
-    values |= {key: getattr(options, key) for key in KEYS if getattr(options, key) is not None}
+    flags = {key: getattr(options, key, None) for key in KEYS} | {"groups": _groups(options)}
+    values |= {key: value for key, value in flags.items() if value is not None}
     for key in values:
         source = key.partition("_")[0]
         if source in KEYS and source not in values:
             raise UsageError(f"{options.scene}: {key} is given without {source}")
     return Lighting(**values)
+
+
+def _groups(options: argparse.Namespace) -> dict[str, tuple[str, ...]] | None:
+    """The groups that --group gives, each with all of its patterns; None without the flag."""
+    groups: dict[str, tuple[str, ...]] = {}
+    for name, pattern in getattr(options, "group", ()):
+        groups[name] = (*groups.get(name, ()), pattern)
+    return groups or None
 
 
 def plan_of(options: argparse.Namespace, progress: Progress, cache: Cache) -> "Plan":
@@ -182,6 +192,18 @@ def read_light(options: argparse.Namespace, scene: Scene, progress: Progress) ->
     if baked.scene not in (0, fingerprint(scene)):
         progress.warn(f"{options.gi}: was baked for other geometry than {options.scene}; its light may not fit")
     return baked
+
+
+def read_weights(options: argparse.Namespace, baked: Bake | None) -> Factors:
+    """The weights of the bake's light groups that --weight gives. Raises UsageError."""
+    if not options.weight:
+        return {}
+    if baked is None:
+        raise UsageError("--weight needs baked light: --gi FILE")
+    try:
+        return factors_of(baked, dict(options.weight))
+    except ValueError as error:
+        raise UsageError(f"{options.gi}: {error}") from None
 
 
 def wrote(options: argparse.Namespace, progress: Progress) -> str:

@@ -72,6 +72,27 @@ def add_light(parser: argparse.ArgumentParser) -> None:
         group.add_argument(flag, type=_light_value(flag[2:].replace("-", "_")), metavar=metavar, help=what)
 
 
+def add_groups(parser: argparse.ArgumentParser) -> None:
+    """Add options for the lights that are baked apart."""
+    group = parser.add_argument_group(
+        "light groups", "Lights that are baked apart can be dimmed and recoloured in each frame (surface only)."
+    )
+    group.add_argument("--group", action="append", default=[], metavar="NAME=PATTERN", type=_group,
+                       help="put lights whose names match into a group (repeatable): of punctual lights or their "
+                       "nodes, of emissive materials, sun, environment; * matches any text; in TOML, "
+                       'NAME = ["PATTERN"] in [groups]')  # fmt: skip
+    group.add_argument("--group-each", action="store_true", default=None,
+                       help="make every light that is in no group one of its own")  # fmt: skip
+
+
+def _group(text: str) -> tuple[str, str]:
+    """argparse type: NAME=PATTERN."""
+    name, equals, pattern = text.partition("=")
+    if not (name and equals and pattern):
+        raise argparse.ArgumentTypeError(f"expected NAME=PATTERN, such as lamps=lamp*, got {text!r}")
+    return name, pattern
+
+
 def _light_value(key: str):
     """argparse type: the value of one key of `Lighting`."""
 
@@ -169,6 +190,25 @@ def add_camera(parser: argparse.ArgumentParser, default_size: str) -> None:
 def add_gi(parser: argparse.ArgumentParser) -> None:
     """Add --gi."""
     parser.add_argument("--gi", metavar="FILE", help="baked light (.gsgi); without it, primary light only")
+
+
+def add_weights(parser: argparse.ArgumentParser) -> None:
+    """Add --weight."""
+    parser.add_argument("--weight", action="append", default=[], metavar="NAME=X|R,G,B", type=_weight,
+                        help="multiply the light of a light group of --gi by a number, or by three (repeatable); "
+                        "base: the lights in no group")  # fmt: skip
+
+
+def _weight(text: str) -> tuple[str, float | tuple[float, ...]]:
+    """argparse type: NAME=X or NAME=R,G,B."""
+    name, _, value = text.rpartition("=")
+    try:
+        numbers = tuple(float(part) for part in value.split(","))
+    except ValueError:
+        numbers = ()
+    if not name or len(numbers) not in (1, 3):
+        raise argparse.ArgumentTypeError(f"expected NAME=X or NAME=R,G,B, such as lamps=0.2, got {text!r}")
+    return name, numbers if len(numbers) == 3 else numbers[0]
 
 
 def add_verbosity(parser: argparse.ArgumentParser) -> None:

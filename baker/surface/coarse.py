@@ -39,13 +39,8 @@ def coarse_level(
 
     With the `triangles` of the scene, Gaussians are cut where they would carry light across an occluder.
     """
-    blend = replace(blend, sharpness=0, floor=0.0)
     gaussians = _evenly_apart(samples.position, count, np.random.default_rng(seed))
-    nothing = SurfaceState.fresh(gaussians).keep(np.zeros(len(gaussians), bool)).gaussians
-    # An object moves through the light of all directions: what is around a sample does not depend on its normal.
-    upwards = np.tile(np.float32([0, 1, 0]), (len(samples), 1))
-    around = local_light(samples.position, upwards, samples.indirect_a, samples.indirect_b)
-    optimiser = SurfaceOptimiser(samples, nothing, blend, around)
+    optimiser = coarse_optimiser(samples, gaussians, blend)
     state = SurfaceState.fresh(gaussians)
     for step in range(STEPS):
         if step % SOLVE_STEPS == 0:
@@ -55,8 +50,17 @@ def coarse_level(
         state = replace(state, gaussians=_everywhere_again(state.gaussians, gaussians))
     last = state.gaussians
     if triangles:
-        last, _ = Occlusion(samples, triangles, blend, count).cut(last)
+        last, _ = Occlusion(samples, triangles, optimiser.blend, count).cut(last)
     return optimiser.solve(_everywhere_again(last, gaussians), SOLVE_LAST, RIDGE)
+
+
+def coarse_optimiser(samples: SurfaceSamples, gaussians: Gaussians, blend: SurfaceBlend) -> SurfaceOptimiser:
+    """The optimiser of coarse Gaussians against `samples` in free space."""
+    nothing = SurfaceState.fresh(gaussians).keep(np.zeros(len(gaussians), bool)).gaussians
+    # An object moves through the light of all directions: what is around a sample does not depend on its normal.
+    upwards = np.tile(np.float32([0, 1, 0]), (len(samples), 1))
+    around = local_light(samples.position, upwards, samples.indirect_a, samples.indirect_b)
+    return SurfaceOptimiser(samples, nothing, replace(blend, sharpness=0, floor=0.0), around)
 
 
 def _everywhere_again(moved: Gaussians, start: Gaussians) -> Gaussians:

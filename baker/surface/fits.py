@@ -7,13 +7,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gsgi.baker.cache.code_version import code_version
+from gsgi.baker.cache.store import task_key
 from gsgi.baker.fitting.schedule import Schedule
 from gsgi.baker.fitting.task import FitResult, MakeMonitor, run_or_resume
 from gsgi.baker.progress import Progress
-from gsgi.runtime.gaussians import Bake, Effects, Gaussians, SurfaceBlend
+from gsgi.runtime.gaussians import Bake, Effects, Gaussians, LightGroup, SurfaceBlend
+from gsgi.runtime.light_groups import lit_by
 
 from .budget import coarse_count
-from .samples import CHUNK, SurfaceSamples, free_layers, path_count, point_count, surface_layers
+from .samples import CHUNK, Sampler, SurfaceSamples, free_layers, path_count, point_count, surface_layers
 
 if TYPE_CHECKING:
     from gsgi.baker.plan import Plan
@@ -59,13 +61,47 @@ class SurfaceFits:
         coverage = float((weight >= plan.blend.floor).mean()) if len(weight) else 1.0
         return FitResult(gaussians, coarse, history, seconds, coverage)
 
+    def light_groups(self, budget: int, gaussians: Gaussians, coarse: Gaussians) -> tuple[LightGroup, ...]:
+        """The light of each of the plan's light groups on both levels of a fit with this budget.
+
+        The samples of all groups are the same points; those of a group end in the known light of the group.
+        """
+        return tuple(self._light_group(name, budget, gaussians, coarse) for name in self.plan.groups)
+
+    def _light_group(self, name: str, budget: int, gaussians: Gaussians, coarse: Gaussians) -> LightGroup:
+        from .group_light import GroupLight, group_light
+
+        plan = self.plan
+        tracer = plan.tracer.lit_by(lit_by(plan.scene, name))
+        sampler, layers = plan.sampler.lit_by(tracer), self._layers(budget)
+        with self.progress.stage(
+            f"light group {name}", plan.known_paths + path_count([*layers[0], *layers[1]]), "paths"
+        ) as advance:
+            sampler.prepare(advance)
+            surface, free = self._traced(sampler, layers, advance)
+            task = surface, free, free[: round(FREE_SHARE * len(surface))], gaussians, coarse, plan.blend
+            code = code_version("gsgi.baker.surface.group_light", FIT_PACKAGES)
+            key = task_key("group", code=code, scene=plan.tracer.scene_digest, task=task)
+            light, _ = tracer.once(key, GroupLight, lambda: group_light(*task, plan.triangles))
+        return LightGroup(name, plan.scene.groups.get(name, ()), **vars(light))
+
+    def _layers(self, budget: int) -> tuple[list[int], list[int]]:
+        """Layers of the samples on the surfaces and in free space."""
+        return surface_layers(budget, self.plan.settings.samples), free_layers(budget)
+
     def _samples(self, budget: int) -> tuple[SurfaceSamples, SurfaceSamples]:
         """Samples on the surfaces and in free space."""
-        on_surfaces, in_free_space = surface_layers(budget, self.plan.settings.samples), free_layers(budget)
+        layers = self._layers(budget)
         self.plan.known_light(self.progress)
-        with self.progress.stage("irradiance", path_count(on_surfaces + in_free_space), "paths") as advance:
-            free = self.plan.sampler.free(in_free_space, advance)
-            surface = self.plan.sampler.surface(on_surfaces, advance)
+        with self.progress.stage("irradiance", path_count([*layers[0], *layers[1]]), "paths") as advance:
+            return self._traced(self.plan.sampler, layers, advance)
+
+    def _traced(
+        self, sampler: Sampler, layers: tuple[list[int], list[int]], advance
+    ) -> tuple[SurfaceSamples, SurfaceSamples]:
+        on_surfaces, in_free_space = layers
+        free = sampler.free(in_free_space, advance)
+        surface = sampler.surface(on_surfaces, advance)
         if invalid := surface.invalid + free.invalid:
             self.progress.warn(f"{invalid} paths gave no finite number and were left out")
         return surface, free
@@ -128,6 +164,17 @@ def times_on_grey_light(plan: "Plan", timed: "Plan", steps: int) -> list[float]:
     free = plan.free_paths / timed.free_paths * max(coarse / timed_coarse, 1.0) ** COARSE_GROWS
     samples = CHANGES * plan.points / timed.points
     return [samples * plan.settings.iterations / steps, samples * solved, COARSE_TIMED * free]
+
+
+def group_times_on_grey_light(plan: "Plan", timed: "Plan") -> list[float]:
+    """The same for the light of one light group on the Gaussians of this plan's fit, without its tracing."""
+    from .coarse import SOLVE_ITERATIONS, SOLVE_LAST, SOLVE_STEPS, STEPS
+    from .fit import SOLVE_AGAIN
+    from .group_light import SOLVE_COARSE, SOLVE_FINE
+
+    _, _, coarse = times_on_grey_light(plan, timed, 1)
+    solved = CHANGES * plan.points / timed.points * 2 * SOLVE_FINE / SOLVE_AGAIN
+    return [0.0, solved, coarse * SOLVE_COARSE / (STEPS / SOLVE_STEPS * SOLVE_ITERATIONS + SOLVE_LAST)]
 
 
 def grey_bake(plan: "Plan") -> Bake:

@@ -125,6 +125,7 @@ class Sampler:
         self._tracer, self._seen, self._seed, self._known = tracer, seen, seed, known
         self._sampling, self._error = Sampling(PASS_SAMPLES, bounces), error
         self._known_samples: SurfaceSamples | None = None
+        self._drawn_by: Sampler | None = None  # None: by itself
 
     @classmethod
     def gathering(cls, tracer: CachedTracer, seen: SeenSurface, bounces: int, seed: int, error: float) -> "Sampler":
@@ -138,6 +139,18 @@ class Sampler:
         """The same sampler with another `error`; it keeps the light that is known already."""
         other = copy(self)
         other._error = error
+        return other
+
+    def lit_by(self, tracer: CachedTracer) -> "Sampler":
+        """A sampler of the light of another tracer, at the same points and along the same paths.
+
+        A sample takes further layers by the noise of that light. The points are drawn by this sampler, which must be
+        prepared.
+        """
+        other = copy(self)
+        vars(other).pop("known_light", None)
+        other._tracer, other._drawn_by, other._known_samples = tracer, self, None
+        other._known = self._known and Known(self._known.sampler.lit_by(tracer), self._known.layers)
         return other
 
     def prepare(self, advance: Callable[..., None]) -> None:
@@ -161,21 +174,36 @@ class Sampler:
         without a finite path in each half are left out. `advance(paths)` is called with a total of
         `path_count(layers)`.
         """
-        return self._chunks("surface", layers, advance, lambda rng: self._seen.surface(CHUNK, rng, self._shares))
+        return self._chunks("surface", layers, advance)
 
     def free(self, layers: list[int], advance: Callable[..., None]) -> SurfaceSamples:
         """The same in the free space in front of the cameras, with normals uniform over all directions."""
-        return self._chunks("free", layers, advance, lambda rng: self._seen.free(CHUNK, rng))
+        return self._chunks("free", layers, advance)
 
-    def _chunks(self, stage: str, layers: list[int], advance, draw) -> SurfaceSamples:
-        return joined([self._chunk(stage, chunk, count, advance, draw) for chunk, count in enumerate(layers)])
+    def _chunks(self, stage: str, layers: list[int], advance) -> SurfaceSamples:
+        return joined([self._chunk(stage, chunk, count, advance) for chunk, count in enumerate(layers)])
 
-    def _chunk(self, stage: str, chunk: int, layers: int, advance, draw) -> SurfaceSamples:
-        seed = self._seed, chunk, int(stage == "free")
+    def _points(self, stage: str, chunk: int) -> tuple[str, "_Points"]:
+        """The points of a chunk, and their key."""
+        if self._drawn_by:
+            return self._drawn_by._points(stage, chunk)
+        seed = self._chunk_seed(stage, chunk)
         drawn_by = self._paths["known"] if stage == "surface" else None
         key = self._tracer.key(stage, __name__, views=self._seen.digest, seed=seed, drawn_by=drawn_by)
-        rng = np.random.default_rng(np.random.SeedSequence(seed))
-        points, _ = self._tracer.once(key, _Points, lambda: _Points(*draw(rng)))
+
+        def draw() -> _Points:
+            rng = np.random.default_rng(np.random.SeedSequence(seed))
+            surface = stage == "surface"
+            return _Points(*(self._seen.surface(CHUNK, rng, self._shares) if surface else self._seen.free(CHUNK, rng)))
+
+        return key, self._tracer.once(key, _Points, draw)[0]
+
+    def _chunk_seed(self, stage: str, chunk: int) -> tuple[int, int, int]:
+        return self._seed, chunk, int(stage == "free")
+
+    def _chunk(self, stage: str, chunk: int, layers: int, advance) -> SurfaceSamples:
+        seed = self._chunk_seed(stage, chunk)
+        key, points = self._points(stage, chunk)
         traced: list[_Layer] = []
         done = np.zeros(len(points.position), np.uint32)
         for layer in range(layers):
@@ -220,7 +248,8 @@ class Sampler:
                 "views": sampler._seen.digest,
                 "layers": self._known.layers,
             }
-        return {"sampling": self._sampling, "known": known}
+        drawn_by = self._drawn_by and self._drawn_by._tracer.scene_digest
+        return {"sampling": self._sampling, "known": known, "drawn_by": drawn_by}
 
     @cached_property
     def _shares(self) -> np.ndarray:

@@ -39,8 +39,13 @@ class TracedView:
 class CachedTracer:
     """Traces the light of `scene`, each task once. Mitsuba starts at the first task that is not in `cache`."""
 
-    def __init__(self, scene: Scene, cache: Cache):
-        self.scene, self.cache = scene, cache
+    def __init__(self, scene: Scene, cache: Cache, whole: "CachedTracer | None" = None):
+        """`whole` traces the same scene with more lights; both share the surfaces."""
+        self.scene, self.cache, self._whole = scene, cache, whole
+
+    def lit_by(self, scene: Scene) -> "CachedTracer":
+        """A tracer of B in `scene`, which is this one's with fewer lights."""
+        return CachedTracer(scene, self.cache, self)
 
     def at_points(
         self, position, normal, sampling: Sampling, seed: int, advance=None, known: IrradianceCache | None = None
@@ -122,4 +127,4 @@ class CachedTracer:
     @cached_property
     def tracer(self) -> Tracer:
         """The tracer, made when it is first needed."""
-        return Tracer(self.scene)
+        return self._whole.tracer.lit_by(self.scene) if self._whole else Tracer(self.scene)

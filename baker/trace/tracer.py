@@ -5,6 +5,7 @@ reaches x directly from a punctual light. B contains all light from emissive sur
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -106,7 +107,7 @@ class Tracer:
         from .overlaps import apart
         from .shading import Shading
 
-        scene = lambertian(scene)
+        self._scene = scene = lambertian(scene)
         surfaces, moved = apart(tabulate(scene))
         self.corners = surfaces.position, surfaces.triangle
         count = self.opaque_count = surfaces.opaque
@@ -117,6 +118,19 @@ class Tracer:
         self.lights = PunctualLights(scene.lights, *scene.bounds())
         self.emitters = Emitters(scene, surfaces)
         self.environment = None if scene.environment is None else EnvironmentLight(scene.environment)
+
+    def lit_by(self, scene: Scene) -> "Tracer":
+        """A tracer of B in `scene`, which is this one's with fewer lights. Both share the surfaces."""
+        from .emitters import Emitters
+        from .environment_light import EnvironmentLight
+        from .overlaps import apart
+
+        other = copy(self)
+        vars(other).pop("cells", None)
+        other.lights = PunctualLights(scene.lights, *scene.bounds())
+        other.environment = None if scene.environment is None else EnvironmentLight(scene.environment)
+        other.emitters = Emitters(scene, apart(tabulate(self._scene))[0])
+        return other
 
     @cached_property
     def cells(self) -> "FoundCell | None":

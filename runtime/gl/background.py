@@ -10,22 +10,28 @@ from gsgi.runtime.scene import Environment
 from .fullscreen import FullScreenPass
 from .gbuffer import GBuffer
 from .geometry import texture_size
+from .permutations import defines
 from .view import View
 
 
 class Background:
     """Pass that writes the environment's radiance, clamped to what a half can hold, to the G-buffer's emission.
 
-    Raises UnsupportedError for an environment that the driver cannot hold.
+    `dimmable`: whether dim() will be called. Raises UnsupportedError for an environment that the driver cannot hold.
     """
 
-    def __init__(self, ctx: moderngl.Context, gbuffer: GBuffer, environment: Environment):
+    def __init__(self, ctx: moderngl.Context, gbuffer: GBuffer, environment: Environment, dimmable: bool = False):
         self.ctx, self.gbuffer = ctx, gbuffer
         radiance = np.minimum(environment.radiance, np.float32(constants.HALF_MAX)).astype(np.float16)
         self._texture = ctx.texture(texture_size(ctx, radiance), 3, radiance, dtype="f2")
         self._target = ctx.framebuffer(gbuffer.emission)
-        self._pass = FullScreenPass(ctx, "frame/background", ("depth", "environment"))
-        self._pass.set(rotation=float(environment.rotation % (2 * np.pi)))
+        samplers, features = ("depth", "environment"), defines("frame/background", dimmable)
+        self._pass = FullScreenPass(ctx, "frame/background", samplers, **features)
+        self._pass.set(rotation=float(environment.rotation % (2 * np.pi)), factor=np.ones(3))
+
+    def dim(self, factor: tuple[float, float, float]) -> None:
+        """Multiply the radiance by `factor`."""
+        self._pass.set(factor=factor)
 
     def draw(self, camera: Camera) -> None:
         """Fill the pixels in which the G-buffer has no surface."""

@@ -20,6 +20,12 @@ class GaussianTextures:
         self.sh = _data_texture(ctx, _sh_texels(gaussians))
         self.slope = _data_texture(ctx, _slope_texels(gaussians)) if gaussians.sloped else None
 
+    def recolour(self, gaussians: Gaussians) -> None:
+        """Upload other coefficients and slopes of the same Gaussians."""
+        for texture, texels in ((self.sh, _sh_texels(gaussians)), (self.slope, _slope_texels(gaussians))):
+            if texture is not None:
+                texture.write(data_rows(texels.reshape(-1, 4)))
+
     def release(self) -> None:
         """Free the GPU memory."""
         for texture in (self.shape, self.sh, self.slope):
@@ -42,7 +48,7 @@ def _sh_texels(gaussians: Gaussians) -> np.ndarray:
 
 def _slope_texels(gaussians: Gaussians) -> np.ndarray:
     """(N, 1, 4) float32: both slopes, padded with 0."""
-    return np.pad(gaussians.slope, ((0, 0), (0, 2)))[:, None]
+    return np.pad(gaussians.slope, ((0, 0), (0, 4 - gaussians.slope.shape[1])))[:, None]
 
 
 def _data_texture(ctx: moderngl.Context, texels: np.ndarray) -> moderngl.Texture:

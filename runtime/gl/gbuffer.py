@@ -81,7 +81,7 @@ class GBuffer:
         return {
             "base_color": material.base_color,
             "metallic": material.metallic,
-            "emission": material.emission,
+            "emission": self.geometry.emission(material),
             "alpha_cutoff": 0.0 if material.alpha_cutoff is None else material.alpha_cutoff,
             "normal_scale": material.normal_scale,
             **self.geometry.bind(material, "base", "metallic", "normal", "emission"),

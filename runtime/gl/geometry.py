@@ -7,6 +7,7 @@ import moderngl
 import numpy as np
 
 from gsgi.runtime.errors import UnsupportedError
+from gsgi.runtime.light_groups import Factors
 from gsgi.runtime.scene import Material, Mesh, Scene, Texture
 
 from .permutations import Triangles, sampled
@@ -53,6 +54,16 @@ class Geometry:
         used = {(slot.texture, name in _SRGB_SLOTS) for b in self.batches for name, slot in sampled(b.material).items()}
         self._textures = {(i, srgb): _upload(ctx, scene.textures[i], srgb) for i, srgb in sorted(used)}
         self._mirror = {i: [float(wrap == "mirror") for wrap in scene.textures[i].wrap] for i, _ in used}
+        self._factors: Factors = {}
+
+    def dim(self, factors: Factors) -> None:
+        """Multiply the emission of materials by factors, by the names of materials."""
+        self._factors = factors
+
+    def emission(self, material: Material) -> tuple[float, float, float]:
+        """The radiance that a material emits, beside its texture."""
+        factor = self._factors.get(material.name)
+        return material.emission if factor is None else tuple(np.multiply(factor, material.emission))
 
     def bind(self, material: Material, *names: str) -> dict:
         """Bind the textures of those slots in `names` that the material uses, to units 0, 1, ...

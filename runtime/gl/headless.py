@@ -10,6 +10,7 @@ from gsgi.runtime.camera import Camera
 from gsgi.runtime.errors import GsgiError
 from gsgi.runtime.gaussians import Bake
 from gsgi.runtime.layers import LAYERS
+from gsgi.runtime.light_groups import Weights
 from gsgi.runtime.scene import Scene
 
 from .context import create_context, renderer_string
@@ -29,12 +30,15 @@ def draw(
     device: int | None = None,
     say: Callable[[str], None] | None = None,
     layers: Sequence[str] = LAYERS,
+    weights: Weights | None = None,
 ) -> dict:
     """Draw one deferred frame; return `layers` by name: (H, W, 3) float32, depth (H, W).
 
-    `say` is called with a line that names the OpenGL driver.
+    `weights` are those of the bake's light groups. `say` is called with a line that names the OpenGL driver.
     """
     with _renderer(scene, baked, width, height, backend, device, say) as renderer:
+        if weights:
+            renderer.weights = weights
         renderer.render(camera)
         return {layer: renderer.read(layer) for layer in layers}
 

@@ -2,12 +2,14 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from types import MappingProxyType
 from weakref import WeakKeyDictionary
 
 import moderngl
 import numpy as np
 
 from gsgi.runtime.gaussians import Bake, OverBlend
+from gsgi.runtime.light_groups import Factors, Weights, factors_of, weighted
 from gsgi.runtime.rebase import local_bake, origin_of_bake
 
 from .fullscreen import FullScreenPass
@@ -58,7 +60,8 @@ class IndirectLight:
             raise ValueError(f"splat_scale: {splat_scale!r} is none of {', '.join(map(str, SCALES))}")
         self.ctx, self.encoding, self._keep_state = ctx, encoding, keep_state
         self._origin = origin_of_bake(bake)
-        bake = local_bake(bake, self._origin)
+        self._bake = bake = local_bake(bake, self._origin)
+        self._weights: Factors = factors_of(bake, {})
         self._state: HostState | None = HostState(ctx)  # None after release()
         self._formats: WeakKeyDictionary[moderngl.Texture, Format] = WeakKeyDictionary()
         self._corner, self._size, self._view = (0, 0), None, None  # of the last draw()
@@ -71,6 +74,28 @@ class IndirectLight:
                 self._splats = SurfaceSplats(ctx, bake, int(splat_scale), encoding, local_box)
             features = defines("surface/add_light", encoding)
             self._add_light = FullScreenPass(ctx, "surface/add_light", ("albedo", "indirect"), **features)
+
+    @property
+    def weights(self) -> Factors:
+        """The weight of each of the file's light groups, three factors on its light; none for a file without groups.
+
+            light.weights = {"lamps": 0.2, "sun": (1, 0.9, 0.8)}
+
+        sets weights from the next draw() on: a number, or three, linear Rec.709, and 1 for each group that is left out.
+        "base" are the lights that are in no other group. Other weights take a sum over the groups and an upload; to
+        draw then takes as long as before. Setting raises ValueError, which lists the known groups, for an unknown one,
+        and for weights below 0 or above 1e15.
+        """
+        return MappingProxyType(self._weights)
+
+    @weights.setter
+    def weights(self, weights: Weights) -> None:
+        self._check_not_released()
+        factors = factors_of(self._bake, weights)
+        if factors != self._weights:
+            with self._drawing():
+                self._splats.recolour(weighted(self._bake, factors))
+            self._weights = factors
 
     def draw(
         self, depth: moderngl.Texture, normal: moderngl.Texture,

@@ -1,6 +1,7 @@
 """B at any point, for shaders of a host that have no G-buffer: textures for glsl/surface/gsgi_indirect.glsl."""
 
 import re
+from types import MappingProxyType
 
 import moderngl
 import numpy as np
@@ -9,10 +10,11 @@ from gsgi.runtime.cell_lists import CellLists, cell_lists, rotation_matrices
 from gsgi.runtime.constants import HALF_MAX, SH_C0
 from gsgi.runtime.errors import UnsupportedError
 from gsgi.runtime.gaussians import Bake, Gaussians
+from gsgi.runtime.light_groups import Factors, Weights, factors_of, weighted
 from gsgi.runtime.rebase import local_bake, origin_of_bake
 from gsgi.runtime.sampling import check_operator
 
-from .gaussian_textures import DATA_WIDTH, data_texture
+from .gaussian_textures import DATA_WIDTH, data_rows, data_texture
 from .gl_state import HostState
 from .permutations import lookup_defines
 from .shader import set_uniforms, source
@@ -44,10 +46,27 @@ class IndirectLookup:
         gaussians, cells, lists = map(len, tables)
         if max(gaussians, cells) > EXACT or max(gaussians, cells, lists) > limit * DATA_WIDTH:
             raise UnsupportedError(f"{len(bake.gaussians)} Gaussians: too many for a look-up in this driver's textures")
+        self._bake, self._texels, self._weights = bake, tables[0], factors_of(bake, {})
         state = HostState(ctx)
         with state.kept():
             self.gaussians, self.cells, self.lists = (data_texture(ctx, table) for table in tables)
         state.release()
+
+    @property
+    def weights(self) -> Factors:
+        """The weight of each of the file's light groups, to read and to set as that of IndirectLight."""
+        return MappingProxyType(self._weights)
+
+    @weights.setter
+    def weights(self, weights: Weights) -> None:
+        factors = factors_of(self._bake, weights)
+        if factors == self._weights:
+            return
+        state = HostState(self.ctx)
+        with state.kept():
+            self.gaussians.write(data_rows(recoloured(self._texels, weighted(self._bake, factors))))
+        state.release()
+        self._weights = factors
 
     def bind(self, program: moderngl.Program, unit: int = 0) -> None:
         """Bind the three textures to the units from `unit` on, and tell `program`, which contains `source`."""
@@ -108,6 +127,16 @@ def lookup_tables(bake: Bake) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     )
 
 
+def recoloured(texels: np.ndarray, bake: Bake) -> np.ndarray:
+    """The first of the `lookup_tables` with the light of another bake of the same shapes."""
+    result, first = texels.copy(), HEADER_TEXELS
+    for level in (bake.gaussians, bake.coarse):
+        rows = result[first : first + len(level) * (3 + level.sh.shape[1])].reshape(len(level), -1, 4)
+        _colour(rows, level)
+        first += len(level) * rows.shape[1]
+    return result
+
+
 def _gaussian_texels(level: Gaussians) -> np.ndarray:
     """(N (3 + K), 4) float32."""
     count, k = len(level), level.sh.shape[1]
@@ -116,10 +145,15 @@ def _gaussian_texels(level: Gaussians) -> np.ndarray:
     texels[:, 0, :3], texels[:, 0, 3] = level.position, np.minimum(level.opacity, 1)
     with np.errstate(divide="ignore"):  # what has no size is in no list
         texels[:, 1:3, :3], texels[:, 1, 3] = axes[:, :2] / level.scale[:, :2, None], 1 / level.scale[:, 2]
+    _colour(texels, level)
+    return texels.reshape(-1, 4)
+
+
+def _colour(texels: np.ndarray, level: Gaussians) -> None:
+    """Write the light of a level into its texels (N, 3 + K, 4)."""
     texels[:, 3:, :3] = np.clip(level.sh, -HALF_MAX / SH_C0, HALF_MAX / SH_C0)
     if level.sloped:
         texels[:, 2:4, 3] = np.clip(level.slope, -1, 1)
-    return texels.reshape(-1, 4)
 
 
 def _packed(grid: CellLists, first_node: int, first_place: int) -> tuple[np.ndarray, np.ndarray]:

@@ -113,7 +113,7 @@ _SURFACE = {
 # Defines of each pass. A function returns the value for what the pass draws or reads; a comment names its type.
 PASSES: dict[str, dict[str, Callable[[Any], int]]] = {
     "frame/gbuffer": _SURFACE,  # Triangles
-    "frame/background": {},  # created if there is an environment
+    "frame/background": {"DIMMABLE": lambda dimmable: dimmable},  # bool; created if there is an environment
     "frame/shadow": {  # Triangles
         "BASE_TEXTURE": lambda t: _masked(t) and "base" in sampled(t.material),
         "VERTEX_COLOR": lambda t: _masked(t) and t.colored,

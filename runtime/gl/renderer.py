@@ -9,6 +9,7 @@ from gsgi.runtime.camera import Camera
 from gsgi.runtime.errors import UnsupportedError
 from gsgi.runtime.gaussians import Bake, SurfaceBlend
 from gsgi.runtime.layers import LAYERS
+from gsgi.runtime.light_groups import Factors, Weights, dimmed, factors_of, group_of, names_of, patterns_of
 from gsgi.runtime.metals import as_baked, lambertian
 from gsgi.runtime.rebase import local_bake, local_camera, local_scene, origin_of
 from gsgi.runtime.scene import Scene
@@ -81,6 +82,25 @@ class DeferredRenderer:
         """
         self._check_in_use()
         self._next_splat_scale = _checked(splat_scale)
+
+    @property
+    def weights(self) -> Factors:
+        """The weight of each of the bake's light groups, to read and to set as that of IndirectLight.
+
+        It also multiplies the group's direct light: that of punctual lights, of emissive surfaces and of the
+        environment. Setting raises ValueError without a bake too.
+        """
+        return self.splats.weights if self.splats else {}
+
+    @weights.setter
+    def weights(self, weights: Weights) -> None:
+        self._check_in_use()
+        if not self.splats:
+            raise ValueError("weights: there is no bake whose light groups they could be of")
+        self.splats.weights = weights
+        if self._lookup:
+            self._lookup.weights = weights
+        self._dim()
 
     def render(self, camera: Camera, profile: Profile | None = None) -> None:
         """Draw one frame. A `profile`, which must belong to `ctx`, measures its passes."""
@@ -168,8 +188,10 @@ class DeferredRenderer:
 
     def _apply_splat_scale(self) -> None:
         if self.splats and self._splat_scale != self._next_splat_scale:
+            weights = self.splats.weights
             self.splats.release()
             self.splats = IndirectLight(self._ctx, self._bake, splat_scale=self._next_splat_scale)
+            self.splats.weights = weights
         self._splat_scale = self._next_splat_scale
 
     def _make_targets(self, size: tuple[int, int]) -> None:
@@ -179,7 +201,8 @@ class DeferredRenderer:
         self.gbuffer = GBuffer(ctx, self.geometry, size)
         self.background = self.primary = self.composite = self.blended = None
         if scene.environment is not None:
-            self.background = Background(ctx, self.gbuffer, scene.environment)
+            grouped = self._bake is not None and bool(self._bake.groups)
+            self.background = Background(ctx, self.gbuffer, scene.environment, grouped)
         if self.splats:
             self.composite = Composite(ctx, self.gbuffer)
         # Background and light passes write to the G-buffer's emission, which then holds primary light.
@@ -190,6 +213,21 @@ class DeferredRenderer:
             gbuffers = [self.gbuffer, *(self.blended.layers if self.blended else ())]
             self.primary = Primary(ctx, gbuffers, self.shadow, scene.lights)
         self._display = Display(ctx, self._final)
+        self._dim()
+
+    def _dim(self) -> None:
+        """Multiply all direct light by the weights of its groups."""
+        if not (self._bake and self._bake.groups):
+            return
+        scene, patterns, factors = self._scene, patterns_of(self._bake), factors_of(self._bake, self.weights)
+        if self.primary:
+            self.primary.lights = dimmed(scene, patterns, factors).lights
+        names = {material.name: factors[group_of(names_of(material), patterns)] for material in scene.materials}
+        for geometry in (self.geometry, self._blended_geometry):
+            if geometry:
+                geometry.dim(names)
+        if self.background:
+            self.background.dim(factors[group_of(names_of(scene.environment), patterns)])
 
     def _release_targets(self) -> None:
         for part in (self._display, self.background, self.primary, self.composite, self.blended, self.gbuffer):

@@ -114,6 +114,12 @@ class SurfaceSplats:
         )
         return Points(position[..., :3], plane[..., :3], fine[..., 3], texels[rows[:, None], columns])
 
+    def recolour(self, bake: Bake) -> None:
+        """Upload the light of a bake with the same shapes."""
+        self._fine.recolour(bake.gaussians)
+        if self._coarse:
+            self._coarse.recolour(bake.coarse)
+
     def release(self) -> None:
         """Free the GPU memory."""
         for resource in (self._points, self._fine, self._gap, self._coarse, self._fill, self._resolve, self.targets):
@@ -173,6 +179,10 @@ class _Level:
             texture.use(unit)
         self._outlines.render(moderngl.TRIANGLE_STRIP, vertices=OUTLINE_CORNERS, instances=len(index))
         return len(index)
+
+    def recolour(self, gaussians: Gaussians) -> None:
+        """Upload the light of Gaussians of the same shapes."""
+        self._data.recolour(gaussians)
 
     def release(self) -> None:
         """Free the GPU memory."""

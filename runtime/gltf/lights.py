@@ -46,6 +46,7 @@ def placed(document: Document, entry: Json, node: Node) -> Light | None:
         cos_inner=float(np.cos(inner)),
         cos_outer=max(float(np.cos(outer)), 0.0),
         name=node.json.get("name", "").string() or entry.get("name", "").string(),
+        entry=entry.get("name", "").string(),
     )
 
 

@@ -10,6 +10,7 @@ from gsgi.runtime.gl.permutations import Primitive, defines
 from gsgi.runtime.gl.shader import program, set_uniforms
 
 from . import lights, materials
+from .dimming import Dimming
 from .draws import Draw, wireframe
 from .flags import RenderFlags
 from .indirect import BakedLight, receives
@@ -34,8 +35,8 @@ class FrameLight:
 class Forward:
     """Draws primitives into the current framebuffer. Its programs are kept between frames."""
 
-    def __init__(self, ctx: moderngl.Context, primitives: Uploads, textures: Uploads):
-        self.ctx, self._primitives, self._textures = ctx, primitives, textures
+    def __init__(self, ctx: moderngl.Context, primitives: Uploads, textures: Uploads, dimming: Dimming):
+        self.ctx, self._primitives, self._textures, self._dimming = ctx, primitives, textures, dimming
         self._white = ctx.texture((1, 1), 4, b"\xff" * 4)
         self._silhouette = program(ctx, "pyrender/silhouette")
         self._programs: dict[tuple, moderngl.Program] = {}
@@ -51,7 +52,7 @@ class Forward:
         """Draw each primitive with its material: lit by `light`, or flat without it."""
         for item in items:
             primitive, material = item.primitive, item.primitive.material
-            uniforms = materials.bind(primitive, self._textures, self._white)
+            uniforms = materials.bind(primitive, self._textures, self._white, self._dimming)
             lit, lit_uniforms = self._lit(item, flags, light) if light else ({}, {})
             shader = self._program(materials.look(primitive, **lit))
             set_uniforms(shader, **frame, world_from_node=item.pose, **uniforms, **lit_uniforms)
@@ -82,7 +83,7 @@ class Forward:
         lit = {"lit": True, "lights": len(chosen), "shadows": any(shadows)}
         uniforms = {"ambient": light.ambient}
         if chosen:
-            uniforms |= lights.uniforms([light.placed[i] for i in chosen])
+            uniforms |= lights.uniforms([light.placed[i] for i in chosen], self._dimming)
         if any(shadows):
             light.maps.use(_MAPS_UNIT)
             each = [shadow or _NO_SHADOW for shadow in shadows]

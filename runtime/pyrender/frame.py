@@ -1,14 +1,17 @@
 """A frame of a pyrender scene, pass by pass."""
 
 from collections.abc import Mapping
+from types import MappingProxyType
 
 import moderngl
 import numpy as np
 
 from gsgi.runtime.errors import UnsupportedError
 from gsgi.runtime.gaussians import Bake, OverBlend
+from gsgi.runtime.light_groups import Factors, Weights, factors_of
 
 from . import lights, materials
+from .dimming import Dimming
 from .draws import Draw, bounds, draws, primitives
 from .flags import NORMALS, RenderFlags
 from .forward import Forward, FrameLight, camera_uniforms
@@ -23,11 +26,22 @@ class FrameRenderer:
     """Draws scenes in the context `ctx`, which must be current. Keeps on the GPU what the last scene needed."""
 
     def __init__(self, ctx: moderngl.Context, bake: Bake | None):
-        self.ctx, self._bake = ctx, bake
+        self.ctx, self._bake, self._dimming = ctx, bake, Dimming(bake)
         self._primitives = Uploads(ctx, UploadedPrimitive, primitive_sources)
         self._textures = Uploads(ctx, UploadedTexture, texture_sources)
-        self._forward = Forward(ctx, self._primitives, self._textures)
+        self._forward = Forward(ctx, self._primitives, self._textures, self._dimming)
         self._targets = self._shadow_maps = self._indirect = None
+
+    @property
+    def weights(self) -> Factors:
+        """The weight of each of the bake's light groups, to read and to set as that of IndirectLight."""
+        return MappingProxyType(self._dimming.factors)
+
+    @weights.setter
+    def weights(self, weights: Weights) -> None:
+        if self._bake is None:
+            raise ValueError("weights: there is no `gi` whose light groups they could be of")
+        self._dimming.factors = factors_of(self._bake, weights)
 
     def render(self, scene, flags: int, size: tuple[int, int], point_size: float, colors: Mapping) -> Lens:
         """Draw a frame of `size` px; return the lens. `colors` maps a node to (3,) in [0, 1], for RenderFlags.SEG.
@@ -94,6 +108,7 @@ class FrameRenderer:
             if lens.orthographic and isinstance(self._bake.blend, OverBlend):
                 raise UnsupportedError("an OrthographicCamera needs a bake of the `surface` operator")
             self._indirect = self._indirect or BakedLight(self.ctx, self._bake)
+            self._indirect.weights = self.weights
             self._indirect.draw(lens, items, self._primitives, flags)
         return FrameLight(
             scene.ambient_light, placed, [maps.get(id(light)) for light in placed],

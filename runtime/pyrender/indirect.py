@@ -7,6 +7,7 @@ from gsgi.runtime.gl.indirect_light import IndirectLight
 from gsgi.runtime.gl.indirect_lookup import IndirectLookup
 from gsgi.runtime.gl.permutations import Primitive, defines
 from gsgi.runtime.gl.shader import program, set_uniforms
+from gsgi.runtime.light_groups import Weights
 
 from .draws import TRIANGLES, Draw, wireframe
 from .flags import RenderFlags
@@ -77,11 +78,13 @@ class BakedLight:
     """B of `bake` in the texture `light` (rgb), and the `depth` (m) of the lit surfaces; both of the image's size.
 
     They hold opaque surfaces. Blended ones read B by `lookup`. `black_metal`: whether metals have no B in it.
+    `weights` are those of the bake's light groups.
     """
 
     def __init__(self, ctx: moderngl.Context, bake: Bake):
         self._pass, self._surfaces = IndirectLight(ctx, bake, splat_scale=1), VisibleSurfaces(ctx)
         self.black_metal = Effects.METAL not in bake.effects
+        self.weights: Weights = {}
         self._bake, self._lookup = bake, None
 
     @property
@@ -99,11 +102,14 @@ class BakedLight:
         """Made when a surface first asks for it; None with the `over` operator."""
         if self._lookup is None and isinstance(self._bake.blend, SurfaceBlend):
             self._lookup = IndirectLookup(self._pass.ctx, self._bake)
+        if self._lookup:
+            self._lookup.weights = self.weights
         return self._lookup
 
     def draw(self, lens: Lens, items: list[Draw], uploads: Uploads, flags: int) -> None:
         """Fill both textures."""
         self._surfaces.draw(lens, items, uploads, flags)
+        self._pass.weights = self.weights
         self._pass.draw_view(lens.view(), self._surfaces.depth, self._surfaces.interpolated)
 
     def release(self) -> None:

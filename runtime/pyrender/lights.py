@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .dimming import Dimming
 from .flags import RenderFlags
 
 MOST = 4  # lights of each kind per mesh
@@ -16,6 +17,7 @@ class PlacedLight(NamedTuple):
     kind: str
     light: object
     pose: np.ndarray
+    names: tuple[str, ...]  # of the node and of the light, where they have some
 
     @property
     def direction(self) -> np.ndarray:
@@ -30,7 +32,11 @@ def lights(scene) -> list[PlacedLight]:
         "spot": scene.spot_light_nodes,
         "directional": scene.directional_light_nodes,
     }
-    return [PlacedLight(kind, node.light, scene.get_pose(node)) for kind, nodes in kinds.items() for node in nodes]
+    return [
+        PlacedLight(kind, node.light, scene.get_pose(node), tuple(n for n in (node.name, node.light.name) if n))
+        for kind, nodes in kinds.items()
+        for node in nodes
+    ]
 
 
 def casts_shadows(light: PlacedLight, flags: int) -> bool:
@@ -54,12 +60,14 @@ def nearest(placed: list[PlacedLight], position: np.ndarray) -> list[int]:
     return chosen
 
 
-def uniforms(placed: list[PlacedLight]) -> dict:
-    """Uniforms `light_*` of one or more lights."""
+def uniforms(placed: list[PlacedLight], dimming: Dimming) -> dict:
+    """Uniforms `light_*` of one or more lights under the weights of their groups."""
     return {
         "light_place": [light.pose[:3, 3] if light.kind != "directional" else -light.direction for light in placed],
         "light_near": [light.kind != "directional" for light in placed],
-        "light_color": [np.multiply(light.light.color, light.light.intensity) for light in placed],
+        "light_color": [
+            np.multiply(light.light.color, light.light.intensity) * dimming.factor(light.names) for light in placed
+        ],
         "light_direction": [light.direction for light in placed],
         "light_cone": [_cone(light) for light in placed],
     }

@@ -3,10 +3,12 @@
 from collections.abc import Iterator
 
 import moderngl
+import numpy as np
 
 from gsgi.runtime.errors import UnsupportedError
 from gsgi.runtime.gl.permutations import Primitive
 
+from .dimming import Dimming
 from .uploads import Uploads
 
 # Samplers of forward.frag and their fields of a MetallicRoughnessMaterial, in the order of texture units.
@@ -49,14 +51,15 @@ def look(primitive, **light) -> Primitive:
     return Primitive(slots, primitive.normals is not None, primitive.color_0 is not None, **light)
 
 
-def bind(primitive, uploads: Uploads, white: moderngl.Texture) -> dict:
+def bind(primitive, uploads: Uploads, white: moderngl.Texture, dimming: Dimming) -> dict:
     """Bind a texture for each slot to units 0 to 4, `white` for empty slots; return the material's uniforms."""
     material = primitive.material
+    factor = dimming.factor([material.name] if material.name else [])
     uniforms = {
         "base_color": material.baseColorFactor,
         "metallic": material.metallicFactor,
         "roughness": material.roughnessFactor,
-        "emission": material.emissiveFactor,
+        "emission": np.multiply(material.emissiveFactor, np.sqrt(factor)),  # the shader applies it twice
     }
     for unit, name in enumerate(SLOTS):
         texture = texture_of(primitive, name)

@@ -8,6 +8,7 @@ import numpy as np
 from gsgi.runtime.file.reader import read_bake
 from gsgi.runtime.gaussians import Bake
 from gsgi.runtime.gl.context import create_context
+from gsgi.runtime.light_groups import Factors, Weights
 
 from .flags import RenderFlags
 from .frame import FrameRenderer
@@ -57,6 +58,22 @@ class OffscreenRenderer:
     @point_size.setter
     def point_size(self, value: float) -> None:
         self._point_size = float(value)
+
+    @property
+    def weights(self) -> Factors:
+        """The weight of each light group of `gi`, three factors on its light; none without groups.
+
+            renderer.weights = {"lamps": 0.2, "sun": (1, 0.9, 0.8)}
+
+        sets weights for the next images: a number, or three, and 1 for each group that is left out. It dims the lights
+        and materials of the scene whose names are those in the bake, and their indirect light. Setting raises
+        ValueError without `gi`, for an unknown group, and for weights below 0 or above 1e15.
+        """
+        return self._frame.weights
+
+    @weights.setter
+    def weights(self, weights: Weights) -> None:
+        self._frame.weights = weights
 
     def render(
         self, scene, flags: int = RenderFlags.NONE, seg_node_map: dict | None = None

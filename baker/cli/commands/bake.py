@@ -15,6 +15,7 @@ def add(commands) -> None:
         "Trace the indirect light of a glTF scene and fit Gaussians to it.",
         "  gsgi bake room.glb -o room.gsgi\n"
         "  gsgi bake room.glb -o room.gsgi --sun 140,35 --env sky.hdr           # light that is not in the file\n"
+        "  gsgi bake room.glb -o room.gsgi --group lamps=lamp* --group sky=environment  # to dim in each frame\n"
         "  gsgi bake room.glb -o room.gsgi --quality high                       # more accurate, larger, slower\n"
         "  gsgi bake room.glb -o room.gsgi --target-loss 0.01                   # the smallest file with this loss\n"
         "  gsgi bake room.glb -o room.gsgi --target-bytes 100000                # the best file of this size\n"
@@ -25,6 +26,7 @@ def add(commands) -> None:
     )
     shared.add_scene(parser)
     shared.add_light(parser)
+    shared.add_groups(parser)
     parser.add_argument("-o", "--output", metavar="FILE", required=True, help="the .gsgi file to write")
     _add_build(parser)
     shared.add_settings(parser)

@@ -19,6 +19,7 @@ def add(commands) -> None:
     )
     shared.add_scene(parser)
     shared.add_light(parser)
+    shared.add_groups(parser)
     shared.add_settings(parser)
     shared.add_cache(parser)
     shared.add_verbosity(parser)

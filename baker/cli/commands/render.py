@@ -15,11 +15,13 @@ def add(commands) -> None:
         "  gsgi render room.glb --gi room.gsgi -o room.png\n"
         "  gsgi render room.glb --gi room.gsgi -o b.exr --layer indirect --camera kitchen --size 1280x720\n"
         "  gsgi render room.glb --gi room.gsgi -o room.png --eye 0,1.6,3 --target 0,1,0 --fov 50\n"
+        "  gsgi render room.glb --gi room.gsgi -o room.png --weight lamps=0.2 --weight sky=1,0.8,0.6\n"
         "  gsgi render room.glb --gi room.gsgi -o room.png --profile",
     )
     shared.add_scene(parser)
     shared.add_light(parser)
     shared.add_gi(parser)
+    shared.add_weights(parser)
     shared.add_picture(parser)
     parser.add_argument("--backend", choices=("egl", "osmesa", "system", "auto"), default="auto",
                         help="OpenGL without a window; system: WGL, CGL, or GLX, as for windows; auto uses WGL on "
@@ -33,7 +35,7 @@ def add(commands) -> None:
 def run(options: argparse.Namespace) -> None:
     """Draw and write the layer."""
     from gsgi.baker.cli.console import Console
-    from gsgi.baker.cli.inputs import choose_camera, read_light, read_scene, wrote
+    from gsgi.baker.cli.inputs import choose_camera, read_light, read_scene, read_weights, wrote
     from gsgi.baker.evaluation.pictures import write_layer
     from gsgi.baker.memory import PER_DRAWN_PIXEL, check_picture
     from gsgi.baker.progress import Progress
@@ -54,11 +56,12 @@ def run(options: argparse.Namespace) -> None:
     with progress.stage("scene"):
         scene = read_scene(options, progress)
         baked = read_light(options, scene, progress)
+        weights = read_weights(options, baked)
         camera = choose_camera(scene, options)
     progress.say(memory)
     frame = scene, baked, camera, *options.size, options.backend, options.device
     with progress.stage("draw"):
-        layer = draw(*frame, progress.say, [options.layer])[options.layer]
+        layer = draw(*frame, progress.say, [options.layer], weights)[options.layer]
     write_layer(options.output, options.layer, layer, options.exposure)
     console.close(wrote(options, progress))
     if options.profile:

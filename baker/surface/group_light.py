@@ -1,0 +1,53 @@
+"""The light of a light group on Gaussians that were fitted to all light: other colours of the same shapes."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gsgi.baker.views.surface_points import Triangles
+from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
+
+from .coarse import RIDGE, coarse_optimiser
+from .occlusion import seen_light
+from .optimiser import SurfaceOptimiser
+from .samples import SurfaceSamples, joined
+
+# Iterations of the least squares, from black. Slopes are solved for along colours that are known, so the fine level
+# is solved twice.
+SOLVE_COARSE, SOLVE_FINE = 30, 10
+
+
+@dataclass(frozen=True)
+class GroupLight:
+    """The light of a group: sh (N, K, 3) and slope (N, 2) of the fine level, and coarse_sh (M, K, 3), all float32."""
+
+    sh: np.ndarray
+    slope: np.ndarray
+    coarse_sh: np.ndarray
+
+
+def group_light(
+    surface: SurfaceSamples,
+    free: SurfaceSamples,
+    some_free: SurfaceSamples,
+    gaussians: Gaussians,
+    coarse: Gaussians,
+    blend: SurfaceBlend,
+    triangles: Triangles,
+) -> GroupLight:
+    """Solve for the light of a group on the shapes of both levels, each as it was fitted itself.
+
+    The samples have the light of the group alone. Their importance follows its own level around them, so that a dim
+    group is as accurate where no other shines as a bright one.
+    """
+    coarse = coarse_optimiser(free, coarse, blend).solve(_black(coarse), SOLVE_COARSE, RIDGE)
+    samples = joined([surface, some_free])
+    optimiser = SurfaceOptimiser(samples, coarse, blend, seen_light(samples, triangles))
+    fine = _black(gaussians)
+    for _ in range(2):
+        fine = optimiser.solve(fine, SOLVE_FINE)
+    return GroupLight(fine.sh, fine.slope, coarse.sh)
+
+
+def _black(gaussians: Gaussians) -> Gaussians:
+    return replace(gaussians, sh=np.zeros_like(gaussians.sh), slope=np.zeros_like(gaussians.slope))
