@@ -115,7 +115,6 @@ def dimmed(scene: Scene, groups: Patterns, factors: Factors) -> Scene:
     def factor(source: Light | Material | Environment) -> np.ndarray:
         return np.array(factors[group_of(names_of(source), groups)])
 
-    lights = ((light, factor(light)) for light in scene.lights)
     environment = scene.environment
     if environment is not None:
         by = factor(environment)
@@ -123,12 +122,18 @@ def dimmed(scene: Scene, groups: Patterns, factors: Factors) -> Scene:
         environment = dataclasses.replace(environment, radiance=radiance) if by.any() else None
     return dataclasses.replace(
         scene,
-        lights=tuple(dataclasses.replace(light, color=light.color * by) for light, by in lights if by.any()),
+        lights=dimmed_lights(scene.lights, groups, factors),
         materials=tuple(
             dataclasses.replace(m, emission=tuple((np.array(m.emission) * factor(m)).tolist())) for m in scene.materials
         ),
         environment=environment,
     )
+
+
+def dimmed_lights(lights: Iterable[Light], groups: Patterns, factors: Factors) -> tuple[Light, ...]:
+    """Punctual lights, each multiplied by the factor of its group; those whose factor is 0 are left out."""
+    both = ((light, np.array(factors[group_of(names_of(light), groups)])) for light in lights)
+    return tuple(dataclasses.replace(light, color=light.color * by) for light, by in both if by.any())
 
 
 def group_names(bake: Bake) -> tuple[str, ...]:

@@ -1,12 +1,13 @@
 """Points, Gaussians and samples for the `surface` operator."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 
 from gsgi.baker.native import kernels
 from gsgi.baker.surface.samples import SurfaceSamples
-from gsgi.runtime.gaussians import Gaussians
+from gsgi.runtime.gaussians import Bake, Gaussians, LightGroup
 
 FIELDS = "position", "rotation", "scale", "opacity", "sh", "slope"
 KINDS = {np.float32: kernels.FieldFloat, np.float64: kernels.FieldDouble}
@@ -33,6 +34,22 @@ def gaussians(count: int, coefficients: int = 1, seed: int = 1, sloped: bool = F
         *([rng.uniform(-0.28, 0.28, (count, 2))] if sloped else []),
     )
     return Gaussians(*(array.astype(np.float32) for array in arrays))
+
+
+def grouped(bake: Bake, seed: int = 0) -> Bake:
+    """The bake with three light groups of random light on its Gaussians, which add up to more than its own."""
+    rng = np.random.default_rng(seed)
+    patterns = {"base": (), "lamps": ("lamp*",), "sky": ("environment",)}
+
+    def like(array: np.ndarray, low: float = 0.0) -> np.ndarray:
+        return rng.uniform(low, 1, array.shape).astype(np.float32)
+
+    groups = []
+    for name, of in patterns.items():
+        sh, coarse_sh = like(bake.gaussians.sh, -0.2), like(bake.coarse.sh, -0.2)
+        sh[:, 0], coarse_sh[:, 0] = abs(sh[:, 0]), abs(coarse_sh[:, 0])
+        groups.append(LightGroup(name, of, sh, 0.3 * like(bake.gaussians.slope, -1.0), coarse_sh))
+    return replace(bake, groups=tuple(groups))
 
 
 def of_type(given, dtype, **changes) -> SimpleNamespace:

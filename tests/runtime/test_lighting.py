@@ -24,9 +24,14 @@ sun = [135, 30.5]
 sun_irradiance = 20
 sun_color = [1, 0.9, 0.8]
 light_scale = 0.25
+group_each = true
+[groups]
+lamps = ["lamp*", "ceiling"]
+sky = ["environment"]
 """
 FLAGS = ["--env-rotation", "90", "--env-scale", "2.5", "--sun", "135,30.5", "--sun-irradiance", "20",
-         "--sun-color", "1,0.9,0.8", "--light-scale", "0.25"]  # fmt: skip
+         "--sun-color", "1,0.9,0.8", "--light-scale", "0.25", "--group-each", "--group", "lamps=lamp*",
+         "--group", "sky=environment", "--group", "lamps=ceiling"]  # fmt: skip
 
 
 def lamp() -> Light:
@@ -37,6 +42,7 @@ def parse(*flags: str) -> argparse.Namespace:
     parser = argparse.ArgumentParser(exit_on_error=False)
     options.add_scene(parser)
     options.add_light(parser)
+    options.add_groups(parser)
     return parser.parse_args([*map(str, flags)])
 
 

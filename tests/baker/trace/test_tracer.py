@@ -11,6 +11,7 @@ from repository import SCENES
 from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling, Tracer
 from gsgi.runtime.camera import look_at
 from gsgi.runtime.gltf.reader import read_gltf
+from gsgi.runtime.light_groups import lit_by
 from gsgi.runtime.scene import Environment, Light, Material, Scene, Texture, TextureSlot
 
 UP = np.array([[0, 1, 0]], np.float32)
@@ -388,3 +389,25 @@ def test_kernels_are_compiled_once_whatever_the_views_and_their_points():
     first = trace(16, 16)
     assert first
     assert not set().union(*(trace(*size) for size in ((1, 1), (7, 5), (150, 130)))) - first
+
+
+def test_lights_are_traced_apart_as_if_they_were_alone():
+    """Over the surfaces of the whole scene, with the random numbers of a tracer of their own."""
+    glow = Material("glow", (0.5, 0.5, 0.5, 1.0), emission=(2.0, 1.0, 0.5))
+    lamp = light("point", position=np.array([0.2, 0.5, 0.1]), name="lamp")
+    picture = Environment(np.random.default_rng(0).random((4, 8, 3), np.float32))
+    room = Scene(
+        (*scenes.box()[1:], scenes.floor(0.3, 0.5, 1)), (scenes.WHITE, glow), lights=(lamp,), environment=picture
+    )
+    room = replace(room, groups={"lamps": ("lamp",), "glow": ("glow",)})
+    whole = Tracer(room)
+    points = whole.surface(scenes.inside_camera(), 16, 16).points()
+    means = []
+    for name in ("base", "lamps", "glow"):
+        alone = lit_by(room, name)
+        lights = [tracer.indirect(*points, Sampling(256), seed=4) for tracer in (whole.lit_by(alone), Tracer(alone))]
+        np.testing.assert_array_equal(lights[0].mean, lights[1].mean)
+        means.append(lights[0].mean)
+    together = whole.indirect(*points, Sampling(256), seed=4).mean
+    assert all(mean.mean() > 0.01 * together.mean() for mean in means)
+    np.testing.assert_allclose(np.sum(means, axis=0).mean(), together.mean(), rtol=0.05)

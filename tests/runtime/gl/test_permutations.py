@@ -61,6 +61,7 @@ def of_degree(*degrees: int, sloped: bool = False) -> list:
 READINGS = [Reading(*each) for each in itertools.product(SCALES, encodings(), BOTH, BOTH)]
 SUBJECTS = {
     "frame/gbuffer": triangles(),
+    "frame/background": BOTH,
     "frame/shadow": triangles(),
     "frame/primary": lights(),
     "over/splat": of_degree(0, 1, 2, 3),

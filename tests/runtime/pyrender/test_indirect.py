@@ -7,6 +7,7 @@ import pytest
 from gsgi_files import constant, surface_example
 from pyrender_scenes import SIZE, blended, cameras, empty, from_behind, material, points, quad, solids, translation
 from scipy.ndimage import binary_erosion
+from surface_cases import grouped
 
 import gsgi
 from gsgi.runtime.camera import Camera
@@ -14,6 +15,7 @@ from gsgi.runtime.errors import UnsupportedError
 from gsgi.runtime.file import codec
 from gsgi.runtime.gaussians import Effects
 from gsgi.runtime.gl.renderer import DeferredRenderer
+from gsgi.runtime.light_groups import weighted
 from gsgi.runtime.pyrender import OffscreenRenderer, RenderFlags
 from gsgi.runtime.scene import Material, Mesh, Scene
 
@@ -24,11 +26,13 @@ B = np.array([0.2, 0.3, 0.4])
 
 @pytest.fixture
 def draw(gl):
-    """Draw a scene once: (scene, bake, flags) to colour."""
+    """Draw a scene once: (scene, bake, flags, weights) to colour."""
     renderers = []
 
-    def once(scene, bake=None, flags=RenderFlags.NONE):
+    def once(scene, bake=None, flags=RenderFlags.NONE, weights=None):
         renderers.append(OffscreenRenderer(*SIZE, gi=bake))
+        if weights:
+            renderers[-1].weights = weights
         return renderers[-1].render(scene, flags)[0]
 
     yield once
@@ -202,3 +206,40 @@ def test_a_shifted_image_centre_shifts_the_light(pyrender, draw):
         pictures.append(draw(scene, bake))
     assert pictures[0][5:, :-8].std() > 20
     assert_alike(pictures[0][5:, :-8], pictures[1][:-5, 8:])
+
+
+def test_weights_dim_lights_and_indirect_light(pyrender, draw):
+    """As if the lights, the emission and the bake had been darker."""
+    made = grouped(surface_example())
+    weights = {"lamps": 0.25, "sky": (1, 0.5, 2)}
+
+    def scene(factor: float = 1.0):
+        import pyrender
+
+        drawn = solids(ambient_light=np.zeros(3))
+        for node in drawn.light_nodes:
+            if isinstance(node.light, pyrender.PointLight):
+                node.name, node.light.intensity = "lamp 1", factor * node.light.intensity
+        glowing = drawn.get_nodes(name="ball").pop().mesh.primitives[0].material
+        glowing.name, glowing.emissiveFactor = "lamp 2", np.sqrt(factor) * np.array([0.5, 0.4, 0.3])
+        return drawn
+
+    expected = draw(scene(0.25), replace(weighted(made, weights), groups=()))
+    dimmed = draw(scene(), made, weights=weights)
+    assert_alike(dimmed, expected)
+    assert np.abs(dimmed.astype(int) - draw(scene(), made)).max() > 20
+    np.testing.assert_array_equal(draw(scene(), made), draw(scene(), replace(made, groups=())))
+
+
+def test_unknown_weights_are_named(pyrender):
+    renderer = OffscreenRenderer(*SIZE, gi=grouped(surface_example()))
+    with pytest.raises(
+        ValueError, match=r"^weights: the bake has no light group 'lamp': it has 'base', 'lamps', 'sky'"
+    ):
+        renderer.weights = {"lamp": 1}
+    assert renderer.weights["lamps"] == (1, 1, 1)
+    renderer.delete()
+    without = OffscreenRenderer(*SIZE)
+    with pytest.raises(ValueError, match=r"^weights: there is no `gi`"):
+        without.weights = {"lamps": 1}
+    without.delete()
