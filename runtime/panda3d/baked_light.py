@@ -1,6 +1,7 @@
 """The light of a bake in the frames of Panda3D's cameras."""
 
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 from direct.task.TaskManagerGlobal import taskMgr
@@ -20,12 +21,13 @@ from panda3d.core import (
 from gsgi.runtime.errors import UnsupportedError
 from gsgi.runtime.file.reader import read_bake
 from gsgi.runtime.gaussians import Bake, Effects
-from gsgi.runtime.gl.indirect_lookup import sh_counts
+from gsgi.runtime.gl.indirect_lookup import lookup_tables, recoloured, sh_counts
+from gsgi.runtime.light_groups import Factors, Weights, factors_of, weighted
 from gsgi.runtime.sampling import check_operator
 
 from .layer import Layer
 from .shaders import check_glsl, shader
-from .textures import lookup_textures
+from .textures import fill, lookup_textures
 
 _OVERRIDE = 1000  # priority above that of any shader of a node
 _BEFORE_DRAWING = 48  # sort of the task; igLoop, which draws, has 50
@@ -56,13 +58,32 @@ class BakedLight:
         self._adding = shader("add")
         self._state = ShaderAttrib.make(shader("light", sh_counts(bake)), _OVERRIDE)
         self._state = self._state.set_flag(ShaderAttrib.F_hardware_skinning, False)  # Panda3D moves vertices instead
-        inputs = lookup_textures(bake) | {"black_metal": float(Effects.METAL not in bake.effects)}
+        self._bake, self._weights = bake, factors_of(bake, {})
+        tables = lookup_tables(bake)
+        self._texels, textures = tables[0], lookup_textures(tables)
+        self._gaussians = textures["gsgi_gaussians"]
+        inputs = textures | {"black_metal": float(Effects.METAL not in bake.effects)}
         for name, value in inputs.items():
             self._state = self._state.set_shader_input(name, value, _OVERRIDE)
         white = Material()
         white.base_color = 1, 1, 1, 1
         self._white = RenderState.make(MaterialAttrib.make(white))  # of nodes without a material
         self._task = taskMgr.add(self._follow, "gsgi baked light", sort=_BEFORE_DRAWING)
+
+    @property
+    def weights(self) -> Factors:
+        """The weight of each of the bake's light groups, to read and to set as that of IndirectLight.
+
+        Lights of Panda3D that stand for a group are the host's to dim.
+        """
+        return MappingProxyType(self._weights)
+
+    @weights.setter
+    def weights(self, weights: Weights) -> None:
+        factors = factors_of(self._bake, weights)
+        if factors != self._weights:
+            fill(self._gaussians, recoloured(self._texels, weighted(self._bake, factors)))
+            self._weights = factors
 
     def attach(self, camera: NodePath) -> None:
         """Add the light to all that `camera` shows in linear colours, from the next frame on.

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 VIEWS = {"1": "final", "2": "primary", "3": "indirect", "4": "ellipsoids"}
+GROUPS = "56789"  # keys of the light groups, in the order of their names
 SCALES = 1, 2, 3, 4  # frame pixels per point at which Gaussians are read, along each axis
 EXPOSURE_STEP = 2 ** (1 / 3)  # a third of a stop
 
@@ -16,6 +17,7 @@ Q E           down, up
 Shift         faster
 mouse, drag   look around
 1 2 3 4       final image, primary light, indirect light B, Gaussians as ellipsoids
+5 6 7 8 9     the first five light groups of the bake, base first, off and on
 Up Down       exposure, a third of a stop
 M             exposure that `gsgi render` takes for this picture
 C             what each pass costs; waits for the GPU after each
@@ -30,11 +32,14 @@ Esc           quit"""
 class Controls:
     """State that the keys change. `exposure` 0 means that the next picture determines it.
 
-    `baked`: whether there is baked light to show; `scalable`: whether it can be read at a lower resolution.
+    `baked`: whether there is baked light to show; `scalable`: whether it can be read at a lower resolution; `groups`:
+    the names of its light groups, of which those in `off` are off.
     """
 
     baked: bool = True
     scalable: bool = True
+    groups: tuple[str, ...] = ()
+    off: set[str] = field(default_factory=set)
     exposure: float = 0.0
     view: str = "final"
     splat_scale: int = 1
@@ -53,6 +58,8 @@ class Controls:
             if not self.baked and VIEWS[key] in ("indirect", "ellipsoids"):
                 return "no baked light to show: gsgi view SCENE --gi FILE"
             self.view = VIEWS[key]
+        elif key in GROUPS:
+            return self._switch(GROUPS.index(key))
         elif key in ("UP", "DOWN"):
             self.exposure *= EXPOSURE_STEP if key == "UP" else 1 / EXPOSURE_STEP
         elif key == "M":
@@ -78,6 +85,13 @@ class Controls:
         """Handle a key that goes up."""
         self.held.discard(key)
 
+    def _switch(self, index: int) -> str:
+        """Switch a light group off or on; return what it is now."""
+        if index >= len(self.groups):
+            return f"no light group {index + 1}: the bake has {len(self.groups)}"
+        self.off ^= {self.groups[index]}
+        return f"light group {self.groups[index]}: {'off' if self.groups[index] in self.off else 'on'}"
+
     @property
     def direction(self) -> tuple[int, int, int]:
         """Direction of flight from the held keys: right, up, back, each -1, 0 or 1."""
@@ -89,4 +103,18 @@ class Controls:
         return not self.held.isdisjoint(SHIFTS)
 
 
-KEYS = (*MOVES, *SHIFTS, *VIEWS, "UP", "DOWN", "M", "C", "R", "P", "F", "H", "ESCAPE")  # all keys that press() handles
+KEYS = (
+    *MOVES,
+    *SHIFTS,
+    *VIEWS,
+    *GROUPS,
+    "UP",
+    "DOWN",
+    "M",
+    "C",
+    "R",
+    "P",
+    "F",
+    "H",
+    "ESCAPE",
+)  # all keys that press() handles

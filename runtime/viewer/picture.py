@@ -1,5 +1,7 @@
 """The viewer's picture, in any context and framebuffer: one view of a frame, under an exposure."""
 
+from collections.abc import Collection
+
 import moderngl
 import numpy as np
 
@@ -18,7 +20,7 @@ class Picture:
     """Draws frames of `size` (width, height) px as `gsgi render` does. The views are those of controls.VIEWS."""
 
     def __init__(self, ctx: moderngl.Context, scene: Scene, bake: Bake | None, size: tuple[int, int]):
-        self.ctx, self.size, self.splat_scale = ctx, size, 1
+        self.ctx, self.size, self.splat_scale, self._off = ctx, size, 1, frozenset()
         self._bake, self._view = bake, "final"
         self._renderer = DeferredRenderer(ctx, scene, bake, *size)
         self._ellipsoids: Ellipsoids | None = None  # created when first needed
@@ -45,6 +47,12 @@ class Picture:
         if splat_scale != self.splat_scale:
             self._renderer.set_splat_scale(splat_scale)
             self.splat_scale = splat_scale
+
+    def switch_off(self, groups: Collection[str]) -> None:
+        """Draw without the light of these light groups, and with that of all others, from the next frame on."""
+        if self._off != frozenset(groups):
+            self._off = frozenset(groups)
+            self._renderer.weights = dict.fromkeys(self._off, 0.0)
 
     def render(self, camera: Camera, view: str, profile: Profile | None = None) -> None:
         """Draw the passes that `view` needs. A `profile`, which must belong to the context, measures them."""

@@ -8,6 +8,7 @@ from gsgi.runtime.display import auto_exposure, to_uint8, tone_map
 from gsgi.runtime.errors import FileError, UnsupportedError
 from gsgi.runtime.gaussians import Bake
 from gsgi.runtime.gl.profile import PassCost, Profile
+from gsgi.runtime.light_groups import group_names
 from gsgi.runtime.scene import Scene
 
 from .controls import HELP, KEYS, Controls
@@ -19,7 +20,7 @@ from .snapshot import write_snapshot
 
 COSTS_EVERY = 0.5  # s between updates of the figures
 LONGEST_STEP = 0.25  # s; a frame that took longer moves the camera no further
-_KEY_NAMES = {"1": "NUMBER_1", "2": "NUMBER_2", "3": "NUMBER_3", "4": "NUMBER_4"}  # in moderngl-window
+_KEY_NAMES = {digit: f"NUMBER_{digit}" for digit in "123456789"}  # in moderngl-window
 
 
 class Viewer:
@@ -39,7 +40,8 @@ class Viewer:
         self.fly = FlyCamera(camera, scene.diagonal())
         self.picture = Picture(self.window.ctx, scene, bake, self.window.buffer_size)
         self.overlay = Overlay(self.window.ctx)
-        self.controls = Controls(bake is not None, self.picture.scalable, exposure or 0.0)
+        groups = group_names(bake) if bake else ()
+        self.controls = Controls(bake is not None, self.picture.scalable, groups, exposure=exposure or 0.0)
         self._keys = {getattr(self.window.keys, _KEY_NAMES.get(key, key)): key for key in KEYS}
         self._costs: list[tuple[PassCost, ...]] | None = None
         self._table, self._shown = "", 0.0  # of costs, and the time (s) at which it was made
@@ -65,6 +67,7 @@ class Viewer:
         if picture.size != window.buffer_size and min(window.buffer_size) > 0:
             picture.resize(window.buffer_size)
         picture.set_splat_scale(controls.splat_scale)
+        picture.switch_off(controls.off)
         profile = Profile(window.ctx) if controls.costs else None
         picture.render(self.fly.camera, controls.view, profile)
         if not controls.exposure:

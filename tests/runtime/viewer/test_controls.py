@@ -81,3 +81,14 @@ def test_help_names_every_key():
     names = {word for line in HELP.splitlines() for word in line[:14].split()}
     spelled = {"UP": "Up", "DOWN": "Down", "LEFT_SHIFT": "Shift", "RIGHT_SHIFT": "Shift", "ESCAPE": "Esc"}
     assert {spelled.get(key, key) for key in KEYS} == names - {"mouse,", "drag"}
+
+
+def test_digits_switch_light_groups():
+    controls = Controls(groups=("base", "lamps"))
+    assert controls.press("6") == "light group lamps: off"
+    assert controls.off == {"lamps"}
+    assert controls.press("5") == "light group base: off"
+    assert controls.press("6") == "light group lamps: on"
+    assert controls.off == {"base"}
+    assert controls.press("7") == "no light group 3: the bake has 2"
+    assert Controls().press("5") == "no light group 1: the bake has 0"
