@@ -91,6 +91,7 @@ class BakeReport:
             ],
             "fine_coverage": None if attempt.coverage is None else round(attempt.coverage, 5),
             "history": [entry._asdict() for entry in attempt.history],
+            "light_groups": plan.groups,
             "bounces": settings.bounces,
             "views": len(plan.placement.fitted),
             "view_size": settings.size,

@@ -28,11 +28,11 @@ SETTINGS = {
 
 
 def small_bake(
-    scene: Scene, cameras: Sequence[Camera], operator: str = "surface", bounces: int = 64, seed: int = 0
+    scene: Scene, cameras: Sequence[Camera], operator: str = "surface", bounces: int = 64, seed: int = 0, **changes
 ) -> Bake:
-    """The bake of a scene, as it is read from its file."""
+    """The bake of a scene, as it is read from its file; `changes` are those of the settings."""
     settings = SETTINGS[operator]
-    settings = Settings(**(vars(settings) | {"bounces": bounces, "seed": seed, "error": 0.0}))
+    settings = Settings(**(vars(settings) | {"bounces": bounces, "seed": seed, "error": 0.0} | changes))
     tracer = CachedTracer(scene, Cache())
     seen = [surface.points() for surface in tracer.tracer.surfaces(cameras, 16, 16)]
     position, normal = (np.concatenate([points[k] for points in seen]) for k in (0, 1))

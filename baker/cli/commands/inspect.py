@@ -38,6 +38,7 @@ def _facts(baked, data: bytes) -> dict:
 
     from gsgi.runtime.file import codec
     from gsgi.runtime.gaussians import Effects
+    from gsgi.runtime.light_groups import group_names
 
     facts = {
         "version": codec.version(data),
@@ -50,6 +51,8 @@ def _facts(baked, data: bytes) -> dict:
         "scene": f"{baked.scene:016x}" if baked.scene else None,
         **_level(baked.gaussians),
     }
+    if baked.groups:
+        facts["light_groups"] = list(group_names(baked))
     if baked.coarse is not None:
         facts |= {f"coarse_{name}": value for name, value in _level(baked.coarse).items()}
     return facts
