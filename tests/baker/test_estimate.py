@@ -17,6 +17,8 @@ from gsgi.baker.progress import Progress
 from gsgi.baker.settings import OPERATORS, Settings
 from gsgi.baker.surface import budget, fits, samples
 from gsgi.baker.surface.budget import COARSE_SHARE, FREE_PER_GAUSSIAN
+from gsgi.baker.surface.fit import SOLVE_AGAIN
+from gsgi.baker.surface.group_light import SOLVE_FINE
 from gsgi.baker.trace.tracer import PASS_SAMPLES
 
 CHUNK = 1 << 10
@@ -106,3 +108,15 @@ def test_what_was_timed_for_one_bake_tells_of_others(closed):
     assert before["evaluation"] == 7 * (looks + len(held_out.scene_cameras(closed)))
     assert rates.seconds(closed, evaluate=False).keys() == before.keys() - {"references", "evaluation"}
     assert rates.seconds(closed, evaluate=False)["fit"] == pytest.approx(4 * steps)
+
+
+def test_light_groups_cost_their_paths_and_solutions(closed, traced):
+    plan = replace(closed, scene=replace(closed.scene, groups={"walls": ("wall",)}))
+    announced = Rates(closed, 1.0, 1.0, (0.0, 0.0, 0.0), 0.0, 0.0, 0.0).seconds(plan, evaluate=False)
+    report = job.run(plan, Progress(), lambda data, count: None, evaluate=False)
+    assert sum(traced) == sum(announced.values())
+    assert announced["light group walls"] == announced["known light"] + announced["irradiance"] > 0
+    assert "light group walls" in report.seconds
+    solved = Rates(closed, 0.0, 0.0, (9.0, 1.0, 0.0), 0.0, 0.0, 0.0).seconds(plan, evaluate=False)
+    assert solved["light group walls"] == fits.CHANGES * 2 * SOLVE_FINE / SOLVE_AGAIN
+    assert {row.what: row for row in decisions(plan)}["light groups"].why.startswith("walls: ")
