@@ -36,20 +36,22 @@ def write_room(file: Path) -> None:
         glb.material(name, color)
         for name, color in (("plaster", (0.75, 0.73, 0.7)), ("red", (0.6, 0.15, 0.1)), ("wood", (0.5, 0.32, 0.18)))
     )
-    x, z, height = (-2.2, 2.2), (-4.2, 0.2), 2.8  # walls are 20 cm thick
-    shell = wall(-2, z, height, 2, [window]) + reveal((-2.2, -2), window) + [level((-2.2, -2), window[:2], 0.9)]
-    shell += wall(0, x, height, -4, axis="z") + wall(2, z, height, -2) + [level(x, z, 2.6, down=True)]
-    outside = wall(-2.2, z, height, -9, [window]) + wall(0.2, x, height, 9, axis="z") + [level(x, z, height)]
-    glb.solid("shell", shell + outside, plaster)
-    glb.solid("red wall", wall(-4, x, height, 0, axis="z"), red)
-    glb.solid("floor", [level(x, z, 0)], wood)
+    x, z = (-2, 2), (-4, 0)
+    inside = wall(-2, z, 2.6, 2, [window]) + wall(0, x, 2.6, -4, axis="z") + wall(2, z, 2.6, -2)
+    inside += [level(x, z, 2.6, down=True), *reveal((-2.2, -2), window), level((-2.2, -2), window[:2], 0.9)]
+    x, z = (-2.2, 2.2), (-4.2, 0.2)  # walls are 20 cm thick
+    outside = [*wall(-2.2, z, 2.8, -9, [window]), level(x, z, 2.8)]
+    outside += wall(0.2, x, 2.8, 9, axis="z") + wall(-4.2, x, 2.8, -9, axis="z")
+    glb.solid("shell", inside + outside, plaster)
+    glb.solid("red wall", wall(-4, (-2, 2), 2.6, 0, axis="z"), red)
+    glb.solid("floor", [level((-2, 2), (-4, 0), 0)], wood)
     glb.solid("furniture", table(0.2, -2.6) + box((1.2, 0, -3.9), (1.95, 1.6, -3.2)), plaster)
     glb.light("lamp", (0.2, 1.5, -2.6), (0, 0, 0, 1), type="point", color=[1, 0.75, 0.5], intensity=1.5)
     glb.camera("corner", (1.7, 1.6, -0.2), (-0.7, 0.9, -2.8), 1.0)
     file.write_bytes(glb.encode())
 
 
-def main(folder: str | Path = OUT, quality: str = "draft") -> None:
+def main(folder: str | Path = OUT, settings: gsgi.Settings = gsgi.Settings(quality="draft")) -> None:  # noqa: B008
     """Write, bake once, draw each hour."""
     file = Path(folder, "room.glb")
     file.parent.mkdir(parents=True, exist_ok=True)
@@ -60,7 +62,7 @@ def main(folder: str | Path = OUT, quality: str = "draft") -> None:
         scene = replace(scene, lights=(*others, replace(sun, name=name)))
     groups = {name: (name,) for name in (*SUNS, "lamp")} | {"sky": ("environment",)}
     scene = replace(scene, groups=groups)
-    gsgi.bake(scene, file.with_suffix(".gsgi"), quality=quality, evaluate=False)
+    gsgi.bake(scene, file.with_suffix(".gsgi"), settings=settings, evaluate=False)
 
     context = gsgi.create_context()
     renderer = gsgi.DeferredRenderer(context, scene, gsgi.read_bake(file.with_suffix(".gsgi")), *SIZE)

@@ -1,0 +1,42 @@
+"""samples/10_light_groups.py: one bake, five hours."""
+
+import importlib.util
+
+import numpy as np
+import pytest
+from PIL import Image
+from repository import SAMPLES
+
+import gsgi
+from gsgi.baker.surface import budget, fits, samples
+
+SAMPLE = SAMPLES / "10_light_groups.py"
+TINY = gsgi.Settings(budget=100, views=2, size=24, samples=64, bounces=1, iterations=10)
+
+
+@pytest.fixture
+def sample(monkeypatch):
+    monkeypatch.syspath_prepend(str(SAMPLES))
+    spec = importlib.util.spec_from_file_location("light_groups_sample", SAMPLE)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_each_hour_has_its_light(sample, tmp_path, monkeypatch, gl):
+    monkeypatch.setenv("GSGI_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(budget, "SAMPLES_FEWEST", 1 << 12)
+    for module in (samples, fits):
+        monkeypatch.setattr(module, "CHUNK", 1 << 11)
+    sample.main(tmp_path, TINY)
+    strip = np.asarray(Image.open(tmp_path / "hours.png")).astype(float)
+    width, height = sample.SIZE
+    assert strip.shape == (height, len(sample.HOURS) * width, 3)
+    day, between, later, dusk, night = np.split(strip, len(sample.HOURS), axis=1)
+    window, wall = np.s_[60:90, 50:100], np.s_[60:120, 160:200]  # the sky, and the red wall
+    assert day[window].mean() > dusk[window].mean() > night[window].mean() > 10
+    assert (day[wall].mean(axis=(0, 1))[0] > 1.5 * day[wall].mean(axis=(0, 1))[2]).all()
+    assert (dusk.mean(axis=(0, 1)) / day.mean(axis=(0, 1)))[2] < (dusk.mean(axis=(0, 1)) / day.mean(axis=(0, 1)))[0]
+    floor = [one[160:235, 100:250].mean() for one in (day, between, later)]
+    assert floor[0] < floor[1] < floor[2]  # the sun comes nearer
+    assert night[wall].mean() > 20  # by the lamp
