@@ -15,6 +15,7 @@ from benches.frames import frames
 from benches.front import front
 from benches.host_state import host_state
 from benches.leak import leak
+from benches.light_groups import light_groups
 from benches.looks import looks
 from benches.lookup import lookup_lists, lookup_passes, lookup_points
 from benches.motion import motion
@@ -42,6 +43,7 @@ BENCHES = {
         *PASSES,
         triangles,
         leak,
+        light_groups,
         looks,
         format,
         front,
