@@ -10,7 +10,9 @@ from gsgi.runtime.gaussians import BASES, Bake, Effects, SurfaceBlend
 
 from .header import (
     GAUSSIAN_COUNT_MAX,
+    GROUP_TAG,
     HEADER,
+    LEVELS,
     MAGIC,
     OPERATOR_NAMES,
     OPERATORS,
@@ -24,6 +26,7 @@ from .header import (
     version,
 )
 from .levels import COARSE_STEPS, FINE_STEPS, OVER_STEPS, decode_level, encode_level
+from .light_groups import COARSE_BYTES, GROUP_BYTES, decode_groups, encode_group
 
 __all__ = ["OPERATOR_NAMES", "decode", "encode", "file_bytes", "version"]
 
@@ -34,16 +37,22 @@ LEVEL_BYTES, GAUSSIAN_BYTES, SLOPE_BYTES, SH_BYTES = 110, 12.0, 1.0, 1.6
 
 
 def file_bytes(
-    count: int, sh_degree: int, coarse_count: int = 0, coarse_sh_degree: int = 0, basis: str = "constant"
+    count: int,
+    sh_degree: int,
+    coarse_count: int = 0,
+    coarse_sh_degree: int = 0,
+    basis: str = "constant",
+    group_count: int = 0,
 ) -> int:
     """The bytes that a .gsgi file with so many Gaussians of that SH degree in its two levels hardly exceeds.
 
-    `basis`, one of BASES, is that of the fine level; the coarse one is "constant". How much less the file takes depends
+    `group_count` is that of its light groups. `basis`, one of BASES, is that of the fine level; the coarse one is "constant". How much less the file takes depends
     on its shapes and its light: for default bakes a tenth to a third.
     """
     fine = count * (GAUSSIAN_BYTES + SLOPE_BYTES * BASES.index(basis) + SH_BYTES * ((sh_degree + 1) ** 2 - 1))
     coarse = coarse_count * (GAUSSIAN_BYTES + SH_BYTES * ((coarse_sh_degree + 1) ** 2 - 1))
-    return HEADER.itemsize + LEVEL_BYTES * (1 + (coarse_count > 0)) + math.ceil(fine + coarse)
+    groups = group_count * (LEVEL_BYTES + math.ceil(count * GROUP_BYTES + coarse_count * COARSE_BYTES))
+    return HEADER.itemsize + LEVEL_BYTES * (1 + (coarse_count > 0)) + math.ceil(fine + coarse) + groups
 
 
 def encode(bake: Bake) -> bytes:
@@ -56,6 +65,7 @@ def encode(bake: Bake) -> bytes:
     assert (bake.coarse is not None) == isinstance(bake.blend, SurfaceBlend), (bake.coarse, bake.blend)
     count = len(bake.gaussians) + (len(bake.coarse) if bake.coarse is not None else 0)
     assert count <= GAUSSIAN_COUNT_MAX, count
+    assert bake.coarse is not None or not bake.groups, bake.groups
     assert 0 <= bake.bounces < 1 << 16, bake.bounces
     assert 0 <= bake.scene < 1 << 64, bake.scene
     header = np.zeros((), HEADER)
@@ -67,9 +77,14 @@ def encode(bake: Bake) -> bytes:
     header["tone_scale"], header["bounces"], header["scene"] = bake.tone_scale, bake.bounces, bake.scene
     surface = bake.coarse is not None
     steps = FINE_STEPS if surface else OVER_STEPS
-    body = section(TAGS["fine"], encode_level(bake.gaussians, header["fine"], steps, facing=surface))
+    content, order = encode_level(bake.gaussians, header["fine"], steps, facing=surface)
+    body, orders = section(TAGS["fine"], content), [order]
     if surface:
-        body += section(TAGS["coarse"], encode_level(bake.coarse, header["coarse"], COARSE_STEPS, facing=False))
+        content, order = encode_level(bake.coarse, header["coarse"], COARSE_STEPS, facing=False)
+        body += section(TAGS["coarse"], content)
+        orders.append(order)
+    for group in bake.groups:
+        body += section(GROUP_TAG, encode_group(group, bake, [header[level] for level in LEVELS], orders))
     check_counts(header, _assert)
     check_fields(header, _assert)
     header["crc32"] = checksum(header.tobytes() + body)
@@ -78,7 +93,7 @@ def encode(bake: Bake) -> bytes:
 
 def decode(data: bytes) -> Bake:
     """The bake in the bytes of a .gsgi file. Raises FormatError for what the encoder cannot have written."""
-    header, sections = read_header(data)
+    header, sections, groups = read_header(data)
     operator = OPERATORS[int(header["operator"])]
     levels = {name: decode_level(header[name], data, *where, name, _expect) for name, where in sections.items()}
     return Bake(
@@ -89,6 +104,7 @@ def decode(data: bytes) -> Bake:
         bounces=int(header["bounces"]),
         scene=int(header["scene"]),
         coarse=levels.get("coarse"),
+        groups=decode_groups(data, groups, [header[level] for level in LEVELS], _expect),
     )
 
 

@@ -90,17 +90,22 @@ def _dequantised(codes: Codes, level: np.ndarray) -> Gaussians:
     bits = angle_bits(codes.scale, level)
     turn = np.ldexp(codes.angle * np.pi, -bits)
     step = np.ldexp(np.float32(1), exponents(codes.scale, level))
-    dc = _sh_dc(codes.light, level)
-    rest = codes.sh.astype(np.float32) / np.float32(level["sh_steps"]) * dc.max(axis=1)[:, None, None]
-    sloped = codes.slope.shape[1] > 0
+    sh, slope = light_of(codes.light, codes.sh, codes.slope, level)
     return Gaussians(
         position=codes.position.astype(np.float32) * step[:, None],
         rotation=rotation_of(unpack_normal(codes.normal, int(level["normal_steps"])), turn).astype(np.float32),
         scale=powers(codes.scale, int(level["scale_steps"])).astype(np.float32),
         opacity=(codes.opacity.astype(np.float32) / np.float32(level["opacity_steps"])) ** 2,
-        sh=np.concatenate([dc[:, None], rest], axis=1),
-        slope=codes.slope.astype(np.float32) / np.float32(level["slope_steps"]) if sloped else None,
+        sh=sh,
+        slope=slope,
     )
+
+
+def light_of(light: np.ndarray, sh: np.ndarray, slope: np.ndarray, level: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """sh (N, K, 3) and slope (N, 0 or 2), float32, of the codes of these names."""
+    dc = _sh_dc(light, level)
+    rest = sh.astype(np.float32) / np.float32(level["sh_steps"]) * dc.max(axis=1)[:, None, None]
+    return np.concatenate([dc[:, None], rest], axis=1), slope.astype(np.float32) / np.float32(level["slope_steps"])
 
 
 def _shape_and_light(gaussians: Gaussians, level: np.ndarray, facing: bool) -> dict[str, np.ndarray]:

@@ -40,6 +40,9 @@ LEVELS = ("fine", "coarse")
 
 SECTION = np.dtype([("tag", "S4"), ("bytes", "<u4")])
 TAGS = {"fine": b"FINE", "coarse": b"COAR"}
+GROUP_TAG = b"GRUP"
+
+Span = tuple[int, int]  # the first byte of a section's content, and the one after the last
 
 OPERATORS = OverBlend, SurfaceBlend  # the operator byte is an index into this
 EFFECT_BITS = 0x1FF
@@ -58,8 +61,8 @@ def version(data: bytes) -> int:
     return int.from_bytes(data[4:6], "little")
 
 
-def read_header(data: bytes) -> tuple[np.ndarray, dict[str, tuple[int, int]]]:
-    """The header of a .gsgi file, a record of HEADER, and the first byte of each level's section and the one after it.
+def read_header(data: bytes) -> tuple[np.ndarray, dict[str, Span], list[Span]]:
+    """The header of a .gsgi file as a record of HEADER, and where the sections of levels and of light groups are.
 
     Raises FormatError unless every field, the sections and the checksum are ones that the encoder could have written.
     Sections of other tags are skipped.
@@ -77,11 +80,11 @@ def read_header(data: bytes) -> tuple[np.ndarray, dict[str, tuple[int, int]]]:
     expect(header["version"] == VERSION, "version", f"{VERSION}", header["version"])
     expect(header["header_bytes"] == HEADER.itemsize, "header_bytes", f"{HEADER.itemsize}", header["header_bytes"])
     check_counts(header, expect)
-    sections = _level_sections(header, data)
+    levels, groups = _sections(header, data)
     crc = checksum(data)
     expect(header["crc32"] == crc, "crc32", f"{crc:#010x}", f"{int(header['crc32']):#010x}: the file is damaged")
     check_fields(header, expect)
-    return header, sections
+    return header, levels, groups
 
 
 def section(tag: bytes, content: bytes) -> bytes:
@@ -89,10 +92,10 @@ def section(tag: bytes, content: bytes) -> bytes:
     return np.array((tag, len(content)), SECTION).tobytes() + content
 
 
-def _level_sections(header: np.ndarray, data: bytes) -> dict[str, tuple[int, int]]:
-    """Where the sections of the levels begin and end: they come first, and are long enough for their Gaussians."""
+def _sections(header: np.ndarray, data: bytes) -> tuple[dict[str, Span], list[Span]]:
+    """Where the sections of levels, which come first and are long enough for their Gaussians, and of light groups are."""
     names = LEVELS if header["operator"] == OPERATORS.index(SurfaceBlend) else LEVELS[:1]
-    at, found = HEADER.itemsize, {}
+    at, found, groups = HEADER.itemsize, {}, []
     while at < len(data) or len(found) < len(names):
         name = names[len(found)] if len(found) < len(names) else None
         known = name or "section"
@@ -111,8 +114,12 @@ def _level_sections(header: np.ndarray, data: bytes) -> dict[str, tuple[int, int
             found[name] = at, at + size
         elif tag in TAGS.values():
             raise FormatError(f"byte {at - SECTION.itemsize} (section): expected no second {tag!r}")
+        elif tag == GROUP_TAG:
+            if names != LEVELS:
+                raise FormatError(f"byte {at - SECTION.itemsize} (section): expected no {tag!r}, since over has none")
+            groups.append((at, at + size))
         at += size
-    return found
+    return found, groups
 
 
 def checksum(data: bytes) -> int:

@@ -18,6 +18,7 @@ from .codes import (
     angle_bits,
     dequantise,
     exponents,
+    light_of,
     quantise,
 )
 from .colours import code_max
@@ -82,10 +83,13 @@ def least_level_bytes(level: np.ndarray) -> int:
     return sum(map(least_bytes, stream_counts(level).values()))
 
 
-def encode_level(gaussians: Gaussians, level: np.ndarray, steps: dict[str, int], facing: bool) -> bytes:
-    """The streams of a level as bytes; fills in `level`, a LEVEL record, with `steps` among others.
+def encode_level(
+    gaussians: Gaussians, level: np.ndarray, steps: dict[str, int], facing: bool
+) -> tuple[bytes, np.ndarray]:
+    """The streams of a level as bytes, and the order (N,) in which they hold the Gaussians.
 
-    `facing`: the z axis has a meaning of its own, and must remain.
+    Fills in `level`, a LEVEL record, with `steps` among others. `facing`: the z axis has a meaning of its own, and must
+    remain.
     """
     for name in ("position", "rotation", "scale", "opacity", "sh", "slope"):
         array = getattr(gaussians, name)
@@ -96,10 +100,11 @@ def encode_level(gaussians: Gaussians, level: np.ndarray, steps: dict[str, int],
     for name, value in steps.items():
         level[name] = value
     codes = quantise(gaussians, level, facing)
-    codes = codes[storage_order(codes, level)]
+    order = storage_order(codes, level)
+    codes = codes[order]
     streams = {name: write_integers(value, name in DIFFERENCES) for name, value in _shape(codes, level).items()}
     streams["normal_v"] += write_bits(codes.angle, angle_bits(codes.scale, level))
-    return b"".join(streams.values()) + encode_light(codes, level)
+    return b"".join(streams.values()) + encode_light(codes, level), order
 
 
 def encode_light(codes: Codes, level: np.ndarray) -> bytes:
@@ -114,6 +119,14 @@ def decode_level(level: np.ndarray, data: bytes, at: int, end: int, name: str, e
     Fields in messages are called `name.stream`.
     """
     return dequantise(_Reader(level, data, at, end, name, expect).codes(), level)
+
+
+def decode_light(
+    level: np.ndarray, data: bytes, at: int, end: int, name: str, expect: Expect
+) -> tuple[np.ndarray, np.ndarray, int]:
+    """sh (N, K, 3) and slope (N, 0 or 2), float32, of streams of light from byte `at` on, and the byte after them."""
+    reader = _Reader(level, data, at, end, name, expect)
+    return *light_of(*reader.light(), level), reader.at
 
 
 def check_level(level: np.ndarray, name: str, expect: Callable) -> None:
