@@ -175,7 +175,7 @@ class Plan:
     @property
     def file_bytes(self) -> int:
         """Bytes that the file hardly exceeds."""
-        return file_bytes(self.settings.operator, self.settings.budget)
+        return file_bytes(self.settings.operator, self.settings.budget, len(self.groups))
 
 
 def make_plan(
@@ -231,9 +231,9 @@ def make_plan(
     return plan
 
 
-def file_bytes(operator: str, budget: int) -> int:
-    """Size of a file with `budget` Gaussians, bytes."""
-    return surface_budget.file_bytes(budget) if operator == "surface" else codec.file_bytes(budget, SH_DEGREE)
+def file_bytes(operator: str, budget: int, groups: int = 0) -> int:
+    """Bytes that a file with `budget` Gaussians and so many light groups hardly exceeds."""
+    return surface_budget.file_bytes(budget, groups) if operator == "surface" else codec.file_bytes(budget, SH_DEGREE)
 
 
 def _budget(settings: Settings, seen: ImportanceField) -> int:

@@ -16,7 +16,7 @@ from gsgi.baker.settings import BUDGET_MAX, Settings
 from gsgi.runtime.camera import Camera, look_at
 from gsgi.runtime.errors import SceneError, UsageError
 from gsgi.runtime.gaussians import Bake
-from gsgi.runtime.light_groups import Factors, factors_of
+from gsgi.runtime.light_groups import Factors, factors_of, lit_groups
 from gsgi.runtime.lighting import KEYS, Lighting, beside, light, read_lights
 from gsgi.runtime.scene import Scene
 
@@ -90,6 +90,9 @@ def plan_of(options: argparse.Namespace, progress: Progress, cache: Cache) -> "P
         deadline.check(settings, options.seconds)
     with progress.stage("scene"):
         scene = read_scene(options, progress)
+    if options.target_bytes is not None:
+        groups = len(lit_groups(scene)) if scene.groups else 0
+        settings = replace(settings, budget=_budget(options.operator, options.target_bytes, groups))
     path = {}
     if options.camera_path:
         path = read_camera_path(options.camera_path, scene.diagonal())
@@ -105,7 +108,7 @@ def _settings(options: argparse.Namespace) -> Settings:
     return Settings(
         operator=options.operator,
         quality=options.quality,
-        budget=options.budget if options.target_bytes is None else _budget(options.operator, options.target_bytes),
+        budget=options.budget,
         target_loss=options.target_loss,
         views=options.views,
         size=options.view_size,
@@ -121,14 +124,14 @@ def _settings(options: argparse.Namespace) -> Settings:
     )
 
 
-def _budget(operator: str, size: int) -> int:
-    """How many Gaussians a file of `size` bytes holds for certain. Raises UsageError if that is none."""
+def _budget(operator: str, size: int, groups: int) -> int:
+    """How many Gaussians a file of `size` bytes with light groups holds for certain. Raises UsageError for none."""
     from gsgi.baker.plan import file_bytes
 
-    least = file_bytes(operator, 1)
+    least = file_bytes(operator, 1, groups)
     if size < least:
         raise UsageError(f"--target-bytes {size}: a file with one Gaussian may take {least}")
-    return bisect_right(range(1, BUDGET_MAX + 1), size, key=lambda count: file_bytes(operator, count))
+    return bisect_right(range(1, BUDGET_MAX + 1), size, key=lambda count: file_bytes(operator, count, groups))
 
 
 def open_cache(options: argparse.Namespace, progress: Progress) -> Cache:

@@ -46,8 +46,8 @@ def file_bytes(
 ) -> int:
     """The bytes that a .gsgi file with so many Gaussians of that SH degree in its two levels hardly exceeds.
 
-    `group_count` is that of its light groups. `basis`, one of BASES, is that of the fine level; the coarse one is "constant". How much less the file takes depends
-    on its shapes and its light: for default bakes a tenth to a third.
+    `basis`, one of BASES, is that of the fine level; the coarse one is "constant". `group_count` is the number of light
+    groups. How much less the file takes depends on its shapes and its light: for default bakes a tenth to a third.
     """
     fine = count * (GAUSSIAN_BYTES + SLOPE_BYTES * BASES.index(basis) + SH_BYTES * ((sh_degree + 1) ** 2 - 1))
     coarse = coarse_count * (GAUSSIAN_BYTES + SH_BYTES * ((coarse_sh_degree + 1) ** 2 - 1))

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gsgi.runtime.gaussians import Bake, Gaussians, LightGroup
+from gsgi.runtime.gaussians import Bake, LightGroup
 from gsgi.runtime.light_groups import BASE, GROUPS_MOST, NAME_MOST
 
 from .levels import Expect, decode_light, encode_light
@@ -12,7 +12,7 @@ from .levels import Expect, decode_light, encode_light
 GROUP = np.dtype(
     [("light_steps", "u1"), ("sh_steps", "u1"), ("slope_steps", "u1"), ("name_bytes", "u1"), ("pattern_count", "u1")]
 )
-GROUP_BYTES, COARSE_BYTES = 3.5, 12.0  # that a group hardly exceeds, per Gaussian of the fine and of the coarse level
+GROUP_BYTES, COARSE_BYTES = 5.0, 17.0  # that a group hardly exceeds, per Gaussian of the fine and of the coarse level
 PATTERNS_MOST, PATTERN_MOST = 255, 65535  # of a group, and bytes of UTF-8 of each
 
 # Coarser than those of a level, since the light of a group is seen beside that of others.
@@ -20,7 +20,7 @@ GROUP_STEPS = {"light_steps": 12, "sh_steps": 16, "slope_steps": 20}
 
 
 def encode_group(group: LightGroup, bake: Bake, levels: list[np.ndarray], orders: list[np.ndarray]) -> bytes:
-    """The content of a group's section; `levels` are the LEVEL records of both levels, stored in these `orders` (N,)."""
+    """The content of a group's section; `levels` are the LEVEL records of both levels, in these `orders` (N,)."""
     name, patterns = group.name.encode(), [pattern.encode() for pattern in group.patterns]
     assert 0 < len(name) <= NAME_MOST, group.name
     assert len(patterns) <= PATTERNS_MOST, group.name

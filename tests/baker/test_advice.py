@@ -22,7 +22,7 @@ def view(ssim=0.99, ceiling=0.995, mottle=0.01, name="placed 1", **marks) -> Vie
 def advised(*views: ViewEvaluation, **settings) -> advice.Advice | None:
     made = Settings(**{"budget": MEDIUM, "samples": 192} | settings)
     return advise(
-        SimpleNamespace(settings=made, placement=SimpleNamespace(importance=None)),
+        SimpleNamespace(settings=made, placement=SimpleNamespace(importance=None), groups=[]),
         Evaluation(list(views), None, [], None),
     )
 
