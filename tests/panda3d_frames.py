@@ -117,6 +117,13 @@ def frames(first: GraphicsOutput, gi: str, half_gi: str) -> dict[str, np.ndarray
     host = Host(first)
     result = {"plain": added(host, gi)}
 
+    light = BakedLight(gi, host.room)
+    light.attach(host.camera)
+    result["whole again"] = difference(host, light)
+    light.weights = {"lamps": 0.25, "sky": (1, 0.5, 2)}
+    result["weighed"] = difference(host, light)
+    light.remove()
+
     light = BakedLight(gi, host.room, scale=2.0)
     light.attach(host.camera)
     result["scaled"] = difference(host, light)

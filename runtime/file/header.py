@@ -93,7 +93,7 @@ def section(tag: bytes, content: bytes) -> bytes:
 
 
 def _sections(header: np.ndarray, data: bytes) -> tuple[dict[str, Span], list[Span]]:
-    """Where the sections of levels are, which come first and are long enough for their Gaussians, and of light groups."""
+    """Where the sections of levels are, which come first and are long enough for their Gaussians, and of groups."""
     names = LEVELS if header["operator"] == OPERATORS.index(SurfaceBlend) else LEVELS[:1]
     at, found, groups = HEADER.itemsize, {}, []
     while at < len(data) or len(found) < len(names):

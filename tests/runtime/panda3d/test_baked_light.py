@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from gsgi_files import constant
 from repository import ROOT, SAMPLES
+from surface_cases import grouped
 
 import gsgi
 from gsgi.baker.over.initialise import from_surface
@@ -30,7 +31,7 @@ def cornell_bake() -> Bake:
     points = Triangles(gsgi.read_scene(SCENE)).sample(1500, 0)
     light = (0.5 + 0.4 * np.sin(9 * points.position)).astype(np.float32)
     fine = from_surface(points.position, points.normal, light, 0)
-    return Bake(fine, SurfaceBlend(), coarse=from_surface(points.position[:9], points.normal[:9], light[:9], 0))
+    return grouped(Bake(fine, SurfaceBlend(), coarse=from_surface(points.position[:9], points.normal[:9], light[:9], 0)))
 
 
 BAKE = cornell_bake()
@@ -55,11 +56,12 @@ def drawn(request, tmp_path_factory) -> dict:
     return dict(np.load(folder / "out.npz"))
 
 
-def ours(gl, size: tuple[int, int]) -> np.ndarray:
+def ours(gl, size: tuple[int, int], weights: dict | None = None) -> np.ndarray:
     """albedo * B of our own renderer."""
     scene = gsgi.read_scene(SCENE)
     bake = codec.decode(codec.encode(BAKE))
     renderer = DeferredRenderer(gl, scene, bake, *size, splat_scale=1)
+    renderer.weights = weights or {}
     renderer.render(scene.cameras["front"])
     light = renderer.read("indirect") * renderer.read("albedo")
     renderer.release()
@@ -77,6 +79,12 @@ def check(found: np.ndarray, expected: np.ndarray) -> None:
 
 def test_the_light_is_that_of_our_frame(gl, drawn):
     check(drawn["plain"], ours(gl, SIZE))
+
+
+def test_light_groups_have_weights(gl, drawn):
+    np.testing.assert_array_equal(drawn["whole again"], drawn["plain"])
+    check(drawn["weighed"], ours(gl, SIZE, {"lamps": 0.25, "sky": (1, 0.5, 2)}))
+    assert np.abs(drawn["weighed"] - drawn["plain"]).max() > 0.1
 
 
 def test_a_scene_with_the_axes_of_gltf(gl, drawn):
