@@ -4,6 +4,7 @@ import re
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from gsgi_files import constant
 from host import CAMERA, SIZE, Host, bake, pixels, projection, texture
 from pyrender_scenes import solids
 from repository import ROOT, SCENES
+from surface_cases import grouped
 
 import gsgi
 from gsgi.runtime.file import codec
@@ -35,7 +37,8 @@ def folder(tmp_path, monkeypatch):
 
 
 def test_every_block_is_run_here():
-    words = "DeferredRenderer", "light.draw", "light.check", "IndirectLookup", "runtime.pyrender", "runtime.panda3d"
+    words = "DeferredRenderer", "light.draw", "light.check", "light.weights", "IndirectLookup"
+    words += "runtime.pyrender", "runtime.panda3d"
     assert sorted(map(block, words)) == sorted(BLOCKS)
 
 
@@ -60,6 +63,15 @@ def test_a_host_of_moderngl_gets_the_light(gl, folder):
     assert pixels(radiance).mean() > 0.05
     names["print"] = pytest.fail  # nothing is wrong with this host
     exec(block("light.check"), names)
+    names["light"].release()
+
+
+def test_lights_change(gl):
+    base, lamps, day = grouped(bake()).groups
+    made = replace(bake(), groups=(base, lamps, replace(day, name="day")))
+    names = {"light": gsgi.IndirectLight(gl, made)}
+    exec(block("light.weights"), names)
+    assert dict(names["light"].weights) == {"base": (1, 1, 1), "lamps": (0.2, 0.2, 0.2), "day": (1, 0.9, 0.8)}
     names["light"].release()
 
 
