@@ -13,8 +13,8 @@ from .scene import MAX_LIGHT, Environment, Light, Material, Scene
 
 BASE = "base"  # the group of all lights that no pattern matches
 ENVIRONMENT = "environment"  # what a pattern calls the environment; the sun of `Lighting` is a light called "sun"
-NAME_MOST = 255  # bytes of UTF-8
-GROUPS_MOST = 255
+GROUPS_MOST, PATTERNS_MOST = 255, 255  # of a bake, and of a group
+NAME_MOST, PATTERN_MOST = 255, 65535  # bytes of UTF-8
 
 Patterns = Mapping[str, Sequence[str]]  # of each group, by its name
 Weight = float | Sequence[float]  # of all channels, or of each: linear Rec.709
@@ -69,17 +69,21 @@ def with_each(scene: Scene, groups: Patterns) -> dict[str, tuple[str, ...]]:
 def check_groups(scene: Scene) -> None:
     """Raise SceneError, with the name of the group, for groups of the scene that cannot be baked.
 
-    These are: a name that is empty, reserved or too long, a group without a pattern, a pattern that matches nothing in
-    the scene, a light in two groups, and more than GROUPS_MOST groups, the one of all other lights included.
+    These are: a name that is empty, reserved or too long, a group without a pattern or with too many, a pattern that
+    matches nothing in the scene or is too long, a light in two groups, and more than GROUPS_MOST groups, the one of all
+    other lights included.
     """
     there = [(source, names_of(source)) for source in sources(scene)]
     if len(scene.groups) >= GROUPS_MOST:
         raise SceneError(f"groups: expected at most {GROUPS_MOST - 1}, got {len(scene.groups)}")
     for name, patterns in scene.groups.items():
         check_name(name)
-        if not patterns:
-            raise SceneError(f"group {name!r}: expected a pattern, got none")
+        if not 0 < len(patterns) <= PATTERNS_MOST:
+            raise SceneError(f"group {name!r}: expected 1 to {PATTERNS_MOST} patterns, got {len(patterns)}")
         for pattern in patterns:
+            if not pattern.isprintable() or len(pattern.encode()) > PATTERN_MOST:
+                expected = f"a pattern of at most {PATTERN_MOST} bytes that can be printed"
+                raise SceneError(f"group {name!r}: expected {expected}, got {pattern[:40]!r}")
             if not any(matches(names, pattern) for _, names in there):
                 known = ", ".join(dict.fromkeys(repr(n[0]) for _, n in there if n)) or "none with a name"
                 raise SceneError(f"group {name!r}: expected a pattern that matches a light ({known}), got {pattern!r}")
@@ -93,7 +97,7 @@ def check_name(name: str) -> None:
     """Raise SceneError for what cannot be the name of a group."""
     if name == BASE:
         raise SceneError(f"group {name!r}: expected another name: this one is that of all lights without a group")
-    if not name or len(name.encode()) > NAME_MOST or not name.isprintable():
+    if not name or not name.isprintable() or len(name.encode()) > NAME_MOST:
         raise SceneError(f"group {name!r}: expected a name of 1 to {NAME_MOST} bytes that can be printed")
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from gsgi.runtime.gaussians import Bake, LightGroup
-from gsgi.runtime.light_groups import BASE, GROUPS_MOST, NAME_MOST
+from gsgi.runtime.light_groups import BASE, GROUPS_MOST, NAME_MOST, PATTERN_MOST, PATTERNS_MOST
 
 from .levels import Expect, decode_light, encode_light
 
@@ -13,7 +13,6 @@ GROUP = np.dtype(
     [("light_steps", "u1"), ("sh_steps", "u1"), ("slope_steps", "u1"), ("name_bytes", "u1"), ("pattern_count", "u1")]
 )
 GROUP_BYTES, COARSE_BYTES = 5.0, 17.0  # that a group hardly exceeds, per Gaussian of the fine and of the coarse level
-PATTERNS_MOST, PATTERN_MOST = 255, 65535  # of a group, and bytes of UTF-8 of each
 
 # Coarser than those of a level, since the light of a group is seen beside that of others.
 GROUP_STEPS = {"light_steps": 12, "sh_steps": 16, "slope_steps": 20}

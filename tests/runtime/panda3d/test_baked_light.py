@@ -31,7 +31,9 @@ def cornell_bake() -> Bake:
     points = Triangles(gsgi.read_scene(SCENE)).sample(1500, 0)
     light = (0.5 + 0.4 * np.sin(9 * points.position)).astype(np.float32)
     fine = from_surface(points.position, points.normal, light, 0)
-    return grouped(Bake(fine, SurfaceBlend(), coarse=from_surface(points.position[:9], points.normal[:9], light[:9], 0)))
+    return grouped(
+        Bake(fine, SurfaceBlend(), coarse=from_surface(points.position[:9], points.normal[:9], light[:9], 0))
+    )
 
 
 BAKE = cornell_bake()
