@@ -7,6 +7,7 @@ import numpy as np
 from gsgi.runtime.gaussians import Bake, LightGroup
 from gsgi.runtime.light_groups import BASE, GROUPS_MOST, NAME_MOST, PATTERN_MOST, PATTERNS_MOST
 
+from .codes import quantise
 from .levels import Expect, decode_light, encode_light
 
 GROUP = np.dtype(
@@ -24,15 +25,17 @@ def encode_group(group: LightGroup, bake: Bake, levels: list[np.ndarray], orders
     assert 0 < len(name) <= NAME_MOST, group.name
     assert len(patterns) <= PATTERNS_MOST, group.name
     assert all(len(pattern) <= PATTERN_MOST for pattern in patterns), group.name
-    head = np.array((*GROUP_STEPS.values(), len(name), len(patterns)), GROUP).tobytes() + name
+    content = np.array((*GROUP_STEPS.values(), len(name), len(patterns)), GROUP).tobytes() + name
     for pattern in patterns:
-        head += len(pattern).to_bytes(2, "little") + pattern
+        content += len(pattern).to_bytes(2, "little") + pattern
     fine = replace(bake.gaussians, sh=group.sh, slope=group.slope)
     coarse = replace(bake.coarse, sh=group.coarse_sh)
-    lights = zip((fine, coarse), levels, orders, (True, False), strict=True)
-    return head + b"".join(
-        encode_light(one, _with(level, GROUP_STEPS), order, facing) for one, level, order, facing in lights
-    )
+    for gaussians, level, order, facing in zip((fine, coarse), levels, orders, (True, False), strict=True):
+        assert np.isfinite(gaussians.sh).all(), group.name
+        assert np.isfinite(gaussians.slope).all(), group.name
+        record = _with(level, GROUP_STEPS)
+        content += encode_light(quantise(gaussians, record, facing)[order], record)
+    return content
 
 
 def decode_groups(
