@@ -16,100 +16,80 @@ export function leastBytes({ count, degree, basis }) {
 }
 
 /**
- * The Gaussians whose streams take `bytes` from `at` to `end`; `level` is their record, already checked.
+ * The Gaussians whose streams take `bytes` from `begin` to `end`; `level` is their record, already checked.
  * `expect(condition, byte, field, expected)` throws if the condition is false.
  */
 export function decodeLevel(bytes, { begin, end }, level, expect) {
-    const { count, degree, basis } = level, k = (degree + 1) ** 2;
-    let field = level.name, start = begin;
-    const integers = new Integers(bytes, begin, end, (condition, byte, expected) => expect(condition, byte, field, expected));
-    const enter = (stream) => {
-        field = `${level.name}.${stream}`;
-        start = integers.at;
-    };
-    const read = (stream, numbers) => {
-        enter(stream);
-        return integers.read(numbers);
-    };
-    const within = (codes, low, high, expected = `steps from ${low} to ${high}`) => {
-        let fine = true;
-        for (let i = 0; i < codes.length; ++i) fine &&= codes[i] >= low && codes[i] <= high;
-        expect(fine, start, field, expected);
-        return codes;
-    };
+    const { count, degree, basis } = level, streams = new Streams(bytes, begin, end, level.name, expect);
     const gaussians = {
         count, shDegree: degree,
         position: new Float32Array(3 * count), rotation: new Float32Array(4 * count), scale: new Float32Array(3 * count),
-        opacity: new Float32Array(count), sh: new Float32Array(3 * k * count),
-        slope: basis ? new Float32Array(2 * count) : null,
+        opacity: null, sh: new Float32Array(3 * (degree + 1) ** 2 * count),
+        slope: null,
     };
-
-    const scale = readScales(level, read, within);
-    const exponent = exponents(scale, level);
-    expect(exponent.every((each, i) => i === 0 || each >= exponent[i - 1]), start, field, "positions in steps that do not shrink");
-    const scaleMax = SCALE_OCTAVES * level.scaleSteps, scaleOf = powers(level.scaleSteps, -scaleMax, scaleMax);
-    for (let axis = 0; axis < 3; ++axis)
-        for (let i = 0; i < count; ++i) gaussians.scale[3 * i + axis] = scaleOf[scale[axis][i] + scaleMax];
-
-    const { normalSteps } = level;
-    const u = within(read("normal_u", count), -normalSteps, normalSteps);
-    const v = within(read("normal_v", count), -normalSteps, normalSteps);
-    const angleBits = scale[0].map((code, i) => code > scale[1][i] ? 32 - Math.clz32(code - scale[1][i]) + level.angleBits : 0);
-    enter("angle");
-    const angle = integers.readBits(angleBits.slice());
-    const halves = Float64Array.from({ length: 32 }, (_, i) => 2 ** -i);
-    for (let i = 0; i < count; ++i)
-        rotationOf(u[i], v[i], normalSteps, angle[i] * Math.PI * halves[angleBits[i]], gaussians.rotation, 4 * i);
-
-    for (let axis = 0; axis < 3; ++axis) {
-        const codes = read(`position_${"xyz"[axis]}`, count);
-        let fine = true;
-        for (let i = 0, code = 0, before = exponent[0], step = 2 ** before; i < count && fine; ++i) {
-            if (exponent[i] > before) {
-                code = Math.floor(code * 2 ** (before - exponent[i]));
-                before = exponent[i];
-                step = 2 ** before;
-            }
-            code += codes[i];
-            fine = Math.abs(code) <= POSITION_MAX;
-            gaussians.position[3 * i + axis] = code * step;
-        }
-        expect(fine, start, field, `steps from ${-POSITION_MAX} to ${POSITION_MAX}`);
-    }
-
-    const opacity = within(read("opacity", count), 0, level.opacitySteps);
-    for (let i = 0; i < count; ++i) gaussians.opacity[i] = f(opacity[i] / level.opacitySteps) ** 2;
-
-    const one = LIGHT_OCTAVES_BELOW * level.lightSteps + 1, lightMax = one - 1 + LIGHT_OCTAVES_ABOVE * level.lightSteps;
-    const lightOf = powers(level.lightSteps, -one, lightMax - one);
-    let green = null;
-    for (const [stream, channel] of [["green", 1], ["red", 0], ["blue", 2]]) {
-        const codes = read(stream, count);
-        for (let i = 0; i < count && green; ++i) codes[i] += green[i];
-        green ??= codes;
-        within(codes, 0, lightMax);
-        for (let i = 0; i < count; ++i)
-            gaussians.sh[3 * k * i + channel] = codes[i] ? lightOf[codes[i]] / SH_C0 : 0;
-    }
-
-    for (let band = 1; band <= degree; ++band) readBand(band, level, read, within, gaussians.sh);
-    if (basis) {
-        const codes = within(read("slope", 2 * count), -SLOPE_CODE_MAX, SLOPE_CODE_MAX);
-        for (let i = 0; i < 2 * count; ++i) gaussians.slope[i] = codes[i] / level.slopeSteps;
-    }
-    expect(integers.at === end, integers.at, level.name, "the end of the section");
+    const scale = readScales(streams, level, gaussians.scale), exponent = exponents(scale, level);
+    streams.check(exponent.every((each, i) => i === 0 || each >= exponent[i - 1]), "positions in steps that do not shrink");
+    readRotations(streams, level, scale, gaussians.rotation);
+    for (let axis = 0; axis < 3; ++axis) readCoordinates(streams, axis, exponent, gaussians.position);
+    gaussians.opacity = quotients(streams.within("opacity", count, 0, level.opacitySteps), level.opacitySteps);
+    for (let i = 0; i < count; ++i) gaussians.opacity[i] *= gaussians.opacity[i];
+    readLight(streams, level, gaussians.sh);
+    for (let band = 1; band <= degree; ++band) readBand(streams, band, level, gaussians.sh);
+    if (basis)
+        gaussians.slope = quotients(streams.within("slope", 2 * count, -SLOPE_CODE_MAX, SLOPE_CODE_MAX), level.slopeSteps);
+    expect(streams.integers.at === end, streams.integers.at, level.name, "the end of the section");
     return gaussians;
 }
 
-/** The codes of the three axes, Int32Arrays. */
-function readScales({ count, scaleSteps }, read, within) {
-    const most = SCALE_OCTAVES * scaleSteps, expected = `scales within 2^+-${SCALE_OCTAVES} m`;
-    const long = within(read("scale_long", count), -most, most, expected);
-    return [long, ...["scale_middle", "scale_normal"].map((stream) => {
-        const codes = read(stream, count);
-        if (stream === "scale_middle") within(codes, 0, Infinity, "a second axis no longer than the first");
-        return within(codes.map((code, i) => long[i] - code), -most, most, expected);
-    })];
+/** The streams of a level, one after the other. */
+class Streams {
+    constructor(bytes, begin, end, name, expect) {
+        Object.assign(this, { name, field: name, start: begin, expect });
+        this.integers = new Integers(bytes, begin, end, (condition, byte, expected) => {
+            if (!condition) expect(false, byte, this.field, expected);
+        });
+    }
+
+    /** The integers of the next stream, an Int32Array; `stream` is its name. */
+    read(stream, count) {
+        this.enter(stream);
+        return this.integers.read(count);
+    }
+
+    /** The same, of a stream whose integers are codes from `low` to `high`. */
+    within(stream, count, low, high) {
+        return this.checkSteps(this.read(stream, count), low, high);
+    }
+
+    /** Names what is read next. */
+    enter(stream) {
+        this.field = `${this.name}.${stream}`;
+        this.start = this.integers.at;
+    }
+
+    check(condition, expected) {
+        if (!condition) this.expect(false, this.start, this.field, expected);
+    }
+
+    checkSteps(codes, low, high, expected = `steps from ${low} to ${high}`) {
+        let fine = true;
+        for (let i = 0; i < codes.length; ++i) fine &&= codes[i] >= low && codes[i] <= high;
+        this.check(fine, expected);
+        return codes;
+    }
+}
+
+/** The codes of the three axes, Int32Arrays; their lengths are written to `scale`. */
+function readScales(streams, { count, scaleSteps }, scale) {
+    const most = SCALE_OCTAVES * scaleSteps, table = powers(scaleSteps, -most, most), found = [];
+    for (const [axis, stream] of ["scale_long", "scale_middle", "scale_normal"].entries()) {
+        const codes = streams.read(stream, count);
+        if (axis === 1) streams.checkSteps(codes, 0, Infinity, "a second axis no longer than the first");
+        for (let i = 0; i < count && axis; ++i) codes[i] = found[0][i] - codes[i];
+        found.push(streams.checkSteps(codes, -most, most, `scales within 2^+-${SCALE_OCTAVES} m`));
+        for (let i = 0; i < count; ++i) scale[3 * i + axis] = table[codes[i] + most];
+    }
+    return found;
 }
 
 /** The power of two of which the position of each Gaussian is a multiple. */
@@ -120,13 +100,55 @@ function exponents([long, middle, normal], { scaleSteps, positionBits, positionF
     });
 }
 
+function readRotations(streams, { count, normalSteps, angleBits }, [long, middle], rotation) {
+    const u = streams.within("normal_u", count, -normalSteps, normalSteps);
+    const v = streams.within("normal_v", count, -normalSteps, normalSteps);
+    const bits = long.map((code, i) => code > middle[i] ? 32 - Math.clz32(code - middle[i]) + angleBits : 0);
+    streams.enter("angle");
+    const angle = streams.integers.readBits(bits.slice()), halves = Float64Array.from({ length: 32 }, (_, i) => 2 ** -i);
+    for (let i = 0; i < count; ++i)
+        rotationOf(u[i], v[i], normalSteps, angle[i] * Math.PI * halves[bits[i]], rotation, 4 * i);
+}
+
+/** Each coordinate is stored as the difference to the one before it, in its own steps, rounded down. */
+function readCoordinates(streams, axis, exponent, position) {
+    const codes = streams.read(`position_${"xyz"[axis]}`, exponent.length);
+    let fine = true, code = 0, before = exponent[0], step = 2 ** before;
+    for (let i = 0; i < codes.length && fine; ++i) {
+        if (exponent[i] > before) {
+            code = Math.floor(code * 2 ** (before - exponent[i]));
+            before = exponent[i];
+            step = 2 ** before;
+        }
+        code += codes[i];
+        fine = Math.abs(code) <= POSITION_MAX;
+        position[3 * i + axis] = code * step;
+    }
+    streams.check(fine, `steps from ${-POSITION_MAX} to ${POSITION_MAX}`);
+}
+
+/** Writes the constant coefficients to `sh`. */
+function readLight(streams, { count, degree, lightSteps }, sh) {
+    const stride = 3 * (degree + 1) ** 2, one = LIGHT_OCTAVES_BELOW * lightSteps + 1;
+    const most = one - 1 + LIGHT_OCTAVES_ABOVE * lightSteps, table = powers(lightSteps, -one, most - one);
+    table[0] = 0;
+    let green = null;
+    for (const [stream, channel] of [["green", 1], ["red", 0], ["blue", 2]]) {
+        const codes = streams.read(stream, count);
+        for (let i = 0; i < count && green; ++i) codes[i] += green[i];
+        green ??= codes;
+        streams.checkSteps(codes, 0, most);
+        for (let i = 0; i < count; ++i) sh[stride * i + channel] = table[codes[i]] / SH_C0;
+    }
+}
+
 /** Adds a band of coefficients to `sh`, which has the constant one. */
-function readBand(band, { count, degree, shSteps }, read, within, sh) {
+function readBand(streams, band, { count, degree, shSteps }, sh) {
     const size = 2 * band + 1, k = (degree + 1) ** 2;
-    const green = within(read(`sh${band}_green`, size * count), -SH_CODE_MAX, SH_CODE_MAX);
-    const others = read(`sh${band}_red_blue`, 2 * size * count);
+    const green = streams.within(`sh${band}_green`, size * count, -SH_CODE_MAX, SH_CODE_MAX);
+    const others = streams.read(`sh${band}_red_blue`, 2 * size * count);
     for (let i = 0; i < others.length; ++i) others[i] += green[i >> 1];
-    within(others, -SH_CODE_MAX, SH_CODE_MAX);
+    streams.checkSteps(others, -SH_CODE_MAX, SH_CODE_MAX);
     for (let i = 0; i < count; ++i) {
         const first = 3 * k * i, brightest = Math.max(sh[first], sh[first + 1], sh[first + 2]);
         for (let j = 0; j < size; ++j) {
@@ -155,6 +177,13 @@ function rotationOf(u, v, steps, turn, rotation, first) {
     rotation[first + 1] = below ? -c : b;
     rotation[first + 2] = below ? b : c;
     rotation[first + 3] = below ? -a : d;
+}
+
+/** Codes in steps of 1 / steps, as float32. */
+function quotients(codes, steps) {
+    const values = new Float32Array(codes.length);
+    for (let i = 0; i < codes.length; ++i) values[i] = codes[i] / steps;
+    return values;
 }
 
 /** 2^(code / steps), rounded to float32, of the codes from `low` to `high`. */
