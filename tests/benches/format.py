@@ -38,7 +38,7 @@ def format() -> list[dict]:
     """Bytes per Gaussian of default bakes, by attribute, with their entropy, and B as stored against B as fitted.
 
     `psnr` (dB) and `ssim_lost` are means over the held-out views, with the one level as stored and the other as fitted,
-    each view at its own exposure. In brackets stands the entropy of the integers of a stream, each taken by itself.
+    each view at its own exposure. In brackets stands the entropy of the codes, each taken by itself.
     """
     rows = []
     for file in [*scene_files(), *FILES]:
