@@ -8,6 +8,7 @@ import numpy as np
 
 from gsgi.baker.cache.digest import digest
 from gsgi.baker.trace.cached_tracer import CachedTracer
+from gsgi.baker.trace.tracer import pixel_rays
 from gsgi.baker.views.importance import ImportanceField
 from gsgi.baker.views.visibility import COS_MIN
 from gsgi.runtime.camera import Camera
@@ -55,14 +56,34 @@ class SeenSurface:
     def surface(
         self, count: int, rng: np.random.Generator, shares: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Position, normal and geometric normal (count, 3) float32 of surface points, stratified by `shares` (P,)."""
+        """Position, normal and geometric normal (count, 3) float32 of surface points, stratified by `shares` (P,).
+
+        They lie anywhere behind their pixels, so that no two are the same.
+        """
         seen = self._pixels
         if not len(seen.position):
             return (np.empty((0, 3), np.float32),) * 3
         below = np.cumsum(shares, dtype=np.float64)
         at = (np.arange(count) + rng.random(count)) / count * below[-1]
         index = np.minimum(np.searchsorted(below, at, side="right"), len(seen.position) - 1)
-        return seen.position[index], seen.normal[index], seen.geometric_normal[index]
+        return self._anywhere(index, rng)
+
+    def _anywhere(self, index: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Position, normal and geometric normal (N, 3) of points behind pixels `index` (N,), which ascend.
+
+        The middle of a pixel stands for places where no diffuse surface is seen.
+        """
+        seen = self._pixels
+        way = rng.uniform(-0.5, 0.5, (len(index), 2))
+        rays = []
+        for camera, here in _runs(seen.camera[index]):
+            y, x = np.divmod(seen.pixel[index[here]], SIZE)
+            rays.append(pixel_rays(self._cameras[camera], SIZE, SIZE, x + 0.5 + way[here, 0], y + 0.5 + way[here, 1]))
+        *points, diffuse = self._tracer.tracer.seen(*(np.concatenate(part) for part in zip(*rays, strict=True)))
+        middles = seen.position, seen.normal, seen.geometric_normal
+        return tuple(
+            np.where(diffuse[:, None], point, middle[index]) for point, middle in zip(points, middles, strict=True)
+        )
 
     def free(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Points on lines of sight to surface points, and uniform random directions as both normals."""
@@ -80,14 +101,16 @@ class SeenSurface:
     def _pixels(self) -> "_Pixels":
         columns = []
         surfaces = self._tracer.tracer.surfaces(self._cameras, SIZE, SIZE)
-        for camera, step, surface in zip(self._cameras, self._steps, surfaces, strict=True):
+        for number, (camera, step, surface) in enumerate(zip(self._cameras, self._steps, surfaces, strict=True)):
             position, normal, geometric = surface.points()
             depth = surface.depth[surface.diffuse].astype(np.float64)
             above = np.abs(((camera.position - position) * geometric).sum(axis=1))  # of the camera over the surface
             area = depth**3 / np.maximum(above, np.finfo(np.float32).tiny) / camera.pinhole(SIZE, SIZE).fx ** 2
             eye = np.broadcast_to(camera.position.astype(np.float32), position.shape)
             upright = above >= COS_MIN * np.linalg.norm(camera.position - position, axis=1)
-            columns.append([column[::step] for column in (position, normal, geometric, eye, area, upright)])
+            pixel = np.flatnonzero(surface.diffuse)
+            of = np.full(len(pixel), number), pixel
+            columns.append([column[::step] for column in (position, normal, geometric, eye, *of, area, upright)])
         *arrays, area, upright = (np.concatenate(column) for column in zip(*columns, strict=True))
         if len(area):
             area = np.minimum(area, np.quantile(area, FOOTPRINT_QUANTILE))
@@ -100,16 +123,24 @@ class SeenSurface:
 
 
 class _Pixels(NamedTuple):
-    """Surface points (P, 3) float32 behind pixels, with their normals and viewpoints.
+    """Surface points (P, 3) float32 behind the middles of pixels, with their normals and viewpoints.
 
-    `share` (P,) is that of the points to draw.
+    `camera` and `pixel` (P,) int are their numbers, in rows from the top. `share` (P,) is that of the points to draw.
     """
 
     position: np.ndarray
     normal: np.ndarray
     geometric_normal: np.ndarray
     viewpoint: np.ndarray
+    camera: np.ndarray
+    pixel: np.ndarray
     share: np.ndarray
+
+
+def _runs(ascending: np.ndarray) -> list[tuple[int, slice]]:
+    """The different values of integers (N,) that ascend, each with the slice where it stands."""
+    first = np.flatnonzero(np.diff(ascending, prepend=-1))
+    return [(int(ascending[a]), slice(a, b)) for a, b in zip(first, [*first[1:], len(ascending)], strict=True)]
 
 
 def _looks(position: np.ndarray, normal: np.ndarray, area: np.ndarray, importance: ImportanceField) -> np.ndarray:

@@ -145,19 +145,22 @@ class Tracer:
 
     def surfaces(self, cameras: Sequence[Camera], width: int, height: int) -> Iterator[Surface]:
         """The same for each of the cameras; those of small images share launches."""
-        from . import paths
-
-        position, corner = self.corners
         together = max(LAUNCH_POINTS // (width * height), 1)
+        y, x = (np.mgrid[0:height, 0:width] + 0.5).reshape(2, -1)
         for first in range(0, len(cameras), together):
             some = cameras[first : first + together]
-            rays = [_rays(camera, width, height) for camera in some]
-            origin, direction = (np.concatenate(part) for part in zip(*rays, strict=True))
-            hits = self.launched(paths.first_hits, origin, direction)
-            met = origin + hits.pop("distance")[:, None].astype(np.float64) * direction
-            hits["position"] = onto_planes(met, position[corner[hits.pop("triangle")]])
+            rays = [pixel_rays(camera, width, height, x, y) for camera in some]
+            hits = self._first_hits(*(np.concatenate(part) for part in zip(*rays, strict=True)))
             for camera, *columns in zip(some, *(np.split(c, len(some)) for c in hits.values()), strict=True):
                 yield _surface(camera, dict(zip(hits, columns, strict=True)), width, height)
+
+    def seen(self, origin: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """What cameras see along rays from `origin` (N, 3) along unit `direction` (N, 3), as `Surface` describes it.
+
+        Position, normal and geometric_normal (N, 3) float32, and where (N,) bool the ray meets a diffuse surface.
+        """
+        hits = self._first_hits(origin, direction)
+        return hits["position"], hits["normal"], hits["geometric_normal"], hits["valid"] & hits["diffuse"]
 
     def indirect(
         self, position, normal, geometric_normal, sampling: Sampling, seed: int, advance=None,
@@ -222,6 +225,15 @@ class Tracer:
             return np.zeros((len(position), 3), np.float32)
         return self.launched(paths.direct, position, normal, geometric_normal)["direct"]
 
+    def _first_hits(self, origin: np.ndarray, direction: np.ndarray) -> dict[str, np.ndarray]:
+        """The columns of `paths.first_hits`, with `position` in place of triangle and distance."""
+        from . import paths
+
+        position, corner = self.corners
+        hits = self.launched(paths.first_hits, origin, direction)
+        met = origin + hits.pop("distance")[:, None].astype(np.float64) * direction
+        return hits | {"position": onto_planes(met, position[corner[hits.pop("triangle")]])}
+
     def launched(self, kernel: Callable, *inputs: np.ndarray) -> dict[str, np.ndarray]:
         """Columns (N, ...) of a kernel that takes arrays (N, 3), computed in launches of one size."""
         count = len(inputs[0])
@@ -242,12 +254,14 @@ class Tracer:
                 advance(len(at))
 
 
-def _rays(camera: Camera, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
-    """Origin and unit direction (height * width, 3) float64 of the rays through the pixel centres."""
+def pixel_rays(camera: Camera, width: int, height: int, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Origin and unit direction (N, 3) float64 of the rays through places x and y (N,), px, of an image of this size.
+
+    Pixel centres are at half-integers.
+    """
     pinhole = camera.pinhole(width, height)
-    y, x = np.mgrid[0:height, 0:width] + 0.5
     local = np.stack([(x - pinhole.cx) / pinhole.fx, (pinhole.cy - y) / pinhole.fy, -np.ones_like(x)], axis=-1)
-    direction = local.reshape(-1, 3) @ camera.world_from_view[:3, :3].T
+    direction = local @ camera.world_from_view[:3, :3].T
     origin = camera.position + camera.znear * direction
     return origin, direction / np.linalg.norm(direction, axis=1, keepdims=True)
 

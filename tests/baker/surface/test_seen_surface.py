@@ -1,0 +1,41 @@
+"""Surface points behind the pixels of cameras."""
+
+import numpy as np
+import scenes
+
+from gsgi.baker.cache.store import Cache
+from gsgi.baker.surface.seen_surface import SIZE, SeenSurface
+from gsgi.baker.trace.cached_tracer import CachedTracer
+from gsgi.runtime.scene import Scene
+
+COUNT = 1 << 15
+
+
+def test_points_lie_anywhere_behind_their_pixels_and_no_two_are_the_same(tmp_path):
+    camera = scenes.inside_camera()
+    seen = SeenSurface(CachedTracer(scenes.furnace(), Cache(tmp_path)), [camera])
+    one = np.zeros(len(seen.shares()))
+    chosen = np.array([100, 2000, 3333])
+    one[chosen] = 1 / 3
+    position, normal, geometric = seen.surface(COUNT, np.random.default_rng(0), one)
+    assert len(np.unique(position, axis=0)) > 0.99 * COUNT
+    np.testing.assert_allclose(np.abs(position).max(axis=1), 1, atol=1e-5)
+    assert ((position * normal).sum(axis=1) < -0.99).all()
+    np.testing.assert_array_equal(normal, geometric)
+    local = (position - camera.position) @ camera.world_from_view[:3, :3]
+    pinhole = camera.pinhole(SIZE, SIZE)
+    x = pinhole.cx - pinhole.fx * local[:, 0] / local[:, 2]
+    y = pinhole.cy + pinhole.fy * local[:, 1] / local[:, 2]
+    pixel = np.floor(y).astype(int) * SIZE + np.floor(x).astype(int)
+    inside = np.isin(pixel, chosen)
+    assert inside.mean() > 0.999  # but for rounding
+    for part in (x[inside] % 1, y[inside] % 1):
+        assert np.abs(np.histogram(part, 4, (0, 1))[0] / inside.sum() - 0.25).max() < 0.02
+
+
+def test_a_place_that_shows_no_surface_gets_the_middle_of_its_pixel(tmp_path):
+    camera = scenes.above_camera(3.0)
+    seen = SeenSurface(CachedTracer(Scene((scenes.floor(0.05),), (scenes.WHITE,)), Cache(tmp_path)), [camera])
+    position, *_ = seen.surface(COUNT, np.random.default_rng(0), seen.shares())
+    assert (np.abs(position[:, [0, 2]]) <= 0.05 + 1e-6).all()
+    assert np.abs(position[:, 1]).max() < 1e-6
