@@ -50,7 +50,8 @@ def test_a_file_holds_both_levels_of_the_budget(plan):
     baked = bake(plan, QUIET)
     read = codec.decode(baked.data)
     assert isinstance(read.blend, SurfaceBlend)
-    assert (len(read.gaussians), len(read.coarse)) == (48, 16)
+    assert 44 <= len(read.gaussians) <= 48  # those that hardly a sample sees at the end go
+    assert len(read.coarse) == 16
     assert (read.gaussians.sh_degree, read.coarse.sh_degree) == (
         budget.FINE_DEGREE,
         budget.COARSE_DEGREE,
