@@ -13,7 +13,7 @@ from gsgi.runtime.scene import Material, Mesh, Scene
 
 from . import light
 from .case import Case, Tolerance
-from .rooms import HERE, KnownLight, Place, Room, SameLight, on_walls
+from .rooms import EYE, HERE, KnownLight, Place, Room, SameLight, on_walls
 
 GAUSSIAN = Tolerance(
     0.02, "one standard error of a Gaussian's light: 43 samples of 64 paths, whose light deviates by less than its mean"
@@ -33,6 +33,7 @@ NOISY = Tolerance(
 KNOWN = {"bake": GAUSSIAN, "frame": FRAME}
 BOTH = KNOWN | {"frame of over": LOUD}
 SAME = {"tracer": SEEDS, "bake": SEEDS, "frame": SEEDS}
+OVER_THE_SHEET = 0.1, 0.5, -0.1  # the sheet is between it and EYE
 AWAY = np.array([1.0, -0.7, 0.4])
 LAMP = Material("lamp", (0.0, 0.0, 0.0, 1.0), emission=(9.0, 8.0, 6.0))
 RED = Material("red", (0.6, 0.1, 0.1, 1.0))
@@ -151,7 +152,7 @@ LIGHT = [
           lambda: furnace(change=light.lying_on_it(back_to_back=True, other_triangles=True, material=1)), 2, BOTH,
           slow=False),
     known("a bake of normals that face away", LIT, lambda: furnace(change=light.inside_out), 2),
-    known("a bake of a two-sided sheet", LIT, lambda: furnace(change=light.with_sheet), 2),
+    known("a bake of a two-sided sheet", LIT, lambda: furnace(change=light.with_sheet, eyes=(EYE, OVER_THE_SHEET)), 2),
     known("a bake of a metal floor", LIT, lambda: furnace(change=metal_floor), 2),
     known("a bake of a room of B = 0.2, behind 0.3 m of wall from one of 50", "B is 0.2", dim_beside_bright, 0.2),
     known("a frame from within a block", LIT, from_within, 2, slow=False),
