@@ -4,6 +4,7 @@ import json
 from dataclasses import replace
 
 import pytest
+from command_flags import flags
 from repository import SCENES
 
 import gsgi
@@ -12,20 +13,7 @@ from gsgi.baker.evaluation import held_out
 
 CORNELL = SCENES / "cornell.glb"
 SMALL = gsgi.Settings(budget=64, views=2, size=24, samples=64, bounces=2, iterations=4)
-FLAGS = [
-    "--budget",
-    "64",
-    "--views",
-    "2",
-    "--view-size",
-    "24",
-    "--samples",
-    "64",
-    "--bounces",
-    "2",
-    "--iterations",
-    "4",
-]
+FLAGS = flags(budget=64, views=2, view_size=24, samples=64, bounces=2, iterations=4)
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_flags import flags
 from repository import SCENES
 
 from gsgi.baker import estimate
@@ -15,20 +16,7 @@ from gsgi.runtime.image import read_image
 from gsgi.runtime.light_groups import group_names
 
 CORNELL = str(SCENES / "cornell.glb")
-TINY = [
-    "--budget",
-    "64",
-    "--views",
-    "2",
-    "--view-size",
-    "24",
-    "--samples",
-    "64",
-    "--bounces",
-    "2",
-    "--iterations",
-    "16",
-]
+TINY = flags(budget=64, views=2, view_size=24, samples=64, bounces=2, iterations=16)
 QUIET = ["--no-evaluate", "--quiet"]
 LIGHT = ["--env", "0.05,0.1,0.2", "--sun", "200,40", "--group", "lamp=ceiling*"]
 
