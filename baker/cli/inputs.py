@@ -125,7 +125,7 @@ def _settings(options: argparse.Namespace) -> Settings:
 
 
 def _budget(operator: str, size: int, groups: int) -> int:
-    """How many Gaussians a file of `size` bytes with light groups holds for certain. Raises UsageError for none."""
+    """How many Gaussians a file with light groups has that hardly exceeds `size` bytes. Raises UsageError for none."""
     from gsgi.baker.plan import file_bytes
 
     least = file_bytes(operator, 1, groups)

@@ -78,11 +78,11 @@ def likely(brought: np.ndarray, cell: np.ndarray, count: int, share: np.ndarray)
     for part, up in ((OWN, 0), (LARGER, GENERATIONS_UP)):
         # The root mean square, since what varies within a cell wants more samples (as in importance sampling of means).
         square = np.zeros((count >> up or 1, len(share)))
-        np.add.at(square, np.minimum(cell >> up, len(square) - 1), np.square(brought.astype(np.float64)))
+        np.add.at(square, cell >> up, np.square(brought.astype(np.float64)))
         root = np.sqrt(square)
         total = root.sum(axis=1, keepdims=True)
         chosen = np.divide(root, total, out=np.tile(fallback, (len(root), 1)), where=total > 0)
-        result += part * chosen[np.minimum(np.arange(count) >> up, len(square) - 1)]
+        result += part * chosen[np.arange(count) >> up]
     return result / result.sum(axis=1, keepdims=True)
 
 

@@ -129,7 +129,8 @@ class Tracer:
         vars(other).pop("cells", None)
         other.lights = PunctualLights(scene.lights, *scene.bounds())
         other.environment = None if scene.environment is None else EnvironmentLight(scene.environment)
-        other.emitters = Emitters(scene, apart(tabulate(self._scene))[0])
+        if self.emitters.count:  # their tables are made again: kept, they would hold all triangles twice
+            other.emitters = Emitters(scene, apart(tabulate(self._scene))[0])
         return other
 
     @cached_property
