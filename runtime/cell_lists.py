@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .gaussians import Gaussians
+from .quaternions import rotation_matrices
 
 ROOTS = 8  # cells along the longest edge of the box, before any is split
 DEPTH_MAX = 20  # splits of a root; float32 coordinates within it have 24 bits
@@ -260,15 +261,3 @@ def _assemble(levels: list[_Level], outside: np.ndarray, roots: int) -> tuple[np
     order = np.argsort(key, kind="stable")
     first = np.concatenate([[0], np.cumsum(np.bincount(key, minlength=begin))])
     return first.astype(np.int32), np.concatenate(children).astype(np.int32), np.concatenate(entries)[order]
-
-
-def rotation_matrices(rotation: np.ndarray) -> np.ndarray:
-    """Rotation matrices (N, 3, 3) of unit quaternions xyzw (N, 4): columns are the rotated axes, as in GLSL."""
-    # Shoemake 1985, "Animating Rotation with Quaternion Curves"
-    x, y, z, w = rotation.T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.array(rows).transpose(2, 0, 1)

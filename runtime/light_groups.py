@@ -113,22 +113,24 @@ def lit_by(scene: Scene, group: str) -> Scene:
     return dimmed(scene, scene.groups, {name: (float(name == group),) * 3 for name in names})
 
 
+def factor_on(source: Light | Material | Environment, groups: Patterns, factors: Factors) -> np.ndarray:
+    """The factor (3,) on the light of a source: that of its group."""
+    return np.array(factors[group_of(names_of(source), groups)])
+
+
 def dimmed(scene: Scene, groups: Patterns, factors: Factors) -> Scene:
     """The scene with the light of each group multiplied by its factor; lights whose factor is 0 are left out."""
-
-    def factor(source: Light | Material | Environment) -> np.ndarray:
-        return np.array(factors[group_of(names_of(source), groups)])
-
     environment = scene.environment
     if environment is not None:
-        by = factor(environment)
+        by = factor_on(environment, groups, factors)
         radiance = (environment.radiance * by).astype(np.float32)
         environment = dataclasses.replace(environment, radiance=radiance) if by.any() else None
     return dataclasses.replace(
         scene,
         lights=dimmed_lights(scene.lights, groups, factors),
         materials=tuple(
-            dataclasses.replace(m, emission=tuple((np.array(m.emission) * factor(m)).tolist())) for m in scene.materials
+            dataclasses.replace(m, emission=tuple((np.array(m.emission) * factor_on(m, groups, factors)).tolist()))
+            for m in scene.materials
         ),
         environment=environment,
     )
@@ -136,7 +138,7 @@ def dimmed(scene: Scene, groups: Patterns, factors: Factors) -> Scene:
 
 def dimmed_lights(lights: Iterable[Light], groups: Patterns, factors: Factors) -> tuple[Light, ...]:
     """Punctual lights, each multiplied by the factor of its group; those whose factor is 0 are left out."""
-    both = ((light, np.array(factors[group_of(names_of(light), groups)])) for light in lights)
+    both = ((light, factor_on(light, groups, factors)) for light in lights)
     return tuple(dataclasses.replace(light, color=light.color * by) for light, by in both if by.any())
 
 

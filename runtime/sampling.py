@@ -2,11 +2,12 @@
 
 import numpy as np
 
-from .cell_lists import cell_lists, rotation_matrices
+from .cell_lists import cell_lists
 from .constants import HALF_MAX, SH_C0, SH_C1, SH_C2_0, SH_C2_1, SH_C2_2
 from .errors import UnsupportedError
 from .gaussians import Bake, Gaussians, SurfaceBlend
 from .light_groups import Weights, weighted
+from .quaternions import rotation_matrices
 from .rebase import local_bake, origin_of_bake
 
 POINTS = 1 << 18  # read at once: memory beyond the result stays below 50 MB

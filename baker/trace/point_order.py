@@ -2,14 +2,9 @@
 
 import numpy as np
 
+from gsgi.runtime.morton import morton_codes
+
 BITS = 20  # per coordinate: half a metre in 500 km
-SPREADS = (
-    (32, 0x1F00000000FFFF),
-    (16, 0x1F0000FF0000FF),
-    (8, 0x100F00F00F00F00F),
-    (4, 0x10C30C30C30C30C3),
-    (2, 0x1249249249249249),
-)
 
 
 def coherent(position: np.ndarray, normal: np.ndarray) -> np.ndarray:
@@ -20,8 +15,7 @@ def coherent(position: np.ndarray, normal: np.ndarray) -> np.ndarray:
     low = position.min(axis=0).astype(np.float64)
     extent = float((position.max(axis=0) - low).max()) or 1.0
     cell = ((position - low) * ((2**BITS - 1) / extent)).astype(np.uint64)
-    code = sum(_spread(cell[:, axis]) << np.uint64(axis) for axis in range(3))
-    return np.lexsort((code, signed_axis(normal)))
+    return np.lexsort((morton_codes(cell), signed_axis(normal)))
 
 
 def signed_axis(normal: np.ndarray) -> np.ndarray:
@@ -49,10 +43,3 @@ def nearest(known: tuple[np.ndarray, np.ndarray], asked: tuple[np.ndarray, np.nd
         some = there.get(side, np.arange(len(known[0])))
         index[here] = some[cKDTree(known[0][some]).query(asked[0][here], workers=-1)[1]]
     return index
-
-
-def _spread(values: np.ndarray) -> np.ndarray:
-    """Insert two zero bits between the bits of each number."""
-    for shift, mask in SPREADS:
-        values = (values | values << np.uint64(shift)) & np.uint64(mask)
-    return values

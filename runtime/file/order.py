@@ -4,9 +4,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from gsgi.runtime.morton import BITS, morton_codes
+
 CHAINED_MOST = 1 << 17  # above that a chain of nearest neighbours takes longer than it is worth
 WINDOW = 1024  # Gaussians among which the nearest is looked for
-BITS = 21  # of a coordinate in a Morton code of 64 bits
 
 
 def spatial_order(
@@ -35,16 +36,8 @@ def spatial_order(
 
 
 def _morton(place: np.ndarray) -> np.ndarray:
-    """Codes (N,) uint64 that interleave the bits of coordinates (N, 3) of 0 or more."""
-    place = place >> max(int(place.max(initial=0)).bit_length() - BITS, 0)
-    code = np.zeros(len(place), np.uint64)
-    for axis in range(3):
-        bits = place[:, axis].astype(np.uint64)
-        for shift, mask in ((32, 0x1F00000000FFFF), (16, 0x1F0000FF0000FF), (8, 0x100F00F00F00F00F),
-                            (4, 0x10C30C30C30C30C3), (2, 0x1249249249249249)):  # fmt: skip
-            bits = (bits | bits << np.uint64(shift)) & np.uint64(mask)
-        code |= bits << np.uint64(axis)
-    return code
+    """Morton codes (N,) of coordinates (N, 3) of 0 or more, coarser ones where they have too many bits."""
+    return morton_codes(place >> max(int(place.max(initial=0)).bit_length() - BITS, 0))
 
 
 def _chain(features: np.ndarray) -> np.ndarray:

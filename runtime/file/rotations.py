@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from gsgi.runtime.quaternions import rotation_matrices
+
 
 def pack_normal(normal: np.ndarray, steps: int) -> np.ndarray:
     """Codes (N, 2) int64, -steps to steps, of unit vectors (N, 3): octahedral (Cigolle et al. 2014).
@@ -40,16 +42,11 @@ def rotation_of(normal: np.ndarray, turn: np.ndarray) -> np.ndarray:
 
 
 def axes(rotation: np.ndarray) -> np.ndarray:
-    """Matrices (N, 3, 3) float64 of quaternions xyzw (N, 4) of any length; without one, no rotation (Shoemake 1985)."""
+    """Matrices (N, 3, 3) float64 of quaternions xyzw (N, 4) of any length; without one, no rotation."""
     rotation = np.asarray(rotation, np.float64)
     length = np.linalg.norm(rotation, axis=1, keepdims=True)
-    x, y, z, w = np.where(length > 0, rotation / np.where(length > 0, length, 1), [0, 0, 0, 1]).T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.moveaxis(np.array(rows), 2, 0)
+    unit = np.where(length > 0, rotation / np.where(length > 0, length, 1), [0, 0, 0, 1])
+    return rotation_matrices(unit)
 
 
 def _sign(x: np.ndarray) -> np.ndarray:

@@ -29,8 +29,8 @@ class Background:
         self._pass = FullScreenPass(ctx, "frame/background", samplers, **features)
         self._pass.set(rotation=float(environment.rotation % (2 * np.pi)), factor=np.ones(3))
 
-    def dim(self, factor: tuple[float, float, float]) -> None:
-        """Multiply the radiance by `factor`."""
+    def dim(self, factor: np.ndarray) -> None:
+        """Multiply the radiance by `factor` (3,)."""
         self._pass.set(factor=factor)
 
     def draw(self, camera: Camera) -> None:

@@ -1,13 +1,12 @@
 """Scene triangles and textures on the GPU, batched by material and presence of vertex colours."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import moderngl
 import numpy as np
 
 from gsgi.runtime.errors import UnsupportedError
-from gsgi.runtime.light_groups import Factors
 from gsgi.runtime.scene import Material, Mesh, Scene, Texture
 
 from .permutations import Triangles, sampled
@@ -54,10 +53,10 @@ class Geometry:
         used = {(slot.texture, name in _SRGB_SLOTS) for b in self.batches for name, slot in sampled(b.material).items()}
         self._textures = {(i, srgb): _upload(ctx, scene.textures[i], srgb) for i, srgb in sorted(used)}
         self._mirror = {i: [float(wrap == "mirror") for wrap in scene.textures[i].wrap] for i, _ in used}
-        self._factors: Factors = {}
+        self._factors: Mapping[str, np.ndarray] = {}
 
-    def dim(self, factors: Factors) -> None:
-        """Multiply the emission of materials by factors, by the names of materials."""
+    def dim(self, factors: Mapping[str, np.ndarray]) -> None:
+        """Multiply the emission of materials by factors (3,), by the names of materials."""
         self._factors = factors
 
     def emission(self, material: Material) -> tuple[float, float, float]:

@@ -6,11 +6,12 @@ from types import MappingProxyType
 import moderngl
 import numpy as np
 
-from gsgi.runtime.cell_lists import CellLists, cell_lists, rotation_matrices
+from gsgi.runtime.cell_lists import CellLists, cell_lists
 from gsgi.runtime.constants import HALF_MAX, SH_C0
 from gsgi.runtime.errors import UnsupportedError
 from gsgi.runtime.gaussians import Bake, Gaussians
 from gsgi.runtime.light_groups import Factors, Weights, factors_of, weighted
+from gsgi.runtime.quaternions import rotation_matrices
 from gsgi.runtime.rebase import local_bake, origin_of_bake
 from gsgi.runtime.sampling import check_operator
 

@@ -9,7 +9,7 @@ from gsgi.runtime.camera import Camera
 from gsgi.runtime.errors import UnsupportedError
 from gsgi.runtime.gaussians import Bake, SurfaceBlend
 from gsgi.runtime.layers import LAYERS
-from gsgi.runtime.light_groups import Factors, Weights, dimmed_lights, factors_of, group_of, names_of, patterns_of
+from gsgi.runtime.light_groups import Factors, Weights, dimmed_lights, factor_on, factors_of, patterns_of
 from gsgi.runtime.metals import as_baked, lambertian
 from gsgi.runtime.rebase import local_bake, local_camera, local_scene, origin_of
 from gsgi.runtime.scene import Scene
@@ -222,12 +222,12 @@ class DeferredRenderer:
         scene, patterns, factors = self._scene, patterns_of(self._bake), factors_of(self._bake, self.weights)
         if self.primary:
             self.primary.lights = dimmed_lights(scene.lights, patterns, factors)
-        names = {material.name: factors[group_of(names_of(material), patterns)] for material in scene.materials}
+        names = {material.name: factor_on(material, patterns, factors) for material in scene.materials}
         for geometry in (self.geometry, self._blended_geometry):
             if geometry:
                 geometry.dim(names)
         if self.background:
-            self.background.dim(factors[group_of(names_of(scene.environment), patterns)])
+            self.background.dim(factor_on(scene.environment, patterns, factors))
 
     def _release_targets(self) -> None:
         for part in (self._display, self.background, self.primary, self.composite, self.blended, self.gbuffer):

@@ -126,7 +126,7 @@ def bake_of(count: int) -> Bake:
 
 def pairs(lists, level, radius: float, position: np.ndarray) -> tuple[int, int]:
     """How many Gaussians are listed for points (N, 3), and how many reach them, in sum."""
-    from gsgi.runtime.cell_lists import rotation_matrices
+    from gsgi.runtime.quaternions import rotation_matrices
 
     whiten = rotation_matrices(level.rotation) / level.scale[:, None, :]
     listed = reaching = 0
