@@ -15,7 +15,7 @@ from .importance import POINTS, Importance, ImportanceField
 from .selection import ViewSelection, poses
 from .surface_points import Triangles
 from .viewpoints import Viewpoints, visible
-from .visibility import VIEWS, Lens, Sides, sides, texels
+from .visibility import VIEWS, Lens, Sides, sides, sight_lines, texels
 
 YFOV = 1.2  # rad; wide enough to see a room's corner from its middle, narrow enough to keep texels even
 NEAR = 0.1  # near plane, as a share of the viewpoints' clearance
@@ -120,7 +120,7 @@ def place(
         chosen = selection.chosen
     choose(fewest, VIEWS, ENOUGH_WORTH)
     chosen = cameras(selection.chosen)
-    outside = _outside(triangles, free, samples, visible(lines, samples), len(chosen), rng) if count is None else []
+    outside = _outside(triangles, free, even, viewpoints.position, len(chosen), rng) if count is None else []
     meter.add(outside[1:])
     fitted = given | _named(chosen + outside[1:], given)
     apart = viewpoints.kept & (_distance(viewpoints.position, fitted) >= free.clearance)
@@ -132,9 +132,15 @@ def place(
     return Placement(fitted, _named(held_out, fitted), meter.coverage(viewpoints.lens.limit), field)
 
 
-def _outside(triangles: Triangles, free: FreeSpace, samples: Sides, seen: np.ndarray, number: int, rng) -> list[Camera]:
-    """One view from outside to hold out, then some to fit, few enough not to hold back the `number` others."""
-    return look_in(triangles, free, samples, seen, 1 + max(number // OUTSIDE_SHARE, OUTSIDE_FEWEST), rng)
+def _outside(
+    triangles: Triangles, free: FreeSpace, even: Sides, viewpoints: np.ndarray, number: int, rng: np.random.Generator
+) -> list[Camera]:
+    """One view from outside to hold out, then some to fit, few enough not to hold back the `number` others.
+
+    The sides are spread evenly over the surfaces, those included that none of the `viewpoints` (E, 3) sees.
+    """
+    inside = visible(sight_lines(triangles, viewpoints, even.points), even)
+    return look_in(triangles, free, even, inside, 1 + max(number // OUTSIDE_SHARE, OUTSIDE_FEWEST), rng)
 
 
 def _times_seen(triangles: Triangles, cameras: list[Camera], sampled: Sides, lens: Lens) -> np.ndarray:

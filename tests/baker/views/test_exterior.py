@@ -32,3 +32,12 @@ def test_an_open_side_is_looked_in_by_several_views(axis, sign):
     assert len(viewpoints) >= 4
     assert (sign * viewpoints[:, axis] > 1).all()
     assert (viewpoints[:, 1] >= -1).all()
+
+
+def test_nobody_looks_at_the_outer_wall_around_a_window():
+    """A wall of 5 cm with a window of edge 1; its outer side faces the void."""
+    walls = [mesh for mesh in scenes.box() if not np.allclose(mesh.position[:, 2], 1)]
+    for x, y in (((-1, -0.5), (-1, 1)), ((0.5, 1), (-1, 1)), ((-0.5, 0.5), (-1, -0.5)), ((-0.5, 0.5), (0.5, 1))):
+        corners = [(x[0], y[0]), (x[1], y[0]), (x[1], y[1]), (x[0], y[1])]
+        walls += [scenes.quad([(*p, 1.0) for p in corners[::-1]]), scenes.quad([(*p, 1.05) for p in corners])]
+    assert (outside(walls)[:, 2] < 1.05).all()
