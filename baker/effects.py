@@ -89,9 +89,14 @@ def _environment(scene: Scene, share: str) -> Finding:
 
 
 def _transparent(scene: Scene) -> Finding:
-    """Blending and transmission: the reader has replaced them, because nothing here lets part of the light through."""
+    """Blending and transmission: what lets light through, or else what the reader has put in its place."""
     if not scene.transparent:
         return Finding("transparent", "none", "")
+    filters = [material.name or f"material {i}" for i, material in enumerate(scene.materials) if material.filter]
+    if filters:
+        more = ", ..." if len(filters) > 3 else ""
+        cost = f"let light through: every ray goes on behind them ({', '.join(filters[:3])}{more})"
+        return Finding("transparent", f"{len(filters)} materials", cost)
     more = ", ..." if len(scene.transparent) > 1 else ""
     return Finding("transparent", f"{len(scene.transparent)} materials", scene.transparent[0] + more)
 
@@ -128,7 +133,7 @@ def _shows(material: Material, scene: Scene, effect: str) -> bool:
         case "emissive":
             return scene.emits(material)
         case "alpha-mask":
-            return material.alpha_cutoff is not None
+            return material.alpha_cutoff is not None and material.filter is None
         case "double-sided":
             return material.double_sided
         case "normal-map":

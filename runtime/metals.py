@@ -64,7 +64,7 @@ def _rough(material: Material) -> Material:
 def _black(material: Material, blends: bool) -> Material:
     if material.metallic < 1 or material.metallic_texture is not None:
         return material
-    base = material.base_color_texture if blends or material.alpha_cutoff is not None else None
+    base = material.base_color_texture if blends or material.alpha_cutoff is not None or material.filter else None
     return replace(material, base_color_texture=base, normal_texture=None)
 
 

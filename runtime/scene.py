@@ -7,6 +7,7 @@ import numpy as np
 
 from .camera import Camera
 
+CUTOFF = 0.5  # opacity below which a partly transparent surface is a hole to what cannot see through it in part
 MAX_LIGHT = 1e15  # cd, lx or radiance; the product of two such values fits in float32
 
 
@@ -36,6 +37,20 @@ class TextureSlot:
 
 
 @dataclass(frozen=True)
+class Filter:
+    """How a partly transparent surface lets light straight through, seen from either side.
+
+    It covers the share A: alpha (factor * texture * vertex colour) if it `blends`, else 1. What it covers transmits the
+    share `transmission`, tinted by the base colour, and reflects and emits the rest as an opaque surface does. What it
+    leaves open is clear, or tinted by the base colour too if `stained`.
+    """
+
+    blends: bool = False
+    transmission: float = 0.0
+    stained: bool = False
+
+
+@dataclass(frozen=True)
 class Material:
     """A Lambertian surface. Its albedo is the base colour, or base colour * (1 - metallic) where metals are black.
 
@@ -45,7 +60,8 @@ class Material:
     nothing, but still blocks light. The normal texture (linear, tangent space, xy scaled by `normal_scale`) shapes
     primary light; B uses the interpolated normal. An `unlit` surface shows its base colour as radiance, has albedo 0
     and emits no light into the scene. A `stand_in` is what light meets of a partly transparent surface: it is not drawn
-    itself, since frames show `Scene.blended`.
+    itself, since frames show `Scene.blended`. Its `filter` lets light through; shadow maps take it for opaque outside of
+    its holes, and punctual light that it lets through is part of B.
     """
 
     name: str = ""
@@ -61,6 +77,7 @@ class Material:
     double_sided: bool = False
     unlit: bool = False
     stand_in: bool = False
+    filter: Filter | None = None
 
     def slots(self) -> tuple[TextureSlot, ...]:
         """The texture slots that the material uses."""
@@ -164,9 +181,17 @@ class Scene:
     groups: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
     def as_traced(self) -> "Scene":
-        """The scene as light meets it: stand-ins are shown, and nothing is blended."""
-        materials = tuple(replace(material, stand_in=False) for material in self.materials)
-        return replace(self, materials=materials, blended=())
+        """The scene as camera rays of the path tracer meet it: nothing is blended.
+
+        Stand-ins are shown, except those that let light through: in their place stand the surfaces that frames blend,
+        solid where their opacity is at least CUTOFF and with holes elsewhere.
+        """
+        materials = [replace(material, stand_in=material.filter is not None) for material in self.materials]
+        if not any(material.filter for material in self.materials):
+            return replace(self, materials=tuple(materials), blended=())
+        for index in {mesh.material for mesh in self.blended}:
+            materials[index] = replace(materials[index], alpha_cutoff=max(CUTOFF, materials[index].alpha_cutoff or 0.0))
+        return replace(self, materials=tuple(materials), meshes=self.meshes + self.blended, blended=())
 
     def used_materials(self) -> list[Material]:
         """The materials that at least one of `meshes` uses."""

@@ -47,7 +47,7 @@ def add_scene(parser: argparse.ArgumentParser) -> None:
 
 def add_reading(parser: argparse.ArgumentParser) -> None:
     """Add how a scene is read."""
-    parser.add_argument("--transparent", choices=("cutout", "opaque", "absent"), default="cutout",
+    parser.add_argument("--transparent", choices=("filter", "stain", "cutout", "opaque", "absent"), default="filter",
                         help="what materials that are blended or transmit light are to baked light; frames "
                              "blend them, whichever it is")  # fmt: skip
     parser.add_argument("--limit", action="append", metavar="NAME=N",

@@ -13,9 +13,9 @@ import numpy as np
 from .light_cells import LightCells
 from .light_choice import LightChoice
 from .mitsuba_scene import load_mitsuba
-from .paths import EMITTER, EMITTER_POINT, LIGHT, emitter_light, punctual_light
+from .paths import EMITTER, EMITTER_POINT, FILTER, LIGHT, emitter_light, punctual_light
 from .random_numbers import DIRECTION, Draws, hashed
-from .rays import closest, lifted, lifted_hit, side
+from .rays import closest_through, lifted, lifted_hit, side
 
 mi = load_mitsuba()
 
@@ -111,8 +111,9 @@ class _Source:
 
     def _ends(self, tracer, numbers: np.ndarray) -> dict[str, np.ndarray]:
         """Where rays that leave lights meet a surface that reflects: position and normal (N, 3), `found` (N,)."""
-        o, d = self.leave(tracer, *_draws(numbers))
-        hit = closest(tracer, o, d, mi.Bool(True))
+        draws, cluster = _draws(numbers)
+        o, d = self.leave(tracer, draws, cluster)
+        hit, _ = closest_through(tracer, o, d, draws.one(FILTER), mi.Bool(True))
         found = dr.isfinite(hit.t)
         ng, material, front = side(tracer, hit, d, found)
         found &= front | tracer.shading.is_double_sided(material, found)
@@ -156,4 +157,4 @@ def _from_emitter(tracer, draws, cluster, p, n, active):
 
 def _from_light(tracer, draws, cluster, p, n, active):
     index, probability = tracer.lights.choice.choose_within(draws.one(LIGHT), cluster)
-    return punctual_light(tracer, p, n, n, index, active) / probability
+    return punctual_light(tracer, p, n, n, index, active, active) / probability

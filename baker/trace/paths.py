@@ -1,7 +1,9 @@
 """Dr.Jit kernels of the path tracer. Import this only inside the tracing stage: importing it starts Mitsuba.
 
 A surface is one-sided or two-sided. The back of a one-sided surface reflects and emits nothing, is invisible to camera
-rays, and blocks all other light. Alpha-tested holes block nothing. Features that a scene lacks are not compiled in.
+rays, and blocks all other light. Alpha-tested holes block nothing. What lets light through in part does so from either
+side, and light of punctual lights that has passed it is indirect: shadow maps do not have it. Features that a scene
+lacks are not compiled in.
 """
 
 from typing import NamedTuple
@@ -13,7 +15,7 @@ from gsgi.runtime import constants
 from .cached_light import CachedLight
 from .mitsuba_scene import load_mitsuba
 from .random_numbers import DIRECTION, Draws, hashed
-from .rays import closest, closest_front, lifted, lifted_hit, lifted_point, side, unoccluded
+from .rays import closest_front, closest_through, lifted, lifted_hit, lifted_point, side, transmitted, unoccluded
 
 mi = load_mitsuba()
 
@@ -24,6 +26,7 @@ ROULETTE_MAX = 0.999  # larger than most albedos: then the weight of a path neve
 
 # Dimensions of `Draws` beside DIRECTION: the random number that each decision uses.
 ROULETTE, LIGHT, EMITTER, EMITTER_POINT, ENVIRONMENT, TEXTURE = 2, 3, 4, 5, 7, 9
+FILTER = 15
 _JITTER = {"base_color_texture": 0, "metallic_texture": 2, "emission_texture": 4}
 
 
@@ -100,6 +103,8 @@ def blocked(tracer, origin, target) -> dict[str, np.ndarray]:
     distance = dr.norm(towards)
     apart = distance > 0
     free = unoccluded(tracer, o, towards / distance, distance, apart)
+    if tracer.filtering is not None:
+        free &= ~transmitted(tracer, o, towards / distance, distance, apart)[1]
     return {"blocked": np.array(apart & ~free).astype(bool)}
 
 
@@ -112,7 +117,7 @@ def direct(tracer, position, normal, geometric_normal) -> dict[str, np.ndarray]:
     result = mi.Color3f(0)
     for index in range(tracer.lights.count):
         # An opaque index lets one kernel serve all lights.
-        result += punctual_light(tracer, p, n, ng, dr.opaque(mi.UInt32, index), active)
+        result += punctual_light(tracer, p, n, ng, dr.opaque(mi.UInt32, index), active, mi.Bool(False))
         dr.eval(result)
     return {"direct": np.array(result).T}
 
@@ -167,9 +172,9 @@ def _arriving_at_vertex(tracer, known, draws, cell, p, n, ng, distance, bounce, 
         open_ended = active & ~found
     if tracer.lights.count > 0:
         # The engine computes the direct light of punctual lights, so the point itself (bounce 0) gets none here, and
-        # the B of other points has none.
+        # the B of other points has none. Both have what filtering surfaces let through.
         index, probability = tracer.lights.choice.choose(draws.one(LIGHT), draws.rest(LIGHT), cell)
-        light += punctual_light(tracer, p, n, ng, index, active & (bounce > 0)) / probability
+        light += punctual_light(tracer, p, n, ng, index, active & (bounce > 0), open_ended) / probability
     if tracer.emitters.count > 0:
         index, probability = tracer.emitters.choice.choose(draws.one(EMITTER), draws.rest(EMITTER), cell)
         light += emitter_light(tracer, draws, index, probability, p, n, ng, open_ended)
@@ -190,7 +195,7 @@ def _next_vertex(tracer, draws, cell, p, n, ng, reflects, active):
     d = mi.Frame3f(n).to_world(local)
     active &= dr.dot(d, ng) > 0
     pdf = local.z * dr.inv_pi
-    hit = closest(tracer, p, d, active)
+    hit, factor = closest_through(tracer, p, d, draws.one(FILTER), active)
     found = active & dr.isfinite(hit.t)
     front_ng, material, front = side(tracer, hit, d, found)
     visible = found & (front | tracer.shading.is_double_sided(material, found))
@@ -209,6 +214,8 @@ def _next_vertex(tracer, draws, cell, p, n, ng, reflects, active):
     alive = visible & reflects
     reflectance = tracer.shading.albedo(material, hit.prim, hit.b, alive, jitter)
     reflectance = dr.select(alive & ~_is_unlit(tracer, material, alive), reflectance, 0)
+    if tracer.filtering is not None:
+        light, reflectance = light * factor, reflectance * factor
     next_n = tracer.shading.shading_normal(hit.prim, hit.b, front_ng, alive)
     next_p = lifted_hit(tracer, p, d, hit, front_ng, front, found)
     return light, alive, next_p, next_n, mi.Normal3f(front_ng), hit.t, reflectance
@@ -224,14 +231,24 @@ def _balance(pdf, other):
     return dr.rcp(1 + other / pdf)
 
 
-def punctual_light(tracer, p, n, ng, index, active):
-    """Light of punctual light `index` that a white Lambertian surface at p would reflect."""
+def punctual_light(tracer, p, n, ng, index, active, filtered):
+    """Light of punctual light `index` that a white Lambertian surface at p would reflect.
+
+    Light that no surface filters counts where `active`, and light through filtering surfaces where `filtered`.
+    """
     # Not `active &= ...`, which would modify the caller's array.
     wi, distance, color = tracer.lights.arriving(index, p)
     cosine = dr.dot(wi, n)
-    active = active & (cosine > 0) & (dr.dot(wi, ng) > 0) & (dr.max(color) > 0)
-    active = active & unoccluded(tracer, p, wi, distance, active)
-    return dr.select(active, color * cosine * dr.inv_pi, 0)
+    faces = (cosine > 0) & (dr.dot(wi, ng) > 0) & (dr.max(color) > 0)
+    if tracer.filtering is None:
+        active = active & faces
+        active = active & unoccluded(tracer, p, wi, distance, active)
+        return dr.select(active, color * cosine * dr.inv_pi, 0)
+    free = (active | filtered) & faces
+    free = free & unoccluded(tracer, p, wi, distance, free)
+    factor, passed = transmitted(tracer, p, wi, distance, free)
+    counts = free & dr.select(passed, filtered, active)
+    return dr.select(counts, factor * color * cosine * dr.inv_pi, 0)
 
 
 def emitter_light(tracer, draws, index, probability, p, n, ng, active):
@@ -250,13 +267,17 @@ def emitter_light(tracer, draws, index, probability, p, n, ng, active):
     front_ng, material = tracer.shading.frame(prim, active)
     facing = -dr.dot(front_ng, wi)
     active &= (facing > 0) | (tracer.shading.is_double_sided(material, active) & (facing != 0))
-    if tracer.masked is not None:
+    if tracer.masked is not None:  # a filter's holes cover nothing
         active &= ~tracer.shading.hole(prim, b, active)
     side_ng = dr.select(facing > 0, front_ng, -front_ng)
     towards = lifted(tracer, point, side_ng, prim, active) - p
     reach = dr.norm(towards)
     active &= unoccluded(tracer, p, towards / reach, reach, active)
     radiance = tracer.shading.emission(material, prim, b, active, _jitter(draws))
+    if tracer.filtering is not None:
+        radiance *= transmitted(tracer, p, towards / reach, reach, active)[0]
+        own = tracer.shading.is_filter(material, active)
+        radiance *= dr.select(own, tracer.shading.filtered(prim, b, own)[1], 1)
     light_pdf = density * squared / dr.abs(facing)
     pdf = cosine * dr.inv_pi
     return dr.select(active, radiance * pdf / (light_pdf + pdf), 0)
@@ -268,6 +289,8 @@ def _sample_environment(tracer, draws, p, n, ng, active):
     cosine = dr.dot(wi, n)
     active = active & (cosine > 0) & (dr.dot(wi, ng) > 0) & (density > 0)
     active = active & unoccluded(tracer, p, wi, mi.Float(dr.inf), active)
+    if tracer.filtering is not None:
+        radiance = radiance * transmitted(tracer, p, wi, mi.Float(dr.inf), active)[0]
     pdf = cosine * dr.inv_pi
     return dr.select(active, radiance * pdf / (density + pdf), 0)
 

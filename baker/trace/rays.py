@@ -1,6 +1,14 @@
-"""Ray casting for the path tracer's kernels, through alpha-tested holes. Importing this starts Mitsuba."""
+"""Ray casting for the path tracer's kernels, through alpha-tested holes and what lets light through in part.
+
+A path meets a surface that filters light with the probability that the light does not pass it in its strongest channel
+(stochastic transparency, Enderton et al. 2010), and shadow rays multiply what the surfaces on their way transmit.
+Importing this starts Mitsuba.
+"""
 
 from typing import NamedTuple
+
+from gsgi.runtime.constants import ALPHA_MIN
+from gsgi.runtime.scene import CUTOFF
 
 from .mitsuba_scene import load_mitsuba
 from .planes import ROUNDING
@@ -18,6 +26,9 @@ SKIP = 2.0**-20
 # Share of the distance to a light by which a shadow ray stops short of it: eight times float32's rounding. The light is
 # off its own surface already, and a wall of 1 mm stands before a light that is up to 1 km away.
 SHORT = 2.0**-20
+
+# Most filtering surfaces that light passes on its way: the next one stops it.
+LAYERS = 256
 
 
 class Hit(NamedTuple):
@@ -84,8 +95,26 @@ def _ray(o, d, maxt):
     return mi.Ray3f(o, d, maxt, 0.0, mi.Color0f())
 
 
-def closest(tracer, o, d, active):
-    """Closest surface along a ray, seen through alpha-tested holes."""
+def closest(tracer, o, d, active, least=ALPHA_MIN):
+    """Closest surface along a ray, seen through alpha-tested holes.
+
+    Of surfaces that filter light those count from which at least the share `least` of the light comes.
+    """
+    hit = closest_blocking(tracer, o, d, active)
+    return hit if tracer.filtering is None else _through_filters(tracer, o, d, hit, None, least, active)[0]
+
+
+def closest_through(tracer, o, d, u, active):
+    """The surface that a path meets, by the random number `u` in [0, 1), and what it and those before make of its light.
+
+    The Color3f is a factor on what the surface reflects and emits, or on the light from beyond the scene.
+    """
+    hit = closest_blocking(tracer, o, d, active)
+    return (hit, mi.Color3f(1)) if tracer.filtering is None else _through_filters(tracer, o, d, hit, u, 0.0, active)
+
+
+def closest_blocking(tracer, o, d, active):
+    """Closest surface along a ray that lets no light through, seen through alpha-tested holes."""
     hit = Hit(mi.Float(dr.inf), mi.UInt32(0), mi.Point2f(0))
     if tracer.opaque is not None:
         found = tracer.opaque.ray_intersect_preliminary(_ray(o, d, mi.Float(dr.inf)), active=active)
@@ -111,14 +140,48 @@ def _closest_masked(tracer, o, d, hit, active):
 
 
 @dr.syntax
+def _through_filters(tracer, o, d, hit, u, least, active):
+    """The nearer of `hit` and the first filtering surface at which the ray ends, and the factor on light from there.
+
+    Without `u` it ends where at least the share `least` of the light comes from the surface, and the factor says nothing.
+    """
+    t, prim, b = mi.Float(hit.t), mi.UInt32(hit.prim), mi.Point2f(hit.b)
+    start, searching, factor = mi.Float(0), mi.Bool(active), mi.Color3f(1)
+    left, layers = mi.Float(0 if u is None else u), mi.UInt32(0)
+    while searching:
+        found = tracer.filtering.ray_intersect_preliminary(_ray(o + d * start, d, t - start), active=searching)
+        meets = searching & found.is_valid()
+        index, there = found.prim_index + tracer.blocking_count, start + found.t
+        through, share, _ = tracer.shading.filtered(index, found.prim_uv, meets)
+        chance = mi.Float(-1) if u is None else dr.max(through)
+        stops = meets & ((share >= least) if u is None else _ends(left, chance, layers))
+        passes = meets & ~stops
+        # A surface uses up the part of the random number that it decided with, and the rest is as random as it was.
+        left = dr.select(passes, dr.minimum(left / chance, 1 - 2.0**-24), left)
+        factor *= dr.select(passes, through / chance, 1)
+        factor *= dr.select(stops, dr.select(chance < 1, share / (1 - chance), 0), 1)
+        t, prim = dr.select(stops, there, t), dr.select(stops, index, prim)
+        b = dr.select(stops, found.prim_uv, b)
+        start = _beyond(tracer, o, there, index, meets)
+        layers += 1
+        searching = meets & ~stops
+    return Hit(t, prim, b), factor
+
+
+def _ends(left, chance, layers):
+    """Whether a path with this random number left ends at a surface that it passes with this chance."""
+    return ((left >= chance) & (chance < 1)) | (layers >= LAYERS)
+
+
+@dr.syntax
 def closest_front(tracer, o, d, active):
-    """What a camera sees: the closest surface, ignoring the backs of one-sided surfaces."""
-    hit = closest(tracer, o, d, active)
+    """What a camera sees: the closest surface, ignoring the backs of one-sided surfaces and what is mostly clear."""
+    hit = closest(tracer, o, d, active, CUTOFF)
     t, prim, b = hit.t, hit.prim, hit.b
     passing = active & _is_back(tracer, hit, d)
     while passing:
         start = _beyond(tracer, o, t, prim, passing)
-        beyond = closest(tracer, o + d * start, d, passing)
+        beyond = closest(tracer, o + d * start, d, passing, CUTOFF)
         t, prim = dr.select(passing, start + beyond.t, t), dr.select(passing, beyond.prim, prim)
         b = dr.select(passing, beyond.b, b)
         passing = passing & _is_back(tracer, Hit(t, prim, b), d)
@@ -132,7 +195,7 @@ def _is_back(tracer, hit, d):
 
 
 def unoccluded(tracer, origin, direction, distance, active):
-    """Whether light reaches `origin` unblocked from `distance` (m) away along `direction`."""
+    """Whether light reaches `origin` from `distance` (m) away along `direction`, past no surface or through filters."""
     limit = distance * (1 - SHORT)
     free = mi.Bool(active)
     if tracer.opaque is not None:
@@ -141,3 +204,23 @@ def unoccluded(tracer, origin, direction, distance, active):
         hit = _closest_masked(tracer, origin, direction, Hit(limit, mi.UInt32(0), mi.Point2f(0)), free)
         free = free & ~(hit.t < limit)
     return free
+
+
+@dr.syntax
+def transmitted(tracer, origin, direction, distance, active):
+    """What filtering surfaces leave (Color3f) of such light, and whether it passes any of them outside its holes."""
+    factor, filtered = mi.Color3f(1), mi.Bool(False)
+    limit = distance * (1 - SHORT)
+    start, searching, layers = mi.Float(0), mi.Bool(active), mi.UInt32(0)
+    while searching:
+        ray = _ray(origin + direction * start, direction, limit - start)
+        found = tracer.filtering.ray_intersect_preliminary(ray, active=searching)
+        meets = searching & found.is_valid()
+        index = found.prim_index + tracer.blocking_count
+        through, _, there = tracer.shading.filtered(index, found.prim_uv, meets)
+        factor *= dr.select(meets, dr.select(layers < LAYERS, through, 0), 1)
+        filtered |= there
+        start = _beyond(tracer, origin, start + found.t, index, meets)
+        layers += 1
+        searching = meets & (dr.max(factor) > 0)
+    return factor, filtered

@@ -42,6 +42,7 @@ class Shading:
         self.moved = moved
         self.inaccuracy = dr.opaque(mi.Float, max(float(surfaces.plane[:, 1].max(initial=0)), moved))
         self.surface, self.emission_table = floats(surfaces.surface), floats(surfaces.emission)
+        self.filters = None if surfaces.filters is None else floats(surfaces.filters)
         self.smooth = surfaces.normal is not None
         self.normal = words(surfaces.normal) if self.smooth else None
         self.tangent = None if surfaces.tangent is None else floats(surfaces.tangent)
@@ -108,6 +109,28 @@ class Shading:
         row = dr.gather(mi.Vector4f, self.surface, material, active)
         alpha = row.x * self._base(material, prim, b, active, None).w
         return active & (alpha < row.y)
+
+    def filtered(self, prim, b, active):
+        """What a triangle that lets light through transmits (Color3f), the share of light from it, and where it is.
+
+        The share is the factor on what it reflects and emits; the two add up to at most 1 in each channel. In its holes,
+        where it is not, they are 1 and 0.
+        """
+        _, material = self.frame(prim, active)
+        row = dr.gather(mi.Vector4f, self.surface, material, active)
+        _, blends, transmission, stained = dr.gather(mi.Vector4f, self.filters, material, active)
+        factor = dr.gather(mi.Vector4f, self.albedo_table, material, active)
+        base = self._base(material, prim, b, active, None)
+        tint = dr.clip(mi.Color3f(factor.x, factor.y, factor.z) * mi.Color3f(base.x, base.y, base.z), 0, 1)
+        alpha = dr.clip(row.x * base.w, 0, 1)
+        hole = alpha < row.y
+        covered = dr.select(hole, 0, dr.select(blends > 0, alpha, 1))
+        through = (1 - covered) * dr.select((stained > 0) & ~hole, tint, 1) + covered * transmission * tint
+        return through, covered * (1 - transmission), active & ~hole
+
+    def is_filter(self, material, active):
+        """Whether the material lets light through."""
+        return active & (dr.gather(mi.Vector4f, self.filters, material, active).x > 0)
 
     def is_double_sided(self, material, active):
         if not self.double_sided:

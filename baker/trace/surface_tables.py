@@ -18,22 +18,28 @@ WRAP = {"repeat": 0, "mirror": 1, "clamp": 2}
 NEAREST = 1 << 4  # beside two bits of wrap mode per axis
 UV_SHIFT = 8  # the uv channel lies above
 
+OPAQUE, MASKED, FILTERING = range(3)  # kinds of triangles, in their order: solid, with holes, letting light through
+
 # Triangles are flat if no component of a corner's normal differs from the triangle's by this much: 0.06 degrees.
 FLAT = 1e-3
 
 
 @dataclass(frozen=True)
 class Surfaces:
-    """F triangles of a scene, those without alpha-tested holes first, and those left out that others hide.
+    """F triangles of a scene, those without alpha-tested holes first, those that let light through last.
 
-    position (V, 3) float32 m; triangle (F, 3) uint32; opaque: the number of triangles without holes.
+    Triangles that others hide are left out.
+
+    position (V, 3) float32 m; triangle (F, 3) uint32; opaque: the number of triangles without holes;
+    filtering: that of triangles that let light through.
     face (F, 4) float32: unit normal, and the material's index as the bits of a float.
     plane (F, 2) float32: see `planes.planes`.
     normal (F, 4) uint32: one per corner, octahedral in two signed 16-bit parts, then 0; None if all triangles are flat.
     tangent (F, 3, 4) float32: one per corner; None without normal textures.
     uv (F, C, 8) float32: u, v of each corner and two zeros. color (F, 3, 4) float32: one per corner, or None.
     albedo (M, 4): linear base colour, metallic. surface (M, 4): alpha, cut-off (-1: opaque), 1 if double-sided,
-    normal scale. emission (M, 4): radiance (base colour if unlit), 1 if unlit.
+    normal scale. emission (M, 4): radiance (base colour if unlit), 1 if unlit. filters (M, 4): 1 if it lets light
+    through, and the fields of its `Filter`; None if `filtering` is 0.
     slots: name -> (M, 4) uint32: first texel, width, height, modes, for each kind of texture that some material has.
     texels (T,) uint32: RGBA8, red in the lowest byte.
     """
@@ -41,6 +47,7 @@ class Surfaces:
     position: np.ndarray
     triangle: np.ndarray
     opaque: int
+    filtering: int
     face: np.ndarray
     plane: np.ndarray
     normal: np.ndarray | None
@@ -50,14 +57,16 @@ class Surfaces:
     albedo: np.ndarray
     surface: np.ndarray
     emission: np.ndarray
+    filters: np.ndarray | None
     slots: dict[str, np.ndarray]
     texels: np.ndarray
 
 
 def tabulate(scene: Scene) -> Surfaces:
     """The tables of a scene."""
-    meshes = _visible(scene, sorted(scene.meshes, key=lambda mesh: _is_masked(scene, mesh)))
+    meshes = _visible(scene, sorted(scene.meshes, key=lambda mesh: _kind(scene, mesh)))
     counts = [len(mesh.triangle) for mesh in meshes]
+    opaque, _, filtering = (sum(n for n, m in zip(counts, meshes, strict=True) if _kind(scene, m) == k) for k in range(3))
     first = np.cumsum([0] + [len(mesh.position) for mesh in meshes[:-1]])
     position = np.concatenate([mesh.position for mesh in meshes])
     triangle = np.concatenate([m.triangle + np.uint32(o) for m, o in zip(meshes, first, strict=True)])
@@ -69,7 +78,8 @@ def tabulate(scene: Scene) -> Surfaces:
     return Surfaces(
         position,
         triangle,
-        sum(count for count, mesh in zip(counts, meshes, strict=True) if not _is_masked(scene, mesh)),
+        opaque,
+        filtering,
         face,
         planes(position, triangle),
         _corner_normals(meshes, face),
@@ -79,14 +89,15 @@ def tabulate(scene: Scene) -> Surfaces:
         _rows(scene, lambda m: (*m.base_color[:3], m.metallic)),
         _rows(scene, _surface_row),
         _rows(scene, lambda m: (*(m.base_color[:3] if m.unlit else m.emission), float(m.unlit))),
+        _rows(scene, _filter_row) if filtering else None,
         slots,
         texels,
     )
 
 
 def _visible(scene: Scene, meshes: list[Mesh]) -> list[Mesh]:
-    """The meshes without triangles that stand there twice (see `duplicates`), those with holes as they are."""
-    solid = [mesh for mesh in meshes if not _is_masked(scene, mesh)]
+    """The meshes without triangles that stand there twice (see `duplicates`), those with holes or filters as they are."""
+    solid = [mesh for mesh in meshes if _kind(scene, mesh) == OPAQUE]
     if not solid:
         return meshes
     counts = [len(mesh.triangle) for mesh in solid]
@@ -104,8 +115,11 @@ def _visible(scene: Scene, meshes: list[Mesh]) -> list[Mesh]:
     return [*there, *meshes[len(solid) :]]
 
 
-def _is_masked(scene: Scene, mesh: Mesh) -> bool:
-    return scene.materials[mesh.material].alpha_cutoff is not None
+def _kind(scene: Scene, mesh: Mesh) -> int:
+    material = scene.materials[mesh.material]
+    if material.filter is not None:
+        return FILTERING
+    return OPAQUE if material.alpha_cutoff is None else MASKED
 
 
 def _face_normals(position: np.ndarray, triangle: np.ndarray) -> np.ndarray:
@@ -160,6 +174,11 @@ def _rows(scene: Scene, row) -> np.ndarray:
 def _surface_row(material: Material) -> tuple[float, float, float, float]:
     cutoff = -1.0 if material.alpha_cutoff is None else material.alpha_cutoff
     return material.base_color[3], cutoff, float(material.double_sided), material.normal_scale
+
+
+def _filter_row(material: Material) -> tuple[float, float, float, float]:
+    of = material.filter
+    return (0.0, 0.0, 0.0, 0.0) if of is None else (1.0, float(of.blends), of.transmission, float(of.stained))
 
 
 def _textures(scene: Scene) -> tuple[dict[str, np.ndarray], np.ndarray]:

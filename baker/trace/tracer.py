@@ -110,9 +110,12 @@ class Tracer:
         self._scene = scene = lambertian(scene)
         surfaces, moved = apart(tabulate(scene))
         self.corners = surfaces.position, surfaces.triangle
-        count = self.opaque_count = surfaces.opaque
-        parts = surfaces.triangle[:count], surfaces.triangle[count:]
-        self.opaque, self.masked = (mitsuba_scene.build(surfaces.position, p) if len(p) else None for p in parts)
+        first = self.opaque_count = surfaces.opaque
+        second = self.blocking_count = len(surfaces.triangle) - surfaces.filtering
+        parts = np.split(surfaces.triangle, [first, second])
+        self.opaque, self.masked, self.filtering = (
+            mitsuba_scene.build(surfaces.position, part) if len(part) else None for part in parts
+        )
         self.unlit = any(material.unlit for material in scene.materials)
         self.shading = Shading(surfaces, moved)
         self.lights = PunctualLights(scene.lights, *scene.bounds())

@@ -83,6 +83,7 @@ class Materials:
             double_sided=material.get("doubleSided", False).boolean(),
             unlit=unlit,
             stand_in=opacity.stand_in,
+            filter=opacity.filter,
         )
         self.records.append(record)
         return Paint(len(self.records) - 1, record, tuple(channels), opacity)

@@ -18,6 +18,8 @@ def prune(scene: Scene) -> Scene:
     lowest: dict[int, float] = {}
 
     def seen(mesh: Mesh) -> bool:
+        if mesh.color is None and _is_clear(scene.materials[mesh.material]):
+            return False
         low, high = _with_color(alphas[mesh.material], mesh.color)
         least = ALPHA_MIN if mesh.material in blends else 0.0
         is_seen = high >= max(least, scene.materials[mesh.material].alpha_cutoff or 0.0)
@@ -41,7 +43,7 @@ def prune(scene: Scene) -> Scene:
 
 def _alpha(material: Material, textures: tuple[Texture, ...], blends: bool) -> tuple[float, float]:
     """Lower and upper bound of a material's alpha; (1, 1) if it neither blends nor has a cut-off."""
-    if material.alpha_cutoff is None and not blends:
+    if material.alpha_cutoff is None and not blends and material.filter is None:
         return 1.0, 1.0
     factor = material.base_color[3]
     if material.base_color_texture is None:
@@ -55,6 +57,14 @@ def _with_color(alpha: tuple[float, float], color: np.ndarray | None) -> tuple[f
     if color is None:
         return alpha
     return alpha[0] * float(color[:, 3].min()), alpha[1] * float(color[:, 3].max())
+
+
+def _is_clear(material: Material) -> bool:
+    """Whether all light passes the material as it came."""
+    of = material.filter
+    if of is None or of.blends or material.base_color_texture is not None:
+        return False
+    return of.transmission == 1 and min(material.base_color[:3]) == 1
 
 
 def _uncut(material: Material, lowest: float) -> Material:

@@ -33,12 +33,13 @@ LEFT_OUT = {Code.TRANSPARENT, Code.NOT_TRIANGLES, Code.NO_POSITION}  # warnings 
 MAX_WEIGHT = 1e6  # of a morph target; anything larger is a mistake
 
 
-def read_gltf(path: str | Path, limits: Limits = Limits(), transparency: str = "cutout") -> Scene:  # noqa: B008 (frozen)
+def read_gltf(path: str | Path, limits: Limits = Limits(), transparency: str = "filter") -> Scene:  # noqa: B008 (frozen)
     """The default scene of a .gltf or .glb file, in world space (m, +Y up).
 
     Only materials and textures in use are kept. Skins, morph targets and animations stay at their rest pose.
-    `transparency` selects what partly transparent surfaces are to light: "cutout" (holes where opacity is low),
-    "opaque" or "absent"; frames blend them, whichever it is. `Scene.warnings` lists every simplification. Raises
+    `transparency` selects what partly transparent surfaces are to light: "filter" (it passes in part, tinted by
+    what KHR_materials_transmission covers), "stain" (the same, and blended surfaces tint it too), "cutout" (holes where
+    opacity is low), "opaque" or "absent"; frames blend them, whichever it is. `Scene.warnings` lists every simplification. Raises
     FileError (unreadable), SceneError (broken, larger than the limits, or without triangles) and UnsupportedError
     (valid, but not supported), with `code` and `pointer`.
     """

@@ -13,7 +13,7 @@ from .reader import read_gltf
 def read_scene(
     path: str | Path,
     lighting: Lighting | None = None,
-    transparency: str = "cutout",
+    transparency: str = "filter",
     limits: Limits = Limits(),  # noqa: B008 (frozen)
 ) -> Scene:
     """The scene of a .gltf or .glb file with `lighting` applied.

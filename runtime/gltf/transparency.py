@@ -1,15 +1,19 @@
-"""What partly transparent materials are to light, which passes through no surface, and to frames, which blend them."""
+"""What partly transparent materials are to light, and to frames, which blend them."""
 
 from typing import NamedTuple
+
+from gsgi.runtime.constants import ALPHA_MIN
+from gsgi.runtime.scene import CUTOFF, Filter
 
 from .document import Document
 from .json_value import Json
 from .problems import Code
 
-MODES = ("cutout", "opaque", "absent")
+MODES = ("filter", "stain", "cutout", "opaque", "absent")
 TRANSMISSION = "KHR_materials_transmission"
-CUTOFF = 0.5
 DEALT = {
+    "filter": "baked light passes it in part (see --transparent)",
+    "stain": "baked light passes it in part, tinted (see --transparent)",
     "cutout": f"to baked light it is a hole where its opacity is below {CUTOFF} (see --transparent)",
     "opaque": "to baked light it is opaque (see --transparent)",
     "absent": "baked light passes it by (see --transparent)",
@@ -20,13 +24,14 @@ class Opacity(NamedTuple):
     """Factor on alpha, and the cutoff below which a point is a hole; the cutoff is None if there are no holes.
 
     `blends`: alpha is the share by which frames blend the surface over what is behind it. `stand_in`: it is what light
-    meets of such a surface, and frames do not show it.
+    meets of such a surface, and frames do not show it; its `filter` says what it lets through.
     """
 
     factor: float
     cutoff: float | None
     blends: bool = False
     stand_in: bool = False
+    filter: Filter | None = None
 
     @property
     def counts(self) -> bool:
@@ -55,6 +60,11 @@ def read(document: Document, material: Json, mode: str) -> tuple[Opacity, ...]:
         return (blended,)
     if alpha == "BLEND" and mode == "cutout":
         return Opacity(opaque, CUTOFF, stand_in=True), blended
+    if mode in ("filter", "stain"):
+        # Where alpha is too low to be drawn, shadow maps have a hole: direct light passes there, as it does in frames.
+        least = ALPHA_MIN if alpha == "BLEND" else cutoff
+        passes = Filter(alpha == "BLEND", 1 - opaque, alpha == "BLEND" and mode == "stain")
+        return Opacity(1.0, least, stand_in=True, filter=passes), blended
     return Opacity(1.0, cutoff, stand_in=True), blended
 
 

@@ -35,7 +35,7 @@ def validate(path: str | Path, limits: Limits = Limits()) -> list[Problem]:  # n
         return [_problem(error, path)]
     used = replace(document, problems=dict(document.problems))
     found = [_error(partial(examine, document, value), path) for examine, value in _parts(document.root)]
-    refusal = _error(partial(reader.read_document, used, "cutout"), path)
+    refusal = _error(partial(reader.read_document, used, "filter"), path)
     errors = dict.fromkeys(error for error in (*found, refusal) if error is not None)
     if refusal is not None:
         return [*errors, *(document.problems | used.problems)]
@@ -103,7 +103,7 @@ def _texture(document: Document, texture: Json) -> None:
 
 def _primitive(document: Document, primitive: Json) -> None:
     if primitives.has_triangles(document, primitive):
-        for paint in Materials(document, "cutout").paints(primitive):
+        for paint in Materials(document, "filter").paints(primitive):
             primitives.decode(document, primitive, paint, ())
 
 
@@ -148,7 +148,7 @@ EXAMINE: dict[str, Examine] = {
     "images": lambda document, image: textures.decode_images(document, [image]),
     "samplers": lambda _, sampler: textures.sampling(sampler),
     "textures": _texture,
-    "materials": lambda document, material: Materials(document, "cutout").read(material),
+    "materials": lambda document, material: Materials(document, "filter").read(material),
     "meshes": lambda _, mesh: mesh.get("primitives").array(),
     "cameras": lambda document, camera: cameras.placed(document, camera, _at_origin(camera)),
     "skins": _skin,

@@ -8,7 +8,7 @@ from gltf_files import PIXELS, POSITION, UV, add, encode, png, put, quad_scene, 
 
 from gsgi.runtime.errors import SceneError
 from gsgi.runtime.gltf.reader import read_gltf
-from gsgi.runtime.scene import TextureSlot
+from gsgi.runtime.scene import Filter, TextureSlot
 
 MATERIAL, PBR = "/materials/0", "/materials/0/pbrMetallicRoughness"
 
@@ -249,13 +249,49 @@ def test_transmission(read, factor, fields, mode, alpha, cutoff):
     assert any('"paint" transmits light: ' in warning for warning in scene.warnings)
 
 
+LEAST = pytest.approx(1 / 255)
+
+
+@pytest.mark.parametrize(
+    ("fields", "mode", "passes", "cutoff"),
+    [
+        (BLEND, "filter", Filter(True, 0.0, False), LEAST),
+        (BLEND, "stain", Filter(True, 0.0, True), LEAST),
+        (glass(0.75), "filter", Filter(False, 0.75, False), None),
+        (glass(0.75), "stain", Filter(False, 0.75, False), None),
+        (glass(0.75, **BLEND), "filter", Filter(True, 0.75, False), LEAST),
+        (glass(0.75, alphaMode="MASK", alphaCutoff=0.9), "filter", Filter(False, 0.75, False), 0.9),
+    ],
+)
+def test_what_lets_light_through(read, fields, mode, passes, cutoff):
+    document, data = alpha_pixels(0, 255)
+    document["materials"][0] |= fields
+    scene = read(document, data, transparency=mode)
+    (material,) = scene.used_materials()
+    assert (material.filter, material.alpha_cutoff, material.stand_in) == (passes, cutoff, True)
+    assert scene.materials[scene.blended[0].material].filter is None
+    traced = scene.as_traced()
+    shown = [m for m in traced.used_materials() if not m.stand_in]
+    assert [m.alpha_cutoff for m in shown] == [0.5], "cameras see through what is mostly clear"
+    assert not traced.blended
+    assert len(traced.meshes) == 2, "one of them for shadows alone"
+
+
+def test_clear_glass_is_nothing_to_light(read):
+    document, data = painted(**glass(1), pbrMetallicRoughness={"metallicFactor": 0})
+    document["meshes"][0]["primitives"].append({"attributes": {"POSITION": 0}, "indices": 3})
+    assert not any(material.filter for material in read(document, data).materials)
+    put(document, f"{PBR}/baseColorFactor", [1, 0.9, 1, 1])
+    assert [material.filter for material in read(document, data).materials if material.stand_in] == [Filter(False, 1.0)]
+
+
 @pytest.mark.parametrize("fields", [glass(0.6), glass(0.6, alphaMode="MASK"), glass(1, **BLEND)])
 def test_what_is_one_hole_is_left_out(read, fields):
     document, data = painted(**fields)
     with pytest.raises(SceneError, match='expected a scene with triangles, got none that can be seen: "paint" '):
-        read(document, data)
+        read(document, data, transparency="cutout")
     document["meshes"][0]["primitives"].append({"attributes": {"POSITION": 0}, "indices": 3})
-    scene = read(document, data)
+    scene = read(document, data, transparency="cutout")
     (material,) = scene.used_materials()
     assert (len(scene.meshes), material.name, material.stand_in) == (1, "", False)
     assert len(scene.blended) == (fields != glass(1, **BLEND)), "but frames show what is not quite clear"
