@@ -105,9 +105,9 @@ def closest(tracer, o, d, active, least=ALPHA_MIN):
 
 
 def closest_through(tracer, o, d, u, active):
-    """The surface that a path meets, by the random number `u` in [0, 1), and what it and those before make of its light.
+    """The surface that a path meets, decided by the random number `u` in [0, 1), and a factor (Color3f) on light.
 
-    The Color3f is a factor on what the surface reflects and emits, or on the light from beyond the scene.
+    The factor multiplies what the surface reflects and emits, or the light from beyond the scene.
     """
     hit = closest_blocking(tracer, o, d, active)
     return (hit, mi.Color3f(1)) if tracer.filtering is None else _through_filters(tracer, o, d, hit, u, 0.0, active)
@@ -143,7 +143,8 @@ def _closest_masked(tracer, o, d, hit, active):
 def _through_filters(tracer, o, d, hit, u, least, active):
     """The nearer of `hit` and the first filtering surface at which the ray ends, and the factor on light from there.
 
-    Without `u` it ends where at least the share `least` of the light comes from the surface, and the factor says nothing.
+    Without `u` it ends where at least the share `least` of the light comes from the surface, and the factor means
+    nothing.
     """
     t, prim, b = mi.Float(hit.t), mi.UInt32(hit.prim), mi.Point2f(hit.b)
     start, searching, factor = mi.Float(0), mi.Bool(active), mi.Color3f(1)

@@ -113,8 +113,8 @@ class Shading:
     def filtered(self, prim, b, active):
         """What a triangle that lets light through transmits (Color3f), the share of light from it, and where it is.
 
-        The share is the factor on what it reflects and emits; the two add up to at most 1 in each channel. In its holes,
-        where it is not, they are 1 and 0.
+        The share is the factor on what it reflects and emits; the two add up to at most 1 in each channel. In its
+        holes, where it is not, they are 1 and 0.
         """
         _, material = self.frame(prim, active)
         row = dr.gather(mi.Vector4f, self.surface, material, active)

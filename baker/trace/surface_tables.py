@@ -66,7 +66,9 @@ def tabulate(scene: Scene) -> Surfaces:
     """The tables of a scene."""
     meshes = _visible(scene, sorted(scene.meshes, key=lambda mesh: _kind(scene, mesh)))
     counts = [len(mesh.triangle) for mesh in meshes]
-    opaque, _, filtering = (sum(n for n, m in zip(counts, meshes, strict=True) if _kind(scene, m) == k) for k in range(3))
+    opaque, _, filtering = (
+        sum(n for n, m in zip(counts, meshes, strict=True) if _kind(scene, m) == k) for k in range(3)
+    )
     first = np.cumsum([0] + [len(mesh.position) for mesh in meshes[:-1]])
     position = np.concatenate([mesh.position for mesh in meshes])
     triangle = np.concatenate([m.triangle + np.uint32(o) for m, o in zip(meshes, first, strict=True)])
