@@ -60,8 +60,8 @@ class Material:
     nothing, but still blocks light. The normal texture (linear, tangent space, xy scaled by `normal_scale`) shapes
     primary light; B uses the interpolated normal. An `unlit` surface shows its base colour as radiance, has albedo 0
     and emits no light into the scene. A `stand_in` is what light meets of a partly transparent surface: it is not drawn
-    itself, since frames show `Scene.blended`. Its `filter` lets light through; shadow maps take it for opaque outside of
-    its holes, and punctual light that it lets through is part of B.
+    itself, since frames show `Scene.blended`. Its `filter` lets light through; shadow maps take it for opaque
+    outside of its holes, and punctual light that it lets through is part of B.
     """
 
     name: str = ""

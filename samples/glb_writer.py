@@ -7,6 +7,7 @@ import zlib
 import numpy as np
 
 LIGHTS, STRENGTH = "KHR_lights_punctual", "KHR_materials_emissive_strength"
+TRANSMISSION = "KHR_materials_transmission"
 FLOAT, SHORT = 5126, 5123
 VERTICES, INDICES = 34962, 34963
 NEAREST, REPEAT = 9728, 10497
@@ -41,9 +42,13 @@ class Glb:
         return self.add("accessors", count=len(values), type=kind, **fields)
 
     def material(self, name: str, color, **fields) -> int:
-        """Add a rough material; `color` (3,) is its albedo. The blue of `metal_texture` scales `metallic`."""
+        """Add a rough material of albedo `color` (3,) and `alpha`. The blue of `metal_texture` scales `metallic`."""
         texture, metal_texture = fields.pop("texture", None), fields.pop("metal_texture", None)
-        pbr = {"baseColorFactor": [*color, 1.0], "metallicFactor": fields.pop("metallic", 0), "roughnessFactor": 1}
+        pbr = {
+            "baseColorFactor": [*color, fields.pop("alpha", 1.0)],
+            "metallicFactor": fields.pop("metallic", 0),
+            "roughnessFactor": 1,
+        }
         if texture is not None:
             pbr["baseColorTexture"] = {"index": texture}
         if metal_texture is not None:
@@ -97,6 +102,11 @@ class Glb:
         """Fields of a material that emits white light of this radiance."""
         self._use(STRENGTH)
         return {"emissiveFactor": [1, 1, 1], "extensions": {STRENGTH: {"emissiveStrength": strength}}}
+
+    def transmission(self, factor: float) -> dict:
+        """Fields of a material that lets this share of the light through, tinted by its colour."""
+        self._use(TRANSMISSION)
+        return {"extensions": {TRANSMISSION: {"transmissionFactor": factor}}}
 
     def _use(self, extension: str):
         used = self.json.setdefault("extensionsUsed", [])

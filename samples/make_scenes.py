@@ -300,6 +300,44 @@ def metals() -> Glb:
     return glb
 
 
+def chapel() -> Glb:
+    """A closed room of 4 x 3.5 x 6 m in the sun, with two windows of stained glass and one behind a sheer curtain."""
+    glb = Glb()
+    plaster, stone = glb.material("plaster", (0.75, 0.72, 0.68)), glb.material("stone", (0.6, 0.58, 0.54))
+    oak = glb.material("oak", (0.45, 0.28, 0.15))
+    height, windows = 3.5, [(-5.2, -4.2, 1.0, 2.8), (-3.5, -2.5, 1.0, 2.8), (-1.8, -0.8, 1.0, 2.8)]
+    walls = wall(-2, (-6, 0), height, 0, windows) + wall(2, (-6, 0), height, 0)
+    walls += wall(-6, (-2, 2), height, 0, axis="z") + wall(0, (-2, 2), height, -6, axis="z")
+    glb.solid("walls", [*walls, level((-2, 2), (-6, 0), height, down=True)], plaster)
+    glb.solid("floor", [level((-2, 2), (-6, 0), 0)], stone)
+    glb.solid("pews", [side for z in (-4.2, -2.6) for side in box((0.3, 0, z), (1.7, 0.45, z + 0.4))], oak)
+    colors = {
+        "ruby": (0.9, 0.06, 0.06),
+        "gold": (0.95, 0.65, 0.1),
+        "cobalt": (0.06, 0.15, 0.9),
+        "leaf": (0.1, 0.7, 0.15),
+    }
+    glass = {
+        name: glb.material(f"{name} glass", color, doubleSided=True, **glb.transmission(0.9))
+        for name, color in colors.items()
+    }
+    for start, end, low, high in windows[:2]:
+        middle, half = (start + end) / 2, (low + high) / 2
+        for name, z, y in zip(
+            colors, [(start, middle), (middle, end)] * 2, [(low, half)] * 2 + [(half, high)] * 2, strict=True
+        ):
+            pane = [upright(-2, *p) for p in ((z[0], y[0]), (z[1], y[0]), (z[1], y[1]), (z[0], y[1]))]
+            glb.solid(f"{name} pane", [facing(pane, (0, 1, -3))], glass[name])
+    curtain = glb.material("curtain", (0.85, 0.8, 0.75), alpha=0.6, alphaMode="BLEND", doubleSided=True)
+    start, end, low, high = windows[2][0] - 0.2, windows[2][1] + 0.2, 0.1, 3.0
+    sheet = [upright(-1.9, *p) for p in ((start, low), (end, low), (end, high), (start, high))]
+    glb.solid("curtain", [facing(sheet, (0, 1, -3))], curtain)
+    down_from_the_left = (-0.4239047, -0.4922765, -0.0000000, 0.7602425)
+    glb.light("sun", [-4, 4, -3], down_from_the_left, type="directional", color=[1, 0.95, 0.88], intensity=25)
+    glb.camera("nave", (1.6, 1.7, -0.4), (-1.1, 0.8, -4.0), 1.25)
+    return glb
+
+
 def furnace() -> Glb:
     """A closed box of albedo 0.5 whose walls emit 1: the radiance is 2 everywhere, and half of it is indirect light."""
     glb = Glb()
@@ -311,7 +349,7 @@ def furnace() -> Glb:
 
 def make_scenes() -> dict[str, bytes]:
     """The bytes of each file, by file name."""
-    makers = (cornell, cornell_emissive, two_rooms, house, gaps, corridor, metals, furnace)
+    makers = (cornell, cornell_emissive, two_rooms, house, gaps, corridor, metals, chapel, furnace)
     return {f"{maker.__name__}.glb": maker().encode() for maker in makers}
 
 

@@ -83,7 +83,16 @@ def _bsdf(mi, material: Material, scene: Scene) -> dict:
     bsdf = {"type": "diffuse", "reflectance": albedo}
     if material.double_sided:
         bsdf = {"type": "twosided", "bsdf": bsdf}
-    return bsdf
+    return bsdf if material.filter is None else _filter(material, bsdf)
+
+
+def _filter(material: Material, bsdf: dict) -> dict:
+    """What lets light through: a mask of constant opacity, or a pane without refraction, untextured."""
+    if material.filter.blends:
+        return {"type": "mask", "opacity": material.base_color[3], "bsdf": bsdf}
+    tint = {"type": "rgb", "value": list(material.base_color[:3])}
+    pane = {"type": "thindielectric", "int_ior": 1.0, "ext_ior": 1.0, "specular_transmittance": tint}
+    return {"type": "blendbsdf", "weight": material.filter.transmission, "first": bsdf, "second": pane}
 
 
 def _texture(mi, values: np.ndarray, scene: Scene, slot: TextureSlot | None) -> dict | float:

@@ -98,7 +98,7 @@ def tabulate(scene: Scene) -> Surfaces:
 
 
 def _visible(scene: Scene, meshes: list[Mesh]) -> list[Mesh]:
-    """The meshes without triangles that stand there twice (see `duplicates`), those with holes or filters as they are."""
+    """The meshes without triangles that stand there twice (see `duplicates`); those with holes, or filters, stay."""
     solid = [mesh for mesh in meshes if _kind(scene, mesh) == OPAQUE]
     if not solid:
         return meshes

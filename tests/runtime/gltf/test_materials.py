@@ -281,8 +281,8 @@ def test_clear_glass_is_nothing_to_light(read):
     document, data = painted(**glass(1), pbrMetallicRoughness={"metallicFactor": 0})
     document["meshes"][0]["primitives"].append({"attributes": {"POSITION": 0}, "indices": 3})
     assert not any(material.filter for material in read(document, data).materials)
-    put(document, f"{PBR}/baseColorFactor", [1, 0.9, 1, 1])
-    assert [material.filter for material in read(document, data).materials if material.stand_in] == [Filter(False, 1.0)]
+    scene = read(put(document, f"{PBR}/baseColorFactor", [1, 0.9, 1, 1]), data)
+    assert [material.filter for material in scene.materials if material.stand_in] == [Filter(False, 1.0)]
 
 
 @pytest.mark.parametrize("fields", [glass(0.6), glass(0.6, alphaMode="MASK"), glass(1, **BLEND)])
