@@ -61,7 +61,8 @@ class Material:
     primary light; B uses the interpolated normal. An `unlit` surface shows its base colour as radiance, has albedo 0
     and emits no light into the scene. A `stand_in` is what light meets of a partly transparent surface: it is not drawn
     itself, since frames show `Scene.blended`. Its `filter` lets light through; shadow maps take it for opaque
-    outside of its holes, and punctual light that it lets through is part of B.
+    outside of its holes, and punctual light that it lets through is part of B. What is seen through a blended surface
+    has the tint (1 - tint) + tint * base colour.
     """
 
     name: str = ""
@@ -78,6 +79,7 @@ class Material:
     unlit: bool = False
     stand_in: bool = False
     filter: Filter | None = None
+    tint: float = 0.0
 
     def slots(self) -> tuple[TextureSlot, ...]:
         """The texture slots that the material uses."""

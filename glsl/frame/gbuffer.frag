@@ -40,6 +40,7 @@ in vec2 v_emission_uv;
 #endif
 
 #if PEELED
+uniform float tint;  // how far the base colour tints what is behind the surface
 #define SAME_DEPTH 1e-5  // a decal in the plane of a solid surface counts as before it
 uniform highp sampler2D depth_before;  // of the solid surfaces; 0: none
 uniform highp sampler2D depth_beyond;  // of the layer before this one; 0: none
@@ -95,17 +96,18 @@ void main() {
     if (color.a < alpha_cutoff) discard;
 #endif
 #if PEELED
-    if (color.a < ALPHA_MIN) discard;
+    if (color.a < ALPHA_MIN && tint == 0.0) discard;
     float solid = texelFetch(depth_before, ivec2(gl_FragCoord.xy), 0).r;
     if (solid > 0.0 && v_depth > solid * (1.0 + SAME_DEPTH)) discard;
     float nearer = texelFetch(depth_beyond, ivec2(gl_FragCoord.xy), 0).r;
     if (!is_first && !(nearer > 0.0 && v_depth > nearer)) discard;
     out_albedo = vec4(albedo, color.a);
+    out_emission = vec4(min(radiance, vec3(HALF_MAX)), tint);
 #else
     out_albedo = vec4(albedo, 1.0);
+    out_emission = vec4(min(radiance, vec3(HALF_MAX)), 1.0);
 #endif
     out_normal = vec4(octahedral_from_normal(side * shading), octahedral_from_normal(face));
-    out_emission = vec4(min(radiance, vec3(HALF_MAX)), 1.0);
     out_depth = vec4(v_depth, 0.0, 0.0, 1.0);
 #if INTERPOLATED
     out_interpolated = vec4(octahedral_from_normal(side * interpolated), 0.0, 1.0);

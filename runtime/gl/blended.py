@@ -21,7 +21,7 @@ class Blended:
 
     Depth peeling (Everitt 2001, "Interactive Order-Independent Transparency"): each layer holds the nearest surfaces
     beyond those of the layer before, so that pixels need no sorted triangles. B is looked up at each; without `lookup`
-    they have none. They are blended over `radiance`, RGBA16F.
+    they have none. They are blended over `radiance`, RGBA16F, which those with a tint multiply first.
     """
 
     def __init__(
@@ -36,6 +36,9 @@ class Blended:
         self.layers = [GBuffer(ctx, geometry, solid.size, peeled=True) for _ in range(LAYERS)]
         features = defines("frame/blend", lookup and lookup.sh_counts)
         self._pass = FullScreenPass(ctx, "frame/blend", ("albedo", "primary", "normal", "depth"), **features)
+        self._tint = None
+        if any(batch.material.tint for batch in geometry.batches):
+            self._tint = FullScreenPass(ctx, "frame/tint", ("albedo", "primary", "depth"))
         self._target = ctx.framebuffer(radiance)
 
     def draw(self, camera: Camera) -> None:
@@ -50,11 +53,16 @@ class Blended:
         light = self._lookup.use(_LIGHT_UNIT) if self._lookup else {}
         self._pass.set(**light, **View.of_camera(camera, self._solid.size).uniforms())
         self.ctx.enable_only(moderngl.BLEND)
-        self.ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
+        over = moderngl.SRC_ALPHA, moderngl.ONE if self._tint else moderngl.ONE_MINUS_SRC_ALPHA
         for layer in reversed(self.layers):
+            if self._tint:
+                self.ctx.blend_func = moderngl.ZERO, moderngl.SRC_COLOR
+                self._tint.draw(self._target, layer.albedo, layer.emission, layer.depth)
+            self.ctx.blend_func = over
             self._pass.draw(self._target, layer.albedo, layer.emission, layer.interpolated, layer.depth)
 
     def release(self) -> None:
         """Free the GPU memory of the layers."""
-        for resource in (*self.layers, self._pass, self._target):
-            resource.release()
+        for resource in (*self.layers, self._pass, self._tint, self._target):
+            if resource is not None:
+                resource.release()

@@ -84,5 +84,6 @@ class GBuffer:
             "emission": self.geometry.emission(material),
             "alpha_cutoff": 0.0 if material.alpha_cutoff is None else material.alpha_cutoff,
             "normal_scale": material.normal_scale,
+            "tint": material.tint,
             **self.geometry.bind(material, "base", "metallic", "normal", "emission"),
         }

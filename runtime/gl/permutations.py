@@ -148,6 +148,7 @@ PASSES: dict[str, dict[str, Callable[[Any], int]]] = {
         "LOOKUP": lambda counts: counts is not None,
         **{name: lambda counts, name=name: _lookup_define(name, counts) for name in lookup_defines(0, 0)},
     },
+    "frame/tint": {},  # created if a partly transparent surface tints what is behind it
     "frame/display": {"SURFACES_ONLY": lambda masked: masked},  # bool
     "viewer/ellipsoids": {  # Bake
         "SH_DEGREE": lambda bake: bake.gaussians.sh_degree,

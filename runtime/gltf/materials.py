@@ -84,6 +84,7 @@ class Materials:
             unlit=unlit,
             stand_in=opacity.stand_in,
             filter=opacity.filter,
+            tint=opacity.tint,
         )
         self.records.append(record)
         return Paint(len(self.records) - 1, record, tuple(channels), opacity)

@@ -21,7 +21,7 @@ def prune(scene: Scene) -> Scene:
         if mesh.color is None and _is_clear(scene.materials[mesh.material]):
             return False
         low, high = _with_color(alphas[mesh.material], mesh.color)
-        least = ALPHA_MIN if mesh.material in blends else 0.0
+        least = ALPHA_MIN if mesh.material in blends and not scene.materials[mesh.material].tint else 0.0
         is_seen = high >= max(least, scene.materials[mesh.material].alpha_cutoff or 0.0)
         if is_seen:
             lowest[mesh.material] = min(low, lowest.get(mesh.material, low))
@@ -62,9 +62,8 @@ def _with_color(alpha: tuple[float, float], color: np.ndarray | None) -> tuple[f
 def _is_clear(material: Material) -> bool:
     """Whether all light passes the material as it came."""
     of = material.filter
-    if of is None or of.blends or material.base_color_texture is not None:
-        return False
-    return of.transmission == 1 and min(material.base_color[:3]) == 1
+    is_glass = of.transmission == 1 and not of.blends if of else material.tint == 1 and material.base_color[3] == 0
+    return is_glass and material.base_color_texture is None and min(material.base_color[:3]) == 1
 
 
 def _uncut(material: Material, lowest: float) -> Material:

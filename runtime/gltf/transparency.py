@@ -24,7 +24,8 @@ class Opacity(NamedTuple):
     """Factor on alpha, and the cutoff below which a point is a hole; the cutoff is None if there are no holes.
 
     `blends`: alpha is the share by which frames blend the surface over what is behind it. `stand_in`: it is what light
-    meets of such a surface, and frames do not show it; its `filter` says what it lets through.
+    meets of such a surface, and frames do not show it; its `filter` says what it lets through. `tint`: how far the base
+    colour tints what frames show behind it.
     """
 
     factor: float
@@ -32,6 +33,7 @@ class Opacity(NamedTuple):
     blends: bool = False
     stand_in: bool = False
     filter: Filter | None = None
+    tint: float = 0.0
 
     @property
     def counts(self) -> bool:
@@ -55,7 +57,8 @@ def read(document: Document, material: Json, mode: str) -> tuple[Opacity, ...]:
         document.warn(material, Code.TRANSPARENT, f"{_name(material)} transmits light: {DEALT[mode]}")
     if alpha != "BLEND" and opaque == 1:
         return (Opacity(1.0, cutoff),)
-    blended = Opacity(opaque, None if cutoff is None else cutoff * opaque, blends=True)
+    tint = 1 - opaque if alpha == "BLEND" and mode != "stain" else 1.0
+    blended = Opacity(opaque, None if cutoff is None else cutoff * opaque, blends=True, tint=tint)
     if mode == "absent" or (mode == "cutout" and opaque < CUTOFF):
         return (blended,)
     if alpha == "BLEND" and mode == "cutout":

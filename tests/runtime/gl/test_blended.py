@@ -122,6 +122,16 @@ def test_b_is_looked_up_at_the_film(gl):
     assert not final(gl, scene, constant([2.0, 1.0, 0.5], "over")).any(), "`over` is no function of a point"
 
 
+def test_glass_tints_what_is_behind_it_and_clear_films_do_not(gl):
+    glass = Material("glass", (0.5, 1.0, 0.25, 0.0), double_sided=True, tint=1.0)
+    half = Material("half", (0.5, 1.0, 0.25, 0.5), double_sided=True, tint=0.5)
+    materials = shown(BLUE, 1.0), glass, half, shown(RED, 0.25)
+    blended = tuple(wall(1.0 + k, 1 + k) for k in range(3))
+    frame = final(gl, Scene((wall(5.0, 0),), materials, blended=blended))
+    behind = over((RED, 0.25), (BLUE, 1)) * 0.5 * np.array([0.75, 1.0, 0.625])
+    np.testing.assert_allclose(frame, np.broadcast_to(behind * [0.5, 1.0, 0.25], frame.shape), rtol=3e-3)
+
+
 def test_a_stand_in_throws_the_shadow_and_is_not_seen(gl):
     sun = Light("directional", np.ones(3), np.zeros(3), np.array([0.0, -1.0, 0.0]))
     lid = replace(scenes.floor(0.5, 1.0), material=1)
