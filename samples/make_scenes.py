@@ -309,6 +309,13 @@ def chapel() -> Glb:
     walls = wall(-2, (-6, 0), height, 0, windows) + wall(2, (-6, 0), height, 0)
     walls += wall(-6, (-2, 2), height, 0, axis="z") + wall(0, (-2, 2), height, -6, axis="z")
     glb.solid("walls", [*walls, level((-2, 2), (-6, 0), height, down=True)], plaster)
+    outer = wall(-2.2, (-6.2, 0.2), 3.7, -9, windows) + wall(2.2, (-6.2, 0.2), 3.7, 9)
+    outer += wall(-6.2, (-2.2, 2.2), 3.7, -9, axis="z") + wall(0.2, (-2.2, 2.2), 3.7, 9, axis="z")
+    outer += [level((-2.2, 2.2), (-6.2, 0.2), 3.7)]
+    for opening in windows:
+        start, end, low, _ = opening
+        outer += [*reveal((-2.2, -2), opening), level((-2.2, -2), (start, end), low)]
+    glb.solid("outer walls", outer, stone)
     glb.solid("floor", [level((-2, 2), (-6, 0), 0)], stone)
     glb.solid("pews", [side for z in (-4.2, -2.6) for side in box((0.3, 0, z), (1.7, 0.45, z + 0.4))], oak)
     colors = {
@@ -326,7 +333,7 @@ def chapel() -> Glb:
         for name, z, y in zip(
             colors, [(start, middle), (middle, end)] * 2, [(low, half)] * 2 + [(half, high)] * 2, strict=True
         ):
-            pane = [upright(-2, *p) for p in ((z[0], y[0]), (z[1], y[0]), (z[1], y[1]), (z[0], y[1]))]
+            pane = [upright(-2.1, *p) for p in ((z[0], y[0]), (z[1], y[0]), (z[1], y[1]), (z[0], y[1]))]
             glb.solid(f"{name} pane", [facing(pane, (0, 1, -3))], glass[name])
     curtain = glb.material("curtain", (0.85, 0.8, 0.75), alpha=0.6, alphaMode="BLEND", doubleSided=True)
     start, end, low, high = windows[2][0] - 0.2, windows[2][1] + 0.2, 0.1, 3.0

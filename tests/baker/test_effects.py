@@ -10,7 +10,7 @@ import scenes
 from gsgi.baker.effects import NAMES, effects, findings, without
 from gsgi.baker.trace.tracer import Sampling, Tracer
 from gsgi.runtime.gaussians import Effects
-from gsgi.runtime.scene import Environment, Light, Material, Scene, Texture, TextureSlot
+from gsgi.runtime.scene import Environment, Filter, Light, Material, Scene, Texture, TextureSlot
 
 LAMP = Light("point", np.ones(3), np.array([0.0, 2.0, 0.0]), np.array([0.0, -1.0, 0.0]))
 SKY = Environment(np.ones((1, 1, 3), np.float32))
@@ -95,3 +95,14 @@ def test_an_absent_effect_looks_nothing_up():
     assert shading.channels == len(shading.texels) == tracer.emitters.count == tracer.lights.count == 0
     assert tracer.masked is None
     assert not tracer.unlit
+
+
+def test_materials_that_let_light_through_are_found():
+    glass = Material("glass", filter=Filter(transmission=0.9), stand_in=True)
+    scene = replace(PLAIN, materials=(glass,), transparent=('"glass" transmits light',))
+    (found,) = [finding for finding in findings(scene) if finding.name == "transparent"]
+    assert found.found == "1 materials"
+    assert "let light through" in found.cost
+    assert "(glass)" in found.cost
+    holes = replace(scene, materials=(replace(glass, filter=None),))
+    assert [finding.cost for finding in findings(holes) if finding.name == "transparent"] == ['"glass" transmits light']
