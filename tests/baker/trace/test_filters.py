@@ -153,7 +153,7 @@ def test_a_blended_and_a_transmissive_sheet_light_a_room_as_in_mitsuba():
     ours = surface.albedo[surface.valid] * b.mean
     theirs = mitsuba_twin.radiance(scene, surface.points()[0], camera.position, samples)
     np.testing.assert_allclose(ours.mean(axis=0), theirs.mean(axis=0), rtol=0.01)
-    assert np.quantile(np.abs(ours - theirs) / (theirs + 0.05 * theirs.mean()), 0.9) < 0.15
+    assert np.quantile(np.abs(ours - theirs) / (theirs + 0.05 * theirs.mean()), 0.9) < 0.2
 
 
 def test_the_same_bits_on_one_and_two_threads():
