@@ -52,7 +52,7 @@ class PrimaryError:
 
 def primary_error(gl, scene: Scene, camera: Camera, width: int, height: int) -> PrimaryError:
     """The error of one view at its pixel centres."""
-    renderer = DeferredRenderer(gl, scene, None, width, height)
+    renderer = DeferredRenderer(gl, scene.as_traced(), None, width, height)
     renderer.render(camera)
     drawn = renderer.read("primary")
     renderer.release()

@@ -8,11 +8,12 @@ import scenes
 from frames import HEIGHT, WIDTH, bake, full_scene, surface_bake
 from gl_objects import alive
 from gsgi_files import constant
+from primary_error import primary_error
 
 from gsgi.runtime.camera import look_at
 from gsgi.runtime.gl.blended import LAYERS
 from gsgi.runtime.gl.renderer import DeferredRenderer
-from gsgi.runtime.scene import Environment, Light, Material, Scene
+from gsgi.runtime.scene import Environment, Filter, Light, Material, Scene
 
 SIZE = 12
 UP = np.array([0.0, 1.0, 0.0])
@@ -130,6 +131,24 @@ def test_glass_tints_what_is_behind_it_and_clear_films_do_not(gl):
     frame = final(gl, Scene((wall(5.0, 0),), materials, blended=blended))
     behind = over((RED, 0.25), (BLUE, 1)) * 0.5 * np.array([0.75, 1.0, 0.625])
     np.testing.assert_allclose(frame, np.broadcast_to(behind * [0.5, 1.0, 0.25], frame.shape), rtol=3e-3)
+
+
+@pytest.mark.parametrize(("transmission", "seen"), [(0.3, True), (0.7, False)])
+def test_direct_light_and_what_cameras_see_are_those_of_the_path_tracer(gl, transmission, seen):
+    """A pane in the sun: its shadow is dark in both, as light through it is B, and both see through it or not."""
+    sun = Light("directional", np.full(3, 2.0), np.zeros(3), np.array([0.6, -0.8, 0.0]))
+    glass = Material(
+        "glass", (0.2, 0.9, 0.4, 1.0), double_sided=True, stand_in=True, filter=Filter(False, transmission)
+    )
+    drawn = replace(glass, stand_in=False, filter=None, base_color=(0.2, 0.9, 0.4, 1 - transmission), tint=1.0)
+    pane = scenes.floor(0.5, 0.5, 1)
+    meshes = scenes.floor(4.0), pane
+    scene = Scene(meshes, (scenes.WHITE, glass, drawn), lights=(sun,), blended=(replace(pane, material=2),))
+    error = primary_error(gl, scene, scenes.above_camera(), 96, 96)
+    assert error.lit.sum() > 300
+    assert error.wrong < 0.01
+    frame = final(gl, scene.as_traced(), camera=scenes.above_camera(), size=(96, 96))
+    assert (frame[48, 48, 1] > 2 * frame[48, 48, 0]) == seen
 
 
 def test_a_stand_in_throws_the_shadow_and_is_not_seen(gl):
