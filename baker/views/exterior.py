@@ -22,8 +22,8 @@ def look_in(
 ) -> list[Camera]:
     """At most `count` cameras outside the scene's bounds, best first; none if nothing opens to the outside.
 
-    `visible` (S,) bool marks the `sampled` sides, of all surfaces, that free space sees. A viewpoint qualifies if nearly
-    all that it sees is among them.
+    `visible` (S,) bool marks the `sampled` sides, of all surfaces, that free space sees. A viewpoint qualifies if
+    nearly all that it sees is among them.
     """
     inside = np.flatnonzero(visible)
     if not len(inside) or count < 1:
