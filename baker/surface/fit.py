@@ -81,7 +81,7 @@ def fit_surface(
     samples, occlusion, around = joined([surface, free]), None, None
     if triangles:
         occlusion = Occlusion(surface, triangles, blend, schedule.budget)
-        around = seen_light(samples, triangles)
+        around = seen_light(surface, free, triangles)
     optimiser = SurfaceOptimiser(samples, coarse, blend, around)
     if checkpoint and (arrays := checkpoint.load()):
         run = from_arrays(_Run, arrays)

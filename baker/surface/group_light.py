@@ -42,7 +42,7 @@ def group_light(
     """
     coarse = coarse_optimiser(free, coarse, blend).solve(_black(coarse), SOLVE_COARSE, RIDGE)
     samples = joined([surface, some_free])
-    optimiser = SurfaceOptimiser(samples, coarse, blend, seen_light(samples, triangles))
+    optimiser = SurfaceOptimiser(samples, coarse, blend, seen_light(surface, some_free, triangles))
     fine = _black(gaussians)
     for _ in range(2):
         fine = optimiser.solve(fine, SOLVE_FINE)

@@ -16,13 +16,14 @@ from gsgi.runtime.display import luminance
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
 
 from .colours import bounded_slope
-from .samples import SurfaceSamples
+from .samples import SurfaceSamples, joined
 
 FACTOR = 8.0  # light differs across an occluder if it does by this factor
 VARIES = 0.5  # standard deviation of the light of neighbours, relative to its mean
 SIGNIFICANT = 3.0  # standard deviations of the noise, by which a sample is darker than its neighbours
 BLACK = 2.0  # times the level to which eyes adapt at least: less light is as good as none
 LEAK = 0.01  # of the light on the bright side of a wall: less on a black side is within tolerance
+SPACE_LEAK = 0.1  # the same in free space: nobody looks at it, and few things move close behind a wall
 NEIGHBOURS = 8  # samples over whose light is averaged, as far as they see each other
 
 CLEAR = 1.02  # radii of a Gaussian that its centre lies off an occluder after a cut
@@ -36,20 +37,25 @@ NEEDLE = 8.0  # most times that a Gaussian is as long as wide after a cut: betwe
 SIDE = 0.3  # cosine to the nearest point within which points are on the same side of a Gaussian
 
 
-def seen_light(samples: SurfaceSamples, triangles: Triangles) -> LocalLight:
+def seen_light(surface: SurfaceSamples, free: SurfaceSamples, triangles: Triangles) -> LocalLight:
     """The light around samples as `local_light` has it, but only over neighbours that see each other.
 
-    Where light varies among neighbours on the same surface, they may lie on both sides of a wall. Where all is as
-    good as black, the level is not below LEAK of the light nearby, so that a black room does not take the Gaussians of
-    the bright one beside it.
+    Those of the `surface` come first. Where light varies among neighbours on the same surface, they may lie on both
+    sides of a wall. Where all is as good as black, the level is not below LEAK of the light nearby, so that a black
+    room does not take the Gaussians of the bright one beside it. In free space it is nowhere below SPACE_LEAK of it:
+    otherwise black Gaussians fill the space behind bright walls, and smudge them.
     """
+    samples = joined([surface, free])
     around, varies = _around(samples)
     level = around.level.copy()
     bright = samples.indirect.mean(axis=1)
     light = _seen_mean(samples[varies], triangles, bright[varies], True)
     level[varies] = np.maximum(light, around.level.min(initial=np.inf))
+    nearby = np.maximum(nearby_light(samples.position, bright), 0)
     black = level < BLACK * FAINT * bright.sum(dtype=np.float64) / max(len(bright), 1)
-    level[black] = np.hypot(level[black], LEAK * np.maximum(nearby_light(samples.position, bright), 0)[black])
+    level[black] = np.hypot(level[black], LEAK * nearby[black])
+    space = slice(len(surface), None)
+    level[space] = np.maximum(level[space], SPACE_LEAK * nearby[space])
     return LocalLight(level, around.noise)
 
 

@@ -14,7 +14,7 @@ from gsgi.baker.surface import occlusion
 from gsgi.baker.surface.coarse import coarse_level
 from gsgi.baker.surface.fit import fit_surface
 from gsgi.baker.surface.lookup import look_up
-from gsgi.baker.surface.occlusion import LEAK, VARIES, Occlusion, seen_light
+from gsgi.baker.surface.occlusion import LEAK, SPACE_LEAK, VARIES, Occlusion, seen_light
 from gsgi.baker.surface.samples import SurfaceSamples
 from gsgi.baker.trace.local_light import local_light
 from gsgi.baker.views.surface_points import Triangles
@@ -150,13 +150,24 @@ def test_eyes_beside_a_wall_adapt_to_the_light_on_their_side():
     dark = (samples.position[:, 0] > 0) & (samples.position[:, 0] < 0.02)
     arrays = samples.position, samples.normal, samples.indirect_a, samples.indirect_b
     assert local_light(*arrays).level[dark].max() > 100 * DARK
-    around = seen_light(samples, TRIANGLES)
+    around = seen_light(samples, samples[:0], TRIANGLES)
     # Next to the wall, so little light is within tolerance as leaks through it; farther off, only the dark side counts.
     assert np.median(around.level[dark]) == pytest.approx(LEAK * BRIGHT / 2, rel=0.2)
     np.testing.assert_allclose(around.level[samples.position[:, 0] > 0.5], DARK, rtol=0.2)
     # Few dark samples among bright neighbours vary less than VARIES: the level is the mean of them all.
     few = 1 - 1 / (1 + VARIES**2)
     np.testing.assert_allclose(around.level[samples.position[:, 0] < -0.001], BRIGHT, rtol=few)
+
+
+def test_black_space_behind_a_wall_counts_by_the_light_in_front():
+    surface, free = on_floor(), in_space()
+    level = seen_light(surface, free, TRIANGLES).level
+    alone = seen_light(surface, surface[:0], TRIANGLES).level
+    behind, far = ((free.position[:, 0] > a) & (free.position[:, 0] < b) for a, b in ((0.0, 0.02), (0.8, 1.0)))
+    assert level[len(surface) :][behind].min() > 0.2 * SPACE_LEAK * BRIGHT
+    np.testing.assert_allclose(level[len(surface) :][far], DARK, rtol=0.2)
+    dark = surface.position[:, 0] > 0.5
+    np.testing.assert_allclose(level[: len(surface)][dark], alone[dark], rtol=0.2)
 
 
 def test_a_fit_that_knows_the_walls_keeps_light_on_its_side():
