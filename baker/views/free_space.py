@@ -44,7 +44,8 @@ class FreeSpace:
     many of their backs is inside a body or outside a room. There are two exceptions: the scene and the viewpoint lie in
     the open (a leaf is seen from both sides), or one of the given cameras sees that many backs, so that the winding
     means nothing. Unless the scene lies in the open, free viewpoints have ground below them, because the outer walls of
-    a building without surroundings face nothing.
+    a building without surroundings face nothing; but a given camera beside such a building tells that people look at
+    them.
     """
 
     def __init__(self, triangles: Triangles, given: list[Camera], points: SurfacePoints, rng: np.random.Generator):
@@ -54,10 +55,11 @@ class FreeSpace:
         lifted = triangles.lifted(points.position, points.normal)
         missed = triangles.hits(lifted, cosine_directions(points.normal, rng)).triangle < 0
         self._open = bool(missed.mean() > OPEN)
-        self._winding = True
+        self._winding, self._grounded = True, not self._open
         if given:
             own = look_around(triangles, np.array([camera.position for camera in given]))
             self._winding = bool((own.double_backs <= DOUBLE_BACKS_MAX).all())
+            self._grounded &= bool((own.below < VOID).all())
 
     def draw(
         self, sides: SurfacePoints, reach: np.ndarray | float, rng: np.random.Generator, must: bool = False
@@ -94,7 +96,7 @@ class FreeSpace:
         double = (around.double_backs <= DOUBLE_BACKS_MAX) | (not self._winding)
         if self._open:
             double |= around.open >= OPEN
-        return double & (around.backs <= BACKS_MAX), (around.below < VOID) | self._open
+        return double & (around.backs <= BACKS_MAX), (around.below < VOID) | (not self._grounded)
 
 
 def look_around(triangles: Triangles, viewpoints: np.ndarray) -> Surroundings:

@@ -172,6 +172,21 @@ def test_cameras_of_the_scene_overrule_the_winding():
     assert (np.abs(every(placement)).max(axis=1) < 1).sum() > 10
 
 
+def test_a_camera_beside_a_building_in_the_void_lets_others_look_at_its_outside():
+    # A room in the void with a block in it: its roof is ground, but nobody looks at its outer walls from beside it,
+    # unless a camera of the scene does.
+    meshes = (*scenes.box(), *scenes.box(half=0.4, inward=False), *scenes.box(half=1.05, inward=False))
+    triangles = Triangles(Scene(meshes, (WALL,)))
+    beside = look_at(np.array([0.0, 0.5, 5.0]), np.zeros(3), np.array([0.0, 1, 0]), 1.0, 0.01)
+
+    def stand_beside(given: dict[str, Camera]) -> np.ndarray:
+        placed = viewpoints(place(triangles, given, SIZE, seed=0).fitted)[len(given) :]
+        return (np.abs(placed[:, [0, 2]]).max(axis=1) > 1.3) & (placed[:, 1] < 0)
+
+    assert not stand_beside({}).any()
+    assert 0 < stand_beside({"beside": beside}).mean() < 1
+
+
 def test_a_room_wound_inside_out_still_gets_cameras():
     placement = place(Triangles(Scene((scenes.floor(0.01),), (WALL,))), {}, SIZE, seed=0, count=3)
     assert len(placement.fitted) == 3
