@@ -1,6 +1,7 @@
-"""Fixtures that need a machine: OpenGL contexts."""
+"""The order of test files; fixtures that need a machine: OpenGL contexts."""
 
 import os
+import pathlib
 import shutil
 import subprocess
 import sys
@@ -12,6 +13,25 @@ from gsgi.runtime.errors import UnsupportedError
 from gsgi.runtime.gl.context import create_context
 
 pytest_plugins = ["pytester"]
+
+# Files that take a minute or more. They come first: a core that began one last would end the run alone.
+LONG = (
+    "baker/cli/test_commands.py",
+    "baker/cli/test_resume.py",
+    "baker/test_plan.py",
+    "runtime/testing/test_plugin.py",
+    "baker/views/test_placement.py",
+    "hard_cases/test_cases.py",
+    "api/test_baking.py",
+    "samples/test_first_samples.py",
+)
+
+
+def pytest_collection_modifyitems(items):
+    """Sort the files of LONG to the front."""
+    tests = pathlib.Path(__file__).parent
+    rank = {tests / name: n for n, name in enumerate(LONG)}
+    items.sort(key=lambda item: rank.get(item.path, len(LONG)))
 
 
 @pytest.fixture(scope="session")

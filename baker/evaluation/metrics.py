@@ -13,8 +13,7 @@ from gsgi.runtime.display import auto_exposure, tone_map
 
 WINDOW = 11  # px, of SSIM
 
-# An image with a smaller squared error counts as exact: PSNR 100 dB.
-SQUARED_ERROR_MIN = 1e-10
+PSNR_MAX = 100.0  # dB; an image whose squared error is smaller counts as exact
 
 
 @dataclass(frozen=True)
@@ -57,8 +56,8 @@ def mean_psnr(values: Sequence[float]) -> float:
 
 
 def psnr(squared_error: float) -> float:
-    """Peak signal-to-noise ratio, dB, of a mean squared error for peak 1; at most 100."""
-    return float(-10 * np.log10(max(squared_error, SQUARED_ERROR_MIN)))
+    """Peak signal-to-noise ratio, dB, of a mean squared error for peak 1; at most PSNR_MAX."""
+    return float(-10 * np.log10(max(squared_error, 10 ** (-PSNR_MAX / 10))))
 
 
 def ssim(image: np.ndarray, reference: np.ndarray, valid: np.ndarray | None = None) -> float:

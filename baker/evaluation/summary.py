@@ -2,6 +2,7 @@
 
 from .comparison import Comparison
 from .held_out import Evaluation, ViewEvaluation
+from .metrics import PSNR_MAX
 
 
 def summary(evaluation: Evaluation) -> list[str]:
@@ -32,7 +33,8 @@ def _line(view: ViewEvaluation) -> str:
 
 
 def _told(found: Comparison) -> str:
-    return f"PSNR {found.psnr:.2f} dB, SSIM {found.ssim:.4f} (ceiling {found.ssim_ceiling:.4f}), FLIP {found.flip:.4f}"
+    psnr = f"PSNR {found.psnr:.2f} dB" if found.psnr < PSNR_MAX else "error below the reference's noise"
+    return f"{psnr}, SSIM {found.ssim:.4f} (ceiling {found.ssim_ceiling:.4f}), FLIP {found.flip:.4f}"
 
 
 def _shares(view: ViewEvaluation) -> str:
