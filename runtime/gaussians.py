@@ -22,6 +22,9 @@ class Gaussians:
     slope     (N, 2) float32: how much brighter the constant band gets per standard deviation along the first and along
               the second axis, relative to the centre; (N, 0), the default, for light that is the same all over a
               Gaussian
+    relief    (N, 3, 3) float32: how much the light changes per unit of the mapped normal minus the interpolated one,
+              along each axis of world space (first 3) and for each channel (last 3); (N, 0, 3), the default, for light
+              of the interpolated normal alone
     """
 
     position: np.ndarray
@@ -30,13 +33,16 @@ class Gaussians:
     opacity: np.ndarray
     sh: np.ndarray
     slope: np.ndarray = None  # (N, 0)
+    relief: np.ndarray = None  # (N, 0, 3)
 
     def __post_init__(self):
         n, k = len(self.position), self.sh.shape[1]
         if self.slope is None:
             object.__setattr__(self, "slope", np.zeros((n, 0), np.float32))
+        if self.relief is None:
+            object.__setattr__(self, "relief", np.zeros((n, 0, 3), np.float32))
         shapes = {"position": (n, 3), "rotation": (n, 4), "scale": (n, 3), "opacity": (n,), "sh": (n, k, 3)}
-        shapes["slope"] = n, 2 if self.sloped else 0
+        shapes |= {"slope": (n, 2 if self.sloped else 0), "relief": (n, 3 if self.bumpy else 0, 3)}
         for name, shape in shapes.items():
             array = getattr(self, name)
             assert (array.shape, array.dtype) == (shape, np.float32), (name, array.shape, array.dtype, shape)
@@ -60,6 +66,11 @@ class Gaussians:
     def sloped(self) -> bool:
         """Whether the light changes linearly over a Gaussian."""
         return self.slope.shape[1] > 0
+
+    @property
+    def bumpy(self) -> bool:
+        """Whether the light follows normal maps."""
+        return self.relief.shape[1] > 0
 
     @property
     def basis(self) -> str:
@@ -91,6 +102,7 @@ class SurfaceBlend:
     coordinates of x - position along the first two axes, in standard deviations. C is the light of the coarse level:
     sum w_i c_i(x, n) / sum w_i over its own Gaussians. They have no `facing` term, so their w_i is
     opacity_i max(0, G_i(x) - cutoff). C contributes only where the weights of the fine level sum to less than `floor`.
+    Where there is relief and a normal map bends n to m, relief_i times m - n is added to c_i(x, n), and C is C(x, m).
     """
 
     cutoff: float = 0.05
@@ -112,7 +124,7 @@ class Effects(IntFlag):
     DENOISED = 8  # the fitted views were denoised
     ENVIRONMENT = 16  # light of the environment (infinitely far away), including the direct part
     DOUBLE_SIDED = 32  # some surfaces are lit from both sides
-    NORMAL_MAP = 64  # some surfaces have normal textures; B ignores them and uses the interpolated normal
+    NORMAL_MAP = 64  # some surfaces have normal textures; B follows them where there is relief
     UNLIT = 128  # some surfaces are unlit: they show their colour and have no B
     METAL = 256  # some surfaces are metallic, and their albedo is their base colour; without this, metals are black
 

@@ -179,8 +179,8 @@ def weighted(bake: Bake, weights: Weights) -> Bake:
     """The bake with the light of each group multiplied by its weight; other fields are kept.
 
     Colours of both levels are sums over the groups. A Gaussian's slopes become those that change the sum as the
-    groups' own slopes do, as far as one pair for all channels can (least squares). With weights of 1 the bake is
-    returned as it is. Raises ValueError as `factors_of` does.
+    groups' own slopes do, as far as one pair for all channels can (least squares). Relief follows the colours. With
+    weights of 1 the bake is returned as it is. Raises ValueError as `factors_of` does.
     """
     factors = factors_of(bake, weights)
     if set(factors.values()) <= {(1.0, 1.0, 1.0)}:
@@ -196,9 +196,11 @@ def weighted(bake: Bake, weights: Weights) -> Bake:
     square = np.square(constant).sum(axis=2)
     along = (gradient * constant).sum(axis=2)
     slope = np.divide(along, square, out=np.zeros_like(along), where=square > 0)
+    before = bake.gaussians.sh[:, :1]
+    relief = bake.gaussians.relief * np.divide(constant, before, out=np.zeros_like(before), where=before > 0)
     return dataclasses.replace(
         bake,
-        gaussians=dataclasses.replace(bake.gaussians, sh=sh, slope=slope),
+        gaussians=dataclasses.replace(bake.gaussians, sh=sh, slope=slope, relief=relief),
         coarse=dataclasses.replace(bake.coarse, sh=coarse),
     )
 

@@ -1,7 +1,7 @@
 """The .gsgi codec: a `Bake` to bytes, and back. FORMAT.md beside this file is its specification."""
 
 import math
-from dataclasses import asdict, fields
+from dataclasses import asdict, fields, replace
 
 import numpy as np
 
@@ -16,6 +16,8 @@ from .header import (
     MAGIC,
     OPERATOR_NAMES,
     OPERATORS,
+    RELIEF_TAG,
+    SECTION,
     TAGS,
     VERSION,
     check_counts,
@@ -27,6 +29,7 @@ from .header import (
 )
 from .levels import COARSE_STEPS, FINE_STEPS, OVER_STEPS, decode_level, encode_level
 from .light_groups import COARSE_BYTES, GROUP_BYTES, decode_groups, encode_group
+from .relief import RELIEF_BYTES, decode_relief, encode_relief
 
 __all__ = ["OPERATOR_NAMES", "decode", "encode", "file_bytes", "version"]
 
@@ -43,13 +46,16 @@ def file_bytes(
     coarse_sh_degree: int = 0,
     basis: str = "constant",
     group_count: int = 0,
+    relief: bool = False,
 ) -> int:
     """The bytes that a .gsgi file with so many Gaussians of that SH degree in its two levels hardly exceeds.
 
     `basis`, one of BASES, is that of the fine level; the coarse one is "constant". `group_count` is the number of light
-    groups. How much less the file takes depends on its shapes and its light: for default bakes a tenth to a third.
+    groups, and `relief` says whether the light of the fine level follows normal maps. How much less the file takes
+    depends on its shapes and its light: for default bakes a tenth to a third.
     """
     fine = count * (GAUSSIAN_BYTES + SLOPE_BYTES * BASES.index(basis) + SH_BYTES * ((sh_degree + 1) ** 2 - 1))
+    fine += count * RELIEF_BYTES * relief
     coarse = coarse_count * (GAUSSIAN_BYTES + SH_BYTES * ((coarse_sh_degree + 1) ** 2 - 1))
     groups = group_count * (LEVEL_BYTES + math.ceil(count * GROUP_BYTES + coarse_count * COARSE_BYTES))
     return HEADER.itemsize + LEVEL_BYTES * (1 + (coarse_count > 0)) + math.ceil(fine + coarse) + groups
@@ -66,6 +72,7 @@ def encode(bake: Bake) -> bytes:
     count = len(bake.gaussians) + (len(bake.coarse) if bake.coarse is not None else 0)
     assert count <= GAUSSIAN_COUNT_MAX, count
     assert bake.coarse is not None or not bake.groups, bake.groups
+    assert bake.coarse is not None or not bake.gaussians.bumpy
     assert 0 <= bake.bounces < 1 << 16, bake.bounces
     assert 0 <= bake.scene < 1 << 64, bake.scene
     header = np.zeros((), HEADER)
@@ -78,11 +85,14 @@ def encode(bake: Bake) -> bytes:
     surface = bake.coarse is not None
     steps = FINE_STEPS if surface else OVER_STEPS
     content, order = encode_level(bake.gaussians, header["fine"], steps, facing=surface)
-    body, orders = section(TAGS["fine"], content), [order]
+    body, orders, fine_bytes = section(TAGS["fine"], content), [order], len(content)
     if surface:
         content, order = encode_level(bake.coarse, header["coarse"], COARSE_STEPS, facing=False)
         body += section(TAGS["coarse"], content)
         orders.append(order)
+    if bake.gaussians.bumpy:
+        sh = decode_level(header["fine"], body, SECTION.itemsize, SECTION.itemsize + fine_bytes, "fine", _expect).sh
+        body += section(RELIEF_TAG, encode_relief(bake.gaussians.relief, sh, orders[0]))
     for group in bake.groups:
         body += section(GROUP_TAG, encode_group(group, bake, [header[level] for level in LEVELS], orders))
     check_counts(header, _assert)
@@ -93,11 +103,14 @@ def encode(bake: Bake) -> bytes:
 
 def decode(data: bytes) -> Bake:
     """The bake in the bytes of a .gsgi file. Raises FormatError for what the encoder cannot have written."""
-    header, sections, groups = read_header(data)
+    header, sections, groups, relief = read_header(data)
     operator = OPERATORS[int(header["operator"])]
     levels = {name: decode_level(header[name], data, *where, name, _expect) for name, where in sections.items()}
+    fine = levels["fine"]
+    if relief:
+        fine = replace(fine, relief=decode_relief(data, *relief, fine.sh, _expect))
     return Bake(
-        levels["fine"],
+        fine,
         operator(**{field.name: header[field.name].item() for field in fields(operator)}),
         tone_scale=float(header["tone_scale"]),
         effects=Effects(int(header["effects"])),

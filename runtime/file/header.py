@@ -40,7 +40,7 @@ LEVELS = ("fine", "coarse")
 
 SECTION = np.dtype([("tag", "S4"), ("bytes", "<u4")])
 TAGS = {"fine": b"FINE", "coarse": b"COAR"}
-GROUP_TAG = b"GRUP"
+GROUP_TAG, RELIEF_TAG = b"GRUP", b"RELF"
 
 Span = tuple[int, int]  # the first byte of a section's content, and the one after the last
 
@@ -61,8 +61,8 @@ def version(data: bytes) -> int:
     return int.from_bytes(data[4:6], "little")
 
 
-def read_header(data: bytes) -> tuple[np.ndarray, dict[str, Span], list[Span]]:
-    """The header of a .gsgi file as a record of HEADER, and where the sections of levels and of light groups are.
+def read_header(data: bytes) -> tuple[np.ndarray, dict[str, Span], list[Span], Span | None]:
+    """The header of a .gsgi file as a record of HEADER, and where the sections of levels, groups and relief are.
 
     Raises FormatError unless every field, the sections and the checksum are ones that the encoder could have written.
     Sections of other tags are skipped.
@@ -80,11 +80,11 @@ def read_header(data: bytes) -> tuple[np.ndarray, dict[str, Span], list[Span]]:
     expect(header["version"] == VERSION, "version", f"{VERSION}", header["version"])
     expect(header["header_bytes"] == HEADER.itemsize, "header_bytes", f"{HEADER.itemsize}", header["header_bytes"])
     check_counts(header, expect)
-    levels, groups = _sections(header, data)
+    levels, groups, relief = _sections(header, data)
     crc = checksum(data)
     expect(header["crc32"] == crc, "crc32", f"{crc:#010x}", f"{int(header['crc32']):#010x}: the file is damaged")
     check_fields(header, expect)
-    return header, levels, groups
+    return header, levels, groups, relief
 
 
 def section(tag: bytes, content: bytes) -> bytes:
@@ -92,10 +92,10 @@ def section(tag: bytes, content: bytes) -> bytes:
     return np.array((tag, len(content)), SECTION).tobytes() + content
 
 
-def _sections(header: np.ndarray, data: bytes) -> tuple[dict[str, Span], list[Span]]:
-    """Where the sections of levels are, which come first and are long enough for their Gaussians, and of groups."""
+def _sections(header: np.ndarray, data: bytes) -> tuple[dict[str, Span], list[Span], Span | None]:
+    """Where the sections are: of levels, which come first and are long enough for their Gaussians, groups, relief."""
     names = LEVELS if header["operator"] == OPERATORS.index(SurfaceBlend) else LEVELS[:1]
-    at, found, groups = HEADER.itemsize, {}, []
+    at, found, groups, relief = HEADER.itemsize, {}, [], None
     while at < len(data) or len(found) < len(names):
         name = names[len(found)] if len(found) < len(names) else None
         known = name or "section"
@@ -114,12 +114,17 @@ def _sections(header: np.ndarray, data: bytes) -> tuple[dict[str, Span], list[Sp
             found[name] = at, at + size
         elif tag in TAGS.values():
             raise FormatError(f"byte {at - SECTION.itemsize} (section): expected no second {tag!r}")
-        elif tag == GROUP_TAG:
+        elif tag in (GROUP_TAG, RELIEF_TAG):
             if names != LEVELS:
                 raise FormatError(f"byte {at - SECTION.itemsize} (section): expected no {tag!r}, since over has none")
-            groups.append((at, at + size))
+            if tag == GROUP_TAG:
+                groups.append((at, at + size))
+            elif relief:
+                raise FormatError(f"byte {at - SECTION.itemsize} (section): expected no second {tag!r}")
+            else:
+                relief = at, at + size
         at += size
-    return found, groups
+    return found, groups, relief
 
 
 def checksum(data: bytes) -> int:

@@ -91,7 +91,7 @@ def encode_level(
     Fills in `level`, a LEVEL record, with `steps` among others. `facing`: the z axis has a meaning of its own, and must
     remain.
     """
-    for name in ("position", "rotation", "scale", "opacity", "sh", "slope"):
+    for name in ("position", "rotation", "scale", "opacity", "sh", "slope", "relief"):
         array = getattr(gaussians, name)
         finite = np.isfinite(array).all(axis=tuple(range(1, array.ndim)))
         assert finite.all(), f"Gaussian {finite.argmin()}: {name} is not finite"

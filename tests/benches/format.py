@@ -94,7 +94,7 @@ def views(plan: Plan, bake: Bake) -> list[np.ndarray]:
 
 def streams(data: bytes) -> dict[str, dict[str, tuple[float, float]]]:
     """Bytes and entropy per Gaussian of each attribute, by level."""
-    header, sections = read_header(data)
+    header, sections, *_ = read_header(data)
     found = {}
     for level, (at, end) in sections.items():
         reader = _Measured(header[level], data, at, end, level, lambda *_: None)
