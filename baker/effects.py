@@ -66,7 +66,7 @@ def findings(scene: Scene) -> list[Finding]:
         _environment(scene, share),
         _surfaces(scene, "alpha-mask", "alpha masks", "every ray tests for holes; shadow maps test alpha"),
         _surfaces(scene, "double-sided", "double-sided", "drawn without back-face culling"),
-        _surfaces(scene, "normal-map", "normal maps", "primary light only: B is traced for the interpolated normal"),
+        _surfaces(scene, "normal-map", "normal maps", "B follows them with `surface`: Gaussians take more bytes"),
         _transparent(scene),
         _surfaces(scene, "unlit", "unlit", "shown unshaded: they light nothing and have no B"),
         *_metals(scene),

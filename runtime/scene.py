@@ -58,11 +58,11 @@ class Material:
     `alpha_cutoff` is None, the surface is opaque; otherwise points whose alpha (factor * texture * vertex colour) is
     below it are holes. The back of a single-sided surface (not `double_sided`) is not drawn, reflects and emits
     nothing, but still blocks light. The normal texture (linear, tangent space, xy scaled by `normal_scale`) shapes
-    primary light; B uses the interpolated normal. An `unlit` surface shows its base colour as radiance, has albedo 0
-    and emits no light into the scene. A `stand_in` is what light meets of a partly transparent surface: it is not drawn
-    itself, since frames show `Scene.blended`. Its `filter` lets light through; shadow maps take it for opaque
-    outside of its holes, and punctual light that it lets through is part of B. What is seen through a blended surface
-    has the tint (1 - tint) + tint * base colour.
+    the light that is seen; light that goes on from the surface is that of the interpolated normal. An `unlit` surface
+    shows its base colour as radiance, has albedo 0 and emits no light into the scene. A `stand_in` is what light meets
+    of a partly transparent surface: it is not drawn itself, since frames show `Scene.blended`. Its `filter` lets light
+    through; shadow maps take it for opaque outside of its holes, and punctual light that it lets through is part of B.
+    What is seen through a blended surface has the tint (1 - tint) + tint * base colour.
     """
 
     name: str = ""

@@ -38,11 +38,13 @@ def measure(tracer: CachedTracer, references: Mapping[str, Reference], seed: int
         return None
     rng = np.random.default_rng(seed)
     index = [rng.integers(np.count_nonzero(r.valid), size=-(-POINTS // len(seen))) for r in seen]
-    position, normal, gathered = (
+    layers = [(r.surface.position, r.surface.shading_normal, r.surface.geometric_normal, r.indirect) for r in seen]
+    position, normal, geometric, gathered = (
         np.concatenate([image[r.valid][at] for r, image, at in zip(seen, images, index, strict=True)])
-        for images in zip(*((r.surface.position, r.surface.normal, r.indirect) for r in seen), strict=True)
+        for images in zip(*layers, strict=True)
     )
-    whole = tracer.at_points(position, normal, Sampling(SAMPLES), seed + SEED).mean
+    sampling = Sampling(SAMPLES)
+    whole = tracer.at_points(position, normal, sampling, seed + SEED, geometric_normal=geometric).mean
     pairs = np.stack([gathered, whole], axis=1).mean(axis=2, dtype=np.float64).reshape(len(seen), -1, 2)
     lit = pairs[pairs[..., 1].any(axis=1)]
     if not len(lit):

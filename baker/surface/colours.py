@@ -60,10 +60,10 @@ def solve(
     square = np.square(tint, dtype=np.float64).sum(axis=1, keepdims=True)
     unit[:, size:] *= square
     held = np.concatenate([ridge * unit[:, :size], SLOPE_RIDGE * unit[:, size:]], axis=1)
-    held[:, size:] += constants.SH_C0**2 * square * _ratio(noisy, count) / SLOPE_SPREAD**2
+    held[:, size:] += constants.SH_C0**2 * square * ratio(noisy, count) / SLOPE_SPREAD**2
     prior = np.zeros(unit.shape)
     seen = derivatives(flat, wanted)[:, :3]
-    prior[:, :3] = _ratio(seen, unit[:, :3])
+    prior[:, :3] = ratio(seen, unit[:, :3])
 
     def solved(at, start: np.ndarray, tint: np.ndarray | None) -> np.ndarray:
         """The columns of `start` (N, C) solved for; others stay as they are in `at`."""
@@ -78,7 +78,7 @@ def solve(
 
         right = derivatives(at, wanted)[:, few] + held[:, few] * prior[:, few]
         diagonal = unit[:, few] + held[:, few]
-        return _conjugate_gradients(apply, right, start, _ratio(np.ones_like(diagonal), diagonal), iterations)
+        return conjugate_gradients(apply, right, start, ratio(np.ones_like(diagonal), diagonal), iterations)
 
     x, slope = gaussians.sh.reshape(-1, size).astype(np.float64), gaussians.slope
     if gaussians.sloped:
@@ -92,7 +92,7 @@ def _relative(gradient: np.ndarray, tint: np.ndarray, colour: np.ndarray) -> np.
     """Slopes (N, 2) relative to `colour` (N, 3) that are nearest to a `gradient` (N, 2) relative to `tint` (N, 3)."""
     along = (colour * tint).sum(axis=1, keepdims=True)
     square = np.square(colour).sum(axis=1, keepdims=True)
-    return gradient * _ratio(along, square)
+    return gradient * ratio(along, square)
 
 
 def bounded_slope(slope: np.ndarray) -> np.ndarray:
@@ -111,19 +111,19 @@ def _bounded(sh: np.ndarray) -> np.ndarray:
     return np.concatenate([constant, np.clip(sh[:, 1:], -most, most)], axis=1)
 
 
-def _conjugate_gradients(apply, right: np.ndarray, x: np.ndarray, preconditioner: np.ndarray, iterations: int):
+def conjugate_gradients(apply, right: np.ndarray, x: np.ndarray, preconditioner: np.ndarray, iterations: int):
     """x (N, C) after `iterations` steps towards apply(x) = right."""
     residual = right - apply(x)
     z = preconditioner * residual
     direction, norm = z, _dot(residual, z)
     for _ in range(iterations):
         moved = apply(direction)
-        step = _ratio(norm, _dot(direction, moved))
+        step = ratio(norm, _dot(direction, moved))
         x = x + step * direction
         residual = residual - step * moved
         z = preconditioner * residual
         before, norm = norm, _dot(residual, z)
-        direction = z + _ratio(norm, before) * direction
+        direction = z + ratio(norm, before) * direction
     return x
 
 
@@ -131,6 +131,6 @@ def _dot(a: np.ndarray, b: np.ndarray) -> np.float64:
     return (a * b).sum()
 
 
-def _ratio(a, b):
+def ratio(a, b):
     """a / b, two numbers or arrays of one shape; 0 where b is not above 0."""
     return np.divide(a, b, out=np.zeros_like(b), where=np.greater(b, 0))

@@ -71,11 +71,12 @@ def fit_surface(
 ) -> Gaussians:
     """Fit the fine level: at most `schedule.budget` Gaussians that match the samples on top of `coarse`.
 
-    They have SH of degree 0 and slopes. With the `triangles` of the scene, they are cut where they would carry light
-    across an occluder. `monitor(iteration, loss, gaussians)` is called after each step, and gaussians() returns the
-    result of that step. The fit resumes from `checkpoint` if that holds a state, and saves states there. For a given
-    seed the result does not depend on the number of threads or on interruptions. Raises FloatingPointError at the first
-    gradient or loss that is not finite, and names the iteration and, for a gradient, the Gaussian.
+    They have SH of degree 0 and slopes, and relief where normal maps bend the samples' normals. With the `triangles` of
+    the scene, they are cut where they would carry light across an occluder. `monitor(iteration, loss, gaussians)` is
+    called after each step, and gaussians() returns the result of that step. The fit resumes from `checkpoint` if that
+    holds a state, and saves states there. For a given seed the result does not depend on the number of threads or on
+    interruptions. Raises FloatingPointError at the first gradient or loss that is not finite, and names the iteration
+    and, for a gradient, the Gaussian.
     """
     rng = np.random.default_rng(schedule.seed)
     samples, occlusion, around = joined([surface, free]), None, None
@@ -87,6 +88,8 @@ def fit_surface(
         run = from_arrays(_Run, arrays)
     else:
         first = start(surface, round(START_SHARE * schedule.budget), rng)
+        if samples.bumpy:
+            first = replace(first, relief=np.zeros((len(first), 3, 3), np.float32))
         if occlusion:
             first, _ = cut_where_better(first, optimiser, occlusion)
         run = _Run(SurfaceState.fresh(optimiser.solve(first, SOLVE_FIRST)), np.zeros(len(first), np.float32), 0)
@@ -115,7 +118,7 @@ def fit_surface(
 def start(samples: SurfaceSamples, count: int, rng: np.random.Generator, beside: Gaussians | None = None) -> Gaussians:
     """At most `count` Gaussians, as dense as the samples and flat along the normal, which is their +z axis.
 
-    They are as wide as they lie apart from each other and from those `beside` them.
+    They are as wide as they lie apart from each other and from those `beside` them, and have relief if those have.
     """
     chosen = np.sort(rng.permutation(len(samples))[: CANDIDATES * count])
     position, normal = samples.position[chosen], samples.normal[chosen]
@@ -126,7 +129,8 @@ def start(samples: SurfaceSamples, count: int, rng: np.random.Generator, beside:
     scale = apart[:, None] * np.array([WIDTH, WIDTH, THICKNESS], np.float32)
     opacity = np.full(len(position), OPACITY, np.float32)
     colour, slope = light[:, None, :] / np.float32(constants.SH_C0), np.zeros((len(position), 2), np.float32)
-    return Gaussians(position, rotation_to(normal), scale, opacity, colour, slope)
+    relief = None if beside is None else np.zeros((len(position), *beside.relief.shape[1:]), np.float32)
+    return Gaussians(position, rotation_to(normal), scale, opacity, colour, slope, relief)
 
 
 def changed(

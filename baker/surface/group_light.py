@@ -42,6 +42,7 @@ def group_light(
     """
     coarse = coarse_optimiser(free, coarse, blend).solve(_black(coarse), SOLVE_COARSE, RIDGE)
     samples = joined([surface, some_free])
+    samples = replace(samples, mapped=None)  # relief is that of all light: groups have none of their own
     optimiser = SurfaceOptimiser(samples, coarse, blend, seen_light(surface, some_free, triangles))
     fine = _black(gaussians)
     for _ in range(2):
@@ -50,4 +51,4 @@ def group_light(
 
 
 def _black(gaussians: Gaussians) -> Gaussians:
-    return replace(gaussians, sh=np.zeros_like(gaussians.sh), slope=np.zeros_like(gaussians.slope))
+    return replace(gaussians, sh=np.zeros_like(gaussians.sh), slope=np.zeros_like(gaussians.slope), relief=None)

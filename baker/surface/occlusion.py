@@ -26,6 +26,8 @@ LEAK = 0.01  # of the light on the bright side of a wall: less on a black side i
 SPACE_LEAK = 0.1  # the same in free space: nobody looks at it, and few things move close behind a wall
 NEIGHBOURS = 8  # samples over whose light is averaged, as far as they see each other
 
+BENT = 0.2  # a normal map that bends a normal by more changes light as an occluder may
+
 CLEAR = 1.02  # radii of a Gaussian that its centre lies off an occluder after a cut
 MARGIN = 1.3  # samples a little beyond a Gaussian tell of occluders just within it
 AT_ONCE = 1 << 12  # Gaussians; bounds memory
@@ -79,6 +81,7 @@ class Occlusion:
         from scipy.spatial import cKDTree
 
         self._blend, self._triangles, self._facing = blend, triangles, blend.sharpness > 0
+        samples = samples[np.square(samples.bend).sum(axis=1) < BENT**2] if samples.bumpy else samples
         some = np.arange(0, len(samples), max(len(samples) // ((FLAT if self._facing else ROUND) * max(count, 1)), 1))
         some = samples[np.union1d(some, np.flatnonzero(_around(samples)[1])) if self._facing else some]
         self._position, self._normal = some.position, some.normal

@@ -13,8 +13,8 @@ from gsgi.baker.trace.point_order import coherent
 from gsgi.runtime import constants
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
 
-from . import colours
-from .lookup import coarse_light, filling, inverse_weight
+from . import colours, relief
+from .lookup import coarse_light, filling, inverse_weight, relief_sums
 from .samples import SurfaceSamples
 from .state import PARAMETERS, SurfaceState
 
@@ -55,6 +55,9 @@ class SurfaceOptimiser:
     in linear light has its minimum at the mean of noisy samples. A gradient counts only
     where both halves of the samples' paths agree on its sign (after the AND-mask of Parascandolo et al. 2020), so that
     noise alone moves nothing. Deterministic for any number of threads.
+
+    Where the Gaussians have relief, what it adds at bent normals is taken off the samples whenever they are listed: the
+    steps see the light of interpolated normals.
     """
 
     def __init__(
@@ -64,9 +67,12 @@ class SurfaceOptimiser:
         self._order = order = coherent(samples.position, samples.normal)
         around = around or local_light(samples.position, samples.normal, samples.indirect_a, samples.indirect_b)
         samples, around = samples[order], LocalLight(*(values[order] for values in around))
-        self._a, self._b, self._light = samples.indirect_a, samples.indirect_b, samples.indirect
+        self._bent = samples.indirect_a, samples.indirect_b, samples.indirect
+        self._a, self._b, self._light = self._bent
         self._field = kernels.FieldFloat(samples.position, samples.normal)
-        self._coarse = coarse_light(self._field, coarse, blend)
+        self._bend = samples.bend if samples.bumpy else None
+        bent = self._field if self._bend is None else kernels.FieldFloat(samples.position, samples.mapped)
+        self._coarse = coarse_light(bent, coarse, blend)
         self.blend = blend
         self._level, self._relative_noise = around.level, around.noise / around.level
         self._importance = 1 / (np.square(around.level) + np.square(around.noise / np.float32(MODEL)))
@@ -75,12 +81,20 @@ class SurfaceOptimiser:
         self._unit: np.ndarray | None = None
 
     def solve(self, gaussians: Gaussians, iterations: int, ridge: float = colours.RIDGE) -> Gaussians:
-        """Set colours and slopes to the least-squares solution for the shapes."""
+        """Set colours and slopes, then relief if there is any, to the least-squares solution for the shapes."""
         self._list(gaussians)
         base = filling(self._field.read(gaussians), self._coarse, self.blend)
         samples = self._light, self._importance, self._relative_noise
         sh, slope = colours.solve(self._field, gaussians, base, *samples, iterations, ridge)
-        return replace(gaussians, sh=sh, slope=slope)
+        solved = replace(gaussians, sh=sh, slope=slope)
+        return self._with_relief(solved, iterations) if gaussians.bumpy else solved
+
+    def _with_relief(self, gaussians: Gaussians, iterations: int) -> Gaussians:
+        reading = self._read(gaussians)
+        residual = self._bent[2] - reading.light
+        weights = reading.inverse, self._importance, self._relative_noise
+        found = relief.solve(self._field, gaussians, self._bend, residual, *weights, iterations)
+        return replace(gaussians, relief=found)
 
     def share(self, gaussians: Gaussians) -> np.ndarray:
         """Number of samples (N,) float32 that each Gaussian accounts for: the sum over the samples of w / sum w."""
@@ -158,6 +172,9 @@ class SurfaceOptimiser:
     def _list(self, gaussians: Gaussians) -> None:
         self._field.list(gaussians, self.blend.cutoff, self.blend.sharpness, MARGIN)
         self._listed, self._noise = len(gaussians), None
+        if gaussians.bumpy:
+            added = relief_sums(self._field, gaussians, self._bend) * self._read(gaussians).inverse[:, None]
+            self._a, self._b, self._light = (light - added for light in self._bent)
 
     def _read(self, gaussians: Gaussians) -> _Reading:
         return self._reading(self._field.read(gaussians))
@@ -216,5 +233,6 @@ def moved(
             [np.maximum(g.sh[:, :1] + (unit / constants.SH_C0 * colour)[:, None, :], 0), g.sh[:, 1:]], axis=1
         ),
         colours.bounded_slope(g.slope + slope[:, : g.slope.shape[1]]),
+        g.relief,
     )
     return Gaussians(*(array.astype(np.float32) for array in arrays))

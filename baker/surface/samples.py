@@ -18,6 +18,8 @@ from .seen_surface import SeenSurface
 
 CHUNK = 1 << 16  # points that are drawn together
 
+BENT_MIN = 0.02  # RMS difference of mapped and interpolated normals below which samples count as flat
+
 # Before the samples, B is traced twice at other points of the same surfaces, with the layers of each of KNOWN: first by
 # whole paths, then by paths that end where they meet the light of the round before, which leaves far less noise.
 KNOWN = [1], [1, 1]
@@ -28,7 +30,8 @@ class SurfaceSamples:
     """S points with B, all float32.
 
     position (S, 3) m and normal (S, 3) unit are in world space. indirect_a and indirect_b (S, 3) are the two halves of
-    B, linear Rec.709 radiance. invalid is the number of paths that gave no finite number.
+    B, linear Rec.709 radiance. invalid is the number of paths that gave no finite number. mapped (S, 3) is the normal
+    that B belongs to, bent by a normal map; by default the normal itself.
     """
 
     position: np.ndarray
@@ -36,6 +39,21 @@ class SurfaceSamples:
     indirect_a: np.ndarray
     indirect_b: np.ndarray
     invalid: int
+    mapped: np.ndarray = None
+
+    def __post_init__(self):
+        if self.mapped is None:
+            object.__setattr__(self, "mapped", self.normal)
+
+    @property
+    def bend(self) -> np.ndarray:
+        """The mapped minus the interpolated normal (S, 3)."""
+        return self.mapped - self.normal
+
+    @property
+    def bumpy(self) -> bool:
+        """Whether normal maps bend normals by more than hardly at all."""
+        return len(self) > 0 and float(np.square(self.bend).sum(axis=1).mean()) > BENT_MIN**2
 
     @property
     def indirect(self) -> np.ndarray:
@@ -48,7 +66,7 @@ class SurfaceSamples:
     def __getitem__(self, index) -> "SurfaceSamples":
         """The samples at `index`: a slice, a mask (S,) bool or indices (M,) int."""
         arrays = (np.ascontiguousarray(getattr(self, name)[index]) for name in ARRAYS)
-        return SurfaceSamples(*arrays, self.invalid)
+        return SurfaceSamples(*arrays, self.invalid, np.ascontiguousarray(self.mapped[index]))
 
 
 ARRAYS = "position", "normal", "indirect_a", "indirect_b"
@@ -57,7 +75,8 @@ ARRAYS = "position", "normal", "indirect_a", "indirect_b"
 def joined(parts: list[SurfaceSamples]) -> SurfaceSamples:
     """Concatenate one or more sets of samples."""
     arrays = (np.concatenate([getattr(part, name) for part in parts]) for name in ARRAYS)
-    return SurfaceSamples(*arrays, sum(part.invalid for part in parts))
+    mapped = np.concatenate([part.mapped for part in parts])
+    return SurfaceSamples(*arrays, sum(part.invalid for part in parts), mapped)
 
 
 def surface_layers(budget: int, paths: int) -> list[int]:
@@ -116,14 +135,16 @@ class Sampler:
         seed: int,
         known: "Known | None" = None,
         error: float = 0.0,
+        mapped: bool = False,
     ):
         """Points are drawn from the surfaces `seen`.
 
         Paths end at the first surface whose B is `known` (final gathering, Reichert 1992). A sample
-        takes no further layer once the noise around it is below `error` times the light there.
+        takes no further layer once the noise around it is below `error` times the light there. `mapped`: whether B is
+        that of mapped normals, not of interpolated ones.
         """
         self._tracer, self._seen, self._seed, self._known = tracer, seen, seed, known
-        self._sampling, self._error = Sampling(PASS_SAMPLES, bounces), error
+        self._sampling, self._error, self._mapped = Sampling(PASS_SAMPLES, bounces), error, mapped
         self._known_samples: SurfaceSamples | None = None
         self._drawn_by: Sampler | None = None  # None: by itself
 
@@ -133,7 +154,7 @@ class Sampler:
         known, rounds = None, known_rounds(bounces)
         for layers, fewer in zip(rounds, range(len(rounds), 0, -1), strict=True):
             known = Known(cls(tracer, seen, bounces - fewer, seed + fewer, known), layers)
-        return cls(tracer, seen, bounces, seed, known, error)
+        return cls(tracer, seen, bounces, seed, known, error, mapped=True)
 
     def until(self, error: float) -> "Sampler":
         """The same sampler with another `error`; it keeps the light that is known already."""
@@ -212,7 +233,11 @@ class Sampler:
             if noisy.any() or not layer:
                 traced.append(self._layer(key, points, noisy, done, seed, advance))
                 done = done + PASS_SAMPLES * noisy.astype(np.uint32)
-        return _combined(points, traced)
+        return _combined(points, self._normal(points), traced)
+
+    def _normal(self, points: "_Points") -> np.ndarray:
+        """The normals (P, 3) that B belongs to."""
+        return points.shading_normal if self._mapped else points.normal
 
     def _noisy(self, points: "_Points", traced: list["_Layer"]) -> np.ndarray:
         """Which points (P,) bool take a further layer."""
@@ -229,7 +254,8 @@ class Sampler:
         numbers = np.stack([np.arange(len(done), dtype=np.uint32), done], axis=1)
 
         def trace() -> "_Layer":
-            return _traced(self._tracer.tracer, points, noisy, numbers, self._sampling, self.known_light, seed, advance)
+            where = points.position, self._normal(points), points.geometric_normal
+            return _traced(self._tracer.tracer, where, noisy, numbers, self._sampling, self.known_light, seed, advance)
 
         layer, found = self._tracer.once(key, _Layer, trace)
         if found:
@@ -249,7 +275,7 @@ class Sampler:
                 "layers": self._known.layers,
             }
         drawn_by = self._drawn_by and self._drawn_by._tracer.scene_digest
-        return {"sampling": self._sampling, "known": known, "drawn_by": drawn_by}
+        return {"sampling": self._sampling, "known": known, "drawn_by": drawn_by, "mapped": self._mapped}
 
     @cached_property
     def _shares(self) -> np.ndarray:
@@ -283,10 +309,11 @@ class Known:
 
 @dataclass(frozen=True)
 class _Points:
-    """The points of a chunk, (P, 3) float32 in world space: position, m, normal and geometric normal, unit."""
+    """The points of a chunk, (P, 3) float32 in world space: position, m, and unit normals."""
 
     position: np.ndarray
     normal: np.ndarray
+    shading_normal: np.ndarray
     geometric_normal: np.ndarray
 
 
@@ -306,10 +333,10 @@ class _Layer:
 
 
 def _traced(
-    tracer: Tracer, points: _Points, noisy: np.ndarray, numbers: np.ndarray, sampling: Sampling, known,
+    tracer: Tracer, points: tuple[np.ndarray, ...], noisy: np.ndarray, numbers: np.ndarray, sampling: Sampling, known,
     seed: tuple[int, ...], advance,
 ) -> _Layer:  # fmt: skip
-    where = points.position[noisy], points.normal[noisy], points.geometric_normal[noisy]
+    where = (column[noisy] for column in points)
     step = lambda count: advance(count * PASS_SAMPLES)  # noqa: E731
     lights = tracer.halves(*where, sampling, seed, step, known, numbers[noisy])
 
@@ -322,12 +349,12 @@ def _traced(
     return _Layer(*means, *finite, sum(b.invalid for b in lights))
 
 
-def _combined(points: _Points, layers: list[_Layer]) -> SurfaceSamples:
-    """The mean of the layers over their paths, where both halves have one."""
+def _combined(points: _Points, mapped: np.ndarray, layers: list[_Layer]) -> SurfaceSamples:
+    """The mean of the layers over their paths, where both halves have one; it is that of `mapped` normals (P, 3)."""
     halves = [_mean(layers, half) for half in "ab"]
     both = np.all([np.isfinite(half).all(axis=1) for half in halves], axis=0)
     arrays = points.position, points.normal, *halves
-    return SurfaceSamples(*(array[both] for array in arrays), sum(layer.invalid for layer in layers))
+    return SurfaceSamples(*(array[both] for array in arrays), sum(layer.invalid for layer in layers), mapped[both])
 
 
 def _mean(layers: list[_Layer], half: str) -> np.ndarray:

@@ -53,23 +53,22 @@ class SeenSurface:
             return seen.share
         return (1 - CONTRAST_SHARE) * seen.share + CONTRAST_SHARE * varied / varied.sum()
 
-    def surface(
-        self, count: int, rng: np.random.Generator, shares: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Position, normal and geometric normal (count, 3) float32 of surface points, stratified by `shares` (P,).
+    def surface(self, count: int, rng: np.random.Generator, shares: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Points on surfaces, stratified by `shares` (P,).
 
-        They lie anywhere behind their pixels, so that no two are the same.
+        The result is position, normal, shading normal and geometric normal (count, 3) float32. The points lie anywhere
+        behind their pixels, so that no two are the same.
         """
         seen = self._pixels
         if not len(seen.position):
-            return (np.empty((0, 3), np.float32),) * 3
+            return (np.empty((0, 3), np.float32),) * 4
         below = np.cumsum(shares, dtype=np.float64)
         at = (np.arange(count) + rng.random(count)) / count * below[-1]
         index = np.minimum(np.searchsorted(below, at, side="right"), len(seen.position) - 1)
         return self._anywhere(index, rng)
 
-    def _anywhere(self, index: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Position, normal and geometric normal (N, 3) of points behind pixels `index` (N,), which ascend.
+    def _anywhere(self, index: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
+        """The same (N, 3) of points behind pixels `index` (N,), which ascend.
 
         The middle of a pixel stands for places where no diffuse surface is seen.
         """
@@ -80,22 +79,22 @@ class SeenSurface:
             y, x = np.divmod(seen.pixel[index[here]], SIZE)
             rays.append(pixel_rays(self._cameras[camera], SIZE, SIZE, x + 0.5 + way[here, 0], y + 0.5 + way[here, 1]))
         *points, diffuse = self._tracer.tracer.seen(*(np.concatenate(part) for part in zip(*rays, strict=True)))
-        middles = seen.position, seen.normal, seen.geometric_normal
+        middles = seen.position, seen.normal, seen.shading_normal, seen.geometric_normal
         return tuple(
             np.where(diffuse[:, None], point, middle[index]) for point, middle in zip(points, middles, strict=True)
         )
 
-    def free(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Points on lines of sight to surface points, and uniform random directions as both normals."""
+    def free(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
+        """Points on lines of sight to surface points, and uniform random directions as all three normals."""
         seen = self._pixels
         if not len(seen.position):
-            return (np.empty((0, 3), np.float32),) * 3
+            return (np.empty((0, 3), np.float32),) * 4
         index = rng.integers(len(seen.position), size=count)
         way = rng.uniform(*FREE, (count, 1))
         position = seen.viewpoint[index] + way * (seen.position[index] - seen.viewpoint[index])
         normal = rng.normal(size=(count, 3))
         normal = (normal / np.linalg.norm(normal, axis=1, keepdims=True)).astype(np.float32)
-        return position.astype(np.float32), normal, normal
+        return position.astype(np.float32), normal, normal, normal
 
     @cached_property
     def _pixels(self) -> "_Pixels":
@@ -103,6 +102,7 @@ class SeenSurface:
         surfaces = self._tracer.tracer.surfaces(self._cameras, SIZE, SIZE)
         for number, (camera, step, surface) in enumerate(zip(self._cameras, self._steps, surfaces, strict=True)):
             position, normal, geometric = surface.points()
+            shading = surface.shading_points()[1]
             depth = surface.depth[surface.diffuse].astype(np.float64)
             above = np.abs(((camera.position - position) * geometric).sum(axis=1))  # of the camera over the surface
             area = depth**3 / np.maximum(above, np.finfo(np.float32).tiny) / camera.pinhole(SIZE, SIZE).fx ** 2
@@ -110,7 +110,7 @@ class SeenSurface:
             upright = above >= COS_MIN * np.linalg.norm(camera.position - position, axis=1)
             pixel = np.flatnonzero(surface.diffuse)
             of = np.full(len(pixel), number), pixel
-            columns.append([column[::step] for column in (position, normal, geometric, eye, *of, area, upright)])
+            columns.append([c[::step] for c in (position, normal, shading, geometric, eye, *of, area, upright)])
         *arrays, area, upright = (np.concatenate(column) for column in zip(*columns, strict=True))
         if len(area):
             area = np.minimum(area, np.quantile(area, FOOTPRINT_QUANTILE))
@@ -130,6 +130,7 @@ class _Pixels(NamedTuple):
 
     position: np.ndarray
     normal: np.ndarray
+    shading_normal: np.ndarray
     geometric_normal: np.ndarray
     viewpoint: np.ndarray
     camera: np.ndarray

@@ -48,13 +48,16 @@ class CachedTracer:
         return CachedTracer(scene, self.cache, self)
 
     def at_points(
-        self, position, normal, sampling: Sampling, seed: int, advance=None, known: IrradianceCache | None = None
-    ) -> Light:
-        """B at surface points: position (N, 3) float32 m, normal (N, 3) float32 unit; paths end in `known` light."""
-        key = self.key("points", __name__, position=position, normal=normal, sampling=sampling, seed=seed, known=known)
-        light, found = self.once(
-            key, Light, lambda: self.tracer.indirect(position, normal, normal, sampling, seed, advance, known)
-        )
+        self, position, normal, sampling: Sampling, seed: int, advance=None, known: IrradianceCache | None = None,
+        geometric_normal=None,
+    ) -> Light:  # fmt: skip
+        """B at surface points: position (N, 3) float32 m, normal (N, 3) float32 unit; paths end in `known` light.
+
+        `geometric_normal` (N, 3) is that of the triangles, by default the normal.
+        """
+        points = position, normal, normal if geometric_normal is None else geometric_normal
+        key = self.key("points", __name__, points=points, sampling=sampling, seed=seed, known=known)
+        light, found = self.once(key, Light, lambda: self.tracer.indirect(*points, sampling, seed, advance, known))
         if found and advance:
             advance(len(position))
         return light

@@ -16,9 +16,10 @@ from .tracer import Sampling, Surface, Tracer
 class Reference:
     """A path-traced image through a camera's pixel centres; arrays (H, W, 3) float32, linear Rec.709.
 
-    `indirect_a` and `indirect_b` are B from independent halves of the samples, undenoised, 0 where B is not seen (see
-    Surface). `valid` (H, W) bool marks the pixels where B is seen and both halves have it from at least one path.
-    `primary` is emission and punctual light, and the environment where there is no surface. Its noise is negligible.
+    `indirect_a` and `indirect_b` are B of the shading normal from independent halves of the samples, undenoised, 0
+    where B is not seen (see Surface). `valid` (H, W) bool marks the pixels where B is seen and both halves have it from
+    at least one path. `primary` is emission and punctual light, and the environment where there is no surface. Its
+    noise is negligible.
     """
 
     surface: Surface
@@ -54,7 +55,7 @@ class Reference:
     def _denoised(self, indirect: np.ndarray) -> np.ndarray:
         if not denoise.available():
             return indirect
-        return denoise.denoise(indirect, self.surface.normal, self.valid)
+        return denoise.denoise(indirect, self.surface.shading_normal, self.valid)
 
 
 def primary(tracer: Tracer, surface: Surface) -> np.ndarray:
@@ -75,7 +76,7 @@ def trace(
     surface = tracer.surface(camera, width, height)
     half = Sampling(-(-samples // 2))
     # The seed is hashed: a reference shares no random numbers with a view of a bake, whose seed is small as well.
-    a, b = tracer.halves(*surface.points(), half, seed, advance, known)
+    a, b = tracer.halves(*surface.shading_points(), half, seed, advance, known)
     if advance:
         advance(2 * float((~surface.diffuse).sum()))
     valid = surface.image((a.samples > 0) & (b.samples > 0))

@@ -39,8 +39,8 @@ BOUNCES_MAX = 1024
 class Surface:
     """What a camera sees through its pixel centres, arrays (H, W, ...) float32; 0 where it sees no surface.
 
-    position (m), normal (interpolated, unit, towards the camera), shading_normal (perturbed by a normal texture, used
-    for primary light) and geometric_normal are in world space. albedo and emission are linear Rec.709. depth is along
+    position (m), normal (interpolated, unit, towards the camera), shading_normal (bent by a normal texture, for light
+    that is seen) and geometric_normal are in world space. albedo and emission are linear Rec.709. depth is along
     the camera's -Z (m). valid (bool): a surface is seen. diffuse (bool): the surface shows light that falls on it, as
     it is neither unlit nor a black metal. Where there is no surface, emission is the environment's radiance.
     """
@@ -60,7 +60,7 @@ class Surface:
         return tuple(array[self.diffuse] for array in (self.position, self.normal, self.geometric_normal))
 
     def shading_points(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The same with shading_normal in place of normal, as primary light needs it."""
+        """The same with shading_normal in place of normal, for the light that a camera sees."""
         return tuple(array[self.diffuse] for array in (self.position, self.shading_normal, self.geometric_normal))
 
     def image(self, values: np.ndarray) -> np.ndarray:
@@ -158,13 +158,15 @@ class Tracer:
             for camera, *columns in zip(some, *(np.split(c, len(some)) for c in hits.values()), strict=True):
                 yield _surface(camera, dict(zip(hits, columns, strict=True)), width, height)
 
-    def seen(self, origin: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def seen(self, origin: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, ...]:
         """What cameras see along rays from `origin` (N, 3) along unit `direction` (N, 3), as `Surface` describes it.
 
-        Position, normal and geometric_normal (N, 3) float32, and where (N,) bool the ray meets a diffuse surface.
+        Position, normal, shading_normal and geometric_normal (N, 3) float32, and where (N,) bool the ray meets a
+        diffuse surface.
         """
         hits = self._first_hits(origin, direction)
-        return hits["position"], hits["normal"], hits["geometric_normal"], hits["valid"] & hits["diffuse"]
+        names = "position", "normal", "shading_normal", "geometric_normal"
+        return *(hits[name] for name in names), hits["valid"] & hits["diffuse"]
 
     def indirect(
         self, position, normal, geometric_normal, sampling: Sampling, seed: int, advance=None,

@@ -40,7 +40,7 @@ def trace_frames(ground: Ground, value: float, progress: Progress) -> TracedImag
     tracer, images, times = ground.cold.tracer, [], []
     for index, reference in enumerate(ground.references.values()):
         surface = reference.surface
-        points = surface.points()
+        points = surface.shading_points()
         start = time.perf_counter()
         light = np.zeros((len(points[0]), 3))
         for first in range(0, len(light), LAUNCH_POINTS):

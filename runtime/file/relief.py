@@ -7,7 +7,7 @@ from gsgi.runtime.constants import SH_C0
 from .integers import least_bytes, read_integers, write_integers
 from .levels import Expect
 
-RELIEF_STEPS = 24  # to the light of a Gaussian's brightest channel
+RELIEF_STEPS = 16  # to the light of a Gaussian's brightest channel
 CODE_MAX = 127
 RELIEF_BYTES = 9.0  # that the section hardly exceeds, per Gaussian
 

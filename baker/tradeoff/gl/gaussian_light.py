@@ -23,7 +23,8 @@ class GaussianLight:
     def draw_light(self, camera: Camera) -> moderngl.Texture:
         """B of the whole screen."""
         gbuffer = self._frame.gbuffer
-        self._light.draw_view(View.of_camera(camera, self._frame.size), gbuffer.depth, gbuffer.interpolated)
+        view = View.of_camera(camera, self._frame.size)
+        self._light.draw_view(view, gbuffer.depth, gbuffer.interpolated, mapped=gbuffer.normal)
         return self._light.indirect
 
     def release(self) -> None:

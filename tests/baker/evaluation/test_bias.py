@@ -48,8 +48,11 @@ def test_views_count_alike(light, truth, factor):
 def test_noise_is_no_bias():
     """Whole paths that are noisy, as in a room that is lit through a gap."""
     rng = np.random.default_rng(3)
-    noisy = SimpleNamespace(at_points=lambda position, *_: SimpleNamespace(mean=rng.exponential(B, position.shape)))
-    surface = SimpleNamespace(position=np.zeros((64, 64, 3)), normal=np.zeros((64, 64, 3)))
+    noisy = SimpleNamespace(
+        at_points=lambda position, *_, **__: SimpleNamespace(mean=rng.exponential(B, position.shape))
+    )
+    nowhere = np.zeros((64, 64, 3))
+    surface = SimpleNamespace(position=nowhere, shading_normal=nowhere, geometric_normal=nowhere)
     flat = Reference(surface, None, *[np.full((64, 64, 3), B, np.float32)] * 2, np.ones((64, 64), bool))
     found = measure(noisy, {"view": flat}, 0)
     assert found.standard_error == pytest.approx(1 / np.sqrt(3 * bias.POINTS), rel=0.1)

@@ -18,6 +18,7 @@ from gsgi.runtime import constants
 from gsgi.runtime.camera import look_at
 from gsgi.runtime.display import auto_exposure
 from gsgi.runtime.gaussians import Bake, Gaussians, OverBlend, SurfaceBlend
+from gsgi.runtime.scene import Scene
 
 SIZE = 40
 UP = np.array([0.0, 1.0, 0.0])
@@ -234,7 +235,7 @@ def test_the_first_cameras_of_a_scene_are_traced(truths):
     plan = SimpleNamespace(
         tracer=SimpleNamespace(reference=reference),
         placement=SimpleNamespace(held_out=CAMERAS),
-        scene=SimpleNamespace(cameras=own),
+        scene=Scene((), (), cameras=own),
         settings=SimpleNamespace(seed=0),
         known_paths=0,
     )
@@ -249,7 +250,8 @@ def test_views_without_a_b_are_no_part_of_the_evaluation(truths):
     found = iter([truths["front"], blind])
     light = SimpleNamespace(reference=lambda *_: next(found))
     placement, settings = SimpleNamespace(held_out=CAMERAS), SimpleNamespace(seed=0)
-    plan = SimpleNamespace(tracer=light, placement=placement, settings=settings, known_paths=0)
+    scene = Scene((), ())
+    plan = SimpleNamespace(tracer=light, placement=placement, settings=settings, scene=scene, known_paths=0)
     assert list(held_out.references(plan, None, print)) == ["front"]
 
 

@@ -15,7 +15,7 @@ from gsgi.baker.surface.coarse import coarse_level
 from gsgi.baker.surface.fit import fit_surface
 from gsgi.baker.surface.lookup import look_up
 from gsgi.baker.surface.occlusion import LEAK, SPACE_LEAK, VARIES, Occlusion, seen_light
-from gsgi.baker.surface.samples import SurfaceSamples
+from gsgi.baker.surface.samples import SurfaceSamples, joined
 from gsgi.baker.trace.local_light import local_light
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
@@ -127,9 +127,7 @@ def test_a_gaussian_at_the_foot_of_a_wall_no_longer_faces_the_floor_behind_it():
     wall = np.random.default_rng(1).uniform((0, 0, -1), (0, 1, 1), (4000, 3)) - (0.0005, 0, 0)
     lit = samples_of(np.full((4000, 3), BRIGHT), wall, np.tile([-1, 0, 0], (4000, 1)))
     floor = on_floor()
-    both = SurfaceSamples(
-        *(np.concatenate([getattr(s, n) for s in (lit, floor)]) for n in vars(floor) if n != "invalid"), 0
-    )
+    both = joined([lit, floor])
     one = gaussian((-0.02, 0.1, 0), (0.2, 0.2, 0.15), (-1, 0.8, 0))
     assert weight(one, 0.05) > 0.05
     cut, _ = Occlusion(both, TRIANGLES, BLEND, 50).cut(one)

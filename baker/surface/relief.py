@@ -1,0 +1,56 @@
+"""Relief of Gaussians of given shapes: how their light follows normal maps. Least squares by conjugate gradients."""
+
+import numpy as np
+
+from gsgi.runtime import constants
+from gsgi.runtime.gaussians import Gaussians
+
+from .colours import conjugate_gradients, ratio
+from .lookup import relief_sums
+
+# How strongly relief is held to 0, relative to a Gaussian's mass; and its standard deviation over a scene, relative to
+# the light, by which it is also held to 0 the more, the noisier and the fewer the samples are.
+RIDGE, SPREAD = 1e-3, 0.5
+
+
+def solve(
+    field,
+    gaussians: Gaussians,
+    bend: np.ndarray,
+    residual: np.ndarray,
+    inverse: np.ndarray,
+    importance: np.ndarray,
+    noise: np.ndarray,
+    iterations: int,
+) -> np.ndarray:
+    """Relief (N, 3, 3) float32 that fits the `residual` (S, 3) light at a field's points, starting from `gaussians`.
+
+    The residual is what the light at normals that are bent by `bend` (S, 3) has more than that of the interpolated
+    normals. `inverse` (S,) is 1 / sum w. Minimises the sum of importance |relief light - residual|^2, with `importance`
+    (S,); `noise` (S,) is the standard deviation of the light relative to it. The field must have listed the Gaussians.
+    """
+    weight = importance.astype(np.float32)[:, None]
+
+    def seen(values: np.ndarray) -> np.ndarray:
+        """Sums (N, 3) of w / sum w times values (S, 3) over the samples."""
+        values = np.ascontiguousarray(values, np.float32)
+        flat = Gaussians(*list(vars(gaussians).values())[:5])
+        return field.transposed(flat, values, inverse)[:, :3].astype(np.float64) / constants.SH_C0
+
+    def along(values: np.ndarray) -> np.ndarray:
+        """The same (N, 9) of values times the bend, by its axes."""
+        return np.concatenate([seen(bend[:, axis : axis + 1] * values) for axis in range(3)], axis=1)
+
+    sums = seen(np.stack([importance * noise**2, np.ones_like(importance), np.zeros_like(importance)], axis=1))
+    mass = np.repeat(seen(importance[:, None] * np.square(bend)), 3, axis=1)
+    held = RIDGE * mass + ratio(sums[:, 0], sums[:, 1])[:, None] / SPREAD**2
+
+    def apply(x: np.ndarray) -> np.ndarray:
+        some = vars(gaussians) | {"relief": x.reshape(-1, 3, 3).astype(np.float32)}
+        light = relief_sums(field, Gaussians(**some), bend) * inverse[:, None]
+        return along(weight * light) + held * x
+
+    diagonal = mass + held
+    start = gaussians.relief.reshape(-1, 9).astype(np.float64)
+    x = conjugate_gradients(apply, along(weight * residual), start, ratio(np.ones_like(diagonal), diagonal), iterations)
+    return x.reshape(-1, 3, 3).astype(np.float32)
