@@ -8,6 +8,9 @@ uniform highp sampler2D sh_data;
 #if SLOPED
 uniform highp sampler2D slope_data;
 #endif
+#if RELIEF && NORMAL_POWER > 0
+uniform highp sampler2D relief_data;
+#endif
 uniform mat4 view_from_world;
 uniform bool parallel;  // whether rays are
 uniform vec2 focal;   // px; px/m if parallel
@@ -27,6 +30,9 @@ flat out vec3 v_normal;
 #if SLOPED
 flat out vec2 v_slope;
 #endif
+#if RELIEF && NORMAL_POWER > 0
+flat out mat3 v_relief;  // columns: change of the light per unit of the bend along each axis of world space
+#endif
 
 // Exceeds the rounding of a 24-bit depth buffer, so that even a flat Gaussian covers the surface on which it lies.
 #define DEPTH_SLACK 1e-6
@@ -45,6 +51,9 @@ void main() {
 #endif
 #if SLOPED
     v_slope = clamp(fetch_slope(slope_data, int(index)), -1.0, 1.0);
+#endif
+#if RELIEF && NORMAL_POWER > 0
+    v_relief = fetch_relief(relief_data, int(index));
 #endif
 
     vec3 t = (view_from_world * vec4(g.position, 1.0)).xyz;

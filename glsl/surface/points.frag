@@ -5,6 +5,9 @@
 
 uniform highp sampler2D normal;
 uniform highp sampler2D depth;
+#if RELIEF
+uniform highp sampler2D mapped;  // the normals as normal maps bend them, encoded as `normal`
+#endif
 
 uniform mat4 world_from_view;
 uniform mat4 world_from_offset;
@@ -23,6 +26,9 @@ uniform vec3 box_high;
 
 layout(location = 0) out vec4 out_position;  // world space, m
 layout(location = 1) out vec4 out_plane;     // tangent plane: unit normal n, world space; -n . position; 0: no surface
+#if RELIEF
+layout(location = 2) out vec4 out_bend;      // mapped minus interpolated normal, world space
+#endif
 
 float depth_at(ivec2 texel) {
     float stored = texelFetch(depth, ivec2(corner) + texel, 0).r;
@@ -70,6 +76,10 @@ void main() {
     seen = seen && all(greaterThanEqual(out_position.xyz, box_low)) && all(lessThanEqual(out_position.xyz, box_high));
 #endif
     vec3 n = normal_from_texel(texelFetch(normal, ivec2(corner) + texel, 0), world_from_view);
+#if RELIEF
+    vec3 m = normal_from_texel(texelFetch(mapped, ivec2(corner) + texel, 0), world_from_view);
+    out_bend = vec4(dot(m, m) > 0.0 ? m - n : vec3(0.0), 0.0);
+#endif
     out_plane = seen ? vec4(n, -dot(n, out_position.xyz)) : vec4(0.0);
     // Nothing is nearer than 0, so no Gaussian passes the depth test where there is no surface.
     gl_FragDepth = seen ? window_depth(view_depth, near) : 0.0;

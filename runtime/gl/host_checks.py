@@ -72,7 +72,7 @@ def _format_of_bound(gl: Functions) -> Format:
 def check_surfaces(depth: Format, normal: Format, encoding: Encoding, viewport: Viewport) -> None:
     """Raise ValueError unless the textures of draw() can be what `encoding` says, and contain `viewport`."""
     _check_depth(depth, encoding)
-    _check_normal(normal, encoding)
+    _check_normal("normal", normal, encoding)
     if depth.size != normal.size:
         raise ValueError(f"normal: {_px(normal.size)}, needed are the {_px(depth.size)} of depth")
     whole = len(viewport) == 4 and all(isinstance(edge, int | np.integer) for edge in viewport)
@@ -80,6 +80,13 @@ def check_surfaces(depth: Format, normal: Format, encoding: Encoding, viewport: 
         viewport[i] + viewport[i + 2] > depth.size[i] for i in range(2)
     ):  # fmt: skip
         raise ValueError(f"viewport: {viewport} is not x, y, width, height within textures of {_px(depth.size)}")
+
+
+def check_mapped(mapped: Format, normal: Format, encoding: Encoding) -> None:
+    """Raise ValueError unless a texture of mapped normals can be what `encoding` says, and is as large as `normal`."""
+    _check_normal("mapped", mapped, encoding)
+    if mapped.size != normal.size:
+        raise ValueError(f"mapped: {_px(mapped.size)}, needed are the {_px(normal.size)} of normal")
 
 
 def check_projection(view: View, encoding: Encoding) -> None:
@@ -148,18 +155,18 @@ def _check_depth(depth: Format, encoding: Encoding) -> None:
         raise ValueError(f"depth: {depth}; needed are {_DEPTH_BITS} bits or more: is it another texture?")
 
 
-def _check_normal(normal: Format, encoding: Encoding) -> None:
+def _check_normal(name: str, normal: Format, encoding: Encoding) -> None:
     needed = _NORMAL_CHANNELS[encoding.normal]
     if normal.kind == "depth":
-        raise ValueError("normal: a depth buffer: are depth and normal swapped?")
+        raise ValueError(f"{name}: a depth buffer: are depth and normal swapped?")
     if normal.kind == "integer" or normal.channels < needed:
-        raise ValueError(f'normal: {normal}; Encoding.normal "{encoding.normal}" needs {needed}, float or normalised')
+        raise ValueError(f'{name}: {normal}; Encoding.normal "{encoding.normal}" needs {needed}, float or normalised')
     if normal.srgb:
-        raise ValueError("normal: the texture's format is sRGB, which bends normals: use a linear format")
+        raise ValueError(f"{name}: the texture's format is sRGB, which bends normals: use a linear format")
     if normal.kind == "unsigned" and "unsigned" not in encoding.normal:
         moved = "octahedral unsigned" if encoding.normal == "octahedral" else "unsigned"
         raise ValueError(
-            f'normal: {normal}, without negative numbers, which Encoding.normal "{encoding.normal}" needs: use '
+            f'{name}: {normal}, without negative numbers, which Encoding.normal "{encoding.normal}" needs: use '
             f'"{moved}" for what is moved to 0 ... 1, or a float texture'
         )
 

@@ -18,6 +18,7 @@ from .host_checks import (
     Format,
     Viewport,
     check_albedo,
+    check_mapped,
     check_projection,
     check_surfaces,
     check_target,
@@ -47,14 +48,15 @@ class IndirectLight:
 
     `encoding` says how the host's textures are encoded. A file of the `surface` operator is read once per `splat_scale`
     x `splat_scale` pixels (1 to 4) and upsampled along surfaces. It lights nothing outside `box`, which is two corners
-    (3,), world space, m; the box is meant for files of one room each. A file of the `over` operator is drawn at full
+    (3,), world space, m; the box is meant for files of one room each. With `relief` light follows normal maps, if the
+    file says how (`mapped` of draw()). A file of the `over` operator is drawn at full
     resolution, and its light ends where its Gaussians end. Raises ValueError for an unknown encoding or scale, and
     UnsupportedError for more Gaussians than the driver's textures can hold.
     """
 
     def __init__(
         self, ctx: moderngl.Context, bake: Bake, encoding: Encoding = OURS, splat_scale: int = DEFAULT_SCALE,
-        box: Box | None = None, keep_state: bool = True,
+        box: Box | None = None, keep_state: bool = True, relief: bool = True,
     ):  # fmt: skip
         if splat_scale not in SCALES:
             raise ValueError(f"splat_scale: {splat_scale!r} is none of {', '.join(map(str, SCALES))}")
@@ -71,7 +73,9 @@ class IndirectLight:
                 self._splats = Splats(ctx, bake)
             else:
                 local_box = None if box is None else tuple(np.asarray(corner) - self._origin for corner in box)
-                self._splats = SurfaceSplats(ctx, bake, int(splat_scale), encoding, local_box)
+                self._splats = SurfaceSplats(
+                    ctx, bake, int(splat_scale), encoding, local_box, relief and bake.gaussians.bumpy
+                )
             features = defines("surface/add_light", encoding)
             self._add_light = FullScreenPass(ctx, "surface/add_light", ("albedo", "indirect"), **features)
 
@@ -100,19 +104,24 @@ class IndirectLight:
     def draw(
         self, depth: moderngl.Texture, normal: moderngl.Texture,
         view_from_world: np.ndarray, clip_from_view: np.ndarray, viewport: Viewport | None = None,
+        mapped: moderngl.Texture | None = None,
     ) -> moderngl.Texture:  # fmt: skip
         """B for one camera: RGBA16F of the size of `viewport` (RGBA32F of an `over` file), valid until the next call.
 
-        `viewport` is the part of the textures that shows the camera's view, by default all of it. Both matrices are
-        (4, 4) as numpy prints them, for column vectors; the view space may be mirrored and look down either z. Textures
-        are taken to be drawn under the glClipControl that is set now. Raises ValueError, which names the argument, for
-        textures that cannot be what the encoding says, and for matrices that are not a rigid pose and a projection,
-        which has to be perspective for a file of `over`.
+        `normal` holds interpolated normals. `mapped` is the same texture with normals as normal maps bend them, which
+        the light of a file with relief follows; without it nothing is bent. `viewport` is the part of the textures that
+        shows the camera's view, by default all of it. Both matrices are (4, 4) as numpy prints them, for column
+        vectors; the view space may be mirrored and look down either z. Textures are taken to be drawn under the
+        glClipControl that is set now. Raises ValueError, which names the argument, for textures that cannot be what the
+        encoding says, and for matrices that are not a rigid pose and a projection, which has to be perspective for a
+        file of `over`.
         """
         self._check_not_released()
         flipped, zero_to_one = self._state.clip_control
         with self._drawing():
             found = self._format("depth", depth), self._format("normal", normal)
+            if mapped is not None:
+                check_mapped(self._format("mapped", mapped), found[1], self.encoding)
             x, y, *size = viewport = viewport or (0, 0, *found[0].size)
             check_surfaces(*found, self.encoding, viewport)
             as_stored = np.array(clip_from_view, float)
@@ -122,8 +131,8 @@ class IndirectLight:
             check_projection(view, self.encoding)
             if view.parallel and isinstance(self._splats, Splats):
                 raise ValueError("clip_from_view: an orthographic one needs a file of the `surface` operator")
-            with self._state.readable(depth, normal):
-                self.draw_view(view, depth, normal, (x, y), zero_to_one)
+            with self._state.readable(depth, normal, *([mapped] if mapped else [])):
+                self.draw_view(view, depth, normal, (x, y), zero_to_one, mapped=mapped)
         self._size = found[0].size
         return self.indirect
 
@@ -153,7 +162,7 @@ class IndirectLight:
 
     def draw_view(
         self, view: View, depth: moderngl.Texture, normal: moderngl.Texture, corner: tuple[int, int] = (0, 0),
-        zero_to_one: bool = False, profile: Profile | None = None,
+        zero_to_one: bool = False, profile: Profile | None = None, mapped: moderngl.Texture | None = None,
     ) -> None:  # fmt: skip
         """Draw as draw() does without checks, in the state in which `ctx` is, for a renderer of our own."""
         self._corner, self._view = corner, view.moved(self._origin)
@@ -162,7 +171,7 @@ class IndirectLight:
             return
         for unit in range(UNITS):
             self._sampler.use(unit)
-        self._splats.draw(self._view, depth, normal, corner, zero_to_one, profile)
+        self._splats.draw(self._view, depth, normal, corner, zero_to_one, profile, mapped)
         for unit in range(UNITS):
             self._sampler.clear(unit)
 

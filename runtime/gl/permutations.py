@@ -29,23 +29,26 @@ class Triangles(NamedTuple):
 
 
 class Level(NamedTuple):
-    """One level of Gaussians of the `surface` operator."""
+    """One level of Gaussians of the `surface` operator. `relief`: whether light follows normal maps."""
 
     gaussians: Gaussians
     blend: SurfaceBlend
     coarse: bool
+    relief: bool = False
 
 
 class Reading(NamedTuple):
     """How the `surface` operator reads Gaussians.
 
-    `coarse`: whether there is a coarse level; `boxed`: whether only surfaces in a box are lit.
+    `coarse`: whether there is a coarse level; `boxed`: whether only surfaces in a box are lit; `relief`:
+    whether light follows normal maps.
     """
 
     splat_scale: int
     encoding: Encoding
     coarse: bool
     boxed: bool
+    relief: bool = False
 
 
 class Primitive(NamedTuple):
@@ -128,12 +131,14 @@ PASSES: dict[str, dict[str, Callable[[Any], int]]] = {
     "surface/points": {  # Reading
         "SPLAT_SCALE": lambda reading: reading.splat_scale,
         "BOX": lambda reading: reading.boxed,
+        "RELIEF": lambda reading: reading.relief,
         **_HOST,
     },
     "surface/gaussians": {  # Level
         "SH_DEGREE": lambda level: level.gaussians.sh_degree,
         "NORMAL_POWER": lambda level: 0 if level.coarse else level.blend.sharpness,
         "SLOPED": lambda level: level.gaussians.sloped,
+        "RELIEF": lambda level: level.relief,
     },
     "surface/gap": {},  # created if there is a coarse level
     "surface/fill": {"COARSE": lambda reading: reading.coarse},  # Reading; created if sums are upsampled

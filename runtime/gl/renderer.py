@@ -52,12 +52,13 @@ class DeferredRenderer:
             scene = local_scene(scene, self._origin)
         scene = lambertian(as_baked(scene, bake))
         self._scene, self._bake = scene, bake
+        self._bent = any(material.normal_texture for material in scene.materials)
         self.geometry = Geometry(ctx, scene)
         self.shadow = self.splats = self._blended_geometry = self._lookup = None
         if scene.lights and self.geometry.batches:
             self.shadow = Shadow(ctx, self.geometry, scene.bounds())
         if bake is not None:
-            self.splats = IndirectLight(ctx, bake, splat_scale=splat_scale)
+            self.splats = IndirectLight(ctx, bake, splat_scale=splat_scale, relief=self._bent)
         if scene.blended:
             self._blended_geometry = Geometry(ctx, replace(scene, meshes=scene.blended))
             if bake is not None and isinstance(bake.blend, SurfaceBlend):
@@ -119,7 +120,8 @@ class DeferredRenderer:
             self.primary.draw(near_origin, profile)
         if self.splats:
             view = View.of_camera(camera, self.gbuffer.size)
-            self.splats.draw_view(view, self.gbuffer.depth, self.gbuffer.interpolated, profile=profile)
+            textures = self.gbuffer.depth, self.gbuffer.interpolated
+            self.splats.draw_view(view, *textures, profile=profile, mapped=self.gbuffer.normal)
             with measured(profile, "frame/composite"):
                 self.composite.draw(self.splats.indirect)
         if self.blended:
@@ -190,7 +192,7 @@ class DeferredRenderer:
         if self.splats and self._splat_scale != self._next_splat_scale:
             weights = self.splats.weights
             self.splats.release()
-            self.splats = IndirectLight(self._ctx, self._bake, splat_scale=self._next_splat_scale)
+            self.splats = IndirectLight(self._ctx, self._bake, splat_scale=self._next_splat_scale, relief=self._bent)
             self.splats.weights = weights
         self._splat_scale = self._next_splat_scale
 

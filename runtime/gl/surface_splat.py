@@ -28,24 +28,26 @@ class SurfaceSplats:
     """The Gaussians of a bake on the GPU, read at the surfaces in a host's depth and normal textures.
 
     They are read once per `splat_scale` x `splat_scale` pixels, and their sums are upsampled along the surfaces.
-    Surfaces outside `box` receive no light. Raises UnsupportedError for more Gaussians than the driver's textures can
+    Surfaces outside `box` receive no light. With `relief`, which the bake must have, the light follows normal maps.
+    Raises UnsupportedError for more Gaussians than the driver's textures can
     hold.
     """
 
     def __init__(
         self, ctx: moderngl.Context, bake: Bake, splat_scale: int, encoding: Encoding = OURS,
-        box: Box | None = None,
+        box: Box | None = None, relief: bool = False,
     ):  # fmt: skip
         assert splat_scale in SCALES, splat_scale
         self.ctx, self.splat_scale, self._coarse_too = ctx, splat_scale, len(bake.coarse) > 0
         self.targets: SurfaceTargets | None = None
-        self.box, self._encoding = box, encoding
-        blend, reading = bake.blend, Reading(splat_scale, encoding, self._coarse_too, box is not None)
-        self._points = FullScreenPass(ctx, "surface/points", ("normal", "depth"), **defines("surface/points", reading))
+        self.box, self._encoding, self._relief = box, encoding, relief
+        blend, reading = bake.blend, Reading(splat_scale, encoding, self._coarse_too, box is not None, relief)
+        read = "normal", "depth", *(["mapped"] if relief else [])
+        self._points = FullScreenPass(ctx, "surface/points", read, **defines("surface/points", reading))
         if box is not None:
             self._points.set(box_low=box[0], box_high=box[1])
-        self._fine = _Level(ctx, bake.gaussians, blend, coarse=False)
-        self._coarse = _Level(ctx, bake.coarse, blend, coarse=True) if self._coarse_too else None
+        self._fine = _Level(ctx, bake.gaussians, blend, coarse=False, relief=relief)
+        self._coarse = _Level(ctx, bake.coarse, blend, coarse=True, relief=relief) if self._coarse_too else None
         self._gap = FullScreenPass(ctx, "surface/gap", ("fine_sums",)) if self._coarse_too else None
         levels = "fine_sums", "coarse_sums"
         upsampled = "filled_sums", "surface_plane", "normal", "depth"
@@ -65,11 +67,12 @@ class SurfaceSplats:
 
     def draw(
         self, view: View, depth: moderngl.Texture, normal: moderngl.Texture, corner: tuple[int, int] = (0, 0),
-        zero_to_one: bool = False, profile: Profile | None = None,
+        zero_to_one: bool = False, profile: Profile | None = None, mapped: moderngl.Texture | None = None,
     ) -> None:  # fmt: skip
         """Fill `indirect` for a view that begins at the pixel `corner` of the textures.
 
-        `zero_to_one`: whether they were drawn under such a glClipControl.
+        `mapped` has the normals as normal maps bend them; without it nothing is bent. `zero_to_one`: whether the
+        textures were drawn under such a glClipControl.
         """
         targets, pinhole = self._targets_for(view.pinhole), view.pinhole
         host = {
@@ -78,7 +81,8 @@ class SurfaceSplats:
         }  # fmt: skip
         with measured(profile, "surface/points"):
             self._write_depth()
-            self._points.draw(targets.points, normal, depth, **host)
+            bent = [mapped or normal] if self._relief else []
+            self._points.draw(targets.points, normal, depth, *bent, **host)
         frame = {
             "view_from_world": pinhole.view_from_world,
             "near": view.near,
@@ -137,21 +141,21 @@ class SurfaceSplats:
         if self.targets is None or self.targets.size != size:
             if self.targets is not None:
                 self.targets.release()
-            self.targets = SurfaceTargets(self.ctx, size, self.splat_scale, self._coarse_too)
+            self.targets = SurfaceTargets(self.ctx, size, self.splat_scale, self._coarse_too, self._relief)
         return self.targets
 
 
 class _Level:
     """One level of Gaussians. Those of the coarse level face every direction."""
 
-    def __init__(self, ctx: moderngl.Context, gaussians: Gaussians, blend: SurfaceBlend, coarse: bool):
-        self.ctx = ctx
+    def __init__(self, ctx: moderngl.Context, gaussians: Gaussians, blend: SurfaceBlend, coarse: bool, relief: bool):
+        self.ctx, self._relief = ctx, relief
         self.position = np.ascontiguousarray(gaussians.position.T)
         self.radius = np.float32(blend.radius) * gaussians.scale.max(axis=1)
-        self._data = GaussianTextures(ctx, gaussians)
+        self._data = GaussianTextures(ctx, gaussians, relief and not coarse)
         self._index = ctx.buffer(reserve=max(4 * len(gaussians), 4), dynamic=True)
         self._program = program(
-            ctx, "surface/gaussians", **defines("surface/gaussians", Level(gaussians, blend, coarse))
+            ctx, "surface/gaussians", **defines("surface/gaussians", Level(gaussians, blend, coarse, relief))
         )
         set_uniforms(
             self._program, shape_data=0, sh_data=1, surface_position=2, surface_plane=3, radius=blend.radius,
@@ -159,6 +163,8 @@ class _Level:
         )  # fmt: skip
         if gaussians.sloped:
             set_uniforms(self._program, slope_data=4)
+        if relief:
+            set_uniforms(self._program, surface_bend=5, **({} if coarse else {"relief_data": 6}))
         self._outlines = ctx.vertex_array(self._program, [(self._index, "1u4/i", "index")])
 
     def draw(self, view: View, frame: dict, targets: SurfaceTargets, sums: moderngl.Framebuffer) -> int:
@@ -174,9 +180,10 @@ class _Level:
         self._index.orphan()
         self._index.write(index)
         set_uniforms(self._program, **frame)
-        slope = [self._data.slope] if self._data.slope else []
-        for unit, texture in enumerate((self._data.shape, self._data.sh, targets.position, targets.plane, *slope)):
-            texture.use(unit)
+        level = self._data.shape, self._data.sh, targets.position, targets.plane, self._data.slope
+        for unit, texture in enumerate((*level, targets.bend, self._data.relief)):
+            if texture is not None:
+                texture.use(unit)
         self._outlines.render(moderngl.TRIANGLE_STRIP, vertices=OUTLINE_CORNERS, instances=len(index))
         return len(index)
 

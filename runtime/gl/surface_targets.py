@@ -7,6 +7,7 @@ class SurfaceTargets:
     """Textures for a view of `size` px whose Gaussians are read once per `splat_scale` x `splat_scale` pixels.
 
     Textures of size / splat_scale, rounded up: `position` RGBA32F, world space, m; `plane` RGBA32F, tangent plane;
+    `bend` RGBA16F, mapped minus interpolated normal (None unless `relief` is read);
     `fine` and `coarse` RGBA32F, sum w c and sum w of a level (`coarse` is None without that level); `filled` RGBA32F,
     the sums of both levels together (None at scale 1). Texture of `size`: `indirect` RGBA16F, B.
 
@@ -14,14 +15,15 @@ class SurfaceTargets:
     Gaussians of the same weight, each further one would be lost.
     """
 
-    def __init__(self, ctx: moderngl.Context, size: tuple[int, int], splat_scale: int, coarse: bool):
+    def __init__(self, ctx: moderngl.Context, size: tuple[int, int], splat_scale: int, coarse: bool, relief: bool):
         self.size, self.read_size = size, tuple(-(-edge // splat_scale) for edge in size)
         self.position, self.plane, self.fine = (ctx.texture(self.read_size, 4, dtype="f4") for _ in range(3))
+        self.bend = ctx.texture(self.read_size, 4, dtype="f2") if relief else None
         self.coarse = ctx.texture(self.read_size, 4, dtype="f4") if coarse else None
         self.filled = ctx.texture(self.read_size, 4, dtype="f4") if splat_scale > 1 else None
         self.indirect = ctx.texture(size, 4, dtype="f2")
         self._nearest = ctx.depth_renderbuffer(self.read_size)
-        self.points = ctx.framebuffer([self.position, self.plane], self._nearest)
+        self.points = ctx.framebuffer([self.position, self.plane, *([self.bend] if relief else [])], self._nearest)
         self.gap = ctx.framebuffer(depth_attachment=self._nearest)
         self.filled_sums = ctx.framebuffer(self.filled) if self.filled else None
         self.resolved = ctx.framebuffer(self.indirect)
@@ -31,7 +33,16 @@ class SurfaceTargets:
     def release(self) -> None:
         """Free the GPU memory."""
         framebuffers = self.points, self.gap, self.resolved, self.fine_sums, self.coarse_sums, self.filled_sums
-        textures = self.position, self.plane, self.fine, self.coarse, self.filled, self.indirect, self._nearest
+        textures = (
+            self.position,
+            self.plane,
+            self.bend,
+            self.fine,
+            self.coarse,
+            self.filled,
+            self.indirect,
+            self._nearest,
+        )
         for resource in (*framebuffers, *textures):
             if resource is not None:
                 resource.release()

@@ -82,7 +82,7 @@ class BakedLight:
     """
 
     def __init__(self, ctx: moderngl.Context, bake: Bake):
-        self._pass, self._surfaces = IndirectLight(ctx, bake, splat_scale=1), VisibleSurfaces(ctx)
+        self._pass, self._surfaces = IndirectLight(ctx, bake, splat_scale=1, relief=False), VisibleSurfaces(ctx)
         self.black_metal = Effects.METAL not in bake.effects
         self.weights: Weights = {}
         self._bake, self._lookup = bake, None

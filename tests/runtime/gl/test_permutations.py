@@ -59,6 +59,7 @@ def of_degree(*degrees: int, sloped: bool = False) -> list:
 
 
 READINGS = [Reading(*each) for each in itertools.product(SCALES, encodings(), BOTH, BOTH)]
+READINGS += [Reading(2, encoding, True, True, relief=True) for encoding in encodings()]
 SUBJECTS = {
     "frame/gbuffer": triangles(),
     "frame/background": BOTH,
@@ -67,8 +68,8 @@ SUBJECTS = {
     "over/splat": of_degree(0, 1, 2, 3),
     "surface/points": READINGS,
     "surface/gaussians": [
-        Level(g, SurfaceBlend(sharpness=sharpness), coarse)
-        for sloped, sharpness, coarse in itertools.product(BOTH, (1, 2, 4), BOTH)
+        Level(g, SurfaceBlend(sharpness=sharpness), coarse, relief)
+        for sloped, sharpness, coarse, relief in itertools.product(BOTH, (1, 2, 4), BOTH, BOTH)
         for g in of_degree(0, 1, 2, sloped=sloped)
     ],
     "surface/fill": READINGS,
