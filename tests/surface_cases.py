@@ -7,6 +7,7 @@ import numpy as np
 
 from gsgi.baker.native import kernels
 from gsgi.baker.surface.samples import SurfaceSamples
+from gsgi.runtime.constants import SH_C0
 from gsgi.runtime.gaussians import Bake, Gaussians, LightGroup
 
 FIELDS = "position", "rotation", "scale", "opacity", "sh", "slope"
@@ -50,6 +51,13 @@ def grouped(bake: Bake, seed: int = 0) -> Bake:
         sh[:, 0], coarse_sh[:, 0] = abs(sh[:, 0]), abs(coarse_sh[:, 0])
         groups.append(LightGroup(name, of, sh, 0.3 * like(bake.gaussians.slope, -1.0), coarse_sh))
     return replace(bake, groups=tuple(groups))
+
+
+def with_relief(bake: Bake, seed: int = 3) -> Bake:
+    """The bake with light that changes by up to its own brightness along each axis of the normal."""
+    brightest = SH_C0 * np.abs(bake.gaussians.sh[:, :1]).max(axis=2, keepdims=True)
+    relief = np.random.default_rng(seed).uniform(-1, 1, (len(bake.gaussians), 3, 3)) * brightest
+    return replace(bake, gaussians=replace(bake.gaussians, relief=relief.astype(np.float32)))
 
 
 def of_type(given, dtype, **changes) -> SimpleNamespace:

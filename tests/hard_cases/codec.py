@@ -44,7 +44,7 @@ def not_written(name: str, field: str, value: float) -> Case:
     """A case of a bake whose Gaussian 7 of 20 has a number that the encoder does not take."""
 
     def build():
-        given = gsgi_files.gaussians(20, 1, sloped=True)
+        given = replace(gsgi_files.gaussians(20, 1, sloped=True), relief=np.zeros((20, 3, 3), np.float32))
         getattr(given, field)[7] = value
         return both(given)
 

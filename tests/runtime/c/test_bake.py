@@ -25,7 +25,7 @@ from c_library import (
 )
 from gsgi_files import NONSENSE, STORED, changed, damaged_files, example, stored, surface_example
 from repository import TESTS
-from surface_cases import grouped
+from surface_cases import grouped, with_relief
 
 from gsgi.runtime.errors import FormatError
 from gsgi.runtime.file import codec
@@ -39,6 +39,7 @@ FILES = {
     **{f"over, degree {degree}": codec.encode(example(300, degree)) for degree in range(4)},
     **{f"surface, degree {degree}": codec.encode(surface_example(700, degree, 90, 2 - degree)) for degree in range(3)},
     "light groups": codec.encode(grouped(surface_example())),
+    "relief, which is skipped": codec.encode(with_relief(surface_example())),
     "not sloped": codec.encode(surface_example(sloped=False)),
     "empty": codec.encode(surface_example(0, 0, 0, 0)),
 }

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from gsgi_files import example, reseal, surface_example
 from quantisation import in_stored_order
+from surface_cases import with_relief
 
 from gsgi.runtime.constants import SH_C0
 from gsgi.runtime.errors import FormatError
@@ -16,12 +17,8 @@ from gsgi.runtime.gaussians import Bake, Gaussians, LightGroup
 from gsgi.runtime.light_groups import weighted
 
 
-def bumpy(count: int = 40, seed: int = 3) -> Bake:
-    """A bake whose light follows normal maps: along each axis it changes by up to its own brightness."""
-    bake = surface_example(count)
-    brightest = SH_C0 * np.abs(bake.gaussians.sh[:, :1]).max(axis=2, keepdims=True)
-    relief = np.random.default_rng(seed).uniform(-1, 1, (count, 3, 3)) * brightest
-    return replace(bake, gaussians=replace(bake.gaussians, relief=relief.astype(np.float32)))
+def bumpy() -> Bake:
+    return with_relief(surface_example(40))
 
 
 def relief_section(data: bytes) -> tuple[int, int]:

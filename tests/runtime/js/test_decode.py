@@ -6,7 +6,7 @@ from dataclasses import asdict
 from gsgi_files import NONSENSE, STORED, changed, damaged_files, example, stored, surface_example
 from javascript import JS, node
 from repository import TESTS
-from surface_cases import grouped
+from surface_cases import grouped, with_relief
 
 from gsgi.runtime.errors import FormatError
 from gsgi.runtime.file import codec
@@ -16,6 +16,7 @@ FILES = {
     **{f"over_{degree}": codec.encode(example(300, degree)) for degree in range(4)},
     **{f"surface_{degree}": codec.encode(surface_example(700, degree, 90, 2 - degree)) for degree in range(3)},
     "light_groups": codec.encode(grouped(surface_example())),
+    "relief": codec.encode(with_relief(surface_example())),  # which is skipped
     "not_sloped": codec.encode(surface_example(sloped=False)),
     "empty": codec.encode(surface_example(0, 0, 0, 0)),
 }
