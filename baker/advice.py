@@ -37,7 +37,7 @@ def advise(plan: Plan, evaluation: Evaluation) -> Advice | None:
         return None
     view = min(views, key=lambda found: found.final.ssim)
     option, budget = _turn(plan)
-    size = None if budget is None else file_bytes(plan.settings.operator, budget, len(plan.groups))
+    size = None if budget is None else file_bytes(plan.settings.operator, budget, plan.scene, len(plan.groups))
     samples = min(MORE * plan.settings.samples, SAMPLES_MAX)
     turns = [f"{option} (at most {size} bytes)" if size else option] if option else []
     turns += [f"--samples {samples} ({samples / plan.settings.samples:g} times the paths)"]

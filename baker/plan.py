@@ -175,7 +175,7 @@ class Plan:
     @property
     def file_bytes(self) -> int:
         """Bytes that the file hardly exceeds."""
-        return file_bytes(self.settings.operator, self.settings.budget, len(self.groups))
+        return file_bytes(self.settings.operator, self.settings.budget, self.scene, len(self.groups))
 
 
 def make_plan(
@@ -231,9 +231,11 @@ def make_plan(
     return plan
 
 
-def file_bytes(operator: str, budget: int, groups: int = 0) -> int:
-    """Bytes that a file with `budget` Gaussians and so many light groups hardly exceeds."""
-    return surface_budget.file_bytes(budget, groups) if operator == "surface" else codec.file_bytes(budget, SH_DEGREE)
+def file_bytes(operator: str, budget: int, scene: Scene, groups: int = 0) -> int:
+    """Bytes that a file of the scene with `budget` Gaussians and so many light groups hardly exceeds."""
+    if operator == "over":
+        return codec.file_bytes(budget, SH_DEGREE)
+    return surface_budget.file_bytes(budget, groups, scene.bumpy)
 
 
 def _budget(settings: Settings, seen: ImportanceField) -> int:

@@ -199,6 +199,11 @@ class Scene:
         """The materials that at least one of `meshes` uses."""
         return [self.materials[index] for index in sorted({mesh.material for mesh in self.meshes})]
 
+    @property
+    def bumpy(self) -> bool:
+        """Whether a used material has a normal map."""
+        return any(material.normal_texture for material in self.used_materials())
+
     def emits(self, material: Material) -> bool:
         """Whether a surface of this material can emit light into the scene."""
         factor = np.array(material.emission) > 0

@@ -92,7 +92,7 @@ def plan_of(options: argparse.Namespace, progress: Progress, cache: Cache) -> "P
         scene = read_scene(options, progress)
     if options.target_bytes is not None:
         groups = len(lit_groups(scene)) if scene.groups else 0
-        settings = replace(settings, budget=_budget(options.operator, options.target_bytes, groups))
+        settings = replace(settings, budget=_budget(options.operator, options.target_bytes, scene, groups))
     path = {}
     if options.camera_path:
         path = read_camera_path(options.camera_path, scene.diagonal())
@@ -124,14 +124,17 @@ def _settings(options: argparse.Namespace) -> Settings:
     )
 
 
-def _budget(operator: str, size: int, groups: int) -> int:
-    """How many Gaussians a file with light groups has that hardly exceeds `size` bytes. Raises UsageError for none."""
+def _budget(operator: str, size: int, scene: Scene, groups: int) -> int:
+    """How many Gaussians a file of the scene with `groups` light groups has that hardly exceeds `size` bytes.
+
+    Raises UsageError for none.
+    """
     from gsgi.baker.plan import file_bytes
 
-    least = file_bytes(operator, 1, groups)
+    least = file_bytes(operator, 1, scene, groups)
     if size < least:
         raise UsageError(f"--target-bytes {size}: a file with one Gaussian may take {least}")
-    return bisect_right(range(1, BUDGET_MAX + 1), size, key=lambda count: file_bytes(operator, count, groups))
+    return bisect_right(range(1, BUDGET_MAX + 1), size, key=lambda count: file_bytes(operator, count, scene, groups))
 
 
 def open_cache(options: argparse.Namespace, progress: Progress) -> Cache:

@@ -93,8 +93,7 @@ def known_light(plan: "Plan", progress: Progress) -> KnownLight | None:
 
 def samples(plan: "Plan") -> int:
     """Paths per pixel of the references."""
-    bumpy = any(material.normal_texture for material in plan.scene.used_materials())
-    return (GATHERED if gathers(plan) else SAMPLES) * (BUMPY if bumpy else 1)
+    return (GATHERED if gathers(plan) else SAMPLES) * (BUMPY if plan.scene.bumpy else 1)
 
 
 def references(plan: "Plan", known: KnownLight | None, advance: Callable[..., None]) -> dict[str, Reference]:

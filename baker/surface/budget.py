@@ -32,7 +32,7 @@ def free_count(budget: int) -> int:
     return FREE_PER_GAUSSIAN * coarse_count(budget)
 
 
-def file_bytes(budget: int, groups: int = 0) -> int:
-    """Bytes that a file with `budget` Gaussians and so many light groups hardly exceeds."""
+def file_bytes(budget: int, groups: int = 0, bumpy: bool = False) -> int:
+    """Bytes that a file with `budget` Gaussians and so many light groups hardly exceeds, of a `bumpy` scene or not."""
     coarse = coarse_count(budget)
-    return codec.file_bytes(budget - coarse, FINE_DEGREE, coarse, COARSE_DEGREE, FINE_BASIS, groups)
+    return codec.file_bytes(budget - coarse, FINE_DEGREE, coarse, COARSE_DEGREE, FINE_BASIS, groups, bumpy)

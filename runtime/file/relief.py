@@ -9,7 +9,7 @@ from .levels import Expect
 
 RELIEF_STEPS = 16  # to the light of a Gaussian's brightest channel
 CODE_MAX = 127
-RELIEF_BYTES = 9.0  # that the section hardly exceeds, per Gaussian
+RELIEF_BYTES = 7.0  # that the section hardly exceeds, per Gaussian
 
 
 def encode_relief(relief: np.ndarray, sh: np.ndarray, order: np.ndarray) -> bytes:

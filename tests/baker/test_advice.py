@@ -10,7 +10,9 @@ from gsgi.baker.evaluation.comparison import Comparison
 from gsgi.baker.evaluation.held_out import Evaluation, ViewEvaluation
 from gsgi.baker.plan import file_bytes
 from gsgi.baker.settings import BUDGET_MAX, Settings
+from gsgi.runtime.scene import Scene
 
+SCENE = Scene((), ())
 DETAIL, DRAFT, MEDIUM, HIGH = 16000, 900, 3600, 14400  # of the scene, and Gaussians of each quality for it
 
 
@@ -22,7 +24,7 @@ def view(ssim=0.99, ceiling=0.995, mottle=0.01, name="placed 1", **marks) -> Vie
 def advised(*views: ViewEvaluation, **settings) -> advice.Advice | None:
     made = Settings(**{"budget": MEDIUM, "samples": 192} | settings)
     return advise(
-        SimpleNamespace(settings=made, placement=SimpleNamespace(importance=None), groups=[]),
+        SimpleNamespace(settings=made, placement=SimpleNamespace(importance=None), groups=[], scene=SCENE),
         Evaluation(list(views), None, [], None),
     )
 
@@ -52,7 +54,7 @@ def test_a_view_falls_short_where_one_sees_it(found, short):
 def test_the_next_quality_and_its_bytes():
     found = advised(view(), view(ssim=0.95), view(ssim=0.93, name="door", of_scene=True, mottle=0.02))
     assert (found.view, found.option, found.gaussians, found.samples) == ("door", "--quality high", HIGH, 768)
-    assert found.bytes == file_bytes("surface", HIGH)
+    assert found.bytes == file_bytes("surface", HIGH, SCENE)
     assert found.text == (
         "door (camera of the scene) differs visibly from path tracing, SSIM 0.9300 (ceiling 0.9950), mottle 2.0%: "
         f"try --quality high (at most {found.bytes} bytes) or --samples 768 (4 times the paths)"

@@ -50,6 +50,7 @@ def _facts(baked, data: bytes) -> dict:
         "bounces": baked.bounces or None,
         "scene": f"{baked.scene:016x}" if baked.scene else None,
         **_level(baked.gaussians),
+        "relief": baked.gaussians.bumpy,
     }
     if baked.groups:
         facts["light_groups"] = list(group_names(baked))
@@ -72,6 +73,8 @@ def _level(gaussians) -> dict:
 def _plain(value) -> str:
     if value is None:
         return "unknown"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
     if isinstance(value, list):
         return ", ".join(map(_plain, value)) or "none"
     return f"{value:.6g}" if isinstance(value, float) else str(value)

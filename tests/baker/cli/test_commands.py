@@ -29,6 +29,7 @@ from gsgi.baker.views.placement import HELD_OUT
 from gsgi.runtime.file import codec
 from gsgi.runtime.image import read_image, write_image
 from gsgi.runtime.layers import LAYERS
+from gsgi.runtime.scene import Scene
 
 CORNELL = str(SCENES / "cornell.glb")
 SMALL = ["--views", "2", "--view-size", "24", "--samples", "64", "--iterations", "4"]
@@ -201,10 +202,11 @@ def turned(traced, tmp_path, capsys, monkeypatch):
 @pytest.mark.parametrize("operator", OPERATORS)
 @pytest.mark.parametrize("more", [17, 719])
 def test_a_file_of_at_most_so_many_bytes(turned, operator, more):
-    size = file_bytes(operator, 1) + more
+    size = file_bytes(operator, 1, Scene((), ())) + more
     code, report, data, _ = turned("--operator", operator, "--target-bytes", str(size), "-q")
     assert code == 0
-    assert file_bytes(operator, report["budget"]) <= size < file_bytes(operator, report["budget"] + 1)
+    fits, exceeds = (file_bytes(operator, report["budget"] + i, Scene((), ())) for i in (0, 1))
+    assert fits <= size < exceeds
     assert len(data) == report["bytes"] <= size
     read = codec.decode(data)
     assert len(read.gaussians) + len(read.coarse or ()) == report["gaussians"] <= report["budget"]
@@ -213,7 +215,7 @@ def test_a_file_of_at_most_so_many_bytes(turned, operator, more):
 
 @pytest.mark.parametrize("operator", OPERATORS)
 def test_no_gaussian_fits_the_bytes(capsys, tmp_path, operator):
-    least = file_bytes(operator, 1)
+    least = file_bytes(operator, 1, Scene((), ()))
     dial = "--operator", operator, "--target-bytes", least - 1
     line = refused(capsys, 1, "bake", CORNELL, "-o", tmp_path / "x.gsgi", "-q", *dial)
     assert f"--target-bytes {least - 1}: a file with one Gaussian may take {least}" in line
@@ -225,7 +227,7 @@ def test_one_gaussian(turned, operator):
     code, report, data, _ = turned("--operator", operator, "--budget", "1", "-q")
     assert code == 0
     assert (report["budget"], report["gaussians"]) == (1, 1)
-    assert len(data) <= file_bytes(operator, 1)
+    assert len(data) <= file_bytes(operator, 1, Scene((), ()))
 
 
 @pytest.mark.parametrize("operator", OPERATORS)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from surface_cases import grouped
+from surface_cases import grouped, with_relief
 
 from gsgi.baker.surface.budget import (
     COARSE_DEGREE,
@@ -37,6 +37,7 @@ def test_a_file_is_no_larger_than_its_budget_says(budget):
     bake = Bake(fine, SurfaceBlend(), coarse=level(coarse, COARSE_DEGREE))
     assert len(codec.encode(bake)) <= file_bytes(budget)
     assert len(codec.encode(grouped(bake))) <= file_bytes(budget, 3)
+    assert len(codec.encode(with_relief(bake))) <= file_bytes(budget, bumpy=True)
 
 
 def test_a_quarter_is_coarse_but_one_at_least_and_not_too_many():
