@@ -23,7 +23,7 @@ VARIES = 0.5  # standard deviation of the light of neighbours, relative to its m
 SIGNIFICANT = 3.0  # standard deviations of the noise, by which a sample is darker than its neighbours
 BLACK = 2.0  # times the level to which eyes adapt at least: less light is as good as none
 LEAK = 0.01  # of the light on the bright side of a wall: less on a black side is within tolerance
-SPACE_LEAK = 0.1  # the same in free space: nobody looks at it, and few things move close behind a wall
+SPACE_LEAK = 0.02  # the same in free space, where things move: black there must not smudge a bright wall
 NEIGHBOURS = 8  # samples over whose light is averaged, as far as they see each other
 
 BENT = 0.2  # a normal map that bends a normal by more changes light as an occluder may
