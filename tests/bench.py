@@ -20,6 +20,7 @@ from benches.looks import looks
 from benches.lookup import lookup_lists, lookup_passes, lookup_points
 from benches.motion import motion
 from benches.order import order
+from benches.relief import relief
 from benches.scenes import scenes
 from benches.splats import splats
 from benches.stages import stages
@@ -44,6 +45,7 @@ BENCHES = {
         triangles,
         leak,
         light_groups,
+        relief,
         looks,
         format,
         front,

@@ -1,0 +1,104 @@
+"""Light that follows normal maps: what it costs, and how far a bake that ignores them is from path tracing."""
+
+import time
+from dataclasses import replace
+
+import numpy as np
+from bumpy import bumpy_room
+
+from gsgi.baker import job
+from gsgi.baker.cache.store import Cache
+from gsgi.baker.evaluation.comparison import compare_frame, compare_indirect
+from gsgi.baker.evaluation.held_out import draw
+from gsgi.baker.plan import Plan, make_plan
+from gsgi.baker.progress import Progress
+from gsgi.baker.settings import Settings
+from gsgi.baker.trace.reference import Reference, trace
+from gsgi.baker.trace.tracer import Tracer
+from gsgi.runtime.camera import Camera
+from gsgi.runtime.file import codec
+from gsgi.runtime.gaussians import Bake
+from gsgi.runtime.gl.context import create_context
+from gsgi.runtime.gl.renderer import DeferredRenderer
+from gsgi.runtime.scene import Scene
+
+from .drawn_frames import lit_scene
+from .trace import SHARED
+
+EDGE, PATHS = 128, 1024  # px and paths per pixel of the references
+FRAME, ROUNDS = (640, 360), 12
+VIEWS = 6
+
+
+def relief() -> list[dict]:
+    """A draft bake with and without normal maps of a bumpy room and, where it is at hand, of Sponza."""
+    found = {"bumpy room": bumpy_room()}
+    found |= {path.stem: lit_scene(path) for path in SHARED.glob("*/sponza_sun.gltf")}
+    return [row for name, scene in found.items() for row in rows(name, scene)]
+
+
+def rows(name: str, scene: Scene) -> list[dict]:
+    """Two rows: light that follows normal maps, and light that ignores them, both against light that follows them."""
+    bakes = {}
+    for followed in (True, False):
+        settings = Settings(quality="draft", ignore=() if followed else ("normal-map",))
+        progress = Progress()
+        plan = make_plan(scene, settings, progress, Cache())
+        report = job.run(plan, progress, lambda data, count: None, evaluate=False)
+        bakes[followed] = plan, report, codec.decode(report.data)
+    cameras = list(held_out(bakes[True][0]).values())
+    truths = [trace(Tracer(scene), camera, EDGE, EDGE, PATHS, 7 + i) for i, camera in enumerate(cameras)]
+    ms = frame_ms(scene, {followed: bake for followed, (_, _, bake) in bakes.items()}, cameras)
+    return [
+        {
+            "scene": name, "normal_maps": "followed" if followed else "ignored",
+            "gaussians": len(bake.gaussians) + len(bake.coarse), "bytes": len(report.data),
+            "fit_s": round(report.seconds["fit"], 1), "frame_ms": round(ms[followed], 1),
+            **scores(bake, cameras, truths),
+        }
+        for followed, (_, report, bake) in bakes.items()
+    ]  # fmt: skip
+
+
+def held_out(plan: Plan) -> dict[str, Camera]:
+    """Cameras that no bake was fitted to."""
+    return dict(list(plan.placement.held_out.items())[:VIEWS])
+
+
+def scores(bake: Bake, cameras: list[Camera], truths: list[Reference]) -> dict:
+    """Means over the views: SSIM of B and of the frame, their ceilings, and the squared error of B relative to B."""
+    images = [draw(bake, camera, truth) for camera, truth in zip(cameras, truths, strict=True)]
+    light = [compare_indirect(image, truth) for image, truth in zip(images, truths, strict=True)]
+    frame = [compare_frame(truth.lit(image), truth) for image, truth in zip(images, truths, strict=True)]
+    error = [relative_error(image, truth) for image, truth in zip(images, truths, strict=True)]
+    return {
+        "ssim_B": round(np.mean([one.ssim for one in light]), 4),
+        "ceiling_B": round(np.mean([one.ssim_ceiling for one in light]), 4),
+        "ssim_frame": round(np.mean([one.ssim for one in frame]), 4),
+        "ceiling_frame": round(np.mean([one.ssim_ceiling for one in frame]), 4),
+        "error_B": round(np.mean(error), 5),
+    }
+
+
+def relative_error(image: np.ndarray, truth: Reference) -> float:
+    """Mean squared error of B over its mean square, without the noise of the reference."""
+    a, b, seen = truth.indirect_a.astype(np.float64), truth.indirect_b.astype(np.float64), truth.valid
+    return float(((image - a) * (image - b))[seen].mean() / (a * b)[seen].mean())
+
+
+def frame_ms(scene: Scene, bakes: dict[bool, Bake], cameras: list[Camera]) -> dict[bool, float]:
+    """Milliseconds of a frame at full resolution, median over cameras of the fastest of ROUNDS, by turns."""
+    ctx = create_context()
+    renderers = {key: DeferredRenderer(ctx, scene, bake, *FRAME) for key, bake in bakes.items()}
+    cameras = [replace(camera, yfov=0.9) for camera in cameras]
+    fastest = np.full((len(renderers), len(cameras)), np.inf)
+    for _ in range(ROUNDS):
+        for i, renderer in enumerate(renderers.values()):
+            for j, camera in enumerate(cameras):
+                start = time.perf_counter()
+                renderer.render(camera)
+                ctx.finish()
+                fastest[i, j] = min(fastest[i, j], time.perf_counter() - start)
+    for renderer in renderers.values():
+        renderer.release()
+    return dict(zip(renderers, 1e3 * np.median(fastest, axis=1), strict=True))
