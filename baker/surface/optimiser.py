@@ -92,7 +92,7 @@ class SurfaceOptimiser:
     def _with_relief(self, gaussians: Gaussians, iterations: int) -> Gaussians:
         reading = self._read(gaussians)
         residual = self._bent[2] - reading.light
-        weights = reading.inverse, self._importance, self._relative_noise
+        weights = reading.inverse, self._importance
         found = relief.solve(self._field, gaussians, self._bend, residual, *weights, iterations)
         return replace(gaussians, relief=found)
 

@@ -9,8 +9,9 @@ from .colours import conjugate_gradients, ratio
 from .lookup import relief_sums
 
 # How strongly relief is held to 0, relative to a Gaussian's mass; and its standard deviation over a scene, relative to
-# the light, by which it is also held to 0 the more, the noisier and the fewer the samples are.
-RIDGE, SPREAD = 1e-3, 0.5
+# the light, by which it is also held to 0 the more, the fewer the samples are and the worse they are fitted: noise and
+# the edges of shadows correlate with bends by chance.
+RIDGE, SPREAD = 1e-3, 0.3
 
 
 def solve(
@@ -20,14 +21,13 @@ def solve(
     residual: np.ndarray,
     inverse: np.ndarray,
     importance: np.ndarray,
-    noise: np.ndarray,
     iterations: int,
 ) -> np.ndarray:
     """Relief (N, 3, 3) float32 that fits the `residual` (S, 3) light at a field's points, starting from `gaussians`.
 
     The residual is what the light at normals that are bent by `bend` (S, 3) has more than that of the interpolated
     normals. `inverse` (S,) is 1 / sum w. Minimises the sum of importance |relief light - residual|^2, with `importance`
-    (S,); `noise` (S,) is the standard deviation of the light relative to it. The field must have listed the Gaussians.
+    (S,). The field must have listed the Gaussians.
     """
     weight = importance.astype(np.float32)[:, None]
 
@@ -41,9 +41,12 @@ def solve(
         """The same (N, 9) of values times the bend, by its axes."""
         return np.concatenate([seen(bend[:, axis : axis + 1] * values) for axis in range(3)], axis=1)
 
-    sums = seen(np.stack([importance * noise**2, np.ones_like(importance), np.zeros_like(importance)], axis=1))
+    left = np.square(residual - relief_sums(field, gaussians, bend) * inverse[:, None]).mean(axis=1)
+    sums = seen(np.stack([importance * left, np.ones_like(importance), np.zeros_like(importance)], axis=1))
     mass = np.repeat(seen(importance[:, None] * np.square(bend)), 3, axis=1)
-    held = RIDGE * mass + ratio(sums[:, 0], sums[:, 1])[:, None] / SPREAD**2
+    light = constants.SH_C0 * gaussians.sh[:, 0].astype(np.float64)
+    variance = SPREAD**2 * np.square(light).mean(axis=1)
+    held = RIDGE * mass + ratio(ratio(sums[:, 0], sums[:, 1]), variance)[:, None]
 
     def apply(x: np.ndarray) -> np.ndarray:
         some = vars(gaussians) | {"relief": x.reshape(-1, 3, 3).astype(np.float32)}
