@@ -39,7 +39,8 @@ static gsgi_result create_level(gsgi_light* light, int l) {
     const gsgi__gl* gl = &context->gl;
     const gsgi_info* info = &light->info;
     char defines[DEFINES_MAX];
-    snprintf(defines, sizeof defines, "#define SH_DEGREE %u\n#define NORMAL_POWER %u\n#define SLOPED %d\n"
+    snprintf(defines, sizeof defines,
+             "#define SH_DEGREE %u\n#define NORMAL_POWER %u\n#define SLOPED %d\n"
              "#define RELIEF 0\n",
              info->sh_degree[l], l == GSGI_FINE ? info->sharpness : 0u, info->sloped[l]);
     gsgi__program* program = &light->levels[l].program;
