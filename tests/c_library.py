@@ -10,6 +10,9 @@ import numpy as np
 import pytest
 from repository import ROOT
 
+from gsgi.runtime.errors import FormatError
+from gsgi.runtime.file import codec
+
 SOURCE = ROOT / "runtime" / "c"
 OK, INVALID_ARGUMENT, INVALID_FILE, OUT_OF_MEMORY, UNSUPPORTED, DRIVER_ERROR, NOTHING_CULLED, CONTEXT_LOST = range(8)
 RESTORE, DEFAULTS = range(2)
@@ -48,7 +51,7 @@ class Info(Sized):
         ("dilation", c_float), ("alpha_min", c_float), ("alpha_max", c_float), ("cutoff", c_float),
         ("weight_floor", c_float), ("radius", c_float), ("gaussian_count", c_uint32 * 2), ("sh_degree", c_uint32 * 2),
         ("sloped", c_int32 * 2), ("bounds_low", c_double * 3), ("bounds_high", c_double * 3),
-        ("bake_bytes", c_size_t), ("light_bytes", c_size_t),
+        ("bake_bytes", c_size_t), ("light_bytes", c_size_t), ("group_count", c_uint32),
     )  # fmt: skip
 
 
@@ -128,7 +131,7 @@ class Library:
 
     def __init__(self, path: Path):
         self.functions = ctypes.CDLL(str(path))
-        self.functions.gsgi_result_string.restype = c_char_p
+        self.functions.gsgi_result_string.restype = self.functions.gsgi_bake_group_name.restype = c_char_p
 
     def open(self, data: bytes, options: OpenOptions | None = None) -> tuple[int, c_void_p]:
         bake = c_void_p()
@@ -147,6 +150,16 @@ class Library:
         info = Info()
         assert self.functions.gsgi_bake_info(bake, ctypes.byref(info)) == OK
         return info
+
+    def group_names(self, bake: c_void_p) -> list[str]:
+        names = (self.functions.gsgi_bake_group_name(bake, c_uint32(i)) for i in range(self.info(bake).group_count))
+        return [name.decode() for name in names]
+
+    def weigh(self, bake: c_void_p, weights: dict | None) -> int:
+        """Weights by name, each three numbers, of all groups; None: ones."""
+        values = [value for name in self.group_names(bake) for value in weights[name]] if weights else None
+        given = (c_float * len(values))(*values) if weights else None
+        return self.functions.gsgi_bake_weigh(bake, c_uint32(len(values) // 3 if weights else 0), given)
 
     def texels(self, bake: c_void_p, level: int) -> dict[str, np.ndarray]:
         """Arrays (texels, 4) of a level by name, and `origin` (3,)."""
@@ -167,6 +180,29 @@ class Library:
         return light
 
 
+def refusals(library, data: bytes) -> tuple[str | None, str | None]:
+    """What Python and what C say of the bytes; None if they take them."""
+    messages = Messages()
+    result, bake = library.open(data, OpenOptions(callbacks=messages.callbacks, sampling=1))
+    assert result in (OK, INVALID_FILE)
+    if result == OK:
+        library.close(bake)
+    assert len(messages) == (result == INVALID_FILE)
+    try:
+        codec.decode(data)
+    except FormatError as error:
+        return str(error), messages[0] if messages else None
+    return None, messages[0] if messages else None
+
+
+def check_refusals(library, data: bytes) -> bool:
+    """The same refusal by both: the same byte, field and expectation. Returns whether there is one."""
+    python, c = refusals(library, data)
+    assert (python is None) == (c is None), (python, c)
+    assert python is None or c.split(", got")[0] == python.split(", got")[0]
+    return python is not None
+
+
 class Lookup:
     """A gsgi_lookup of a file's bytes: its `result`, `info`, and the tables (rows * 2048, C) by the samplers' names."""
 
@@ -176,6 +212,10 @@ class Lookup:
         library.close(bake)
         if self.result != OK:
             return
+        self.read()
+
+    def read(self) -> None:
+        """Read `info` and `tables`."""
         self.info = LookupInfo()
         assert self.functions.gsgi_lookup_read(self.handle, ctypes.byref(self.info)) == OK
         lists = ctypes.POINTER(ctypes.c_uint16 if self.info.list_bits == 16 else c_uint32)
@@ -194,6 +234,9 @@ class Lookup:
         names = (c_uint32 * 3)()
         assert self.functions.gsgi_lookup_upload(context.handle, self.handle, names) == OK, context.messages
         return dict(zip(self.tables, names, strict=True))
+
+    def recolour(self, bake: c_void_p) -> int:
+        return self.functions.gsgi_lookup_recolour(self.handle, bake)
 
     def close(self) -> None:
         self.functions.gsgi_lookup_close(self.handle)
@@ -253,6 +296,9 @@ class Light:
         indirect = c_uint32()
         result = self.functions.gsgi_light_draw(self.handle, c_uint32(depth), c_uint32(normal), ctypes.byref(indirect))
         return result, indirect.value
+
+    def recolour(self, bake: c_void_p) -> int:
+        return self.functions.gsgi_light_recolour(self.handle, bake)
 
     def add(self, framebuffer: int, albedo: int) -> int:
         return self.functions.gsgi_light_add(self.handle, c_uint32(framebuffer), c_uint32(albedo))

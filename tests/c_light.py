@@ -16,9 +16,12 @@ OVER = codec.encode(Bake(bake().gaussians, OverBlend(near=0.05)))
 WHOLE = (0, 0, *SIZE)
 
 
-def of_python(gl, data, textures, view, clip, viewport=WHOLE, encoding=OURS, splat_scale=2, **how) -> np.ndarray:
+def of_python(
+    gl, data, textures, view, clip, viewport=WHOLE, encoding=OURS, splat_scale=2, weights=None, **how
+) -> np.ndarray:
     """What IndirectLight draws: (H, W, 4) float32, as integers."""
     light = IndirectLight(gl, codec.decode(data), encoding, splat_scale, **how)
+    light.weights = weights or {}
     made = light.draw(*textures, np.float32(view), np.float32(clip), viewport)
     found = texels(made.glo, gl, made.size)
     light.release()

@@ -23,8 +23,9 @@
  * gets one line that names the argument or the place in the file. Wrong handles are not looked for; NULL is harmless
  * where a function destroys.
  *
- * Threads. The library has no global state. A bake never changes, so any number of threads may read it. A context and
- * its lights belong to one thread at a time, with that OpenGL context current, but for gsgi_light_cull.
+ * Threads. The library has no global state. A bake changes in gsgi_bake_weigh alone, so any number of threads may read
+ * it at other times. A context and its lights belong to one thread at a time, with that OpenGL context current, but for
+ * gsgi_light_cull.
  */
 #ifndef GSGI_H
 #define GSGI_H
@@ -129,9 +130,10 @@ typedef struct gsgi_info {
     int32_t sloped[2];    /* whether the light changes linearly over a Gaussian */
     double bounds_low[3]; /* of the centres of all Gaussians, world space, m; 0 without any */
     double bounds_high[3];
-    size_t bake_bytes;  /* memory that the bake holds */
-    size_t light_bytes; /* memory on the GPU that a light of it holds for Gaussians: 48 bytes each, 16 for each four
-                           numbers of SH (or part of four), 16 with slopes, 4 for its index */
+    size_t bake_bytes;    /* memory that the bake holds */
+    size_t light_bytes;   /* memory on the GPU that a light of it holds for Gaussians: 48 bytes each, 16 for each four
+                             numbers of SH (or part of four), 16 with slopes, 4 for its index */
+    uint32_t group_count; /* light groups; 0 where the lights were not baked apart */
 } gsgi_info;
 
 /* The Gaussians of a level as texels of the data textures that glsl/lib/gaussian.glsl reads: RGBA32F, 2048 wide, row by
@@ -149,8 +151,8 @@ typedef struct gsgi_texels {
 /* Decode the `size` bytes of a .gsgi file. `data` may be freed afterwards. `options` may be NULL.
  *
  * Safe for untrusted files: what the specification says a reader must refuse is GSGI_INVALID_FILE, nothing is allocated
- * before all lengths are checked, and no file makes it allocate more than 5 times its size and 256 KB (with sampling
- * 310 bytes per Gaussian and 260 KB more). */
+ * before all lengths are checked, and no file makes it allocate more than 100 times its size and 256 KB: usual ones
+ * 5 times (with sampling 310 bytes per Gaussian and 260 KB more). */
 GSGI_API gsgi_result gsgi_bake_open(const void* data, size_t size, const gsgi_open_options* options, gsgi_bake** bake);
 
 /* Fill `info`, whose struct_size is set. */
@@ -169,6 +171,26 @@ GSGI_API gsgi_result gsgi_bake_sample(const gsgi_bake* bake, size_t count, const
 
 /* Free the bake. Lights that were made of it stay. */
 GSGI_API void gsgi_bake_close(gsgi_bake* bake);
+
+/* Light groups: sets of the scene's lights whose light was baked apart (`gsgi bake --group lamps=lamp*`), and can be
+ * switched, dimmed and recoloured in any frame:
+ *
+ *     float weights[] = {1, 1, 1, 0.2f, 0.2f, 0.2f};       one group after the other: "base", "lamps"
+ *     gsgi_bake_weigh(bake, 2, weights);                   when weights change
+ *     gsgi_light_recolour(light, bake);
+ *     gsgi_lookup_recolour(lookup, bake);                  and gsgi_lookup_update for its texture
+ *
+ * To draw then takes as long as without groups. The host dims its own direct light by the same factors. */
+
+/* Name of the group `index`, in UTF-8, in the order of the file; NULL from gsgi_info.group_count on. "base" are the
+ * lights that are in no other group. It lives as long as the bake. */
+GSGI_API const char* gsgi_bake_group_name(const gsgi_bake* bake, uint32_t index);
+
+/* Multiply the light of each group by its weight: 3 * group_count numbers from 0 to 1e15, linear Rec.709; NULL stands
+ * for ones, with which a bake is opened. From then on gsgi_bake_texels, gsgi_bake_sample and all that is made of the
+ * bake have that light; its texels stay where they are. `group_count` is that of gsgi_info. It takes a sum over the
+ * groups, and allocates nothing. Nothing else may use the bake meanwhile. */
+GSGI_API gsgi_result gsgi_bake_weigh(gsgi_bake* bake, uint32_t group_count, const float* weights);
 
 /* ---- Light in shaders of the host: forward renderers, blended and moving surfaces, vertices, particles ---------- */
 
@@ -196,6 +218,10 @@ GSGI_API gsgi_result gsgi_lookup_open(const gsgi_bake* bake, gsgi_lookup** looku
 
 /* Fill `info`, whose struct_size is set. */
 GSGI_API gsgi_result gsgi_lookup_read(const gsgi_lookup* lookup, gsgi_lookup_info* info);
+
+/* Give the table `gaussians` the light that the bake, the one of which the look-up was made, has now, after
+ * gsgi_bake_weigh. */
+GSGI_API gsgi_result gsgi_lookup_recolour(gsgi_lookup* lookup, const gsgi_bake* bake);
 
 GSGI_API void gsgi_lookup_close(gsgi_lookup* lookup);
 
@@ -247,6 +273,9 @@ GSGI_API void gsgi_context_forget(gsgi_context* context);
  * a context of OpenGL ES 3.0 that gsgi_context_create refuses the host can make them itself from gsgi_lookup_info. */
 GSGI_API gsgi_result gsgi_lookup_upload(gsgi_context* context, const gsgi_lookup* lookup, uint32_t textures[3]);
 
+/* Overwrite the texture gsgi_gaussians that gsgi_lookup_upload made, after gsgi_lookup_recolour. */
+GSGI_API gsgi_result gsgi_lookup_update(gsgi_context* context, const gsgi_lookup* lookup, uint32_t gaussians);
+
 /* Encodings of the host's textures. */
 typedef enum gsgi_depth {
     GSGI_DEPTH_WINDOW = 0,  /* a depth buffer of a projection with -w <= z <= w, 1: no surface; OpenGL's usual one */
@@ -293,6 +322,10 @@ typedef struct gsgi_light_options {
 /* Upload a bake and compile its passes. `options` may be NULL. The bake may be closed afterwards. */
 GSGI_API gsgi_result gsgi_light_create(gsgi_context* context, const gsgi_bake* bake, const gsgi_light_options* options,
                                        gsgi_light** light);
+
+/* Give the light the colours that the bake, the one of which it was made, has now, after gsgi_bake_weigh: from the next
+ * draw on. It uploads 16 bytes for each four numbers of SH of a Gaussian, 16 with slopes. */
+GSGI_API gsgi_result gsgi_light_recolour(gsgi_light* light, const gsgi_bake* bake);
 
 /* Free the light, with its memory on the GPU. The host's textures are kept. */
 GSGI_API void gsgi_light_destroy(gsgi_light* light);

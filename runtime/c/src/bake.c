@@ -1,4 +1,5 @@
 /* The .gsgi codec: bytes to a bake. runtime/file/FORMAT.md is its specification. */
+#include "groups.h"
 #include "header.h"
 #include "level.h"
 
@@ -50,7 +51,7 @@ static void describe(gsgi_bake* bake, const gsgi__header* h) {
     info->cutoff = h->cutoff;
     info->weight_floor = h->weight_floor;
     info->radius = h->blend == GSGI_SURFACE ? (float)sqrt(-2.0 * log((double)h->cutoff)) : 0.0f;
-    info->bake_bytes = sizeof *bake;
+    info->bake_bytes = sizeof *bake + gsgi__group_bytes(bake);
     for (int l = 0; l < 2; ++l) {
         const gsgi__level* level = &bake->levels[l];
         const gsgi__texels* textures[] = {&level->shape, &level->sh, &level->slope};
@@ -78,17 +79,20 @@ gsgi_result gsgi_bake_open(const void* data, size_t size, const gsgi_open_option
                           (int)size);
     const uint8_t* bytes = data;
     gsgi__header h = gsgi__read_header(bytes);
-    gsgi__section sections[2] = {{0, 0}, {0, 0}};
-    if ((result = gsgi__check_file(&h, bytes, size, sections, callbacks))) return result;
+    gsgi__sections sections = {{{0, 0}, {0, 0}}, 0};
+    if ((result = gsgi__check_file(&h, bytes, size, &sections, callbacks))) return result;
 
     gsgi_bake* bake = gsgi__allocate(callbacks, sizeof *bake);
     if (!bake) return gsgi__fail(callbacks, GSGI_OUT_OF_MEMORY, "data: no memory for a bake");
     memset(bake, 0, sizeof *bake);
     bake->callbacks = *callbacks;
+    bake->crc = h.crc;
     for (int l = 0; l < (h.blend == GSGI_SURFACE ? 2 : 1) && !result; ++l) {
-        gsgi__reader reader = {bytes, sections[l].begin, sections[l].end, l ? "coarse" : "fine", "", 0, callbacks};
+        gsgi__reader reader = {bytes,    sections.levels[l].begin, sections.levels[l].end, l ? "coarse" : "fine", "", 0,
+                               callbacks};
         result = gsgi__decode_level(&bake->levels[l], &h.levels[l], &reader);
     }
+    if (!result) result = gsgi__decode_groups(bake, &h, bytes, sections.levels[1].end, sections.groups);
     if (result) {
         gsgi_bake_close(bake);
         return result;
@@ -131,5 +135,6 @@ void gsgi_bake_close(gsgi_bake* bake) {
         gsgi__release(&callbacks, bake->levels[l].slope.texels);
         gsgi__grid_destroy(&bake->grids[l], &callbacks);
     }
+    gsgi__groups_release(bake);
     gsgi__release(&callbacks, bake);
 }

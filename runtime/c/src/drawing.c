@@ -48,6 +48,11 @@ GLuint gsgi__texture_of(const gsgi__gl* gl, gsgi__format format, int32_t width, 
     return texture;
 }
 
+void gsgi__write_rows(const gsgi__gl* gl, GLuint texture, uint32_t rows, const float* texels) {
+    gsgi__bind_texture(gl, 0, texture);
+    gl->TexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, GSGI_DATA_WIDTH, (GLsizei)rows, GL_RGBA, GL_FLOAT, texels);
+}
+
 GLuint gsgi__target_texture(gsgi_light* light, GLenum format, int32_t width, int32_t height) {
     const bool halves = format == GL_RGBA16F;
     const gsgi__format whole = {format, GL_RGBA, halves ? GL_HALF_FLOAT : GL_FLOAT};

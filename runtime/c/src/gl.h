@@ -128,6 +128,7 @@ enum {
     X(void, ShaderSource, (GLuint, GLsizei, const GLchar* const*, const GLint*)) \
     X(void, TexImage2D, (GLenum, GLint, GLint, GLsizei, GLsizei, GLint, GLenum, GLenum, const void*)) \
     X(void, TexParameteri, (GLenum, GLenum, GLint)) \
+    X(void, TexSubImage2D, (GLenum, GLint, GLint, GLint, GLsizei, GLsizei, GLenum, GLenum, const void*)) \
     X(void, Uniform1f, (GLint, GLfloat)) \
     X(void, Uniform1i, (GLint, GLint)) \
     X(void, Uniform2f, (GLint, GLfloat, GLfloat)) \

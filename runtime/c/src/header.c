@@ -180,32 +180,59 @@ static gsgi_result check_section(const uint8_t* data, size_t size, size_t* at, c
         return gsgi__fail(callbacks, GSGI_INVALID_FILE,
                           "byte %llu (%s): expected %lu bytes from byte %llu, the file ends here",
                           (unsigned long long)size, name, (unsigned long)bytes, (unsigned long long)*at);
-    if (!tag &&
-        (memcmp(data + *at - SECTION_BYTES, "FINE", 4) == 0 || memcmp(data + *at - SECTION_BYTES, "COAR", 4) == 0))
-        return gsgi__fail(callbacks, GSGI_INVALID_FILE, "byte %llu (%s): expected no second b'%.4s'",
-                          (unsigned long long)*at - SECTION_BYTES, name, (const char*)data + *at - SECTION_BYTES);
     *at += bytes;
     return GSGI_OK;
 }
 
-/* The sections of the levels come first, and are long enough for their Gaussians; others are skipped. */
-static gsgi_result find_sections(const gsgi__header* h, const uint8_t* data, size_t size, gsgi__section sections[2],
+/* Refuse a section after those of the levels that may not stand there. */
+static gsgi_result check_tag(const uint8_t* data, size_t at, bool surface, uint32_t reliefs,
+                             const gsgi_callbacks* callbacks) {
+    const char* const tag = (const char*)data + at;
+    const bool level = memcmp(tag, "FINE", 4) == 0 || memcmp(tag, "COAR", 4) == 0;
+    const bool relief = memcmp(tag, "RELF", 4) == 0, group = memcmp(tag, "GRUP", 4) == 0;
+    if (!level && !surface && (relief || group))
+        return gsgi__fail(callbacks, GSGI_INVALID_FILE, "byte %llu (section): expected no b'%.4s', since over has none",
+                          (unsigned long long)at, tag);
+    if (level || (relief && reliefs > 0))
+        return gsgi__fail(callbacks, GSGI_INVALID_FILE, "byte %llu (section): expected no second b'%.4s'",
+                          (unsigned long long)at, tag);
+    return GSGI_OK;
+}
+
+/* The sections of the levels come first, and are long enough for their Gaussians; unknown ones are skipped. */
+static gsgi_result find_sections(const gsgi__header* h, const uint8_t* data, size_t size, gsgi__sections* sections,
                                  const gsgi_callbacks* callbacks) {
     static const char* const tags[2] = {"FINE", "COAR"};
     const int levels = h->blend == GSGI_SURFACE ? 2 : 1;
+    uint32_t reliefs = 0;
     gsgi_result result = GSGI_OK;
     size_t at = GSGI_HEADER_BYTES;
     for (int l = 0; l < levels && !result; ++l) {
-        sections[l].begin = at + SECTION_BYTES;
+        sections->levels[l].begin = at + SECTION_BYTES;
         result =
             check_section(data, size, &at, level_names[l], tags[l], gsgi__least_level_bytes(&h->levels[l]), callbacks);
-        sections[l].end = at;
+        sections->levels[l].end = at;
     }
-    while (at < size && !result) result = check_section(data, size, &at, "section", NULL, 0, callbacks);
+    while (at < size && !result) {
+        const size_t begin = at;
+        result = check_section(data, size, &at, "section", NULL, 0, callbacks);
+        if (!result) result = check_tag(data, begin, h->blend == GSGI_SURFACE, reliefs, callbacks);
+        if (result) break;
+        sections->groups += memcmp(data + begin, "GRUP", 4) == 0;
+        reliefs += memcmp(data + begin, "RELF", 4) == 0;
+    }
     return result;
 }
 
-gsgi_result gsgi__check_file(const gsgi__header* h, const uint8_t* data, size_t size, gsgi__section sections[2],
+gsgi__section gsgi__section_after(const uint8_t* data, size_t at, const char* tag) {
+    for (;;) {
+        const gsgi__section section = {at + SECTION_BYTES, at + SECTION_BYTES + gsgi__read_u32(data + at + 4)};
+        if (memcmp(data + at, tag, 4) == 0) return section;
+        at = section.end;
+    }
+}
+
+gsgi_result gsgi__check_file(const gsgi__header* h, const uint8_t* data, size_t size, gsgi__sections* sections,
                              const gsgi_callbacks* callbacks) {
     gsgi_result result = GSGI_OK;
     EXPECT(memcmp(data, "GSGI", 4) == 0, 0, "magic", "b'GSGI'", data[0]);

@@ -35,14 +35,24 @@ static inline float gsgi__read_f32(const uint8_t* at) {
 /* The header of at least GSGI_HEADER_BYTES. */
 gsgi__header gsgi__read_header(const uint8_t* data);
 
-/* Where the streams of a level stand in a file. */
+/* Where the content of a section stands in a file. */
 typedef struct gsgi__section {
     size_t begin, end;
 } gsgi__section;
 
+/* The sections that are read: of the levels, of which `over` has one, and how many of light groups follow. */
+typedef struct gsgi__sections {
+    gsgi__section levels[2];
+    uint32_t groups;
+} gsgi__sections;
+
 /* Refuse a file that a reader must refuse, in the order of the Python reader, whose messages begin the same way; and
- * find the `sections` of its levels, of which `over` has one. */
-gsgi_result gsgi__check_file(const gsgi__header* h, const uint8_t* data, size_t size, gsgi__section sections[2],
+ * find its `sections`. */
+gsgi_result gsgi__check_file(const gsgi__header* h, const uint8_t* data, size_t size, gsgi__sections* sections,
                              const gsgi_callbacks* callbacks);
+
+/* The next section with this tag at or after byte `at`, where one begins, in a file whose sections were checked; there
+ * is one. */
+gsgi__section gsgi__section_after(const uint8_t* data, size_t at, const char* tag);
 
 #endif

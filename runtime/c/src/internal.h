@@ -44,6 +44,12 @@ typedef struct gsgi__level {
     gsgi__texels shape, sh, slope;
 } gsgi__level;
 
+/* The light of a light group on the Gaussians of both levels, one after the other: no rows. */
+typedef struct gsgi__group {
+    char* name;
+    gsgi__texels sh[2], slope; /* the latter of the fine level */
+} gsgi__group;
+
 /* What decides the weight of a Gaussian. */
 typedef struct gsgi__kernel {
     float center[3]; /* m, relative to the bake's origin */
@@ -67,6 +73,9 @@ struct gsgi_bake {
     double origin[3]; /* m; positions are relative to it */
     gsgi__level levels[2];
     gsgi__grid grids[2];
+    uint32_t crc; /* of the file */
+    gsgi__group* groups;
+    gsgi__group own; /* the light of the levels where all weights are 1; only where there are groups */
 };
 
 /* ---- grid.c ---- */

@@ -257,55 +257,76 @@ static gsgi_result read_slopes(decoder* d) {
     const float steps = (float)d->record->slope_steps;
     gsgi_result result = read_steps(d, "slope", 2 * d->count, d->codes, -SLOPE_CODE_MAX, SLOPE_CODE_MAX);
     for (size_t i = 0; i < d->count && !result; ++i) {
-        float* slope = d->level->slope.texels + 4 * i;
-        for (int k = 0; k < 2; ++k) slope[k] = (float)d->codes[2 * i + k] / steps;
-        slope[2] = slope[3] = 0.0f;
+        float* slope = d->level->slope.texels + i * d->level->slope.floats;
+        for (uint32_t k = 0; k < d->level->slope.floats; ++k)
+            slope[k] = k < 2 ? (float)d->codes[2 * i + k] / steps : 0.0f;
     }
+    return result;
+}
+
+static gsgi_result read_all_light(decoder* d) {
+    gsgi_result result = read_light(d);
+    for (int band = 1; band <= (int)d->record->sh_degree && !result; ++band) result = read_band(d, band);
+    if (!result && d->level->sloped) result = read_slopes(d);
     return result;
 }
 
 static gsgi_result read_all(decoder* d) {
     gsgi_result result = GSGI_OK;
     if ((result = read_scales(d)) || (result = read_rotations(d)) || (result = read_positions(d)) ||
-        (result = read_opacities(d)) || (result = read_light(d)))
+        (result = read_opacities(d)) || (result = read_all_light(d)))
         return result;
-    for (int band = 1; band <= (int)d->record->sh_degree && !result; ++band) result = read_band(d, band);
-    if (!result && d->level->sloped) result = read_slopes(d);
-    if (!result && d->reader->at != d->reader->end)
+    if (d->reader->at != d->reader->end)
         return gsgi__fail(d->reader->callbacks, GSGI_INVALID_FILE, "byte %llu (%s): expected the end of the section",
                           (unsigned long long)d->reader->at, d->reader->level);
     return result;
 }
 
-gsgi_result gsgi__decode_level(gsgi__level* level, const gsgi__level_header* record, gsgi__reader* reader) {
+/* Read streams to the textures of `level`, which are there. */
+static gsgi_result decode(gsgi__level* level, const gsgi__level_header* record, gsgi__reader* reader,
+                          gsgi_result (*read)(decoder*)) {
     const gsgi_callbacks* callbacks = reader->callbacks;
-    const uint32_t count = record->count, coefficients = 3 * (record->sh_degree + 1) * (record->sh_degree + 1);
-    const uint32_t sh_floats = (coefficients + 3) / 4 * 4;
+    const uint32_t count = record->count;
     const uint32_t scales = 2 * SCALE_OCTAVES * record->scale_steps + 1;
     const uint32_t lights = (LIGHT_OCTAVES_BELOW + LIGHT_OCTAVES_ABOVE) * record->light_steps + 1,
                    powers = scales > lights ? scales : lights;
     const uint64_t codes = (uint64_t)count * (5 + 3 * (2 * record->sh_degree + 1)) + UNARY_SLACK;
     const uint64_t held = codes * sizeof(int32_t) + powers * sizeof(float);
     decoder d = {level, record, reader, count, {NULL}, NULL, NULL, NULL, NULL, {{0}}};
+    int32_t* scratch = held <= SIZE_MAX ? gsgi__allocate(callbacks, (size_t)held) : NULL;
+    if (!scratch) return GSGI_OUT_OF_MEMORY;
+    for (int axis = 0; axis < 3; ++axis) d.scale[axis] = scratch + (size_t)axis * count;
+    d.exponent = scratch + 3 * (size_t)count;
+    d.bits = d.exponent + count;
+    d.codes = d.bits + count;
+    d.powers = (float*)(scratch + codes);
+    const gsgi_result result = read(&d);
+    gsgi__release(callbacks, scratch);
+    return result;
+}
+
+static gsgi_result no_memory(const gsgi__reader* reader, uint32_t count) {
+    return gsgi__fail(reader->callbacks, GSGI_OUT_OF_MEMORY, "data: no memory for %lu Gaussians", (unsigned long)count);
+}
+
+gsgi_result gsgi__decode_level(gsgi__level* level, const gsgi__level_header* record, gsgi__reader* reader) {
+    const gsgi_callbacks* callbacks = reader->callbacks;
+    const uint32_t count = record->count, coefficients = 3 * (record->sh_degree + 1) * (record->sh_degree + 1);
+    const uint32_t sh_floats = (coefficients + 3) / 4 * 4;
     level->count = count;
     level->sh_degree = record->sh_degree;
     level->sloped = record->basis == 1;
-    int32_t* scratch = held <= SIZE_MAX ? gsgi__allocate(callbacks, (size_t)held) : NULL;
-    gsgi_result result = GSGI_OUT_OF_MEMORY;
-    if (scratch && allocate_texels(&level->shape, callbacks, count, GSGI_SHAPE_FLOATS) &&
-        allocate_texels(&level->sh, callbacks, count, sh_floats) &&
-        (!level->sloped || allocate_texels(&level->slope, callbacks, count, 4))) {
-        for (int axis = 0; axis < 3; ++axis) d.scale[axis] = scratch + (size_t)axis * count;
-        d.exponent = scratch + 3 * (size_t)count;
-        d.bits = d.exponent + count;
-        d.codes = d.bits + count;
-        d.powers = (float*)(scratch + codes);
-        for (size_t i = 0; i < count; ++i)
-            for (uint32_t k = coefficients; k < sh_floats; ++k) level->sh.texels[i * sh_floats + k] = 0.0f;
-        result = read_all(&d);
-    }
-    gsgi__release(callbacks, scratch);
-    if (result == GSGI_OUT_OF_MEMORY)
-        gsgi__fail(callbacks, GSGI_OUT_OF_MEMORY, "data: no memory for %lu Gaussians", (unsigned long)count);
-    return result;
+    if (!allocate_texels(&level->shape, callbacks, count, GSGI_SHAPE_FLOATS) ||
+        !allocate_texels(&level->sh, callbacks, count, sh_floats) ||
+        (level->sloped && !allocate_texels(&level->slope, callbacks, count, 4)))
+        return no_memory(reader, count);
+    for (size_t i = 0; i < count; ++i)
+        for (uint32_t k = coefficients; k < sh_floats; ++k) level->sh.texels[i * sh_floats + k] = 0.0f;
+    const gsgi_result result = decode(level, record, reader, read_all);
+    return result == GSGI_OUT_OF_MEMORY ? no_memory(reader, count) : result;
+}
+
+gsgi_result gsgi__decode_light(gsgi__level* level, const gsgi__level_header* record, gsgi__reader* reader) {
+    const gsgi_result result = decode(level, record, reader, read_all_light);
+    return result == GSGI_OUT_OF_MEMORY ? no_memory(reader, record->count) : result;
 }

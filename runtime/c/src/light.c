@@ -86,6 +86,7 @@ gsgi_result gsgi_light_create(gsgi_context* context, const gsgi_bake* bake, cons
     light->options = options;
     light->info = bake->info;
     memcpy(light->origin, bake->origin, sizeof light->origin);
+    light->crc = bake->crc;
     for (int l = 0; l < 2 && !result; ++l)
         if (!gsgi__culled_create(&light->culled[l], callbacks, &bake->levels[l], &bake->info))
             result = gsgi__fail(callbacks, GSGI_OUT_OF_MEMORY, "light: no memory");
@@ -151,6 +152,25 @@ gsgi_result gsgi_light_cull(gsgi_light* light, const gsgi_view* given) {
             gsgi__cull_pyramid(&light->culled[l], &camera);
         else
             gsgi__cull_and_sort(&light->culled[l], &camera, &light->info);
+    return GSGI_OK;
+}
+
+gsgi_result gsgi_light_recolour(gsgi_light* light, const gsgi_bake* bake) {
+    const gsgi_context* context = light->context;
+    const gsgi__gl* gl = &context->gl;
+    gsgi__state host;
+    gsgi_result result = gsgi__check_context(context);
+    if (result) return result;
+    if (!bake || bake->crc != light->crc || bake->info.gaussian_count[0] != light->info.gaussian_count[0])
+        return gsgi__fail(&context->callbacks, GSGI_INVALID_ARGUMENT, "bake: not the one that the light was made of");
+    gsgi__state_begin(gl, context->state, &host);
+    for (int l = 0; l < 2; ++l) {
+        const gsgi__level* level = &bake->levels[l];
+        if (level->count > 0) gsgi__write_rows(gl, light->levels[l].sh, level->sh.rows, level->sh.texels);
+        if (light->levels[l].slope)
+            gsgi__write_rows(gl, light->levels[l].slope, level->slope.rows, level->slope.texels);
+    }
+    gsgi__state_end(gl, context->state, &host);
     return GSGI_OK;
 }
 

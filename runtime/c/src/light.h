@@ -38,6 +38,7 @@ struct gsgi_light {
     gsgi_light_options options;
     gsgi_info info;
     double origin[3];
+    uint32_t crc; /* of the file */
     gsgi__culled culled[2];
     gsgi__camera camera;
     bool has_view, has_drawn;
@@ -65,6 +66,8 @@ typedef struct gsgi__format {
 
 /* A texture that is read texel by texel. Changes unit 0. */
 GLuint gsgi__texture_of(const gsgi__gl* gl, gsgi__format format, int32_t width, int32_t height, const void* texels);
+/* Overwrite the first `rows` of a data texture of Gaussians. Changes unit 0. */
+void gsgi__write_rows(const gsgi__gl* gl, GLuint texture, uint32_t rows, const float* texels);
 void gsgi__bind_texture(const gsgi__gl* gl, GLuint unit, GLuint texture);
 void gsgi__use_sampler(const gsgi_context* context);
 /* A pass over all pixels of the framebuffer and viewport that are set. */

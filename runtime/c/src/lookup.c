@@ -20,10 +20,20 @@ static uint32_t rows_of(uint64_t texels) {
     return rows > 0 ? (uint32_t)rows : 1;
 }
 
-/* Texels of a Gaussian: position, opacity; axes over their scales; SH coefficients; slopes in the corners. */
-static void write_gaussian(const gsgi__level* level, uint32_t i, uint32_t sh_count, float* to) {
-    const float *shape = level->shape.texels + (size_t)i * GSGI_SHAPE_FLOATS, limit = (float)(HALF_MAX / SH_C0);
+/* The light of a Gaussian in its texels: SH coefficients; slopes in the corners. */
+static void write_light(const gsgi__level* level, uint32_t i, uint32_t sh_count, float* to) {
     const float* sh = level->sh.texels + (size_t)i * level->sh.floats;
+    const float limit = (float)(HALF_MAX / SH_C0);
+    for (uint32_t k = 0; k < 3 * sh_count; ++k) to[12 + k / 3 * 4 + k % 3] = clamped(sh[k], -limit, limit);
+    if (!level->sloped) return;
+    const float* slope = level->slope.texels + (size_t)i * level->slope.floats;
+    to[11] = clamped(slope[0], -1.0f, 1.0f);
+    to[15] = clamped(slope[1], -1.0f, 1.0f);
+}
+
+/* Texels of a Gaussian: position, opacity; axes over their scales; its light. */
+static void write_gaussian(const gsgi__level* level, uint32_t i, uint32_t sh_count, float* to) {
+    const float* shape = level->shape.texels + (size_t)i * GSGI_SHAPE_FLOATS;
     float axes[3][3], scale[3];
     gsgi__axes(shape + 4, axes);
     for (int k = 0; k < 3; ++k) scale[k] = clamped(shape[8 + k], (float)SCALE_MIN, (float)SCALE_MAX);
@@ -34,12 +44,10 @@ static void write_gaussian(const gsgi__level* level, uint32_t i, uint32_t sh_cou
     }
     to[3] = fminf(shape[3], 1.0f);
     to[7] = 1.0f / scale[2];
-    for (uint32_t k = 0; k < 3 * sh_count; ++k) to[12 + k / 3 * 4 + k % 3] = clamped(sh[k], -limit, limit);
-    if (!level->sloped) return;
-    const float* slope = level->slope.texels + (size_t)i * level->slope.floats;
-    to[11] = clamped(slope[0], -1.0f, 1.0f);
-    to[15] = clamped(slope[1], -1.0f, 1.0f);
+    write_light(level, i, sh_count, to);
 }
+
+static uint32_t sh_count_of(const gsgi__level* level) { return (level->sh_degree + 1) * (level->sh_degree + 1); }
 
 static void put(gsgi_lookup* lookup, uint64_t at, uint32_t value) {
     if (lookup->info.list_bits == 16)
@@ -93,7 +101,7 @@ static gsgi_result fill(gsgi_lookup* lookup, const gsgi_bake* bake, const gsgi__
     uint32_t sh_count[2], most = 0;
     for (int l = 0; l < 2; ++l) {
         const gsgi__level* level = &bake->levels[l];
-        sh_count[l] = (level->sh_degree + 1) * (level->sh_degree + 1);
+        sh_count[l] = sh_count_of(level);
         texels += (uint64_t)level->count * (3 + sh_count[l]);
         nodes += lists[l].nodes;
         place += lists[l].entries;
@@ -141,9 +149,9 @@ static gsgi_result fill(gsgi_lookup* lookup, const gsgi_bake* bake, const gsgi__
 /* The function, behind the numbers of SH coefficients of both levels. */
 static bool write_source(gsgi_lookup* lookup, const gsgi_bake* bake) {
     char defines[128];
-    const uint32_t fine = bake->levels[GSGI_FINE].sh_degree + 1, coarse = bake->levels[GSGI_COARSE].sh_degree + 1;
-    const int length = snprintf(defines, sizeof defines, "#define FINE_SH_COUNT %u\n#define COARSE_SH_COUNT %u\n",
-                                fine * fine, coarse * coarse);
+    const uint32_t fine = sh_count_of(&bake->levels[GSGI_FINE]), coarse = sh_count_of(&bake->levels[GSGI_COARSE]);
+    const int length =
+        snprintf(defines, sizeof defines, "#define FINE_SH_COUNT %u\n#define COARSE_SH_COUNT %u\n", fine, coarse);
     const size_t rest = strlen(gsgi__shader_surface_gsgi_indirect_glsl);
     if (!(lookup->source = gsgi__allocate(&lookup->callbacks, (size_t)length + rest + 1))) return false;
     memcpy(lookup->source, defines, (size_t)length);
@@ -163,6 +171,7 @@ gsgi_result gsgi_lookup_open(const gsgi_bake* bake, gsgi_lookup** out) {
     if (!lookup) return gsgi__fail(callbacks, GSGI_OUT_OF_MEMORY, "lookup: no memory");
     memset(lookup, 0, sizeof *lookup);
     lookup->callbacks = *callbacks;
+    lookup->crc = bake->crc;
     const double radius = sqrt(-2.0 * log((double)bake->info.cutoff));
     for (int l = 0; l < 2 && !result; ++l)
         if (!gsgi__cell_lists_create(&lists[l], callbacks, &bake->levels[l], radius))
@@ -175,6 +184,19 @@ gsgi_result gsgi_lookup_open(const gsgi_bake* bake, gsgi_lookup** out) {
     else
         *out = lookup;
     return result;
+}
+
+gsgi_result gsgi_lookup_recolour(gsgi_lookup* lookup, const gsgi_bake* bake) {
+    if (!lookup || !bake) return GSGI_INVALID_ARGUMENT;
+    if (bake->crc != lookup->crc)
+        return gsgi__fail(&bake->callbacks, GSGI_INVALID_ARGUMENT, "bake: not the one that the look-up was made of");
+    float* to = lookup->gaussians + 4 * HEADER_TEXELS;
+    for (int l = 0; l < 2; ++l) {
+        const gsgi__level* level = &bake->levels[l];
+        const uint32_t sh_count = sh_count_of(level);
+        for (uint32_t i = 0; i < level->count; ++i, to += 4 * (3 + sh_count)) write_light(level, i, sh_count, to);
+    }
+    return GSGI_OK;
 }
 
 gsgi_result gsgi_lookup_read(const gsgi_lookup* lookup, gsgi_lookup_info* info) {

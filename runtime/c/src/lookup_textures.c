@@ -33,3 +33,15 @@ gsgi_result gsgi_lookup_upload(gsgi_context* context, const gsgi_lookup* lookup,
     gsgi__state_end(gl, context->state, &host);
     return result;
 }
+
+gsgi_result gsgi_lookup_update(gsgi_context* context, const gsgi_lookup* lookup, uint32_t gaussians) {
+    gsgi__state host;
+    gsgi_result result = context ? gsgi__check_context(context) : GSGI_INVALID_ARGUMENT;
+    if (result) return result;
+    if (!lookup || !gaussians)
+        return gsgi__fail(&context->callbacks, GSGI_INVALID_ARGUMENT, "lookup, gaussians: must not be NULL or 0");
+    gsgi__state_begin(&context->gl, context->state, &host);
+    gsgi__write_rows(&context->gl, gaussians, lookup->info.gaussian_rows, lookup->gaussians);
+    gsgi__state_end(&context->gl, context->state, &host);
+    return GSGI_OK;
+}

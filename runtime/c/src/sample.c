@@ -49,7 +49,8 @@ static void add_gaussian(const gsgi__level* level, const gsgi__kernel* kernel, s
         for (int c = 0; c < 3; ++c) light[c] += basis[k] * clamped(sh[3 * k + c], -limit, limit);
     if (level->sloped) {
         const float* slope = level->slope.texels + 4 * i;
-        for (int c = 0; c < 3; ++c) light[c] += (slope[0] * e[0] + slope[1] * e[1]) * basis[0] * sh[c];
+        const float along[2] = {clamped(slope[0], -1.0f, 1.0f), clamped(slope[1], -1.0f, 1.0f)};
+        for (int c = 0; c < 3; ++c) light[c] += (along[0] * e[0] + along[1] * e[1]) * basis[0] * sh[c];
     }
     for (int c = 0; c < 3; ++c) sums[c] += w * light[c];
     sums[3] += w;

@@ -19,15 +19,14 @@ from c_library import (
     UNSUPPORTED,
     Callbacks,
     Info,
-    Messages,
     OpenOptions,
     build,
+    check_refusals,
 )
-from gsgi_files import NONSENSE, STORED, changed, damaged_files, example, stored, surface_example
+from gsgi_files import NONSENSE, STORED, changed, damaged_files, example, reseal, stored, surface_example
 from repository import TESTS
 from surface_cases import grouped, with_relief
 
-from gsgi.runtime.errors import FormatError
 from gsgi.runtime.file import codec
 from gsgi.runtime.gaussians import Bake, SurfaceBlend
 from gsgi.runtime.gl import gaussian_textures
@@ -104,29 +103,6 @@ def test_info_is_the_header(library, name):
     library.close(bake)
 
 
-def refusals(library, data: bytes) -> tuple[str | None, str | None]:
-    """What Python and what C say of the bytes; None if they take them."""
-    messages = Messages()
-    result, bake = library.open(data, OpenOptions(callbacks=messages.callbacks, sampling=1))
-    assert result in (OK, INVALID_FILE)
-    if result == OK:
-        library.close(bake)
-    assert len(messages) == (result == INVALID_FILE)
-    try:
-        codec.decode(data)
-    except FormatError as error:
-        return str(error), messages[0] if messages else None
-    return None, messages[0] if messages else None
-
-
-def check_refusals(library, data: bytes) -> bool:
-    """The same refusal by both: the same byte, field and expectation. Returns whether there is one."""
-    python, c = refusals(library, data)
-    assert (python is None) == (c is None), (python, c)
-    assert python is None or c.split(", got")[0] == python.split(", got")[0]
-    return python is not None
-
-
 @pytest.mark.parametrize(("bake", "field", "value"), NONSENSE)
 def test_nonsense_is_refused_as_python_refuses_it(library, bake, field, value):
     assert check_refusals(library, changed(codec.encode(bake), field, value))
@@ -155,6 +131,10 @@ def test_sanitizers_find_nothing_in_damaged_files(tmp_path):
     corpus += [changed(codec.encode(bake), field, value) for bake, field, value in NONSENSE]
     corpus += [stored(name)[:length] for name in STORED for length in range(0, 200, 7)]
     corpus += [data for name in STORED for data in damaged_files(name, 1500)]
+    small = codec.encode(grouped(surface_example(3, 0, 2, 1)))
+    corpus += [
+        reseal(small[:i] + bytes([small[i] ^ 1 << k]) + small[i + 1 :]) for i in range(300, len(small)) for k in (0, 5)
+    ]
     files = tmp_path / "corpus"
     files.write_bytes(b"".join(struct.pack("<I", len(data)) + data for data in corpus))
     run = subprocess.run([folder / "open", files], capture_output=True, text=True)
@@ -182,11 +162,12 @@ class Budget:
         del self.blocks[memory]
 
 
-def test_without_memory_it_says_so_and_keeps_none(library):
+@pytest.mark.parametrize("data", [stored("v5_surface"), FILES["light groups"]], ids=["", "light groups"])
+def test_without_memory_it_says_so_and_keeps_none(library, data):
     results = []
-    for count in range(20):
+    for count in range(45):
         budget = Budget(count)
-        result, bake = library.open(stored("v5_surface"), OpenOptions(callbacks=budget.callbacks, sampling=1))
+        result, bake = library.open(data, OpenOptions(callbacks=budget.callbacks, sampling=1))
         if result == OK:
             assert budget.blocks
             library.close(bake)

@@ -23,6 +23,13 @@ static int open_and_read(const uint8_t* data, size_t size) {
         for (size_t i = 0; i < (size_t)texels.sh_rows * 2048 * 4; ++i) sum += texels.sh[i];
         if (sum != sum && info.gaussian_count[level] == 0) abort();
     }
+    if (info.group_count) {
+        static float weights[3 * 255];
+        for (uint32_t i = 0; i < 3 * info.group_count; ++i) weights[i] = (float)(i % 5);
+        for (uint32_t i = 0; i < info.group_count; ++i)
+            if (!gsgi_bake_group_name(bake, i)) abort();
+        if (gsgi_bake_weigh(bake, info.group_count, weights)) abort();
+    }
     gsgi_lookup* lookup;
     if (!gsgi_lookup_open(bake, &lookup)) {
         gsgi_lookup_info tables = {.struct_size = sizeof tables};

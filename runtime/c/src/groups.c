@@ -1,0 +1,267 @@
+/* Light groups: sections of a .gsgi file that hold parts of its light, and the sum of these parts by weights.
+ * runtime/file/FORMAT.md is the specification of both. */
+#include "groups.h"
+#include "level.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#define GROUPS_MOST 255
+#define HEAD_BYTES 5
+#define WEIGHT_MAX 1e15f
+
+/* ---- Text ---- */
+
+/* The code point of the UTF-8 at `*at`, which is moved past it; -1 where there is none. */
+static int32_t next_character(const uint8_t* data, size_t* at, size_t end) {
+    static const int32_t least[4] = {0, 0x80, 0x800, 0x10000}; /* of characters that take so many bytes more */
+    const uint8_t first = data[(*at)++];
+    const int more = first < 0x80 ? 0 : first >> 5 == 6 ? 1 : first >> 4 == 14 ? 2 : first >> 3 == 30 ? 3 : -1;
+    if (more < 0) return -1;
+    int32_t code = more ? first & (0x3F >> more) : first;
+    for (int i = 0; i < more; ++i) {
+        if (*at == end || data[*at] >> 6 != 2) return -1;
+        code = code << 6 | (data[(*at)++] & 0x3F);
+    }
+    const bool surrogate = code >= 0xD800 && code < 0xE000;
+    return code < least[more] || code > 0x10FFFF || surrogate ? -1 : code;
+}
+
+static bool is_control(int32_t code) { return code < 0x20 || (code >= 0x7F && code < 0xA0); }
+
+static gsgi_result expected_bytes(gsgi__reader* reader, size_t bytes) {
+    char expected[32];
+    snprintf(expected, sizeof expected, "%llu bytes", (unsigned long long)bytes);
+    return gsgi__unexpected(reader, reader->at, expected);
+}
+
+/* Step over `size` bytes of UTF-8; `controls` says whether some are control characters. */
+static gsgi_result read_text(gsgi__reader* reader, size_t size, const char* field, bool* controls) {
+    const size_t begin = reader->at;
+    reader->stream = field;
+    *controls = false;
+    if (size > reader->end - begin) return expected_bytes(reader, size);
+    for (size_t at = begin; at < begin + size;) {
+        const int32_t code = next_character(reader->data, &at, begin + size);
+        if (code < 0) return gsgi__unexpected(reader, begin, "UTF-8");
+        *controls = *controls || is_control(code);
+    }
+    reader->at = begin + size;
+    return GSGI_OK;
+}
+
+/* ---- Sections ---- */
+
+/* Room for the light of the levels, without rows; `name`, if not NULL, is copied. */
+static bool allocate_group(gsgi_bake* bake, gsgi__group* group, const uint8_t* name, size_t name_bytes) {
+    const gsgi_callbacks* callbacks = &bake->callbacks;
+    for (int l = 0; l < 2; ++l) {
+        const gsgi__level* level = &bake->levels[l];
+        group->sh[l].floats = 3 * (level->sh_degree + 1) * (level->sh_degree + 1);
+        group->slope.floats = 2;
+        const size_t sh = (size_t)level->count * group->sh[l].floats * sizeof(float);
+        const size_t slope = l == GSGI_FINE && level->sloped ? (size_t)level->count * 2 * sizeof(float) : 0;
+        if (sh && !(group->sh[l].texels = gsgi__allocate(callbacks, sh))) return false;
+        if (slope && !(group->slope.texels = gsgi__allocate(callbacks, slope))) return false;
+    }
+    if (!name) return true;
+    if (!(group->name = gsgi__allocate(callbacks, name_bytes + 1))) return false;
+    memcpy(group->name, name, name_bytes);
+    group->name[name_bytes] = '\0';
+    return true;
+}
+
+/* Check steps, name and patterns. */
+static gsgi_result read_head(gsgi__reader* reader) {
+    static const char* const steps[3] = {"light_steps", "sh_steps", "slope_steps"};
+    const size_t start = reader->at;
+    const uint8_t* head = reader->data + start;
+    bool controls, ignored;
+    if (reader->end - start < HEAD_BYTES)
+        return gsgi__fail(reader->callbacks, GSGI_INVALID_FILE, "byte %llu (group): expected 5 bytes",
+                          (unsigned long long)start);
+    for (int i = 0; i < 3; ++i) {
+        reader->stream = steps[i];
+        if (head[i] == 0) return gsgi__unexpected(reader, start, "at least 1");
+    }
+    reader->at += HEAD_BYTES;
+    gsgi_result result = read_text(reader, head[3], "name", &controls);
+    if (result) return result;
+    if (head[3] == 0 || controls) return gsgi__unexpected(reader, start, "a name that can be printed");
+    for (int i = 0; i < head[4]; ++i) {
+        reader->stream = "pattern";
+        if (reader->end - reader->at < 2) return expected_bytes(reader, 2);
+        const size_t size = gsgi__read_u16(reader->data + reader->at);
+        reader->at += 2;
+        if ((result = read_text(reader, size, "pattern", &ignored))) return result;
+    }
+    reader->stream = "pattern_count";
+    const bool base = head[3] == 4 && memcmp(head + HEAD_BYTES, "base", 4) == 0;
+    return base == (head[4] == 0) ? GSGI_OK : gsgi__unexpected(reader, start, "patterns for all groups but 'base'");
+}
+
+static gsgi_result read_lights(const gsgi_bake* bake, gsgi__group* group, const gsgi__header* h, const uint8_t* steps,
+                               gsgi__reader* reader) {
+    static const char* const names[2] = {"group.fine", "group.coarse"};
+    gsgi_result result = GSGI_OK;
+    for (int l = 0; l < 2 && !result; ++l) {
+        gsgi__level level = bake->levels[l];
+        gsgi__level_header record = h->levels[l];
+        record.light_steps = steps[0];
+        record.sh_steps = steps[1];
+        record.slope_steps = steps[2];
+        level.sh = group->sh[l];
+        level.slope = group->slope;
+        reader->level = names[l];
+        result = gsgi__decode_light(&level, &record, reader);
+    }
+    if (!result && reader->at != reader->end)
+        return gsgi__fail(reader->callbacks, GSGI_INVALID_FILE, "byte %llu (group): expected the end of the section",
+                          (unsigned long long)reader->at);
+    return result;
+}
+
+/* Decode the next group of `bake`. */
+static gsgi_result read_group(gsgi_bake* bake, const gsgi__header* h, gsgi__reader* reader) {
+    const size_t start = reader->at;
+    gsgi__group* group = &bake->groups[bake->info.group_count];
+    const uint8_t* head = reader->data + start;
+    if (bake->info.group_count == GROUPS_MOST)
+        return gsgi__fail(reader->callbacks, GSGI_INVALID_FILE, "byte %llu (group): expected at most 255 groups",
+                          (unsigned long long)start);
+    gsgi_result result = read_head(reader);
+    if (result) return result;
+    ++bake->info.group_count; /* from here on it is released with the bake */
+    if (!allocate_group(bake, group, head + HEAD_BYTES, head[3]))
+        return gsgi__fail(reader->callbacks, GSGI_OUT_OF_MEMORY, "data: no memory for light groups");
+    if ((result = read_lights(bake, group, h, head, reader))) return result;
+    for (const gsgi__group* other = bake->groups; other < group; ++other)
+        if (strcmp(other->name, group->name) == 0)
+            return gsgi__fail(reader->callbacks, GSGI_INVALID_FILE,
+                              "byte %llu (group.name): expected another name than '%s', which is taken",
+                              (unsigned long long)start, group->name);
+    return GSGI_OK;
+}
+
+/* Copy the light of the levels between their textures and `own`. */
+static void copy_light(gsgi_bake* bake, bool to_levels) {
+    gsgi__group* own = &bake->own;
+    for (int l = 0; l < 2; ++l) {
+        gsgi__level* level = &bake->levels[l];
+        float* const ours[2] = {own->sh[l].texels, l == GSGI_FINE ? own->slope.texels : NULL};
+        float* const theirs[2] = {level->sh.texels, level->slope.texels};
+        const uint32_t used[2] = {own->sh[l].floats, own->slope.floats}, strides[2] = {level->sh.floats, 4};
+        for (int k = 0; k < 2; ++k)
+            for (size_t i = 0; i < level->count && ours[k]; ++i) {
+                float *a = ours[k] + i * used[k], *b = theirs[k] + i * strides[k];
+                memcpy(to_levels ? b : a, to_levels ? a : b, used[k] * sizeof(float));
+            }
+    }
+}
+
+gsgi_result gsgi__decode_groups(gsgi_bake* bake, const gsgi__header* h, const uint8_t* data, size_t at,
+                                uint32_t count) {
+    const gsgi_callbacks* callbacks = &bake->callbacks;
+    const size_t room = count < GROUPS_MOST ? count : GROUPS_MOST;
+    gsgi_result result = GSGI_OK;
+    if (count == 0) return GSGI_OK;
+    if (!(bake->groups = gsgi__allocate(callbacks, room * sizeof *bake->groups)))
+        return gsgi__fail(callbacks, GSGI_OUT_OF_MEMORY, "data: no memory for light groups");
+    memset(bake->groups, 0, room * sizeof *bake->groups);
+    for (uint32_t g = 0; g < count && !result; ++g) {
+        const gsgi__section section = gsgi__section_after(data, at, "GRUP");
+        gsgi__reader reader = {data, section.begin, section.end, "group", "", 0, callbacks};
+        result = read_group(bake, h, &reader);
+        at = section.end;
+    }
+    if (result) return result;
+    if (!allocate_group(bake, &bake->own, NULL, 0))
+        return gsgi__fail(callbacks, GSGI_OUT_OF_MEMORY, "data: no memory for light groups");
+    copy_light(bake, false);
+    return GSGI_OK;
+}
+
+size_t gsgi__group_bytes(const gsgi_bake* bake) {
+    const size_t count = bake->info.group_count;
+    size_t floats = 0, names = 0;
+    if (count == 0) return 0;
+    for (int l = 0; l < 2; ++l) floats += (size_t)bake->levels[l].count * bake->own.sh[l].floats;
+    if (bake->levels[GSGI_FINE].sloped) floats += (size_t)bake->levels[GSGI_FINE].count * 2;
+    for (size_t g = 0; g < count; ++g) names += strlen(bake->groups[g].name) + 1;
+    return count * sizeof *bake->groups + names + (count + 1) * floats * sizeof(float);
+}
+
+static void release_group(const gsgi_bake* bake, gsgi__group* group) {
+    gsgi__release(&bake->callbacks, group->sh[0].texels);
+    gsgi__release(&bake->callbacks, group->sh[1].texels);
+    gsgi__release(&bake->callbacks, group->slope.texels);
+    gsgi__release(&bake->callbacks, group->name);
+}
+
+void gsgi__groups_release(gsgi_bake* bake) {
+    for (uint32_t g = 0; g < bake->info.group_count; ++g) release_group(bake, &bake->groups[g]);
+    release_group(bake, &bake->own);
+    gsgi__release(&bake->callbacks, bake->groups);
+}
+
+/* ---- Weights ---- */
+
+const char* gsgi_bake_group_name(const gsgi_bake* bake, uint32_t index) {
+    return index < bake->info.group_count ? bake->groups[index].name : NULL;
+}
+
+/* The weighted sum of the SH coefficients of Gaussian `i`. */
+static void sum_sh(const gsgi_bake* bake, const float* weights, int l, size_t i, float* sh) {
+    const uint32_t floats = bake->own.sh[l].floats;
+    for (uint32_t k = 0; k < floats; ++k) sh[k] = 0.0f;
+    for (uint32_t g = 0; g < bake->info.group_count; ++g) {
+        const float *of_group = bake->groups[g].sh[l].texels + i * floats, *weight = weights + 3 * g;
+        for (uint32_t k = 0; k < floats; ++k) sh[k] += weight[k % 3] * of_group[k];
+    }
+}
+
+/* The slopes that change the sum `sh` as those of the groups change theirs, as far as one pair for all channels can:
+ * least squares. */
+static void sum_slopes(const gsgi_bake* bake, const float* weights, size_t i, const float* sh, float* slope) {
+    const uint32_t floats = bake->own.sh[GSGI_FINE].floats;
+    const float square = sh[0] * sh[0] + sh[1] * sh[1] + sh[2] * sh[2];
+    float gradient[2][3] = {{0.0f, 0.0f, 0.0f}, {0.0f, 0.0f, 0.0f}};
+    for (uint32_t g = 0; g < bake->info.group_count; ++g) {
+        const gsgi__group* group = &bake->groups[g];
+        for (int c = 0; c < 3; ++c) {
+            const float light = weights[3 * g + c] * group->sh[GSGI_FINE].texels[i * floats + c];
+            for (int k = 0; k < 2; ++k) gradient[k][c] += group->slope.texels[2 * i + k] * light;
+        }
+    }
+    for (int k = 0; k < 2; ++k) {
+        const float along = gradient[k][0] * sh[0] + gradient[k][1] * sh[1] + gradient[k][2] * sh[2];
+        slope[k] = square > 0.0f ? along / square : 0.0f;
+    }
+}
+
+gsgi_result gsgi_bake_weigh(gsgi_bake* bake, uint32_t group_count, const float* weights) {
+    bool all_one = true;
+    if (weights && group_count != bake->info.group_count)
+        return gsgi__fail(&bake->callbacks, GSGI_INVALID_ARGUMENT, "group_count: the bake has %u groups, got %u",
+                          bake->info.group_count, group_count);
+    for (uint32_t i = 0; weights && i < 3 * group_count; ++i) {
+        if (!(weights[i] >= 0.0f && weights[i] <= WEIGHT_MAX))
+            return gsgi__fail(&bake->callbacks, GSGI_INVALID_ARGUMENT,
+                              "weights: '%s': expected three numbers from 0 to 1e+15, got %.9g",
+                              bake->groups[i / 3].name, (double)weights[i]);
+        all_one = all_one && weights[i] == 1.0f;
+    }
+    if (all_one) {
+        copy_light(bake, true);
+        return GSGI_OK;
+    }
+    for (int l = 0; l < 2; ++l) {
+        const gsgi__level* level = &bake->levels[l];
+        for (size_t i = 0; i < level->count; ++i) {
+            float* sh = level->sh.texels + i * level->sh.floats;
+            sum_sh(bake, weights, l, i, sh);
+            if (level->sloped) sum_slopes(bake, weights, i, sh, level->slope.texels + 4 * i);
+        }
+    }
+    return GSGI_OK;
+}
