@@ -16,6 +16,19 @@ export interface Gaussians {
     slope: Float32Array | null;
 }
 
+/** The part of a bake's light that comes from some of the scene's lights: other colours of the same Gaussians. */
+export interface LightGroup {
+    /** "base" for all lights that are in no other group. */
+    name: string;
+    /** What the names of its lights match: `*`, `?`, `[abc]`. */
+    patterns: string[];
+    fine: Pick<Gaussians, "sh" | "slope">;
+    coarse: Pick<Gaussians, "sh" | "slope">;
+}
+
+/** Factors on the light of light groups, by name: a number, or three of linear Rec.709. 1 for those left out. */
+export type Weights = Record<string, number | Iterable<number>>;
+
 interface Header {
     /** A sum of the bits of FORMAT.md, section Effects. */
     effects: number;
@@ -24,6 +37,8 @@ interface Header {
     /** Fingerprint of the scene; 0 is unknown. */
     scene: bigint;
     fine: Gaussians;
+    /** Empty for a bake whose lights were not baked apart. */
+    groups: LightGroup[];
 }
 
 export interface SurfaceBake extends Header {
@@ -46,6 +61,15 @@ export class FormatError extends Error {}
 
 /** The bake in the bytes of a .gsgi file. Throws FormatError. */
 export function decode(data: ArrayBuffer | ArrayBufferView): Bake;
+
+/** The names that weights of a bake may have, "base" first; none without groups. */
+export function groupNames(bake: Bake): string[];
+
+/**
+ * The bake with the light of each of its groups multiplied by its weight; with ones the bake itself. Throws RangeError
+ * for an unknown group, which lists the known ones, and for weights that are not from 0 to 1e15.
+ */
+export function weighted<B extends Bake>(bake: B, weights: Weights): B;
 
 /** Numbers of SH coefficients of the fine and of the coarse level of a bake. */
 export function shCounts(bake: SurfaceBake): [fine: number, coarse: number];
@@ -70,3 +94,9 @@ export interface LookupTables {
  * for the operator `over`, and for more Gaussians than textures of that size hold.
  */
 export function lookupTables(bake: Bake, maxSize?: number): LookupTables;
+
+/**
+ * Gives tables that lookupTables() made of a bake the light of one of the same shapes, such as weighted() returns: their
+ * `gaussians` change, and are to be uploaded again.
+ */
+export function recolour(tables: LookupTables, bake: SurfaceBake): void;

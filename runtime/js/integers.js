@@ -4,7 +4,7 @@ const SHIFT_BITS = 0x1f, EXPONENTIAL = 0x20, DELTA = 0x40;
 const SHIFT_MAX = 24, FOLDED_BITS = 28;
 const MAGNITUDE_MAX = 2 ** 26;
 
-/** Reads the streams of a section, bytes `at` to `end`; `expect(condition, byte, expected)` throws if it is false. */
+/** Reads the streams of a section, bytes `at` to `end`; `expect(condition, byte)` throws if it is false. */
 export class Integers {
     constructor(bytes, at, end, expect) {
         Object.assign(this, { bytes, at, end, expect });
@@ -13,12 +13,12 @@ export class Integers {
     /** The `count` integers of the next stream, an Int32Array. */
     read(count) {
         const start = this.at;
-        this.expect(start < this.end, start, "a stream");
+        this.expect(start < this.end, start);
         const flags = this.bytes[start], shift = flags & SHIFT_BITS, exponential = (flags & EXPONENTIAL) !== 0;
-        this.expect(shift <= SHIFT_MAX && flags < 0x80, start, `flags below 0x80 with a shift of 0 to ${SHIFT_MAX}`);
+        this.expect(shift <= SHIFT_MAX && flags < 0x80, start);
         ++this.at;
         const base = this.#varint(), unaryBytes = this.#varint();
-        this.expect(unaryBytes <= this.end - this.at, this.at, `${unaryBytes} bytes of unary codes`);
+        this.expect(unaryBytes <= this.end - this.at, this.at);
         const values = this.#unary(count, unaryBytes);
 
         const most = exponential ? FOLDED_BITS - shift : 2 ** (FOLDED_BITS - shift);
@@ -27,7 +27,7 @@ export class Integers {
             longest = Math.max(longest, values[i]);
             if (exponential) total += values[i];
         }
-        this.expect(longest <= most, start, `numbers of at most ${MAGNITUDE_MAX}`);
+        this.expect(longest <= most, start);
         const bits = this.#bits(total), delta = (flags & DELTA) !== 0;
         let fits = true, before = unfolded(base);
         for (let i = 0; i < count && fits; ++i) {
@@ -37,7 +37,7 @@ export class Integers {
             values[i] = value;
             if (delta) before = value;
         }
-        this.expect(fits, start, `numbers of at most ${MAGNITUDE_MAX}`);
+        this.expect(fits, start);
         return values;
     }
 
@@ -52,7 +52,7 @@ export class Integers {
     #varint() {
         let number = 0;
         for (let shift = 0; ; shift += 7) {
-            this.expect(this.at < this.end && shift < 28, this.at, "a varint of at most four bytes");
+            this.expect(this.at < this.end && shift < 28, this.at);
             const byte = this.bytes[this.at++];
             number |= (byte & 0x7f) << shift;
             if (byte < 0x80) return number;
@@ -75,8 +75,7 @@ export class Integers {
             }
             run += left;
         }
-        this.expect(found === count && ended === size, at,
-            `unary codes of ${count} numbers, and zeros to the byte's end`);
+        this.expect(found === count && ended === size, at);
         this.at += size;
         return lengths;
     }
@@ -84,8 +83,8 @@ export class Integers {
     /** A reader of the next `total` bits, which end in zeros to a whole byte. */
     #bits(total) {
         const { bytes, at } = this, size = Math.ceil(total / 8), last = at + size - 1;
-        this.expect(size <= this.end - at, at, `${size} bytes of bits`);
-        this.expect(total % 8 === 0 || bytes[last] >> total % 8 === 0, last, "zeros to the byte's end");
+        this.expect(size <= this.end - at, at);
+        this.expect(total % 8 === 0 || bytes[last] >> total % 8 === 0, last);
         this.at += size;
         return new Bits(bytes, at);
     }

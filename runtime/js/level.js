@@ -17,37 +17,31 @@ export function leastBytes({ count, degree, basis }) {
 
 /**
  * The Gaussians whose streams take `bytes` from `begin` to `end`; `level` is their record, already checked.
- * `expect(condition, byte, field, expected)` throws if the condition is false.
+ * `expect(condition, byte, field)` throws if the condition is false.
  */
 export function decodeLevel(bytes, { begin, end }, level, expect) {
-    const { count, degree, basis } = level, streams = new Streams(bytes, begin, end, level.name, expect);
+    const { count, degree } = level, streams = new Streams(bytes, begin, end, level.name, expect);
     const gaussians = {
         count, shDegree: degree,
         position: new Float32Array(3 * count), rotation: new Float32Array(4 * count), scale: new Float32Array(3 * count),
-        opacity: null, sh: new Float32Array(3 * (degree + 1) ** 2 * count),
-        slope: null,
+        opacity: null,
     };
     const scale = readScales(streams, level, gaussians.scale), exponent = exponents(scale, level);
-    streams.check(exponent.every((each, i) => i === 0 || each >= exponent[i - 1]), "positions in steps that do not shrink");
+    streams.check(exponent.every((each, i) => i === 0 || each >= exponent[i - 1]));
     readRotations(streams, level, scale, gaussians.rotation);
     for (let axis = 0; axis < 3; ++axis) readCoordinates(streams, axis, exponent, gaussians.position);
     gaussians.opacity = quotients(streams.within("opacity", count, 0, level.opacitySteps), level.opacitySteps);
     for (let i = 0; i < count; ++i) gaussians.opacity[i] *= gaussians.opacity[i];
-    readLight(streams, level, gaussians.sh);
-    for (let band = 1; band <= degree; ++band) readBand(streams, band, level, gaussians.sh);
-    if (basis)
-        gaussians.slope = quotients(streams.within("slope", 2 * count, -SLOPE_CODE_MAX, SLOPE_CODE_MAX), level.slopeSteps);
-    expect(streams.integers.at === end, streams.integers.at, level.name, "the end of the section");
+    Object.assign(gaussians, streams.light(level));
+    streams.finish();
     return gaussians;
 }
 
-/** The streams of a level, one after the other. */
-class Streams {
+/** The streams of a level, or of a light group, one after the other. */
+export class Streams {
     constructor(bytes, begin, end, name, expect) {
         Object.assign(this, { name, field: name, start: begin, expect });
-        this.integers = new Integers(bytes, begin, end, (condition, byte, expected) => {
-            if (!condition) expect(false, byte, this.field, expected);
-        });
+        this.integers = new Integers(bytes, begin, end, (condition, byte) => expect(condition, byte, this.field));
     }
 
     /** The integers of the next stream, an Int32Array; `stream` is its name. */
@@ -61,20 +55,34 @@ class Streams {
         return this.checkSteps(this.read(stream, count), low, high);
     }
 
+    /** The light that the next streams hold, of Gaussians whose record is `level`: `sh`, and `slope` or null. */
+    light(level) {
+        const { count, degree, basis, slopeSteps } = level, sh = new Float32Array(3 * (degree + 1) ** 2 * count);
+        readLight(this, level, sh);
+        for (let band = 1; band <= degree; ++band) readBand(this, band, level, sh);
+        const codes = basis && this.within("slope", 2 * count, -SLOPE_CODE_MAX, SLOPE_CODE_MAX);
+        return { sh, slope: codes ? quotients(codes, slopeSteps) : null };
+    }
+
     /** Names what is read next. */
     enter(stream) {
         this.field = `${this.name}.${stream}`;
         this.start = this.integers.at;
     }
 
-    check(condition, expected) {
-        if (!condition) this.expect(false, this.start, this.field, expected);
+    /** All has been read. */
+    finish() {
+        this.expect(this.integers.at === this.integers.end, this.integers.at, this.name);
     }
 
-    checkSteps(codes, low, high, expected = `steps from ${low} to ${high}`) {
+    check(condition) {
+        this.expect(condition, this.start, this.field);
+    }
+
+    checkSteps(codes, low, high) {
         let fine = true;
         for (let i = 0; i < codes.length; ++i) fine &&= codes[i] >= low && codes[i] <= high;
-        this.check(fine, expected);
+        this.check(fine);
         return codes;
     }
 }
@@ -84,9 +92,9 @@ function readScales(streams, { count, scaleSteps }, scale) {
     const most = SCALE_OCTAVES * scaleSteps, table = powers(scaleSteps, -most, most), found = [];
     for (const [axis, stream] of ["scale_long", "scale_middle", "scale_normal"].entries()) {
         const codes = streams.read(stream, count);
-        if (axis === 1) streams.checkSteps(codes, 0, Infinity, "a second axis no longer than the first");
+        if (axis === 1) streams.checkSteps(codes, 0, Infinity);
         for (let i = 0; i < count && axis; ++i) codes[i] = found[0][i] - codes[i];
-        found.push(streams.checkSteps(codes, -most, most, `scales within 2^+-${SCALE_OCTAVES} m`));
+        found.push(streams.checkSteps(codes, -most, most));
         for (let i = 0; i < count; ++i) scale[3 * i + axis] = table[codes[i] + most];
     }
     return found;
@@ -124,7 +132,7 @@ function readCoordinates(streams, axis, exponent, position) {
         fine = Math.abs(code) <= POSITION_MAX;
         position[3 * i + axis] = code * step;
     }
-    streams.check(fine, `steps from ${-POSITION_MAX} to ${POSITION_MAX}`);
+    streams.check(fine);
 }
 
 /** Writes the constant coefficients to `sh`. */

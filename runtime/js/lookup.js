@@ -1,11 +1,8 @@
-/** Textures and GLSL that read B of a bake at any point of any shader: WebGL2, GLSL ES 3.00. */
+/** GLSL that reads B of a bake at any point of any shader, and the light in its textures: WebGL2, GLSL ES 3.00. */
 
-import { axesOf, cellLists } from "./cell_lists.js";
-import { DATA_WIDTH, HALF_MAX, LEVEL_TEXELS, LOOKUP, SCALE_MIN, SH_C0 } from "./shaders.js";
+import { HALF_MAX, LEVEL_TEXELS, LOOKUP, SH_C0 } from "./shaders.js";
 
-const FAR = 16; // distance from the origin in diagonals of the bake at which float32 becomes too coarse
-const HEADER_TEXELS = 2 * LEVEL_TEXELS + 2;
-const EXACT = 1 << 24; // texels; float32 counts no further, in which the header says where things begin
+export const HEADER_TEXELS = 2 * LEVEL_TEXELS + 2;
 
 /** Numbers of SH coefficients of the fine and of the coarse level of a bake. */
 export function shCounts(bake) {
@@ -24,99 +21,29 @@ export function lookupSource([fine, coarse], prefix = "gsgi_") {
     return (defines + LOOKUP).replaceAll("$", prefix);
 }
 
-/**
- * What lookupSource() reads of a bake: texels in rows of `width`, filled up with zeros.
- *
- * gaussians: Float32Array for RGBA32F; cells: Uint32Array for R32UI; lists: Uint16Array for R16UI, or Uint32Array for
- * R32UI. glsl/surface/lookup.glsl describes them. Throws RangeError for a bake of the `over` operator and for more
- * Gaussians than textures of `maxSize` rows hold.
- */
-export function lookupTables(bake, maxSize = 2048) {
-    if (bake.operator !== "surface")
-        throw new RangeError(`the bake has the operator "${bake.operator}": only light of "surface" can be looked up`);
-    const { sharpness, cutoff, floor } = bake.blend, origin = originOf(bake).map(Math.fround);
-    const radius = Math.sqrt(-2 * Math.log(cutoff));
-    const header = [], texels = [], cells = [], lists = [0]; // no list begins at 0
-    let firstTexel = HEADER_TEXELS;
-    for (const [decoded, power] of [[bake.fine, sharpness], [bake.coarse, 0]]) {
-        const level = local(decoded, origin), grid = cellLists(level, radius), rows = gaussianTexels(level);
-        header.push(...grid.low, 1 / grid.edge, ...grid.size, cells.length, firstTexel, power, 0, 0);
-        appendLists(grid.nodes, cells, lists);
-        firstTexel += rows.length / 4;
-        texels.push(rows);
-    }
-    header.push(...origin, cutoff, floor, 0, 0, 0);
-    const most = Math.min(EXACT, maxSize * DATA_WIDTH);
-    if (Math.max(firstTexel, cells.length, lists.length) > most)
-        throw new RangeError(`${bake.fine.count} Gaussians: too many for a look-up in textures of ${maxSize} rows`);
-    const short = Math.max(bake.fine.count, bake.coarse.count) <= 1 << 16;
-    return {
-        width: DATA_WIDTH,
-        gaussians: padded(Float32Array, 4, [header, ...texels]),
-        cells: padded(Uint32Array, 1, [cells]),
-        lists: padded(short ? Uint16Array : Uint32Array, 1, [lists]),
-    };
-}
-
-/** The middle of a bake that lies far from the world's origin, where float32 is too coarse; else the origin. */
-function originOf({ fine, coarse }) {
-    const low = [0, 0, 0].fill(Infinity), high = [0, 0, 0].fill(-Infinity);
-    for (const { position } of [fine, coarse])
-        position.forEach((x, i) => {
-            low[i % 3] = Math.min(low[i % 3], x);
-            high[i % 3] = Math.max(high[i % 3], x);
-        });
-    const middle = low.map((x, k) => (x + high[k]) / 2);
-    const far = Math.hypot(...middle) > FAR * Math.hypot(...low.map((x, k) => high[k] - x));
-    return far ? middle : [0, 0, 0];
-}
-
-/** A level relative to `origin`, with the scales that shaders can invert. */
-function local(level, origin) {
-    const position = level.position.map((x, i) => x - origin[i % 3]);
-    return { ...level, position, scale: level.scale.map((x) => Math.max(x, SCALE_MIN)) };
-}
-
-function gaussianTexels({ count, shDegree, position, rotation, scale, opacity, sh, slope }) {
-    const k = (shDegree + 1) ** 2, bound = HALF_MAX / SH_C0, texels = new Float32Array(4 * (3 + k) * count);
-    for (let i = 0; i < count; ++i) {
-        const at = 4 * (3 + k) * i, axes = axesOf(rotation.subarray(4 * i, 4 * i + 4));
-        for (let j = 0; j < 3; ++j) {
-            texels[at + j] = position[3 * i + j];
-            texels[at + 4 + j] = axes[0][j] / scale[3 * i];
-            texels[at + 8 + j] = axes[1][j] / scale[3 * i + 1];
-        }
-        texels[at + 3] = Math.min(opacity[i], 1);
-        texels[at + 7] = 1 / scale[3 * i + 2];
+/** Writes coefficients and slopes into the texels of a level. */
+export function writeLight(texels, { count, shDegree, sh, slope }) {
+    const k = (shDegree + 1) ** 2, bound = HALF_MAX / SH_C0;
+    for (let i = 0, at = 0; i < count; ++i, at += 4 * (3 + k)) {
         for (let j = 0; j < 3 * k; ++j)
-            texels[at + 12 + j + (j / 3 | 0)] = Math.min(Math.max(sh[3 * k * i + j], -bound), bound);
+            texels[at + 12 + j + (j / 3 | 0)] = clamp(sh[3 * k * i + j], bound);
         if (slope) {
-            texels[at + 11] = slope[2 * i];
-            texels[at + 15] = slope[2 * i + 1];
+            texels[at + 11] = clamp(slope[2 * i], 1);
+            texels[at + 15] = clamp(slope[2 * i + 1], 1);
         }
     }
-    return texels;
 }
 
-/** Appends the words of the nodes of one level to `cells`, and what they point to to `lists`. */
-function appendLists(nodes, cells, lists) {
-    const firstNode = cells.length;
-    for (const { entries, child } of nodes) {
-        cells.push(child || entries.length ? 2 * lists.length + (child ? 1 : 0) : 0);
-        if (child) lists.push((firstNode + child) & 0xffff, (firstNode + child) >>> 16);
-        if (child || entries.length) lists.push(entries.length);
-        for (const entry of entries) lists.push(entry);
+/** Gives `tables`, which lookupTables() made of a bake, the light of one of the same shapes: see weighted(). */
+export function recolour({ gaussians }, bake) {
+    let at = 4 * HEADER_TEXELS;
+    for (const level of [bake.fine, bake.coarse]) {
+        const end = at + 4 * (3 + (level.shDegree + 1) ** 2) * level.count;
+        writeLight(gaussians.subarray(at, end), level);
+        at = end;
     }
 }
 
-/** The numbers of `parts` in whole rows of texels of that many channels. */
-function padded(Kind, channels, parts) {
-    const count = parts.reduce((sum, part) => sum + part.length, 0), row = DATA_WIDTH * channels;
-    const result = new Kind(Math.max(Math.ceil(count / row), 1) * row);
-    let at = 0;
-    for (const part of parts) {
-        result.set(part, at);
-        at += part.length;
-    }
-    return result;
+function clamp(x, bound) {
+    return Math.min(Math.max(x, -bound), bound);
 }

@@ -1,15 +1,15 @@
 import { Loader, Object3D } from "three";
 import type { LoadingManager } from "three";
-import type { LookupTables, SurfaceBake } from "./index.js";
+import type { LookupTables, SurfaceBake, Weights } from "./index.js";
 
 /** Loads .gsgi files: `scene.add(await new GsgiLoader().loadAsync("room.gsgi"))`. */
 export class GsgiLoader extends Loader<IndirectLight> {
     constructor(manager?: LoadingManager);
 
-    /** The light in the bytes of a file. Throws FormatError, and RangeError for the operator `over`. */
-    parse(data: ArrayBuffer): IndirectLight;
-
-    /** The same in a worker where there are any, so that the page goes on meanwhile. */
+    /**
+     * The light in the bytes of a file, read in a worker where there are any, so that the page goes on meanwhile. Throws
+     * FormatError, and RangeError for the operator `over`.
+     */
     parseAsync(data: ArrayBuffer): Promise<IndirectLight>;
 }
 
@@ -19,12 +19,19 @@ export class GsgiLoader extends Loader<IndirectLight> {
  * `over`.
  */
 export class IndirectLight extends Object3D {
-    /** `tables`: those of lookupTables(bake), where they are at hand. */
-    constructor(bake: SurfaceBake, tables?: LookupTables);
+    /** `tables`: those of lookupTables(bake), which the light keeps and changes. */
+    constructor(bake: SurfaceBake, tables: LookupTables);
     readonly bake: SurfaceBake;
 
     /** Factor on the light; 1 by default. */
     intensity: number;
+
+    /**
+     * Factors on the light of the file's light groups, by name, from the next frame on; 1 for those that are left out.
+     * To set them takes a sum over the groups and an upload. Throws RangeError for an unknown group.
+     */
+    get weights(): Record<string, number | Iterable<number>>;
+    set weights(weights: Weights);
 
     /** Bring the scene's materials up to date. Each render() does; call it yourself before renderer.compile(). */
     update(): void;

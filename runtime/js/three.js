@@ -4,8 +4,8 @@ import {
     DataTexture, FileLoader, FloatType, Loader, Matrix4, Object3D, RGBAFormat, RedIntegerFormat, UnsignedIntType,
     UnsignedShortType,
 } from "three";
-import { decode } from "./decode.js";
-import { lookupSource, lookupTables, shCounts } from "./lookup.js";
+import { lookupSource, recolour, shCounts } from "./lookup.js";
+import { groupNames, weighted } from "./weights.js";
 
 const LIT = ["isMeshStandardMaterial", "isMeshLambertMaterial", "isMeshPhongMaterial", "isMeshToonMaterial"];
 const CHUNK = "#include <lights_fragment_begin>";
@@ -29,15 +29,13 @@ export class GsgiLoader extends Loader {
         loader.load(url, parse, onProgress, onError);
     }
 
-    /** The IndirectLight in the bytes of a file, an ArrayBuffer. Throws FormatError, and RangeError for `over`. */
-    parse(data) {
-        return new IndirectLight(decode(data));
-    }
-
-    /** The same in a worker, so that the page goes on; where that cannot be had, and for errors, by parse(). */
+    /**
+     * The IndirectLight in the bytes of a file, an ArrayBuffer, read in a worker, so that the page goes on, and where
+     * that cannot be had here. Throws FormatError, and RangeError for `over`.
+     */
     async parseAsync(data) {
-        const made = await inWorker(data).catch(() => {});
-        return made ? new IndirectLight(made.bake, made.tables) : this.parse(data);
+        const made = (await inWorker(data).catch(() => {})) ?? (await import("./prepare.js")).prepare(data);
+        return new IndirectLight(made.bake, made.tables);
     }
 }
 
@@ -58,21 +56,26 @@ function inWorker(data) {
  * The light of a bake. While it is in a scene, all standard, physical, Lambert, Phong and toon materials of the meshes
  * there show it: those that are shared, cloned or added later too, and those that have an onBeforeCompile of their own.
  *
- * `intensity` is a factor, and `visible` turns it off, without compiling anything. The bake moves, turns and grows with
+ * `intensity` is a factor, and `visible` turns it off, without compiling anything; `weights` are factors on the light of
+ * each light group that the file has: `light.weights = { lamps: 0.2, sun: [1, 0.9, 0.8] }`. The bake moves, turns and grows with
  * the object. Removing it from the scene, or dispose(), leaves all materials as they were. Throws RangeError for a bake
- * of the `over` operator.
+ * of the `over` operator. `tables` are those that lookupTables() makes of the bake; the light keeps and changes them.
  */
 export class IndirectLight extends Object3D {
     type = "IndirectLight";
     intensity = 1;
     #uniforms;
+    #tables;
+    #weights;
     #lit = new Set(); // materials that show the light
     #ancestors = [];
     #leave = () => this.#release();
 
-    constructor(bake, tables = lookupTables(bake)) {
+    constructor(bake, tables) {
         super();
         this.bake = bake;
+        this.#tables = tables;
+        this.#weights = ones(bake);
         const { width, gaussians, cells, lists } = tables;
         const texture = (data, channels, format, type, internalFormat) => {
             const made = new DataTexture(data, width, data.length / (width * channels), format, type);
@@ -87,6 +90,18 @@ export class IndirectLight extends Object3D {
             from_world: new Matrix4(),
             intensity: 1,
         };
+    }
+
+    /** The weight of each light group of the file: a number, or three of linear Rec.709. */
+    get weights() {
+        return { ...this.#weights };
+    }
+
+    /** Sets weights from the next frame on, 1 for groups that are left out. Throws RangeError for an unknown group. */
+    set weights(weights) {
+        recolour(this.#tables, weighted(this.bake, weights));
+        this.#weights = { ...ones(this.bake), ...weights };
+        this.#uniforms.gaussians.needsUpdate = true;
     }
 
     updateMatrixWorld(force) {
@@ -124,7 +139,10 @@ export class IndirectLight extends Object3D {
     }
 
     clone(recursive) {
-        return new this.constructor(this.bake).copy(this, recursive);
+        const tables = { ...this.#tables, gaussians: this.#tables.gaussians.slice() };
+        const made = new this.constructor(this.bake, tables).copy(this, recursive);
+        made.#weights = this.#weights;
+        return made;
     }
 
     copy(source, recursive) {
@@ -154,6 +172,11 @@ export class IndirectLight extends Object3D {
         this.#ancestors = [];
         this.#lit.clear();
     }
+}
+
+/** The weights with which a bake is read. */
+function ones(bake) {
+    return Object.fromEntries(groupNames(bake).map((name) => [name, 1]));
 }
 
 const patches = new WeakMap(); // by material; kept, as three.js keeps programs that refer to their uniforms

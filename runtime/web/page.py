@@ -10,14 +10,16 @@ import numpy as np
 
 from gsgi.runtime.errors import UnsupportedError
 from gsgi.runtime.gaussians import Bake
+from gsgi.runtime.light_groups import group_names, group_of, names_of, patterns_of
 from gsgi.runtime.metals import as_baked, lambertian
 from gsgi.runtime.rebase import local_camera, local_scene, origin_of
 from gsgi.runtime.sampling import check_operator
-from gsgi.runtime.scene import Camera, Light, Mesh, Scene, TextureSlot
+from gsgi.runtime.scene import Camera, Environment, Light, Material, Mesh, Scene, TextureSlot
 
 JS = Path(__file__).parents[1] / "js"
 PAGE = "index.html", "page.js", "scene.js", "fly.js", "shaders.js", "three.js", "three.LICENSE"
-MODULES = "three.js", "worker.js", "decode.js", "integers.js", "level.js", "lookup.js", "cell_lists.js", "shaders.js"
+MODULES = "three.js", "worker.js", "prepare.js", "decode.js", "groups.js", "integers.js", "level.js", "lookup.js"
+MODULES += "cell_lists.js", "shaders.js", "tables.js", "weights.js"
 DESCRIPTION, DATA, LIGHT, ENVIRONMENT = "scene.json", "scene.bin", "light.gsgi", "environment.bin"
 GENERATOR = "gsgi"  # in the description of every page of ours
 LOSSLESS_TEXELS = 256 * 256  # larger opaque images become JPEG files, which take a tenth of the bytes
@@ -51,14 +53,17 @@ def write_page(folder: Path, scene: Scene, bake: Bake, light: bytes, cameras: di
         "origin": origin.tolist(),
         "bounds": [corner.tolist() for corner in bounds],
         "cameras": [_camera(name, local_camera(camera, origin)) for name, camera in cameras.items()],
-        "lights": [_light(light) for light in sorted(scene.lights, key=lambda light: -light.color.max())],
-        "materials": [_material(scene, *key) for key in keys],
+        "lights": [
+            _light(light) | _group(light, bake) for light in sorted(scene.lights, key=lambda light: -light.color.max())
+        ],
+        "materials": [_material(scene, *key) | _group(scene.materials[key[0]], bake) for key in keys],
         "meshes": [_mesh(data, scene, meshes, keys) for meshes in batches],
         "textures": textures,
         "images": [{"file": name, "mean": mean} for name, mean in zip(names, means, strict=True)],
         "data": DATA,
         "light": LIGHT,
         "environment": None,
+        "groups": list(group_names(bake)),
     }
     files[DATA] = b"".join(data.parts)
     if scene.environment is not None:
@@ -68,7 +73,7 @@ def write_page(folder: Path, scene: Scene, bake: Bake, light: bytes, cameras: di
         files[ENVIRONMENT] = texels.tobytes()
         description["environment"] = {
             "file": ENVIRONMENT, "width": width, "height": height, "rotation": scene.environment.rotation,
-        }  # fmt: skip
+        } | _group(scene.environment, bake)  # fmt: skip
     loaded = sum(map(len, files.values())) + sum((folder / name).stat().st_size for name in names)
     files[DESCRIPTION] = json.dumps(description | {"bytes": loaded}, indent=1).encode()
     files |= {name: (JS / "page" / name).read_bytes() for name in PAGE}
@@ -157,6 +162,11 @@ def _material(scene: Scene, index: int, colored: bool) -> dict:
 
 def _slot(slot: TextureSlot | None) -> dict | None:
     return None if slot is None else {"texture": slot.texture, "uv": slot.uv}
+
+
+def _group(source: Light | Material | Environment, bake: Bake) -> dict:
+    """The light group whose weight dims the light of a source, where there are groups."""
+    return {"group": group_of(names_of(source), patterns_of(bake))} if bake.groups else {}
 
 
 def _light(light: Light) -> dict:

@@ -6,6 +6,7 @@ import { FlyControls } from "./fly.js";
 import { buildScene, fetchBytes, onlyIndirect } from "./scene.js";
 
 const MID_GREY = 0.18; // what the log-average luminance is exposed to
+const WEIGHT_MAX = 1e15; // of a light group
 const element = (id) => document.getElementById(id);
 
 /** Says on the page why nothing is to be seen. */
@@ -46,6 +47,16 @@ async function load(renderer) {
     light.position.set(...description.origin).negate();
     built.scene.add(light);
     return { description, light, ...built };
+}
+
+/** A slider for the weight of a light group; `change(weight)` hears of it. */
+function groupSlider(name, change) {
+    const slider = Object.assign(document.createElement("input"), { type: "range", min: 0, max: 2, step: 0.05, value: 1 });
+    const label = document.createElement("label");
+    label.append(`${name} `, slider);
+    element("groups").append(label);
+    slider.addEventListener("input", () => change(Number(slider.value)));
+    return slider;
 }
 
 /** The exposure that shows the frame's log-average luminance as mid-grey (Reinhard et al. 2002). */
@@ -93,7 +104,7 @@ function createDeveloped() {
     return { target, quad };
 }
 
-function start(renderer, { description, light, scene, depth, blended, unshadowed }) {
+function start(renderer, { description, light, scene, depth, blended, dim, unshadowed }) {
     const camera = new THREE.PerspectiveCamera(), canvas = renderer.domElement, sky = scene.getObjectByName("sky");
     const [low, high] = description.bounds.map((corner) => new THREE.Vector3(...corner));
     const size = low.distanceTo(high);
@@ -108,12 +119,26 @@ function start(renderer, { description, light, scene, depth, blended, unshadowed
     orbit.addEventListener("change", draw);
     const fly = new FlyControls(camera, canvas, size / 10, draw);
 
-    /** Settings as the address names them: #camera=NAME&gi=on|off|only&exposure=X&controls=orbit|fly */
-    const settings = { camera: description.cameras[0].name, gi: "on", exposure: null, controls: "orbit" };
+    /**
+     * Settings as the address names them: #camera=NAME&gi=on|off|only&exposure=X&controls=orbit|fly, and weight.NAME=X
+     * for each light group, here by name in `weights`.
+     */
+    const settings = { camera: description.cameras[0].name, gi: "on", exposure: null, controls: "orbit", weights: {} };
+    const sliders = Object.fromEntries(description.groups.map((name) => [name, groupSlider(name, (value) =>
+        set({ weights: { ...settings.weights, [name]: value } }))]));
+
+    function weigh() {
+        const weights = Object.fromEntries(description.groups.map((name) => [name, settings.weights[name] ?? 1]));
+        if (description.groups.every((name) => weights[name] === light.weights[name])) return;
+        light.weights = weights;
+        dim(weights);
+        for (const name of description.groups) sliders[name].value = weights[name];
+    }
 
     function apply() {
         onlyIndirect.value = settings.gi === "only";
         light.visible = settings.gi !== "off";
+        weigh();
         for (const each of [...blended, sky]) if (each) each.visible = settings.gi !== "only";
         renderer.toneMappingExposure = settings.exposure ?? automatic;
         const turning = settings.controls === "orbit";
@@ -183,6 +208,11 @@ function start(renderer, { description, light, scene, depth, blended, unshadowed
     function read() {
         const given = Object.fromEntries(new URLSearchParams(location.hash.slice(1)));
         if (given.exposure) given.exposure = Number(given.exposure) || null;
+        given.weights = {};
+        for (const name of description.groups) {
+            const weight = Number(given[`weight.${name}`] ?? 1);
+            if (weight >= 0 && weight <= WEIGHT_MAX) given.weights[name] = weight;
+        }
         set({ ...given, camera: given.camera ?? settings.camera });
     }
 

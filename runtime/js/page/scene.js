@@ -130,7 +130,11 @@ export async function buildScene(description, fetchOne, renderer) {
         ...description.images.map(({ mean }) => createImageBitmap(new ImageData(Uint8ClampedArray.from(mean), 1, 1))),
     ]);
     const textures = description.images.map(() => []); // of each image
+    const dimmers = []; // (group, function of its weight) for each light
+    const dimmable = (group, set) => { if (group !== undefined) dimmers.push([group, set]); };
     const materials = description.materials.map((each) => material(each, description, images, textures, renderer));
+    description.materials.forEach(({ group, emission }, i) => dimmable(group, (weight) =>
+        materials[i].emissive?.setRGB(...emission).multiplyScalar(weight)));
     for (const each of description.meshes) {
         const made = new THREE.Mesh(geometry(each, data), materials[each.material]), { transparent } = made.material;
         made.castShadow = !transparent; // light meets the stand-ins instead
@@ -142,8 +146,17 @@ export async function buildScene(description, fetchOne, renderer) {
     }
     const limit = renderer.capabilities.maxTextures - MAPS - LIGHT_MAPS;
     const shadowed = description.lights.slice(0, limit);
-    for (const each of description.lights) addLight(scene, each, description.bounds, shadowed.includes(each));
-    if (environment) scene.add(sky(description.environment, environment));
+    for (const each of description.lights) {
+        const made = addLight(scene, each, description.bounds, shadowed.includes(each));
+        dimmable(each.group, (weight) => made.color.setRGB(...each.color).multiplyScalar(weight));
+    }
+    if (environment) {
+        const made = sky(description.environment, environment);
+        scene.add(made);
+        dimmable(description.environment.group, (weight) => { made.material.uniforms.weight.value = weight; });
+    }
+    /** Multiplies what lights give directly by the weights of their groups. */
+    const dim = (weights) => { for (const [group, set] of dimmers) set(weights[group]); };
 
     const loadImage = async ({ file }, i) => {
         const bitmap = await createImageBitmap(await fetchOne(file), BITMAP);
@@ -154,7 +167,7 @@ export async function buildScene(description, fetchOne, renderer) {
     };
     const loadImages = (changed) =>
         Promise.all(description.images.map((image, i) => loadImage(image, i).then(changed)));
-    return { scene, depth, blended, loadImages, unshadowed: description.lights.length - shadowed.length };
+    return { scene, depth, blended, loadImages, dim, unshadowed: description.lights.length - shadowed.length };
 }
 
 function geometry({ attributes, index }, data) {
@@ -239,6 +252,7 @@ function addLight(scene, { kind, color, position, direction, range, cosInner, co
     scene.add(light);
     if (light.target) scene.add(light.target);
     light.target?.position.copy(light.position).add(towards);
+    return light;
 }
 
 /** The environment behind everything, texel by texel as glsl/frame/background.frag shows it. */
@@ -247,7 +261,8 @@ function sky({ width, height, rotation }, bytes) {
     texture.needsUpdate = true;
     const material = new THREE.ShaderMaterial({
         uniforms: {
-            environment: { value: texture }, rotation: { value: rotation }, world_from_clip: { value: new THREE.Matrix4() },
+            environment: { value: texture }, rotation: { value: rotation }, weight: { value: 1 },
+            world_from_clip: { value: new THREE.Matrix4() },
         },
         vertexShader: `
             out vec4 far;
@@ -260,11 +275,12 @@ function sky({ width, height, rotation }, bytes) {
             ${ENVIRONMENT}
             uniform highp sampler2D environment;
             uniform float rotation;
+            uniform float weight;
             in vec4 far;
             void main() {
                 vec3 direction = far.xyz / far.w - cameraPosition;
                 ivec2 texel = gsgi_environment_texel( direction, rotation, textureSize( environment, 0 ) );
-                gl_FragColor = vec4( texelFetch( environment, texel, 0 ).rgb, 1.0 );
+                gl_FragColor = vec4( weight * texelFetch( environment, texel, 0 ).rgb, 1.0 );
                 #include <tonemapping_fragment>
                 #include <colorspace_fragment>
             }`,

@@ -4,22 +4,30 @@ import { existsSync, readFileSync, readdirSync } from "node:fs";
 import { test } from "node:test";
 import { pathToFileURL } from "node:url";
 
-const { decode, FormatError } = await import(pathToFileURL(`${process.env.JS}/index.js`));
+const { decode, FormatError, groupNames, weighted } = await import(pathToFileURL(`${process.env.JS}/index.js`));
 const folder = process.env.VECTORS;
 const files = readdirSync(folder).filter((name) => name.endsWith(".gsgi"));
+
+/** The fields of both levels are those of the files that Python wrote. */
+function same(name, levels, fields) {
+    for (const level of ["fine", "coarse"])
+        for (const field of fields) {
+            const path = `${folder}/${name}.${level}.${field}`, found = levels[level]?.[field] ?? null;
+            assert.equal(found !== null, existsSync(path), path);
+            if (found) assert.ok(readFileSync(path).equals(Buffer.from(found.buffer)), path);
+        }
+}
 
 for (const name of files.filter((each) => !each.startsWith("refused")))
     test(name, () => {
         const bake = decode(readFileSync(`${folder}/${name}`)), expected = JSON.parse(readFileSync(`${folder}/${name}.json`));
-        const { fine, coarse, scene, ...header } = bake;
-        assert.deepEqual({ ...header, scene: `${scene}` }, expected);
-        for (const [level, gaussians] of [["fine", fine], ["coarse", coarse]])
-            for (const field of ["position", "rotation", "scale", "opacity", "sh", "slope"]) {
-                const path = `${folder}/${name}.${level}.${field}`;
-                const found = gaussians?.[field] ?? null;
-                assert.equal(found !== null, existsSync(path), path);
-                if (found) assert.ok(readFileSync(path).equals(Buffer.from(found.buffer)), path);
-            }
+        const { fine, coarse, scene, groups, ...header } = bake, { groups: named, weights, ...stated } = expected;
+        assert.deepEqual({ ...header, scene: `${scene}` }, stated);
+        assert.deepEqual(groups.map((group) => ({ name: group.name, patterns: group.patterns })), named);
+        same(name, { fine, coarse }, ["position", "rotation", "scale", "opacity", "sh", "slope"]);
+        for (const group of groups) same(`${name}.${group.name}`, group, ["sh", "slope"]);
+        weights.forEach((each, i) => same(`${name}.weighted${i}`, weighted(bake, each), ["sh", "slope"]));
+        if (groups.length) assert.equal(weighted(bake, { base: [1, 1, 1] }), bake);
     });
 
 test("what Python refuses is refused", () => {
@@ -27,6 +35,17 @@ test("what Python refuses is refused", () => {
     assert.ok(refused.length > 100);
     for (const name of refused)
         assert.throws(() => decode(readFileSync(`${folder}/${name}`)), FormatError, name);
+});
+
+test("weights that cannot be are refused", () => {
+    const bake = decode(readFileSync(`${folder}/light_groups.gsgi`));
+    assert.deepEqual(groupNames(bake), ["base", "lamps", "sky"]);
+    assert.throws(() => weighted(bake, { lamp: 1 }), /RangeError: the bake has no light group "lamp": it has base, lamps, sky$/);
+    for (const weight of [-1, NaN, 2e15, [1, 1], [1, 1, -1], "x", undefined])
+        assert.throws(() => weighted(bake, { lamps: weight }), /RangeError: the weight of "lamps"/);
+    const plain = decode(readFileSync(`${folder}/empty.gsgi`));
+    assert.deepEqual(groupNames(plain), []);
+    assert.throws(() => weighted(plain, { base: 0.5 }), /it has none/);
 });
 
 test("every prefix is refused", () => {

@@ -1,5 +1,7 @@
 """The add-on for three.js, in a browser."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from browser import visit
@@ -9,7 +11,7 @@ from repository import TESTS
 from surface_frames import nothing, one
 
 from gsgi.runtime.file import codec
-from gsgi.runtime.gaussians import Bake, SurfaceBlend
+from gsgi.runtime.gaussians import Bake, LightGroup, SurfaceBlend
 
 PAGES = TESTS / "runtime" / "js" / "pages"
 EVEN, OTHER = np.array([0.5, 0.25, 0.125]), np.array([0.125, 0.5, 0.25])
@@ -20,7 +22,13 @@ def found(tmp_path_factory):
     """What pages/materials.js saw."""
     folder = tmp_path_factory.mktemp("files")
     spot = Bake(one(rotation=(0, 0, 0, 1), scale=(0.5, 0.5, 0.5)), SurfaceBlend(), coarse=nothing())
-    files = {"even": constant(EVEN), "other": constant(OTHER), "spot": spot, "over": example(3)}
+    part = [replace(constant(light), groups=()) for light in (OTHER, EVEN)]
+    groups = [
+        LightGroup(name, patterns, each.gaussians.sh, each.gaussians.slope, each.coarse.sh)
+        for (name, patterns), each in zip((("base", ()), ("lamps", ("lamp*",))), part, strict=True)
+    ]
+    both = replace(constant(EVEN + OTHER), groups=tuple(groups))
+    files = {"groups": both, "even": constant(EVEN), "other": constant(OTHER), "spot": spot, "over": example(3)}
     for name, bake in files.items():
         (folder / f"{name}.gsgi").write_bytes(codec.encode(bake))
     (folder / "damaged.gsgi").write_bytes(codec.encode(files["even"])[:-1])
@@ -73,6 +81,18 @@ def test_the_bake_moves_with_the_object(found):
     assert not np.any(found["away"])
     assert not np.any(found["turned"])  # its Gaussian faces the other way
     np.testing.assert_allclose(found["cloned"], 2 * np.array(found["spot"]), rtol=2e-3)
+
+
+def test_light_groups_are_weighed(found):
+    whole, dimmed, red, again, cloned = found["groups"]
+    np.testing.assert_allclose(whole, EVEN + OTHER, rtol=2 ** (1 / 32) - 1)  # half a step of the file's light
+    assert whole == again
+    half_step = 2 ** (1 / 24) - 1  # of a group's
+    np.testing.assert_allclose(dimmed, EVEN / 2 + OTHER, rtol=half_step)
+    np.testing.assert_allclose(red, EVEN * [1, 0, 0], rtol=half_step)
+    np.testing.assert_allclose(cloned, EVEN + OTHER / 4, rtol=half_step)
+    assert found["weights"] == [{"base": 0.25, "lamps": 1}] * 2
+    assert found["unknown"] == 'RangeError: the bake has no light group "lamp": it has base, lamps'
 
 
 def test_files_are_decoded_in_a_worker_where_there_is_one(found):

@@ -14,6 +14,7 @@ from browser import visit
 from frames import full_scene
 from javascript import JS
 from repository import TESTS
+from surface_cases import grouped
 from surface_frames import surface_gaussians
 
 from gsgi.runtime.display import to_uint8, tone_map
@@ -27,6 +28,7 @@ from gsgi.runtime.web.page import MODULES, PAGE, write_page
 WIDTH, HEIGHT = 320, 240
 SAMPLES = 4  # per pixel and axis, of our own frame: the browser smooths edges too
 EXPOSURE = 0.7
+WEIGHTS = {"lamps": 0.1, "base": 0.6, "sky": 1.5}
 LAYERS = {"on": "final", "off": "primary", "only": "indirect"}
 PAGES = TESTS / "runtime" / "js" / "pages"
 
@@ -43,10 +45,11 @@ def open_page(folder, settings: list[dict], *flags: str, **more) -> dict:
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """A scene with everything, its bake, and the folder of its page."""
+    """A scene with everything, its bake in light groups, and the folder of its page."""
     scene = full_scene()
+    scene = replace(scene, lights=(replace(scene.lights[0], name="lamp 1"), *scene.lights[1:]))
     fine = surface_gaussians(Scene(scene.meshes, scene.materials), 800)
-    bake = Bake(fine, SurfaceBlend(), coarse=oracle.random_gaussians(30, 2, seed=1))
+    bake = grouped(Bake(fine, SurfaceBlend(), coarse=oracle.random_gaussians(30, 2, seed=1)))
     data = codec.encode(bake)
     folder = tmp_path_factory.mktemp("site")
     write_page(folder, scene, codec.decode(data), data, {"inside": scenes.inside_camera()}, "room <1>")
@@ -55,8 +58,9 @@ def made(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def found(made):
-    """The page's pictures, one for each of LAYERS."""
-    result = open_page(made[2], [{"gi": gi, "exposure": EXPOSURE} for gi in LAYERS], moves=1)
+    """The page's pictures, one for each of LAYERS, and one with WEIGHTS."""
+    settings = [{"gi": gi, "exposure": EXPOSURE} for gi in LAYERS]
+    result = open_page(made[2], [*settings, settings[0] | {"weights": WEIGHTS}], moves=1)
     assert "error" not in result, result["error"]
     return result
 
@@ -68,6 +72,9 @@ def drawn(gl, made):
     renderer = DeferredRenderer(gl, scene, bake, WIDTH * SAMPLES, HEIGHT * SAMPLES)
     renderer.render(scenes.inside_camera())
     layers = {layer: renderer.read(layer) for layer in (*LAYERS.values(), "depth", "normal", "albedo")}
+    renderer.weights = WEIGHTS
+    renderer.render(scenes.inside_camera())
+    layers["weighted"] = renderer.read("final")
     renderer.release()
     rims = [np.ptp(blocks(layers[name]), axis=2) for name in ("depth", "indirect")]
     even = (rims[0][..., 0] < 0.05) & (rims[1].max(axis=-1) < 0.02) & (blocks(layers["depth"]).min(axis=(2, 3)) > 0)
@@ -80,10 +87,10 @@ def blocks(layer: np.ndarray) -> np.ndarray:
     return split.reshape(HEIGHT, WIDTH, SAMPLES * SAMPLES, -1)
 
 
-@pytest.mark.parametrize("number", range(3), ids=LAYERS)
-def test_the_picture_is_that_of_our_own_renderer(found, drawn, number):
+@pytest.mark.parametrize(("number", "layer"), list(enumerate([*LAYERS.values(), "weighted"])))
+def test_the_picture_is_that_of_our_own_renderer(found, drawn, number, layer):
     layers, _ = drawn
-    expected = blocks(tone_map(layers[list(LAYERS.values())[number]], EXPOSURE)).mean(axis=2).astype(np.float32)
+    expected = blocks(tone_map(layers[layer], EXPOSURE)).mean(axis=2).astype(np.float32)
     shown = found["pictures"][number]["pixels"].astype(np.float32) / 255
     flip = flip_evaluator.evaluate(expected, shown, "LDR")[1]
     print(f"FLIP {flip:.4f}")
@@ -102,7 +109,8 @@ def test_the_page_says_what_it_shows(found):
     assert found["console"] == []
     assert found["title"] == "room <1>"
     assert found["about"].startswith("830 Gaussians, ")
-    on, off, only = found["milliseconds"]
+    assert found["groups"] == ["base", "lamps", "sky"]
+    on, off, only, _ = found["milliseconds"]
     print(f"{on:.1f} ms a frame with light, {off:.1f} without, {only:.1f} for B alone; ready after {found['ready']} ms")
     assert 0 < found["ready"] <= found["loaded"]
 
@@ -166,9 +174,10 @@ def test_films_are_blended_back_to_front(gl, made, tmp_path):
         blended = replace(scene, materials=(*scene.materials, *materials), blended=tuple(order))
         folder = tmp_path / str(number)
         folder.mkdir()
-        write_page(folder, blended, bake, codec.encode(bake), {"inside": scenes.inside_camera()}, "films")
+        plain = replace(bake, groups=())
+        write_page(folder, blended, plain, codec.encode(plain), {"inside": scenes.inside_camera()}, "films")
         found = open_page(folder, [{"gi": "on", "exposure": EXPOSURE}])
-        assert found["console"] == []
+        assert (found["console"], found["groups"]) == ([], [])
         pictures.append(found["pictures"][0]["pixels"].astype(np.float32) / 255)
     np.testing.assert_array_equal(*pictures)
     renderer = DeferredRenderer(gl, blended, bake, WIDTH * SAMPLES, HEIGHT * SAMPLES)

@@ -135,6 +135,21 @@ await post(async () => {
     room.add(spot.clone());
     found.cloned = shown(room);
 
+    // Light groups are weighed for the next frame; clones keep their weights, and each light has its own.
+    const lamps = await load("groups.gsgi"), dim = sceneOf(mesh(new THREE.MeshLambertMaterial()), lamps);
+    const weigh = (weights) => { lamps.weights = weights; return shown(dim); };
+    found.groups = [shown(dim), weigh({ lamps: 0.5 }), weigh({ lamps: [1, 0, 0], base: 0 }), weigh({})];
+    weigh({ base: 0.25 });
+    const twin = lamps.clone();
+    dim.remove(lamps).add(twin);
+    found.groups.push(shown(dim));
+    found.weights = [lamps.weights, twin.weights];
+    try {
+        lamps.weights = { lamp: 1 };
+    } catch (error) {
+        found.unknown = `${error}`;
+    }
+
     found.errors = [];
     for (const name of ["over.gsgi", "damaged.gsgi", "missing.gsgi"])
         found.errors.push(await load(name).then(() => "", (error) => `${error.name}: ${error.message}`));

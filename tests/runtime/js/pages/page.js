@@ -58,6 +58,7 @@ await post(async () => {
         found.milliseconds.push(gsgi.measure(Number(given.frames ?? 3)));
     }
     if (given.moves) found.poses = await moves(gsgi, frame.contentWindow);
+    found.groups = [...frame.contentDocument.querySelectorAll("#groups label")].map((each) => each.textContent.trim());
     found.title = frame.contentDocument.title;
     found.about = frame.contentDocument.getElementById("about").textContent;
     found.exposure = gsgi.renderer.toneMappingExposure;

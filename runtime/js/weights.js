@@ -1,0 +1,49 @@
+/** Weights of light groups: the sum of the parts of a bake's light, as runtime/file/FORMAT.md has it. */
+
+export const BASE = "base"; // the group of all lights in no other
+const WEIGHT_MAX = 1e15;
+const f = Math.fround;
+
+/** The names that weights of a bake may have, "base" first: that of all lights in no other group. */
+export function groupNames({ groups }) {
+    const names = groups.map(({ name }) => name).filter((name) => name !== BASE);
+    return groups.length ? [BASE, ...names] : names;
+}
+
+/**
+ * The bake with the light of each of its groups multiplied by its weight, a number or three of linear Rec.709, by name:
+ * `{ lamps: 0.2, sun: [1, 0.9, 0.8] }`. Groups that are left out have 1. With ones it is the bake itself.
+ *
+ * The numbers are those of Python, to the last bit. Throws RangeError for an unknown group, and for weights that are
+ * not from 0 to 1e15.
+ */
+export function weighted(bake, weights) {
+    const names = groupNames(bake), factors = new Map(names.map((name) => [name, [1, 1, 1]]));
+    for (const [name, weight] of Object.entries(weights)) {
+        const three = (weight?.[Symbol.iterator] ? [...weight] : [weight, weight, weight]).map(f);
+        if (!factors.has(name)) throw new RangeError(`the bake has no light group "${name}": it has ${names.join(", ") || "none"}`);
+        if (three.length !== 3 || !three.every((each) => each >= 0 && each <= WEIGHT_MAX))
+            throw new RangeError(`the weight of "${name}" must be one or three numbers from 0 to ${WEIGHT_MAX}`);
+        factors.set(name, three);
+    }
+    if ([...factors.values()].flat().every((each) => each === 1)) return bake;
+    const parts = (level) => bake.groups.map((group) => ({ ...group[level], factor: factors.get(group.name) }));
+    return { ...bake, fine: sum(bake.fine, parts("fine")), coarse: sum(bake.coarse, parts("coarse")) };
+}
+
+/** A level whose colours are the sum of those of `parts`, each multiplied by its `factor`. */
+function sum(level, parts) {
+    const sh = new Float32Array(level.sh.length), stride = 3 * (level.shDegree + 1) ** 2;
+    for (const part of parts) part.sh.forEach((value, i) => { sh[i] += f(part.factor[i % 3] * value); });
+    if (!level.slope) return { ...level, sh };
+    // Slopes that change the sum as those of the parts do theirs, as far as one pair for all channels can: least squares.
+    const dot = (a, b) => f(f(f(a[0] * b[0]) + f(a[1] * b[1])) + f(a[2] * b[2]));
+    const slope = level.slope.map((_, i) => {
+        const first = (i >> 1) * stride, constant = sh.subarray(first, first + 3), gradient = new Float32Array(3);
+        for (const part of parts)
+            for (let c = 0; c < 3; ++c) gradient[c] += f(part.slope[i] * f(part.factor[c] * part.sh[first + c]));
+        const square = dot(constant, constant);
+        return square > 0 ? dot(gradient, constant) / square : 0;
+    });
+    return { ...level, sh, slope };
+}
