@@ -52,6 +52,7 @@ class Info(Sized):
         ("weight_floor", c_float), ("radius", c_float), ("gaussian_count", c_uint32 * 2), ("sh_degree", c_uint32 * 2),
         ("sloped", c_int32 * 2), ("bounds_low", c_double * 3), ("bounds_high", c_double * 3),
         ("bake_bytes", c_size_t), ("light_bytes", c_size_t), ("group_count", c_uint32),
+        ("relief", c_int32),
     )  # fmt: skip
 
 
@@ -59,7 +60,7 @@ class Texels(Sized):
     _fields_ = (
         ("struct_size", c_size_t), ("shape", ctypes.POINTER(c_float)), ("sh", ctypes.POINTER(c_float)),
         ("slope", ctypes.POINTER(c_float)), ("shape_rows", c_uint32), ("sh_rows", c_uint32), ("slope_rows", c_uint32),
-        ("origin", c_double * 3),
+        ("origin", c_double * 3), ("relief", ctypes.POINTER(c_float)), ("relief_rows", c_uint32),
     )  # fmt: skip
 
 
@@ -82,7 +83,7 @@ class LightOptions(Sized):
     _fields_ = (
         ("struct_size", c_size_t), ("depth", c_int32), ("normal", c_int32), ("normal_space", c_int32),
         ("albedo", c_int32), ("rows", c_int32), ("splat_scale", c_int32), ("box_low", c_float * 3),
-        ("box_high", c_float * 3), ("depth_range", c_float * 2),
+        ("box_high", c_float * 3), ("depth_range", c_float * 2), ("relief", c_int32),
     )  # fmt: skip
 
 
@@ -166,7 +167,7 @@ class Library:
         found = Texels()
         assert self.functions.gsgi_bake_texels(bake, level, ctypes.byref(found)) == OK
         texels = {}
-        for name in ("shape", "sh", "slope"):
+        for name in ("shape", "sh", "slope", "relief"):
             rows = getattr(found, f"{name}_rows")
             texels[name] = np.ctypeslib.as_array(getattr(found, name), (2048 * rows, 4)).copy() if rows else None
         return texels | {"origin": np.array(found.origin)}
@@ -271,11 +272,15 @@ class Context:
 class Light:
     """A gsgi_light; `encoding` is a gsgi.Encoding."""
 
-    def __init__(self, context: Context, data: bytes, encoding, splat_scale: int = 0, box=None, top_down: bool = False):
+    def __init__(
+        self, context: Context, data: bytes, encoding, splat_scale: int = 0, box=None, top_down: bool = False,
+        relief: bool = False,
+    ):  # fmt: skip
         self.context, self.functions, self.handle = context, context.library.functions, c_void_p()
         options = LightOptions(
             depth=DEPTHS[encoding.depth], normal=NORMALS[encoding.normal], normal_space=SPACES[encoding.normal_space],
             albedo=ALBEDOS[encoding.albedo], rows=int(top_down), splat_scale=splat_scale,
+            relief=relief,
         )  # fmt: skip
         options.depth_range[:] = encoding.depth_range
         if box is not None:
@@ -291,11 +296,11 @@ class Light:
         view.clip_from_view[:] = np.float32(clip_from_view).T.ravel()
         return self.functions.gsgi_light_cull(self.handle, ctypes.byref(view))
 
-    def draw(self, depth: int, normal: int) -> tuple[int, int]:
+    def draw(self, depth: int, normal: int, mapped: int = 0) -> tuple[int, int]:
         """The result, and the name of the texture with B."""
-        indirect = c_uint32()
-        result = self.functions.gsgi_light_draw(self.handle, c_uint32(depth), c_uint32(normal), ctypes.byref(indirect))
-        return result, indirect.value
+        indirect, textures = c_uint32(), map(c_uint32, (depth, normal, *([mapped] if mapped else [])))
+        draw = self.functions.gsgi_light_draw_mapped if mapped else self.functions.gsgi_light_draw
+        return draw(self.handle, *textures, ctypes.byref(indirect)), indirect.value
 
     def recolour(self, bake: c_void_p) -> int:
         return self.functions.gsgi_light_recolour(self.handle, bake)

@@ -17,24 +17,24 @@ WHOLE = (0, 0, *SIZE)
 
 
 def of_python(
-    gl, data, textures, view, clip, viewport=WHOLE, encoding=OURS, splat_scale=2, weights=None, **how
+    gl, data, textures, view, clip, viewport=WHOLE, encoding=OURS, splat_scale=2, weights=None, mapped=None, **how
 ) -> np.ndarray:
     """What IndirectLight draws: (H, W, 4) float32, as integers."""
     light = IndirectLight(gl, codec.decode(data), encoding, splat_scale, **how)
     light.weights = weights or {}
-    made = light.draw(*textures, np.float32(view), np.float32(clip), viewport)
+    made = light.draw(*textures, np.float32(view), np.float32(clip), viewport, mapped)
     found = texels(made.glo, gl, made.size)
     light.release()
     return found
 
 
-def of_c(gl, context, data, textures, view, clip, viewport=WHOLE, encoding=OURS, splat_scale=2, **how):
+def of_c(gl, context, data, textures, view, clip, viewport=WHOLE, encoding=OURS, splat_scale=2, mapped=None, **how):
     """The same by the C library, which makes no errors of OpenGL."""
     gl.error  # noqa: B018  reading it clears what Python's pass left
     light = Light(context, data, encoding, splat_scale, **how)
     assert light.result == OK, context.messages
     assert light.cull(view, clip, viewport) == OK, context.messages
-    result, name = light.draw(*(made.glo for made in textures))
+    result, name = light.draw(*(made.glo for made in (*textures, *([mapped] if mapped else []))))
     assert result == OK, context.messages
     found = texels(name, gl, viewport[2:])
     light.destroy()

@@ -134,6 +134,7 @@ typedef struct gsgi_info {
     size_t light_bytes;   /* memory on the GPU that a light of it holds for Gaussians: 48 bytes each, 16 for each four
                              numbers of SH (or part of four), 16 with slopes, 4 for its index */
     uint32_t group_count; /* light groups; 0 where the lights were not baked apart */
+    int32_t relief;       /* whether the light of the fine level follows normal maps */
 } gsgi_info;
 
 /* The Gaussians of a level as texels of the data textures that glsl/lib/gaussian.glsl reads: RGBA32F, 2048 wide, row by
@@ -146,6 +147,8 @@ typedef struct gsgi_texels {
     const float* slope;                       /* 1 texel per Gaussian; NULL where the level is not sloped */
     uint32_t shape_rows, sh_rows, slope_rows; /* 0 in a level without Gaussians */
     double origin[3];
+    const float* relief; /* of the fine level, 3 texels per Gaussian; NULL where the file has none */
+    uint32_t relief_rows;
 } gsgi_texels;
 
 /* Decode the `size` bytes of a .gsgi file. `data` may be freed afterwards. `options` may be NULL.
@@ -238,7 +241,7 @@ typedef enum gsgi_state {
     /* All state that the library sets, or that would change what it draws, is read before and restored after. */
     GSGI_STATE_RESTORE = 0,
     /* Nothing is read. Afterwards the state that the library sets has OpenGL's initial values: no program, vertex
-     * array, framebuffer, renderbuffer and array or unpack buffer; no texture and sampler in units 0 to 4, unit 0
+     * array, framebuffer, renderbuffer and array or unpack buffer; no texture and sampler in units 0 to 6, unit 0
      * active; all switches off but dithering and multisampling, which are not touched; depth test LESS, all masks on,
      * blending ONE, ZERO; clip control and pixel store as a new context has them. Only the viewport stays as the
      * library set it. For hosts that set all state in each pass, or that can tell their state cache to forget. */
@@ -284,7 +287,7 @@ typedef enum gsgi_depth {
     GSGI_DEPTH_LINEAR       /* metres along the view axis in floats, 0: no surface */
 } gsgi_depth;
 
-/* The normal points towards the camera and is the one before any normal map, which B ignores. */
+/* The normal points towards the camera and is the one before any normal map. */
 typedef enum gsgi_normal {
     GSGI_NORMAL_SIGNED = 0,         /* xyz of any length */
     GSGI_NORMAL_UNSIGNED,           /* xyz moved from -1 ... 1 to 0 ... 1 */
@@ -317,6 +320,8 @@ typedef struct gsgi_light_options {
     float box_high[3];    /* Both 0: no box. */
     float depth_range[2]; /* of a depth buffer: the arguments of the glDepthRange it was drawn under; both 0: 0 and 1.
                              What lies outside shows no surface. */
+    int32_t relief;       /* not 0: B follows normal maps, where the file says how (gsgi_info.relief), in
+                             gsgi_light_draw_mapped. It takes 48 bytes more per Gaussian of the fine level. */
 } gsgi_light_options;
 
 /* Upload a bake and compile its passes. `options` may be NULL. The bake may be closed afterwards. */
@@ -352,6 +357,12 @@ GSGI_API gsgi_result gsgi_light_cull(gsgi_light* light, const gsgi_view* view);
  * GSGI_INVALID_ARGUMENT. They are checked when another texture or viewport is given. */
 GSGI_API gsgi_result gsgi_light_draw(gsgi_light* light, uint32_t depth, uint32_t normal, uint32_t* indirect);
 
+/* The same, with B that follows normal maps, for a light with the option `relief`: `mapped` is one more texture of the
+ * size and encoding of `normal`, with the normals as normal maps bend them, which may be those that light the frame.
+ * Where it is a zero vector, and with 0 for `mapped`, nothing is bent. */
+GSGI_API gsgi_result gsgi_light_draw_mapped(gsgi_light* light, uint32_t depth, uint32_t normal, uint32_t mapped,
+                                            uint32_t* indirect);
+
 /* Add albedo * B of the last draw to GL_COLOR_ATTACHMENT0 of `framebuffer` (to the back buffer of framebuffer 0), in
  * the viewport of that draw. It holds linear radiance. Alpha and other attachments do not change. `albedo` is a 2D
  * texture of the size of the draw's, and none of the framebuffer's attachments. */
@@ -362,7 +373,8 @@ typedef struct gsgi_stats {
     uint32_t drawn[2];     /* Gaussians of the last cull, by gsgi_level */
     size_t gaussian_bytes; /* on the GPU */
     size_t target_bytes;   /* on the GPU, for the size of the last draw. `over`: 16 bytes per pixel of the viewport.
-                              `surface`: 8, and 52 per reading (68 with a coarse level), 16 more from splat_scale 2 on */
+                              `surface`: 8, and 52 per reading (68 with a coarse level), 16 more from splat_scale 2 on,
+                              8 more with relief */
 } gsgi_stats;
 
 /* Fill `stats`, whose struct_size is set. */

@@ -59,13 +59,14 @@ static void describe(gsgi_bake* bake, const gsgi__header* h) {
         info->sh_degree[l] = level->sh_degree;
         info->sloped[l] = level->sloped;
         for (int t = 0; t < 3; ++t) {
-            size_t bytes = (size_t)textures[t]->rows * GSGI_DATA_WIDTH * 4 * sizeof(float);
+            const size_t bytes = gsgi__texel_bytes(textures[t]);
             info->bake_bytes += bytes;
             info->light_bytes += bytes;
         }
         info->light_bytes += level->count * sizeof(uint32_t);
-        info->bake_bytes += bake->grids[l].bytes;
+        info->bake_bytes += bake->grids[l].bytes + gsgi__texel_bytes(&level->relief);
     }
+    info->relief = bake->levels[GSGI_FINE].relief.rows > 0;
 }
 
 gsgi_result gsgi_bake_open(const void* data, size_t size, const gsgi_open_options* given, gsgi_bake** out) {
@@ -79,7 +80,7 @@ gsgi_result gsgi_bake_open(const void* data, size_t size, const gsgi_open_option
                           (int)size);
     const uint8_t* bytes = data;
     gsgi__header h = gsgi__read_header(bytes);
-    gsgi__sections sections = {{{0, 0}, {0, 0}}, 0};
+    gsgi__sections sections = {{{0, 0}, {0, 0}}, {0, 0}, 0};
     if ((result = gsgi__check_file(&h, bytes, size, &sections, callbacks))) return result;
 
     gsgi_bake* bake = gsgi__allocate(callbacks, sizeof *bake);
@@ -91,6 +92,10 @@ gsgi_result gsgi_bake_open(const void* data, size_t size, const gsgi_open_option
         gsgi__reader reader = {bytes,    sections.levels[l].begin, sections.levels[l].end, l ? "coarse" : "fine", "", 0,
                                callbacks};
         result = gsgi__decode_level(&bake->levels[l], &h.levels[l], &reader);
+    }
+    if (!result && sections.relief.begin) {
+        gsgi__reader reader = {bytes, sections.relief.begin, sections.relief.end, "relief", "", 0, callbacks};
+        result = gsgi__decode_relief(&bake->levels[GSGI_FINE], &reader);
     }
     if (!result) result = gsgi__decode_groups(bake, &h, bytes, sections.levels[1].end, sections.groups);
     if (result) {
@@ -120,9 +125,11 @@ gsgi_result gsgi_bake_texels(const gsgi_bake* bake, gsgi_level which, gsgi_texel
     if (which != GSGI_FINE && which != GSGI_COARSE)
         return gsgi__fail(&bake->callbacks, GSGI_INVALID_ARGUMENT, "level: %d is none", (int)which);
     const gsgi__level* level = &bake->levels[which];
-    gsgi_texels found = {
-        sizeof found,      level->shape.texels, level->sh.texels,  level->slope.texels,
-        level->shape.rows, level->sh.rows,      level->slope.rows, {bake->origin[0], bake->origin[1], bake->origin[2]}};
+    gsgi_texels found = {sizeof found,         level->shape.texels,
+                         level->sh.texels,     level->slope.texels,
+                         level->shape.rows,    level->sh.rows,
+                         level->slope.rows,    {bake->origin[0], bake->origin[1], bake->origin[2]},
+                         level->relief.texels, level->relief.rows};
     return gsgi__write_struct(&found, sizeof found, texels);
 }
 
@@ -133,6 +140,7 @@ void gsgi_bake_close(gsgi_bake* bake) {
         gsgi__release(&callbacks, bake->levels[l].shape.texels);
         gsgi__release(&callbacks, bake->levels[l].sh.texels);
         gsgi__release(&callbacks, bake->levels[l].slope.texels);
+        gsgi__release(&callbacks, bake->levels[l].relief.texels);
         gsgi__grid_destroy(&bake->grids[l], &callbacks);
     }
     gsgi__groups_release(bake);

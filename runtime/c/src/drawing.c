@@ -25,6 +25,7 @@ void gsgi__draw_gaussians(const gsgi_light* light, int l, GLsizei vertices) {
     gsgi__bind_texture(gl, 0, level->shape);
     gsgi__bind_texture(gl, 1, level->sh);
     if (level->slope) gsgi__bind_texture(gl, 4, level->slope);
+    if (level->relief) gsgi__bind_texture(gl, 6, level->relief);
     gl->BindBuffer(GL_ARRAY_BUFFER, level->index);
     gl->BufferData(GL_ARRAY_BUFFER, (GLsizeiptr)(culled->count * sizeof *culled->index), NULL, GL_STREAM_DRAW);
     gl->BufferSubData(GL_ARRAY_BUFFER, 0, (GLsizeiptr)(culled->visible * sizeof *culled->index), culled->index);
@@ -60,15 +61,19 @@ GLuint gsgi__target_texture(gsgi_light* light, GLenum format, int32_t width, int
     return gsgi__texture_of(&light->context->gl, whole, width, height, NULL);
 }
 
-gsgi_result gsgi__target(gsgi_light* light, GLuint color, GLuint second, GLuint depth, GLuint* framebuffer) {
+gsgi_result gsgi__target(gsgi_light* light, const GLuint colors[GSGI_TARGETS], GLuint depth, GLuint* framebuffer) {
     const gsgi__gl* gl = &light->context->gl;
-    const GLenum buffers[] = {color ? GL_COLOR_ATTACHMENT0 : GL_NONE, GL_COLOR_ATTACHMENT0 + 1};
+    GLenum buffers[GSGI_TARGETS] = {GL_NONE};
+    GLsizei count = 1;
     gl->GenFramebuffers(1, framebuffer);
     gl->BindFramebuffer(GL_DRAW_FRAMEBUFFER, *framebuffer);
-    if (color) gl->FramebufferTexture2D(GL_DRAW_FRAMEBUFFER, buffers[0], GL_TEXTURE_2D, color, 0);
-    if (second) gl->FramebufferTexture2D(GL_DRAW_FRAMEBUFFER, buffers[1], GL_TEXTURE_2D, second, 0);
+    for (int i = 0; i < GSGI_TARGETS && colors[i]; ++i) {
+        buffers[i] = GL_COLOR_ATTACHMENT0 + (GLenum)i;
+        gl->FramebufferTexture2D(GL_DRAW_FRAMEBUFFER, buffers[i], GL_TEXTURE_2D, colors[i], 0);
+        count = i + 1;
+    }
     if (depth) gl->FramebufferRenderbuffer(GL_DRAW_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_RENDERBUFFER, depth);
-    gl->DrawBuffers(second ? 2 : 1, buffers);
+    gl->DrawBuffers(count, buffers);
     GLenum status = gl->CheckFramebufferStatus(GL_DRAW_FRAMEBUFFER);
     if (status == GL_FRAMEBUFFER_COMPLETE) return GSGI_OK;
     return gsgi__fail(&light->context->callbacks, GSGI_DRIVER_ERROR,
@@ -80,7 +85,7 @@ void gsgi__targets_release(gsgi_light* light) {
     const gsgi__gl* gl = &light->context->gl;
     const gsgi__targets* t = &light->targets;
     const GLuint framebuffers[] = {t->points, t->gap, t->fine_sums, t->coarse_sums, t->filled_sums, t->resolved};
-    const GLuint textures[] = {t->position, t->plane, t->fine, t->coarse, t->filled, t->indirect};
+    const GLuint textures[] = {t->position, t->plane, t->bend, t->fine, t->coarse, t->filled, t->indirect};
     if (!light->context->lost) {
         gl->DeleteFramebuffers(sizeof framebuffers / sizeof *framebuffers, framebuffers); /* 0 is ignored */
         gl->DeleteTextures(sizeof textures / sizeof *textures, textures);

@@ -100,7 +100,8 @@ static const char* const uniform_names[U_COUNT] = {
 /* Samplers of all passes. A sampler's unit is the same in each pass that has it. */
 static const struct { const char* name; GLint unit; } samplers[] = {
     {"shape_data", 0}, {"sh_data", 1}, {"surface_position", 2}, {"surface_plane", 3}, {"slope_data", 4},
-    {"normal", 0}, {"depth", 1}, {"fine_sums", 2}, {"coarse_sums", 4}, {"filled_sums", 2},
+    {"surface_bend", 5}, {"relief_data", 6},
+    {"normal", 0}, {"depth", 1}, {"mapped", 2}, {"fine_sums", 2}, {"coarse_sums", 4}, {"filled_sums", 2},
     {"albedo", 0}, {"indirect", 1}};
 /* clang-format on */
 

@@ -222,13 +222,14 @@ void gsgi__set_matrix(const gsgi__gl* gl, const gsgi__program* program, gsgi__un
 
 /* ---- State ---- */
 
-#define GSGI_UNITS 5 /* texture units that the passes use */
+#define GSGI_UNITS 7   /* texture units that the passes use */
+#define GSGI_TARGETS 3 /* draw buffers that they write */
 #define GSGI_SWITCHES_MAX 32
 
 /* What a host has set. */
 typedef struct gsgi__state {
-    bool switches[GSGI_SWITCHES_MAX], scissor, blend[2];
-    GLboolean color_mask[2][4], depth_mask;
+    bool switches[GSGI_SWITCHES_MAX], scissor, blend[GSGI_TARGETS];
+    GLboolean color_mask[GSGI_TARGETS][4], depth_mask;
     GLint blend_function[4], blend_equation[2], depth_function, polygon_mode[2], clamp_fragment_color;
     GLint framebuffer, renderbuffer, vertex_array, array_buffer, unpack_buffer, program, active_texture;
     GLint textures[GSGI_UNITS], samplers[GSGI_UNITS], unpack[8], clip_origin, clip_depth;
@@ -240,7 +241,7 @@ typedef struct gsgi__state {
 void gsgi__state_begin(const gsgi__gl* gl, gsgi_state mode, gsgi__state* state);
 void gsgi__state_end(const gsgi__gl* gl, gsgi_state mode, const gsgi__state* state);
 
-/* State that the passes change. Those of blending and of the viewport leave draw buffers and viewports above 1 alone.
+/* State that the passes change. Those of blending and of the viewport leave other draw buffers and viewports alone.
  */
 void gsgi__blend(const gsgi__gl* gl, bool on, GLenum source, GLenum destination);
 void gsgi__viewport(const gsgi__gl* gl, GLint x, GLint y, GLsizei width, GLsizei height);

@@ -75,7 +75,7 @@ static gsgi__state initial(void) {
 static void read_blending(const gsgi__gl* gl, gsgi__state* s) {
     static const GLenum functions[] = {GL_BLEND_SRC_RGB, GL_BLEND_DST_RGB, GL_BLEND_SRC_ALPHA, GL_BLEND_DST_ALPHA};
     static const GLenum equations[] = {GL_BLEND_EQUATION_RGB, GL_BLEND_EQUATION_ALPHA};
-    for (GLuint i = 0; i < 2; ++i) {
+    for (GLuint i = 0; i < GSGI_TARGETS; ++i) {
         s->blend[i] = gl->indexed ? gl->IsEnabledi(GL_BLEND, i) : gl->IsEnabled(GL_BLEND);
         if (gl->indexed)
             gl->GetBooleani_v(GL_COLOR_WRITEMASK, i, s->color_mask[i]);
@@ -167,7 +167,7 @@ static void write_fixed(const gsgi__gl* gl, const gsgi__state* s) {
     for (size_t i = 0; i < SWITCH_COUNT; ++i)
         if (has(gl, switches[i].where)) set_switch(gl, switches[i].name, s->switches[i]);
     set_indexed(gl, gl->viewports, GL_SCISSOR_TEST, 0, s->scissor);
-    for (GLuint i = 0; i < (gl->indexed ? 2u : 1u); ++i) {
+    for (GLuint i = 0; i < (gl->indexed ? GSGI_TARGETS : 1u); ++i) {
         const GLboolean* mask = s->color_mask[i];
         set_indexed(gl, gl->indexed, GL_BLEND, i, s->blend[i]);
         if (gl->indexed)
@@ -235,7 +235,8 @@ void gsgi__state_end(const gsgi__gl* gl, gsgi_state mode, const gsgi__state* sta
 }
 
 void gsgi__blend(const gsgi__gl* gl, bool on, GLenum source, GLenum destination) {
-    for (GLuint i = 0; i < (gl->indexed ? 2u : 1u); ++i) set_indexed(gl, gl->indexed, GL_BLEND, i, on && i == 0);
+    for (GLuint i = 0; i < (gl->indexed ? GSGI_TARGETS : 1u); ++i)
+        set_indexed(gl, gl->indexed, GL_BLEND, i, on && i == 0);
     if (gl->indexed_blending)
         gl->BlendFuncSeparatei(0, source, destination, source, destination);
     else

@@ -52,7 +52,7 @@ static gsgi_result read_text(gsgi__reader* reader, size_t size, const char* fiel
 
 /* ---- Sections ---- */
 
-/* Room for the light of the levels, without rows; `name`, if not NULL, is copied. */
+/* Room for the light of the levels, without rows; `name` is copied, or NULL for `own`, which has relief too. */
 static bool allocate_group(gsgi_bake* bake, gsgi__group* group, const uint8_t* name, size_t name_bytes) {
     const gsgi_callbacks* callbacks = &bake->callbacks;
     for (int l = 0; l < 2; ++l) {
@@ -64,7 +64,12 @@ static bool allocate_group(gsgi_bake* bake, gsgi__group* group, const uint8_t* n
         if (sh && !(group->sh[l].texels = gsgi__allocate(callbacks, sh))) return false;
         if (slope && !(group->slope.texels = gsgi__allocate(callbacks, slope))) return false;
     }
-    if (!name) return true;
+    if (!name) {
+        const gsgi__texels* relief = &bake->levels[GSGI_FINE].relief;
+        const size_t bytes = (size_t)bake->levels[GSGI_FINE].count * relief->floats * sizeof(float);
+        group->relief.floats = relief->floats;
+        return bytes == 0 || (group->relief.texels = gsgi__allocate(callbacks, bytes));
+    }
     if (!(group->name = gsgi__allocate(callbacks, name_bytes + 1))) return false;
     memcpy(group->name, name, name_bytes);
     group->name[name_bytes] = '\0';
@@ -148,10 +153,12 @@ static void copy_light(gsgi_bake* bake, bool to_levels) {
     gsgi__group* own = &bake->own;
     for (int l = 0; l < 2; ++l) {
         gsgi__level* level = &bake->levels[l];
-        float* const ours[2] = {own->sh[l].texels, l == GSGI_FINE ? own->slope.texels : NULL};
-        float* const theirs[2] = {level->sh.texels, level->slope.texels};
-        const uint32_t used[2] = {own->sh[l].floats, own->slope.floats}, strides[2] = {level->sh.floats, 4};
-        for (int k = 0; k < 2; ++k)
+        float* const ours[3] = {own->sh[l].texels, l == GSGI_FINE ? own->slope.texels : NULL,
+                                l == GSGI_FINE ? own->relief.texels : NULL};
+        float* const theirs[3] = {level->sh.texels, level->slope.texels, level->relief.texels};
+        const uint32_t used[3] = {own->sh[l].floats, own->slope.floats, own->relief.floats};
+        const uint32_t strides[3] = {level->sh.floats, level->slope.floats, level->relief.floats};
+        for (int k = 0; k < 3; ++k)
             for (size_t i = 0; i < level->count && ours[k]; ++i) {
                 float *a = ours[k] + i * used[k], *b = theirs[k] + i * strides[k];
                 memcpy(to_levels ? b : a, to_levels ? a : b, used[k] * sizeof(float));
@@ -188,13 +195,15 @@ size_t gsgi__group_bytes(const gsgi_bake* bake) {
     for (int l = 0; l < 2; ++l) floats += (size_t)bake->levels[l].count * bake->own.sh[l].floats;
     if (bake->levels[GSGI_FINE].sloped) floats += (size_t)bake->levels[GSGI_FINE].count * 2;
     for (size_t g = 0; g < count; ++g) names += strlen(bake->groups[g].name) + 1;
-    return count * sizeof *bake->groups + names + (count + 1) * floats * sizeof(float);
+    const size_t relief = (size_t)bake->levels[GSGI_FINE].count * bake->own.relief.floats;
+    return count * sizeof *bake->groups + names + ((count + 1) * floats + relief) * sizeof(float);
 }
 
 static void release_group(const gsgi_bake* bake, gsgi__group* group) {
     gsgi__release(&bake->callbacks, group->sh[0].texels);
     gsgi__release(&bake->callbacks, group->sh[1].texels);
     gsgi__release(&bake->callbacks, group->slope.texels);
+    gsgi__release(&bake->callbacks, group->relief.texels);
     gsgi__release(&bake->callbacks, group->name);
 }
 
@@ -239,6 +248,16 @@ static void sum_slopes(const gsgi_bake* bake, const float* weights, size_t i, co
     }
 }
 
+/* The relief of Gaussian `i`, which follows the colours `sh`. */
+static void scale_relief(const gsgi_bake* bake, size_t i, const float* sh, float* relief) {
+    const float* before = bake->own.sh[GSGI_FINE].texels + i * bake->own.sh[GSGI_FINE].floats;
+    const float* own = bake->own.relief.texels + i * bake->own.relief.floats;
+    for (int c = 0; c < 3; ++c) {
+        const float ratio = before[c] > 0.0f ? sh[c] / before[c] : 0.0f;
+        for (int axis = 0; axis < 3; ++axis) relief[4 * axis + c] = own[4 * axis + c] * ratio;
+    }
+}
+
 gsgi_result gsgi_bake_weigh(gsgi_bake* bake, uint32_t group_count, const float* weights) {
     bool all_one = true;
     if (weights && group_count != bake->info.group_count)
@@ -261,6 +280,7 @@ gsgi_result gsgi_bake_weigh(gsgi_bake* bake, uint32_t group_count, const float* 
             float* sh = level->sh.texels + i * level->sh.floats;
             sum_sh(bake, weights, l, i, sh);
             if (level->sloped) sum_slopes(bake, weights, i, sh, level->slope.texels + 4 * i);
+            if (level->relief.texels) scale_relief(bake, i, sh, level->relief.texels + i * level->relief.floats);
         }
     }
     return GSGI_OK;

@@ -185,7 +185,7 @@ static gsgi_result check_section(const uint8_t* data, size_t size, size_t* at, c
 }
 
 /* Refuse a section after those of the levels that may not stand there. */
-static gsgi_result check_tag(const uint8_t* data, size_t at, bool surface, uint32_t reliefs,
+static gsgi_result check_tag(const uint8_t* data, size_t at, bool surface, bool has_relief,
                              const gsgi_callbacks* callbacks) {
     const char* const tag = (const char*)data + at;
     const bool level = memcmp(tag, "FINE", 4) == 0 || memcmp(tag, "COAR", 4) == 0;
@@ -193,7 +193,7 @@ static gsgi_result check_tag(const uint8_t* data, size_t at, bool surface, uint3
     if (!level && !surface && (relief || group))
         return gsgi__fail(callbacks, GSGI_INVALID_FILE, "byte %llu (section): expected no b'%.4s', since over has none",
                           (unsigned long long)at, tag);
-    if (level || (relief && reliefs > 0))
+    if (level || (relief && has_relief))
         return gsgi__fail(callbacks, GSGI_INVALID_FILE, "byte %llu (section): expected no second b'%.4s'",
                           (unsigned long long)at, tag);
     return GSGI_OK;
@@ -204,7 +204,6 @@ static gsgi_result find_sections(const gsgi__header* h, const uint8_t* data, siz
                                  const gsgi_callbacks* callbacks) {
     static const char* const tags[2] = {"FINE", "COAR"};
     const int levels = h->blend == GSGI_SURFACE ? 2 : 1;
-    uint32_t reliefs = 0;
     gsgi_result result = GSGI_OK;
     size_t at = GSGI_HEADER_BYTES;
     for (int l = 0; l < levels && !result; ++l) {
@@ -216,10 +215,10 @@ static gsgi_result find_sections(const gsgi__header* h, const uint8_t* data, siz
     while (at < size && !result) {
         const size_t begin = at;
         result = check_section(data, size, &at, "section", NULL, 0, callbacks);
-        if (!result) result = check_tag(data, begin, h->blend == GSGI_SURFACE, reliefs, callbacks);
+        if (!result) result = check_tag(data, begin, h->blend == GSGI_SURFACE, sections->relief.begin > 0, callbacks);
         if (result) break;
         sections->groups += memcmp(data + begin, "GRUP", 4) == 0;
-        reliefs += memcmp(data + begin, "RELF", 4) == 0;
+        if (memcmp(data + begin, "RELF", 4) == 0) sections->relief = (gsgi__section){begin + SECTION_BYTES, at};
     }
     return result;
 }

@@ -40,9 +40,10 @@ typedef struct gsgi__section {
     size_t begin, end;
 } gsgi__section;
 
-/* The sections that are read: of the levels, of which `over` has one, and how many of light groups follow. */
+/* The sections that are read: of the levels, of which `over` has one; and how many of light groups follow. */
 typedef struct gsgi__sections {
     gsgi__section levels[2];
+    gsgi__section relief; /* begins at 0 where there is none */
     uint32_t groups;
 } gsgi__sections;
 

@@ -69,39 +69,47 @@ static gsgi_result check_depth(const gsgi_light* light, const format* depth) {
     return GSGI_OK;
 }
 
-static gsgi_result check_normal(const gsgi_light* light, const format* normal) {
+static gsgi_result check_normal(const gsgi_light* light, const char* name, const format* normal) {
     const gsgi_normal encoding = light->options.normal;
-    if (normal->kind == KIND_DEPTH) return refuse(light, "normal", "a depth buffer: are depth and normal swapped?");
+    if (normal->kind == KIND_DEPTH) return refuse(light, name, "a depth buffer: are depth and normal swapped?");
     if (normal->kind == KIND_INTEGER || normal->channels < (encoding >= GSGI_NORMAL_OCTAHEDRAL ? 2 : 3))
-        return refuse(light, "normal", "needed are three channels (octahedral: two), float or normalised");
-    if (normal->srgb) return refuse(light, "normal", "the format is sRGB, which bends normals: use a linear format");
+        return refuse(light, name, "needed are three channels (octahedral: two), float or normalised");
+    if (normal->srgb) return refuse(light, name, "the format is sRGB, which bends normals: use a linear format");
     if (normal->kind == KIND_UNSIGNED && (encoding == GSGI_NORMAL_SIGNED || encoding == GSGI_NORMAL_OCTAHEDRAL))
-        return refuse(light, "normal",
+        return refuse(light, name,
                       "the format has no negative numbers: use GSGI_NORMAL_UNSIGNED or GSGI_NORMAL_OCTAHEDRAL_UNSIGNED "
                       "for what is moved to 0 ... 1, or a float texture");
     return GSGI_OK;
 }
 
-gsgi_result gsgi__check_surfaces(gsgi_light* light, GLuint depth_name, GLuint normal_name) {
+gsgi_result gsgi__check_surfaces(gsgi_light* light, GLuint depth_name, GLuint normal_name, GLuint mapped_name) {
     const gsgi__camera* c = &light->camera;
     gsgi__checked* checked = &light->checked;
-    format depth, normal;
+    format depth, normal, mapped;
     gsgi_result result;
-    if (depth_name && depth_name == checked->depth && normal_name && normal_name == checked->normal) return GSGI_OK;
+    if (depth_name && depth_name == checked->depth && normal_name && normal_name == checked->normal &&
+        mapped_name == checked->mapped)
+        return GSGI_OK;
     if (!light->context->gl.texture_levels) {
         if (depth_name && normal_name) return GSGI_OK;
         return refuse(light, depth_name ? "normal" : "depth", "0 is no texture");
     }
     if ((result = read_format(light, "depth", depth_name, &depth)) ||
         (result = read_format(light, "normal", normal_name, &normal)) || (result = check_depth(light, &depth)) ||
-        (result = check_normal(light, &normal)))
+        (result = check_normal(light, "normal", &normal)))
+        return result;
+    if (mapped_name && ((result = read_format(light, "mapped", mapped_name, &mapped)) ||
+                        (result = check_normal(light, "mapped", &mapped))))
         return result;
     if (depth.width != normal.width || depth.height != normal.height)
         return refuse(light, "normal", "its size is not that of depth");
+    if (mapped_name && (mapped.width != normal.width || mapped.height != normal.height))
+        return refuse(light, "mapped", "its size is not that of normal");
     if (c->width > depth.width - c->x || c->height > depth.height - c->y)
         return refuse(light, "viewport", "it does not lie within the textures");
     checked->depth = depth_name;
     checked->normal = normal_name;
+    checked->mapped = mapped_name;
     return GSGI_OK;
 }
 

@@ -31,6 +31,7 @@ gsgi_result gsgi__write_struct(const void* own, size_t own_size, void* given);
 
 #define GSGI_DATA_WIDTH 2048 /* texels; DATA_WIDTH of glsl/lib/gaussian.glsl */
 #define GSGI_SHAPE_FLOATS 12 /* per Gaussian: three texels */
+#define GSGI_RELIEF_FLOATS 12
 
 typedef struct gsgi__texels {
     float* texels;   /* NULL without any */
@@ -38,16 +39,20 @@ typedef struct gsgi__texels {
     uint32_t rows;
 } gsgi__texels;
 
+static inline size_t gsgi__texel_bytes(const gsgi__texels* data) {
+    return (size_t)data->rows * GSGI_DATA_WIDTH * 4 * sizeof(float);
+}
+
 typedef struct gsgi__level {
     uint32_t count, sh_degree;
     bool sloped;
-    gsgi__texels shape, sh, slope;
+    gsgi__texels shape, sh, slope, relief; /* the last of the fine level, where the file has it */
 } gsgi__level;
 
 /* The light of a light group on the Gaussians of both levels, one after the other: no rows. */
 typedef struct gsgi__group {
     char* name;
-    gsgi__texels sh[2], slope; /* the latter of the fine level */
+    gsgi__texels sh[2], slope, relief; /* the latter two of the fine level; relief in `own` alone */
 } gsgi__group;
 
 /* What decides the weight of a Gaussian. */

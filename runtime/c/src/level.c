@@ -36,7 +36,7 @@ uint64_t gsgi__least_level_bytes(const gsgi__level_header* record) {
     return least + (record->basis ? gsgi__least_bytes(2 * count) : 0);
 }
 
-static bool allocate_texels(gsgi__texels* data, const gsgi_callbacks* callbacks, uint32_t count, uint32_t floats) {
+bool gsgi__allocate_texels(gsgi__texels* data, const gsgi_callbacks* callbacks, uint32_t count, uint32_t floats) {
     data->floats = floats;
     uint64_t texels = (uint64_t)count * (floats / 4);
     data->rows = (uint32_t)((texels + GSGI_DATA_WIDTH - 1) / GSGI_DATA_WIDTH);
@@ -316,9 +316,9 @@ gsgi_result gsgi__decode_level(gsgi__level* level, const gsgi__level_header* rec
     level->count = count;
     level->sh_degree = record->sh_degree;
     level->sloped = record->basis == 1;
-    if (!allocate_texels(&level->shape, callbacks, count, GSGI_SHAPE_FLOATS) ||
-        !allocate_texels(&level->sh, callbacks, count, sh_floats) ||
-        (level->sloped && !allocate_texels(&level->slope, callbacks, count, 4)))
+    if (!gsgi__allocate_texels(&level->shape, callbacks, count, GSGI_SHAPE_FLOATS) ||
+        !gsgi__allocate_texels(&level->sh, callbacks, count, sh_floats) ||
+        (level->sloped && !gsgi__allocate_texels(&level->slope, callbacks, count, 4)))
         return no_memory(reader, count);
     for (size_t i = 0; i < count; ++i)
         for (uint32_t k = coefficients; k < sh_floats; ++k) level->sh.texels[i * sh_floats + k] = 0.0f;

@@ -31,11 +31,12 @@ static gsgi_result upload(gsgi_light* light, const gsgi_bake* bake, int l) {
     const gsgi__gl* gl = &light->context->gl;
     const gsgi__level* level = &bake->levels[l];
     gsgi__gaussians* to = &light->levels[l];
-    const gsgi__texels* texels[] = {&level->shape, &level->sh, &level->slope};
+    const gsgi__texels none = {NULL, 0, 0};
+    const gsgi__texels* texels[] = {&level->shape, &level->sh, &level->slope, light->relief ? &level->relief : &none};
     const gsgi__format floats = {GL_RGBA32F, GL_RGBA, GL_FLOAT};
-    GLuint* textures[] = {&to->shape, &to->sh, &to->slope};
+    GLuint* textures[] = {&to->shape, &to->sh, &to->slope, &to->relief};
     if (level->count == 0) return GSGI_OK;
-    for (int t = 0; t < 3; ++t) {
+    for (int t = 0; t < 4; ++t) {
         if (texels[t]->rows > (uint32_t)gl->texture_size_max)
             return gsgi__fail(&light->context->callbacks, GSGI_UNSUPPORTED,
                               "bake: %u Gaussians are more than this driver's textures hold", level->count);
@@ -85,6 +86,8 @@ gsgi_result gsgi_light_create(gsgi_context* context, const gsgi_bake* bake, cons
     light->context = context;
     light->options = options;
     light->info = bake->info;
+    light->relief = options.relief && bake->info.relief;
+    if (light->relief) light->info.light_bytes += gsgi__texel_bytes(&bake->levels[GSGI_FINE].relief);
     memcpy(light->origin, bake->origin, sizeof light->origin);
     light->crc = bake->crc;
     for (int l = 0; l < 2 && !result; ++l)
@@ -118,9 +121,9 @@ void gsgi_light_destroy(gsgi_light* light) {
         gl->DeleteProgram(programs[i]->name);
     for (int l = 0; l < 2; ++l) {
         const gsgi__gaussians* level = &light->levels[l];
-        const GLuint textures[] = {level->shape, level->sh, level->slope};
+        const GLuint textures[] = {level->shape, level->sh, level->slope, level->relief};
         if (!context->lost) {
-            gl->DeleteTextures(3, textures);
+            gl->DeleteTextures(4, textures);
             gl->DeleteBuffers(1, &level->index);
             gl->DeleteVertexArrays(1, &level->strips);
         }
@@ -169,6 +172,8 @@ gsgi_result gsgi_light_recolour(gsgi_light* light, const gsgi_bake* bake) {
         if (level->count > 0) gsgi__write_rows(gl, light->levels[l].sh, level->sh.rows, level->sh.texels);
         if (light->levels[l].slope)
             gsgi__write_rows(gl, light->levels[l].slope, level->slope.rows, level->slope.texels);
+        if (light->levels[l].relief)
+            gsgi__write_rows(gl, light->levels[l].relief, level->relief.rows, level->relief.texels);
     }
     gsgi__state_end(gl, context->state, &host);
     return GSGI_OK;
@@ -190,6 +195,11 @@ static gsgi_result prepare_targets(gsgi_light* light) {
 }
 
 gsgi_result gsgi_light_draw(gsgi_light* light, uint32_t depth, uint32_t normal, uint32_t* indirect) {
+    return gsgi_light_draw_mapped(light, depth, normal, 0, indirect);
+}
+
+gsgi_result gsgi_light_draw_mapped(gsgi_light* light, uint32_t depth, uint32_t normal, uint32_t mapped,
+                                   uint32_t* indirect) {
     const gsgi_context* context = light->context;
     const gsgi__gl* gl = &context->gl;
     gsgi__state host;
@@ -199,9 +209,9 @@ gsgi_result gsgi_light_draw(gsgi_light* light, uint32_t depth, uint32_t normal, 
     light->has_drawn = false;
     gsgi__state_begin(gl, context->state, &host);
     const bool surface = light->info.blend == GSGI_SURFACE;
-    if (surface) result = gsgi__check_surfaces(light, depth, normal);
+    if (surface) result = gsgi__check_surfaces(light, depth, normal, mapped);
     if (!result) result = prepare_targets(light);
-    if (!result && surface) gsgi__surface_draw(light, depth, normal);
+    if (!result && surface) gsgi__surface_draw(light, depth, normal, mapped);
     if (!result && !surface) gsgi__over_draw(light);
     gsgi__state_end(gl, context->state, &host);
     if (result) return result;

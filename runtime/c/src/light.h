@@ -15,7 +15,7 @@ struct gsgi_context {
 
 /* The Gaussians of a level on the GPU, and the pass that draws them. */
 typedef struct gsgi__gaussians {
-    GLuint shape, sh, slope, index, strips; /* data textures, instance buffer, vertex array */
+    GLuint shape, sh, slope, relief, index, strips; /* data textures, instance buffer, vertex array */
     gsgi__program program;
 } gsgi__gaussians;
 
@@ -24,19 +24,20 @@ typedef struct gsgi__targets {
     int32_t width, height;           /* px, of the view; 0: none yet */
     int32_t read_width, read_height; /* px */
     size_t bytes;
-    GLuint position, plane, fine, coarse, filled, indirect, depth;
+    GLuint position, plane, bend, fine, coarse, filled, indirect, depth;
     GLuint points, gap, fine_sums, coarse_sums, filled_sums, resolved; /* framebuffers */
 } gsgi__targets;
 
 /* Names that passed the checks for this viewport; others are looked at. 0: none did. */
 typedef struct gsgi__checked {
-    GLuint depth, normal, framebuffer, albedo;
+    GLuint depth, normal, mapped, framebuffer, albedo;
 } gsgi__checked;
 
 struct gsgi_light {
     gsgi_context* context;
     gsgi_light_options options;
     gsgi_info info;
+    bool relief; /* whether B follows normal maps */
     double origin[3];
     uint32_t crc; /* of the file */
     gsgi__culled culled[2];
@@ -77,7 +78,7 @@ void gsgi__draw_gaussians(const gsgi_light* light, int level, GLsizei vertices);
 /* Texture of a target, or 0; its bytes are added to those of the light's targets. */
 GLuint gsgi__target_texture(gsgi_light* light, GLenum format, int32_t width, int32_t height);
 /* Framebuffer with these attachments; those that are 0 are left out. Fails if the driver does not take it. */
-gsgi_result gsgi__target(gsgi_light* light, GLuint color, GLuint second, GLuint depth, GLuint* framebuffer);
+gsgi_result gsgi__target(gsgi_light* light, const GLuint colors[GSGI_TARGETS], GLuint depth, GLuint* framebuffer);
 void gsgi__targets_release(gsgi_light* light);
 void gsgi__clear_color(const gsgi__gl* gl, GLuint framebuffer);
 
@@ -86,15 +87,15 @@ void gsgi__clear_color(const gsgi__gl* gl, GLuint framebuffer);
 /* The passes; the targets for the size of the view; a frame. */
 gsgi_result gsgi__surface_create(gsgi_light* light);
 gsgi_result gsgi__surface_create_targets(gsgi_light* light);
-void gsgi__surface_draw(const gsgi_light* light, GLuint depth, GLuint normal);
+void gsgi__surface_draw(const gsgi_light* light, GLuint depth, GLuint normal, GLuint mapped);
 gsgi_result gsgi__over_create(gsgi_light* light);
 gsgi_result gsgi__over_create_targets(gsgi_light* light);
 void gsgi__over_draw(const gsgi_light* light);
 
 /* ---- host_textures.c ---- */
 
-/* Refuse textures that cannot be what the light's options say. Changes unit 0. */
-gsgi_result gsgi__check_surfaces(gsgi_light* light, GLuint depth, GLuint normal);
+/* Refuse textures that cannot be what the light's options say; `mapped` may be 0. Changes unit 0. */
+gsgi_result gsgi__check_surfaces(gsgi_light* light, GLuint depth, GLuint normal, GLuint mapped);
 gsgi_result gsgi__check_addition(gsgi_light* light, GLuint framebuffer, GLuint albedo);
 
 /* Parameters of a host's texture that passes need otherwise. */

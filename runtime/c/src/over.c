@@ -28,7 +28,7 @@ gsgi_result gsgi__over_create_targets(gsgi_light* light) {
     t->width = light->camera.width;
     t->height = light->camera.height;
     t->indirect = gsgi__target_texture(light, GL_RGBA32F, t->width, t->height);
-    return gsgi__target(light, t->indirect, 0, 0, &t->resolved);
+    return gsgi__target(light, (GLuint[GSGI_TARGETS]){t->indirect}, 0, &t->resolved);
 }
 
 void gsgi__over_draw(const gsgi_light* light) {

@@ -26,10 +26,10 @@ static gsgi_result create_pass(gsgi_light* light, const char* name, const char* 
 static void reading_defines(const gsgi_light* light, char defines[DEFINES_MAX]) {
     const gsgi_light_options* o = &light->options;
     snprintf(defines, DEFINES_MAX,
-             "#define RELIEF 0\n#define SPLAT_SCALE %d\n#define BOX %d\n#define COARSE %d\n#define DEPTH_BUFFER %d\n"
+             "#define RELIEF %d\n#define SPLAT_SCALE %d\n#define BOX %d\n#define COARSE %d\n#define DEPTH_BUFFER %d\n"
              "#define NORMAL_OCTAHEDRAL %d\n#define NORMAL_OCTAHEDRAL_UNSIGNED %d\n#define NORMAL_UNSIGNED %d\n"
              "#define NORMAL_VIEW_SPACE %d\n",
-             (int)o->splat_scale, has_box(o), has_coarse(light), o->depth != GSGI_DEPTH_LINEAR,
+             light->relief, (int)o->splat_scale, has_box(o), has_coarse(light), o->depth != GSGI_DEPTH_LINEAR,
              o->normal == GSGI_NORMAL_OCTAHEDRAL, o->normal == GSGI_NORMAL_OCTAHEDRAL_UNSIGNED,
              o->normal == GSGI_NORMAL_UNSIGNED, o->normal_space == GSGI_SPACE_VIEW);
 }
@@ -41,8 +41,8 @@ static gsgi_result create_level(gsgi_light* light, int l) {
     char defines[DEFINES_MAX];
     snprintf(defines, sizeof defines,
              "#define SH_DEGREE %u\n#define NORMAL_POWER %u\n#define SLOPED %d\n"
-             "#define RELIEF 0\n",
-             info->sh_degree[l], l == GSGI_FINE ? info->sharpness : 0u, info->sloped[l]);
+             "#define RELIEF %d\n",
+             info->sh_degree[l], l == GSGI_FINE ? info->sharpness : 0u, info->sloped[l], light->relief);
     gsgi__program* program = &light->levels[l].program;
     gsgi_result result =
         gsgi__program_create(gl, &context->callbacks, "surface/gaussians", gsgi__shader_surface_gaussians_vert,
@@ -99,6 +99,7 @@ gsgi_result gsgi__surface_create_targets(gsgi_light* light) {
     t->read_height = read_height;
     t->position = gsgi__target_texture(light, GL_RGBA32F, read_width, read_height);
     t->plane = gsgi__target_texture(light, GL_RGBA32F, read_width, read_height);
+    if (light->relief) t->bend = gsgi__target_texture(light, GL_RGBA16F, read_width, read_height);
     t->fine = gsgi__target_texture(light, GL_RGBA32F, read_width, read_height);
     if (has_coarse(light)) t->coarse = gsgi__target_texture(light, GL_RGBA32F, read_width, read_height);
     if (scale > 1) t->filled = gsgi__target_texture(light, GL_RGBA32F, read_width, read_height);
@@ -108,12 +109,19 @@ gsgi_result gsgi__surface_create_targets(gsgi_light* light) {
     gl->RenderbufferStorage(GL_RENDERBUFFER, GL_DEPTH_COMPONENT24, read_width, read_height);
     t->bytes += 4 * (size_t)read_width * read_height;
 
-    gsgi_result result = gsgi__target(light, t->position, t->plane, t->depth, &t->points);
-    if (!result) result = gsgi__target(light, t->fine, 0, t->depth, &t->fine_sums);
-    if (!result && t->coarse) result = gsgi__target(light, t->coarse, 0, t->depth, &t->coarse_sums);
-    if (!result && t->coarse) result = gsgi__target(light, 0, 0, t->depth, &t->gap);
-    if (!result && t->filled) result = gsgi__target(light, t->filled, 0, 0, &t->filled_sums);
-    if (!result) result = gsgi__target(light, t->indirect, 0, 0, &t->resolved);
+    const struct {
+        GLuint colors[GSGI_TARGETS], depth, *framebuffer;
+        bool needed;
+    } targets[] = {{{t->position, t->plane, t->bend}, t->depth, &t->points, true},
+                   {{t->fine}, t->depth, &t->fine_sums, true},
+                   {{t->coarse}, t->depth, &t->coarse_sums, t->coarse != 0},
+                   {{0}, t->depth, &t->gap, t->coarse != 0},
+                   {{t->filled}, 0, &t->filled_sums, t->filled != 0},
+                   {{t->indirect}, 0, &t->resolved, true}};
+    gsgi_result result = GSGI_OK;
+    for (size_t i = 0; i < sizeof targets / sizeof *targets && !result; ++i)
+        if (targets[i].needed)
+            result = gsgi__target(light, targets[i].colors, targets[i].depth, targets[i].framebuffer);
     return result;
 }
 
@@ -168,11 +176,12 @@ static void draw_level(const gsgi_light* light, int l, GLuint framebuffer) {
     gl->Uniform1f(program->at[U_MARGIN], scale > 1.0 ? 0.5f : 0.0f);
     gsgi__bind_texture(gl, 2, light->targets.position);
     gsgi__bind_texture(gl, 3, light->targets.plane);
+    if (light->targets.bend) gsgi__bind_texture(gl, 5, light->targets.bend);
     gsgi__draw_gaussians(light, l, OUTLINE_CORNERS);
 }
 
 /* The passes of a frame, in the order of glsl/README.md. */
-static void draw_passes(const gsgi_light* light, GLuint depth, GLuint normal) {
+static void draw_passes(const gsgi_light* light, GLuint depth, GLuint normal, GLuint mapped) {
     const gsgi_context* context = light->context;
     const gsgi__gl* gl = &context->gl;
     const gsgi__targets* t = &light->targets;
@@ -181,6 +190,7 @@ static void draw_passes(const gsgi_light* light, GLuint depth, GLuint normal) {
     write_depth(gl, t->points);
     gsgi__bind_texture(gl, 0, normal);
     gsgi__bind_texture(gl, 1, depth);
+    if (light->relief) gsgi__bind_texture(gl, 2, mapped ? mapped : normal); /* the same: nothing is bent */
     set_host(light, &light->points);
     gsgi__draw_triangle(context, &light->points);
 
@@ -210,11 +220,14 @@ static void draw_passes(const gsgi_light* light, GLuint depth, GLuint normal) {
     gsgi__draw_triangle(context, &light->resolve);
 }
 
-void gsgi__surface_draw(const gsgi_light* light, GLuint depth, GLuint normal) {
+void gsgi__surface_draw(const gsgi_light* light, GLuint depth, GLuint normal, GLuint mapped) {
     const gsgi__gl* gl = &light->context->gl;
-    gsgi__readable depth_read = gsgi__make_readable(gl, depth), normal_read = gsgi__make_readable(gl, normal);
+    const GLuint read[3] = {depth, normal, mapped};
+    const int count = light->relief && mapped ? 3 : 2;
+    gsgi__readable readable[3];
+    for (int i = 0; i < count; ++i) readable[i] = gsgi__make_readable(gl, read[i]);
     gsgi__use_sampler(light->context);
-    draw_passes(light, depth, normal);
-    gsgi__unmake_readable(gl, &normal_read); /* the reverse order: they may be the same texture */
-    gsgi__unmake_readable(gl, &depth_read);
+    draw_passes(light, depth, normal, mapped);
+    for (int i = count; i-- > 0;) /* the reverse order: they may be the same texture */
+        gsgi__unmake_readable(gl, &readable[i]);
 }

@@ -38,7 +38,7 @@ FILES = {
     **{f"over, degree {degree}": codec.encode(example(300, degree)) for degree in range(4)},
     **{f"surface, degree {degree}": codec.encode(surface_example(700, degree, 90, 2 - degree)) for degree in range(3)},
     "light groups": codec.encode(grouped(surface_example())),
-    "relief, which is skipped": codec.encode(with_relief(surface_example())),
+    "relief": codec.encode(with_relief(surface_example())),
     "not sloped": codec.encode(surface_example(sloped=False)),
     "empty": codec.encode(surface_example(0, 0, 0, 0)),
 }
@@ -131,7 +131,7 @@ def test_sanitizers_find_nothing_in_damaged_files(tmp_path):
     corpus += [changed(codec.encode(bake), field, value) for bake, field, value in NONSENSE]
     corpus += [stored(name)[:length] for name in STORED for length in range(0, 200, 7)]
     corpus += [data for name in STORED for data in damaged_files(name, 1500)]
-    small = codec.encode(grouped(surface_example(3, 0, 2, 1)))
+    small = codec.encode(with_relief(grouped(surface_example(3, 0, 2, 1))))
     corpus += [
         reseal(small[:i] + bytes([small[i] ^ 1 << k]) + small[i + 1 :]) for i in range(300, len(small)) for k in (0, 5)
     ]
@@ -162,7 +162,9 @@ class Budget:
         del self.blocks[memory]
 
 
-@pytest.mark.parametrize("data", [stored("v5_surface"), FILES["light groups"]], ids=["", "light groups"])
+@pytest.mark.parametrize(
+    "data", [stored("v5_surface"), FILES["light groups"], FILES["relief"]], ids=["", "light groups", "relief"]
+)
 def test_without_memory_it_says_so_and_keeps_none(library, data):
     results = []
     for count in range(45):
