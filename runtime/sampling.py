@@ -3,7 +3,19 @@
 import numpy as np
 
 from .cell_lists import cell_lists
-from .constants import HALF_MAX, SH_C0, SH_C1, SH_C2_0, SH_C2_1, SH_C2_2
+from .constants import (
+    HALF_MAX,
+    SH_C0,
+    SH_C1,
+    SH_C2_0,
+    SH_C2_1,
+    SH_C2_2,
+    SH_C3_0,
+    SH_C3_1,
+    SH_C3_2,
+    SH_C3_3,
+    SH_C3_4,
+)
 from .errors import UnsupportedError
 from .gaussians import Bake, Gaussians, SurfaceBlend
 from .light_groups import Weights, weighted
@@ -148,6 +160,9 @@ def sh_basis(direction: np.ndarray, count: int) -> np.ndarray:
         -SH_C1 * y, SH_C1 * z, -SH_C1 * x,
         SH_C2_0 * x * y, -SH_C2_0 * y * z, SH_C2_1 * (2 * z * z - x * x - y * y), -SH_C2_0 * x * z,
         SH_C2_2 * (x * x - y * y),
+        -SH_C3_0 * y * (3 * x * x - y * y), SH_C3_1 * x * y * z, -SH_C3_2 * y * (4 * z * z - x * x - y * y),
+        SH_C3_3 * z * (2 * z * z - 3 * x * x - 3 * y * y), -SH_C3_2 * x * (4 * z * z - x * x - y * y),
+        SH_C3_4 * z * (x * x - y * y), -SH_C3_0 * x * (x * x - 3 * y * y),
     ]  # fmt: skip
     return np.stack(functions[:count], axis=1)
 

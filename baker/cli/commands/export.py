@@ -11,21 +11,28 @@ def add(commands) -> None:
         commands,
         "export",
         run,
-        "Write the light of a .gsgi file as a grid of SH probes, or a scene with its light as a page for browsers.",
+        "Write the light of a .gsgi file as SH probes or as Gaussians for viewers, or a scene with it as a web page.",
         "  gsgi export room.gsgi -o room.npz --probes 0.5\n"
         "  gsgi export room.gsgi -o room.json --probes 1\n"
+        "  gsgi export room.gsgi -o room.ply\n"
+        "  gsgi export room.gsgi -o room.glb\n"
         "  gsgi export room.glb --gi room.gsgi --web site",
     )
     parser.add_argument(
-        "scene", metavar="FILE", help="with --probes a .gsgi file (`surface`); with --web a glTF 2.0 scene"
+        "scene", metavar="FILE", help="with --web a glTF 2.0 scene; else a .gsgi file, with --probes of `surface`"
     )
-    what = parser.add_mutually_exclusive_group(required=True)
+    what = parser.add_mutually_exclusive_group()
     what.add_argument("--probes", type=shared.positive, metavar="SPACING",
                       help="write probes: distance between neighbours, m")  # fmt: skip
     what.add_argument("--web", metavar="DIR",
                       help="write a folder for any web server; it replaces a page that gsgi has written")  # fmt: skip
-    parser.add_argument("-o", "--output", metavar="PROBES",
-                        help="with --probes: .npz or .json: SH coefficients of B, and how to read them")  # fmt: skip
+    parser.add_argument(
+        "-o", "--output", metavar="OUT",
+        help="with --probes .npz or .json: SH coefficients of B, and how to read them; else .ply, or .glb with "
+             "KHR_gaussian_splatting: Gaussians for viewers of 3D Gaussian splatting, which blend them along the ray. "
+             "Lost are weights by normal, slopes, relief, the coarse level, light groups, and what a display does not "
+             "show (sRGB, exposed to mid-grey)",
+    )  # fmt: skip
     parser.add_argument("--gi", metavar="FILE", help="with --web: baked light (.gsgi)")
     shared.add_reading(parser)
     shared.add_light(parser)
@@ -36,10 +43,13 @@ def run(options: argparse.Namespace) -> None:
     """Write what was asked for."""
     from gsgi.runtime.errors import UsageError
 
-    if options.probes is not None:
+    if options.web is None:
         if options.output is None or options.gi is not None:
-            raise UsageError("--probes needs -o PROBES, and reads the .gsgi file itself: leave out --gi")
-        _write_probes(options)
+            raise UsageError("without --web needed is -o OUT, and FILE is the .gsgi file itself: leave out --gi")
+        if options.probes is None:
+            _write_splats(options)
+        else:
+            _write_probes(options)
     else:
         if options.gi is None or options.output is not None:
             raise UsageError("--web DIR needs --gi FILE, and is the output itself: leave out -o")
@@ -68,6 +78,22 @@ def _write_probes(options: argparse.Namespace) -> None:
     write_atomic(options.output, data)
     shape = " x ".join(map(str, grid.sh.shape[:3]))
     console.close(f"wrote {options.output}: {shape} probes, {len(data)} bytes")
+
+
+def _write_splats(options: argparse.Namespace) -> None:
+    """Read the bake, and write its Gaussians as viewers have them."""
+    from gsgi.baker.cli.console import Console
+    from gsgi.runtime.atomic import check_writable, write_atomic
+    from gsgi.runtime.file.reader import read_bake
+    from gsgi.runtime.splats import check_path, encode, splats_of
+
+    check_path(options.output)
+    check_writable(options.output)
+    splats = splats_of(read_bake(options.scene))
+    data = encode(splats, options.output)
+    write_atomic(options.output, data)
+    shown = f"{len(splats.position)} Gaussians at exposure {splats.exposure:.3g}"
+    Console(options.quiet).close(f"wrote {options.output}: {shown}, {len(data)} bytes")
 
 
 def _write_web(options: argparse.Namespace) -> None:

@@ -42,7 +42,7 @@ def test_the_command_writes_a_page_and_replaces_it(tmp_path, light, capfd):
     [
         (["--web", "site"], 1, "--web DIR needs --gi FILE"),
         (["--web", "site", "--gi", "LIGHT", "-o", "a.npz"], 1, "leave out -o"),
-        (["--probes", "1"], 1, "--probes needs -o PROBES"),
+        (["--probes", "1"], 1, "without --web needed is -o OUT"),
         (["--probes", "1", "-o", "a.npz", "--gi", "LIGHT"], 1, "leave out --gi"),
         (["--web", "site", "--gi", "none.gsgi"], 2, "none.gsgi: cannot read"),
         (["--web", "mine", "--gi", "LIGHT"], 1, "--web mine: exists, and is neither empty nor a page"),
