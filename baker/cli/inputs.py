@@ -82,6 +82,7 @@ def _groups(options: argparse.Namespace) -> dict[str, tuple[str, ...]] | None:
 def plan_of(options: argparse.Namespace, progress: Progress, cache: Cache) -> "Plan":
     """Make the plan for the scene, light and settings that the options name."""
     from gsgi.baker import deadline
+    from gsgi.baker.effects import without
     from gsgi.baker.plan import make_plan
     from gsgi.baker.views.camera_path import read_camera_path
 
@@ -92,7 +93,8 @@ def plan_of(options: argparse.Namespace, progress: Progress, cache: Cache) -> "P
         scene = read_scene(options, progress)
     if options.target_bytes is not None:
         groups = len(lit_groups(scene)) if scene.groups else 0
-        settings = replace(settings, budget=_budget(options.operator, options.target_bytes, scene, groups))
+        baked = without(scene, settings.ignore)
+        settings = replace(settings, budget=_budget(options.operator, options.target_bytes, baked, groups))
     path = {}
     if options.camera_path:
         path = read_camera_path(options.camera_path, scene.diagonal())

@@ -9,7 +9,7 @@ from gsgi.runtime.layers import LAYERS
 
 EXIT_CODES = """\
 exit codes: 0 ok, 1 wrong command line, 2 file cannot be read or written, 3 invalid input, 4 failure while running,
-            5 not supported here, 6 target loss not met (the best file is written), 130 interrupted"""
+            5 not supported here, 6 target not met (the best file is written), 130 interrupted"""
 
 FARTHEST = 1e9  # m; the size of the largest scenes
 
@@ -160,7 +160,10 @@ def _add_accuracy(parser: argparse.ArgumentParser) -> None:
     size = group.add_mutually_exclusive_group()
     size.add_argument("--budget", type=whole(1, BUDGET_MAX), metavar="N", help="most Gaussians (default: by --quality)")
     size.add_argument(
-        "--target-bytes", type=whole(1, 2**32), metavar="N", help="size that the .gsgi file is to stay within, bytes"
+        "--target-bytes",
+        type=whole(1, 2**32),
+        metavar="N",
+        help="size that the .gsgi file is to stay within, bytes; if it does not, the exit code is 6",
     )
     size.add_argument("--seconds", type=positive, metavar="N",
                       help="surface: the best bake in about N seconds on this machine, with its evaluation; decides "

@@ -45,7 +45,7 @@ def _add_build(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    """Plan, bake, write the file and evaluate it. Raises TargetError if a target loss was not met."""
+    """Plan, bake, write the file and evaluate it. Raises TargetError if a target loss or size was not met."""
     from gsgi.baker import job
     from gsgi.baker.cli.console import Console
     from gsgi.baker.cli.inputs import open_cache, plan_of
@@ -91,9 +91,22 @@ def run(options: argparse.Namespace) -> None:
         ssim = "" if report.ssim is None else f", SSIM {report.ssim:.4f}, at worst {worst.final.ssim:.4f}"
         console.close(f"{done[-1]}, {sum(report.seconds.values()):.0f} s{ssim}")
     if options.json:
-        print_json(report.as_dict())
-    if report.missed:
-        raise TargetError(f"{options.output}: {report.missed}")
+        print_json(report.as_dict() | {"target_bytes": options.target_bytes})
+    missed = [text for text in (report.missed, _oversize(options, report)) if text]
+    if missed:
+        raise TargetError(f"{options.output}: {'; '.join(missed)}")
+
+
+def _oversize(options: argparse.Namespace, report) -> str | None:
+    """By how much the file exceeds --target-bytes, in one sentence; None if it does not, or none are asked for.
+
+    Sizes are estimated before the bake, by a bound that light of rare kinds may exceed.
+    """
+    size, most = len(report.data), options.target_bytes
+    if most is None or size <= most:
+        return None
+    fewer = max(report.gaussians * most // size, 1)
+    return f"the file has {size} bytes, {size / most - 1:.1%} more than --target-bytes {most}: try --budget {fewer}"
 
 
 def _check_outputs(options: argparse.Namespace) -> None:

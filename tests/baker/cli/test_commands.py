@@ -16,6 +16,7 @@ import pytest
 from gltf_files import quad_scene, write
 from repository import DATA, SCENES
 
+from gsgi.baker import plan
 from gsgi.baker.budget_search import FEWEST
 from gsgi.baker.cache.store import entries
 from gsgi.baker.cli import main
@@ -211,6 +212,23 @@ def test_a_file_of_at_most_so_many_bytes(turned, operator, more):
     read = codec.decode(data)
     assert len(read.gaussians) + len(read.coarse or ()) == report["gaussians"] <= report["budget"]
     assert len(report["attempts"]) == 1
+
+
+def test_a_file_of_more_bytes_ends_with_6_and_is_written(turned, monkeypatch):
+    size = file_bytes("surface", 12, Scene((), ()))
+    monkeypatch.setattr(plan, "file_bytes", lambda *arguments: file_bytes(*arguments) // 3)
+    code, report, data, said = turned("--target-bytes", str(size), "-q", "--no-evaluate")
+    assert code == 6
+    assert (report["bytes"], report["target_bytes"]) == (len(data), size)
+    assert len(data) > size
+    assert codec.decode(data).gaussians.position.any()
+    closing, error = said.splitlines()
+    assert closing.startswith("wrote ")
+    fewer = report["gaussians"] * size // len(data)
+    assert error.endswith(
+        f"x.gsgi: the file has {len(data)} bytes, {len(data) / size - 1:.1%} more than --target-bytes {size}: "
+        f"try --budget {fewer}"
+    )
 
 
 @pytest.mark.parametrize("operator", OPERATORS)
