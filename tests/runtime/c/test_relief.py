@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from c_library import INVALID_ARGUMENT, OK, Context, Light, check_refusals
-from c_light import WHOLE, check_same, drawn, of_c, of_python, texels
+from c_light import WHOLE, check_same, drawn, of_c, of_python, read_floats, texels
 from gl_dump import Dump
 from gl_objects import alive
 from gsgi_files import reseal, surface_example
@@ -57,6 +57,20 @@ def test_the_pixels_are_those_of_python(gl, context, host, splat_scale):
     check_same(gl, context, *arguments, **how)
     curved, flat = (of_c(gl, context, *arguments, mapped=m, **how).view(np.float32) for m in (mapped, None))
     assert np.abs(curved - flat).mean() > 0.01
+
+
+def test_opengl_es_draws_the_same(gl, host, request, library):
+    arguments = CAMERA.view_from_world, projection()
+    expected = of_python(gl, ROOM, host.textures(gl, SIGNED), *arguments, encoding=SIGNED, mapped=bent(gl, host))
+    es = request.getfixturevalue("es_gl")
+    context = Context(library, es)
+    light = Light(context, ROOM, SIGNED, relief=True)
+    assert light.cull(*arguments, WHOLE) == OK
+    result, name = light.draw(*(made.glo for made in (*host.textures(es, SIGNED), bent(es, host))))
+    assert result == OK, context.messages
+    np.testing.assert_array_equal(read_floats(es, name, SIZE).view(np.uint32), expected)
+    light.destroy()
+    context.destroy()
 
 
 def test_a_light_that_does_not_ask_for_relief_has_none(gl, context, host):
