@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .evaluation import bias, held_out
+from .evaluation import bias, group_error, held_out
 from .evaluation.monitor import entries
 from .plan import Plan
 
@@ -69,7 +69,7 @@ class Rates:
         return stages | {
             "fit": fit + looks * len(plan.placement.held_out),
             "references": each * held_out.points(plan) * held_out.samples(plan) / 2 + compared * bias.PATHS,
-            "evaluation": views * self.evaluated,
+            "evaluation": views * self.evaluated + self.whole * len(plan.groups) * group_error.PATHS,
         }
 
 

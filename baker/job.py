@@ -1,13 +1,14 @@
 """A whole bake, as the command line and the Python API run it: references -> bake -> file -> evaluation -> report."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from gsgi.runtime.file import codec
 
 from . import bake as baking
 from .deadline import Clock
-from .evaluation import bias, held_out
+from .evaluation import bias, group_error, held_out
 from .evaluation.preview import Preview
 from .plan import Plan
 from .plan_table import summary
@@ -61,5 +62,6 @@ def run(
             cameras = held_out.scene_cameras(plan) | plan.placement.held_out
             baked = codec.decode(result.data)
             evaluation = held_out.evaluate(references, cameras, baked, of_scene, plan.triangles, found)
+            evaluation = replace(evaluation, groups=group_error.measure(plan, references | of_scene, baked))
     stages, warnings = dict(progress.seconds), tuple(progress.warnings)
     return BakeReport(plan, result, evaluation, stages, peak_memory(), warnings, decided)

@@ -1,7 +1,7 @@
 """How well a bake matches path tracing in views that were not fitted, and from the scene's own cameras."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import islice
 from typing import TYPE_CHECKING
 
@@ -20,6 +20,7 @@ from gsgi.runtime.gaussians import Bake, OverBlend
 
 from .bias import Bias
 from .comparison import Comparison, compare_frame, compare_indirect, indirect_ceiling
+from .group_error import GroupError
 from .leak import Surroundings, leak, reach
 from .metrics import mean_psnr, psnr, squared_error
 from .mottle import mottle
@@ -71,7 +72,7 @@ class Evaluation:
 
     The mean PSNR is that of the mean squared error. The worst view has the lowest SSIM of the full frame. The scene's
     views were fitted, so they are no part of the mean. Mean and worst are None if there is no view that is not noisy.
-    `bias` is that of the references; None if it was not measured.
+    `bias` is that of the references; None if it was not measured. `groups` are the errors of each light group alone.
     """
 
     views: list[ViewEvaluation]
@@ -79,6 +80,7 @@ class Evaluation:
     scene_views: list[ViewEvaluation]
     worst: ViewEvaluation | None
     bias: Bias | None = None
+    groups: list[GroupError] = field(default_factory=list)
 
 
 def gathers(plan: "Plan") -> bool:

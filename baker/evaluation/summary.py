@@ -1,22 +1,30 @@
 """The lines of the log that tell what an evaluation found."""
 
 from .comparison import Comparison
+from .group_error import GroupError
 from .held_out import Evaluation, ViewEvaluation
 from .metrics import PSNR_MAX
 
 
 def summary(evaluation: Evaluation) -> list[str]:
-    """One line for each view, then the mean of the held-out views, then the worst of all views."""
+    """One line for each view, then the mean of the held-out views, the light groups, and the worst of all views."""
     lines = [_line(view) for view in (*evaluation.views, *evaluation.scene_views)]
     if evaluation.mean:
         lines.append(_line(evaluation.mean))
     if evaluation.bias:
         found = evaluation.bias
         lines.append(f"references: {found.bias:+.2%} of whole paths' light (+- {found.standard_error:.2%})")
+    lines += [_group_line(group) for group in evaluation.groups]
     if evaluation.worst:
         worst = evaluation.worst
         lines.append(f"worst view: {named(worst)}, SSIM of the frame {worst.final.ssim:.4f}{_shares(worst)}")
     return lines
+
+
+def _group_line(group: GroupError) -> str:
+    if group.error is None:
+        return f"light group {group.name}: it lights none of these views"
+    return f"light group {group.name} alone: B is off by {group.error:.1%} RMS, at most by {group.bound:.1%}"
 
 
 def named(view: ViewEvaluation) -> str:

@@ -91,7 +91,8 @@ def run(options: argparse.Namespace) -> None:
         ssim = "" if report.ssim is None else f", SSIM {report.ssim:.4f}, at worst {worst.final.ssim:.4f}"
         console.close(f"{done[-1]}, {sum(report.seconds.values()):.0f} s{ssim}")
     if options.json:
-        print_json(report.as_dict() | {"target_bytes": options.target_bytes})
+        asked = {} if options.target_bytes is None else {"target_bytes": options.target_bytes}
+        print_json(report.as_dict() | asked)
     missed = [text for text in (report.missed, _oversize(options, report)) if text]
     if missed:
         raise TargetError(f"{options.output}: {'; '.join(missed)}")

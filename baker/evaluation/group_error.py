@@ -1,0 +1,80 @@
+"""How far the light of each light group alone is from path tracing, measured at a few pixels of the references."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gsgi.baker.trace.reference import Reference
+from gsgi.baker.trace.tracer import Sampling
+from gsgi.runtime.gaussians import Bake
+from gsgi.runtime.light_groups import group_names, lit_by, weighted
+
+if TYPE_CHECKING:
+    from gsgi.baker.plan import Plan
+
+POINTS = 1 << 11  # pixels of all references
+SAMPLES = 256  # whole paths at each of them, in each of two halves
+PATHS = 2 * POINTS * SAMPLES  # of a group
+SEED = 4000  # from a bake's seed to that of these paths
+FAINT = 0.01  # of the light of a view; one to which a group gives less says nothing of it
+SURE = 2  # standard errors
+
+
+@dataclass(frozen=True)
+class GroupError:
+    """How far B of the light group `name` alone is from path tracing.
+
+    `error` is the RMS over the RMS of B, of the mean of squares over the views that the group lights, and `bound` the
+    most that it may be for all the noise of the paths. Both are None where it lights no view.
+    """
+
+    name: str
+    error: float | None
+    bound: float | None
+
+
+def measure(plan: "Plan", references: Mapping[str, Reference], baked: Bake) -> list[GroupError]:
+    """Compare each group of a bake with whole paths from the same pixels, for the plan's seed; [] without groups."""
+    from gsgi.baker.surface.lookup import look_up
+
+    seen = [reference for reference in references.values() if reference.indirect.any()]
+    if not seen or not baked.groups:
+        return []
+    rng, count = np.random.default_rng(plan.settings.seed), -(-POINTS // len(seen))
+    index = [np.flatnonzero(r.valid)[rng.integers(np.count_nonzero(r.valid), size=count)] for r in seen]
+
+    def at_pixels(layers: list[np.ndarray]) -> np.ndarray:
+        return np.concatenate([layer.reshape(-1, 3)[at] for layer, at in zip(layers, index, strict=True)])
+
+    names = "position", "normal", "shading_normal", "geometric_normal"
+    position, normal, shading, geometric = (at_pixels([getattr(r.surface, name) for r in seen]) for name in names)
+    level = at_pixels([r.indirect for r in seen]).reshape(len(seen), -1).mean(axis=1)
+    found = []
+    for group in baked.groups:
+        tracer = plan.tracer.lit_by(lit_by(plan.scene, group.name))
+        halves = [
+            tracer.at_points(position, shading, Sampling(SAMPLES), seed, geometric_normal=geometric).mean
+            for seed in (plan.settings.seed + SEED, plan.settings.seed + SEED + 1)
+        ]
+        alone = weighted(baked, {name: float(name == group.name) for name in group_names(baked)})
+        light, _ = look_up(alone.gaussians, alone.coarse, alone.blend, position, normal, shading)
+        views = (image.reshape(len(seen), -1, 3).astype(np.float64) for image in (light, *halves))
+        found.append(GroupError(group.name, *_error(*views, level)))
+    return found
+
+
+def _error(light: np.ndarray, a: np.ndarray, b: np.ndarray, level: np.ndarray) -> tuple[float | None, float | None]:
+    """`error` and `bound` of a group's `light` (V, P, 3), of which `a` and `b` are two halves of the truth.
+
+    `level` (V,) is the mean of all light of a view. Products of differences to independent halves are free of their
+    noise.
+    """
+    square, off = (a * b).mean(axis=(1, 2)), ((light - a) * (light - b)).mean(axis=2)
+    lit = square > (FAINT * level) ** 2
+    if not lit.any():
+        return None, None
+    ratio = off[lit] / square[lit, None]
+    mean, noise = ratio.mean(), np.sqrt((ratio.var(axis=1) / ratio.shape[1]).sum()) / len(ratio)
+    return float(np.sqrt(max(mean, 0.0))), float(np.sqrt(max(mean, 0.0) + SURE * noise))
