@@ -9,6 +9,7 @@ from pathlib import Path
 
 from benches.c_library import c_library
 from benches.deadline import deadline
+from benches.error_time import error_time
 from benches.fit import fit
 from benches.format import format
 from benches.frames import frames
@@ -22,6 +23,7 @@ from benches.motion import motion
 from benches.order import order
 from benches.relief import relief
 from benches.scenes import scenes
+from benches.speed import speed
 from benches.splats import splats
 from benches.stages import stages
 from benches.trace import trace
@@ -39,6 +41,8 @@ BENCHES = {
         fit,
         stages,
         deadline,
+        speed,
+        error_time,
         trace,
         scenes,
         *PASSES,
@@ -54,6 +58,7 @@ BENCHES = {
         motion,
     )
 }
+BY_SCENE = speed.__name__, error_time.__name__
 GROUPED = {"lookup": LOOKUP}
 GROUPS = {name: [bench.__name__ for bench in group] for name, group in GROUPED.items()}
 
@@ -85,11 +90,15 @@ def main() -> None:
                                      formatter_class=argparse.RawDescriptionHelpFormatter)  # fmt: skip
     parser.add_argument("name", nargs="?", choices=[*BENCHES, *GROUPS], help="one benchmark (default: all)")
     parser.add_argument("--json", metavar="FILE", help="also write the rows to FILE")
+    parser.add_argument("--scene", metavar="NAME", help=f"of {' and '.join(BY_SCENE)}: one scene of the shared folder")
     options = parser.parse_args()
+    if options.scene and options.name not in BY_SCENE:
+        parser.error(f"--scene goes with {' or '.join(BY_SCENE)}")
     if options.json:
         check_writable(options.json)
     names = GROUPS.get(options.name, [options.name]) if options.name else list(BENCHES)
-    results = {name: BENCHES[name]() for name in names}
+    arguments = {"scene": options.scene} if options.scene else {}
+    results = {name: BENCHES[name](**arguments) for name in names}
     about = machine()
     print(" | ".join(f"{key} {value}" for key, value in about.items()))
     for name, rows in results.items():
