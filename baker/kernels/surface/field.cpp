@@ -139,20 +139,22 @@ void Field<Real>::list(const FieldArrays<Real>& gaussians, const FieldBlend& ope
     prepare(gaussians);
     const double radius = std::sqrt(-2 * std::log(blend.cutoff));
     first_entry.assign(gaussians.count + 1, 0);
+    std::vector<std::vector<uint32_t>> touched((gaussians.count + GAUSSIAN_GRAIN - 1) / GAUSSIAN_GRAIN);
     parallel_for(gaussians.count, GAUSSIAN_GRAIN, [&](size_t begin, size_t end) {
-        for (size_t i = begin; i < end; ++i)
-            visit_touched(prepared_gaussians.get()[i], radius, margin, [&](size_t) { ++first_entry[i + 1]; });
+        std::vector<uint32_t>& found = touched[begin / GAUSSIAN_GRAIN];
+        for (size_t i = begin; i < end; ++i) {
+            const size_t before = found.size();
+            visit_touched(
+                prepared_gaussians.get()[i], radius, margin, [&](size_t b) { found.push_back(uint32_t(b)); });
+            first_entry[i + 1] = found.size() - before;
+        }
     });
     for (size_t i = 0; i < gaussians.count; ++i)
         first_entry[i + 1] += first_entry[i];
-    std::vector<uint32_t> block_of(first_entry.back());
-    parallel_for(gaussians.count, GAUSSIAN_GRAIN, [&](size_t begin, size_t end) {
-        for (size_t i = begin; i < end; ++i) {
-            size_t next = first_entry[i];
-            visit_touched(prepared_gaussians.get()[i], radius, margin,
-                [&](size_t b) { block_of[next++] = uint32_t(b); });
-        }
-    });
+    std::vector<uint32_t> block_of;
+    block_of.reserve(first_entry.back());
+    for (const std::vector<uint32_t>& found : touched)
+        block_of.insert(block_of.end(), found.begin(), found.end());
     first_in_block.assign(blocks.size() + 1, 0);
     for (uint32_t b : block_of)
         ++first_in_block[b + 1];
@@ -195,15 +197,9 @@ template <class Real> void Field<Real>::read(const FieldArrays<Real>& gaussians,
 template <class Real> void Field<Real>::sum_entries(size_t gaussians, size_t columns, Real* to) const
 {
     parallel_for(gaussians, GAUSSIAN_GRAIN, [&](size_t begin, size_t end) {
-        std::vector<double> total(columns);
-        for (size_t i = begin; i < end; ++i) {
-            std::fill(total.begin(), total.end(), 0.0);
-            for (size_t entry = first_entry[i]; entry < first_entry[i + 1]; ++entry)
-                for (size_t c = 0; c < columns; ++c)
-                    total[c] += by_entry.get()[entry * columns + c];
-            std::transform(
-                total.begin(), total.end(), to + i * columns, [](double sum) { return Real(sum); });
-        }
+        for (size_t i = begin; i < end; ++i)
+            field_kernels<Real>().sum_rows(by_entry.get() + first_entry[i] * columns,
+                first_entry[i + 1] - first_entry[i], columns, to + i * columns);
     });
 }
 

@@ -1,6 +1,8 @@
 // Reads Gaussians at the points of a block, one point per lane, and computes the gradient of that.
 #pragma once
 
+#include <type_traits>
+
 #include "simd/elementary.h"
 #include "surface/field_records.h"
 
@@ -77,31 +79,30 @@ bool touches(const PreparedGaussian<Real>& gaussian, const PointBlock<Real>& blo
     return bits_of(is_point & (L(0) < w.falloff) & (L(0) < w.n_dot_n)) != 0;
 }
 
-// Spherical harmonics of the normals, as in over/sh.h.
-template <class Real> struct NormalBasis {
+// K spherical harmonics of the normals, as in over/sh.h.
+template <class Real, int K> struct NormalBasis {
     using L = Points<Real>;
-    L value[FIELD_SH_MAX];
+    L value[K];
 
-    NormalBasis(const PointLanes<Real>& at, size_t coefficients)
+    explicit NormalBasis(const PointLanes<Real>& at)
     {
         const L x = at.nx, y = at.ny, z = at.nz;
         const auto c = [](double v) { return L(Real(v)); };
         value[0] = c(SH_C0);
-        if (coefficients < 4)
-            return;
-        value[1] = c(-SH_C1) * y, value[2] = c(SH_C1) * z, value[3] = c(-SH_C1) * x;
-        if (coefficients < 9)
-            return;
-        value[4] = c(SH_C2_0) * x * y, value[5] = c(-SH_C2_0) * y * z;
-        value[6] = c(SH_C2_1) * (L(2) * z * z - x * x - y * y);
-        value[7] = c(-SH_C2_0) * x * z, value[8] = c(SH_C2_2) * (x * x - y * y);
+        if constexpr (K >= 4)
+            value[1] = c(-SH_C1) * y, value[2] = c(SH_C1) * z, value[3] = c(-SH_C1) * x;
+        if constexpr (K >= 9) {
+            value[4] = c(SH_C2_0) * x * y, value[5] = c(-SH_C2_0) * y * z;
+            value[6] = c(SH_C2_1) * (L(2) * z * z - x * x - y * y);
+            value[7] = c(-SH_C2_0) * x * z, value[8] = c(SH_C2_2) * (x * x - y * y);
+        }
     }
 
     // One channel of the colour of a Gaussian with the coefficients `sh` (K, 3).
-    ALWAYS_INLINE L colour(const Real* sh, size_t coefficients, int channel) const
+    ALWAYS_INLINE L colour(const Real* sh, int channel) const
     {
         L sum = value[0] * L(sh[channel]);
-        for (size_t k = 1; k < coefficients; ++k)
+        for (int k = 1; k < K; ++k)
             sum = fma(value[k], L(sh[3 * k + channel]), sum);
         return sum;
     }
@@ -132,20 +133,31 @@ template <class Real> ALWAYS_INLINE void prefetch_gaussian(const BlockReading<Re
         prefetch(in.gaussians[in.list[i + GAUSSIANS_AHEAD].gaussian]);
 }
 
-template <class Real> void read(const BlockReading<Real>& in, Real* sums)
+// Calls body(K) with the number of coefficients as a constant.
+template <class Body> ALWAYS_INLINE void with_coefficients(size_t coefficients, Body&& body)
+{
+    if (coefficients == 1)
+        body(std::integral_constant<int, 1>());
+    else if (coefficients == 4)
+        body(std::integral_constant<int, 4>());
+    else
+        body(std::integral_constant<int, FIELD_SH_MAX>());
+}
+
+template <int K, class Real> void read_sh(const BlockReading<Real>& in, Real* sums)
 {
     using L = Points<Real>;
     const PointLanes<Real> at(*in.points);
-    const NormalBasis<Real> basis(at, in.coefficients);
+    const NormalBasis<Real, K> basis(at);
     L light[3] = {0, 0, 0}, weight = 0;
     for (size_t i = 0; i < in.list_length; ++i) {
         prefetch_gaussian(in, i);
         const PreparedGaussian<Real>& gaussian = in.gaussians[in.list[i].gaussian];
-        const Real* const sh = in.sh + size_t(in.list[i].gaussian) * in.coefficients * 3;
+        const Real* const sh = in.sh + size_t(in.list[i].gaussian) * K * 3;
         const Weighed<Real> weighed(gaussian, at, in.blend);
         weight = weight + weighed.weight;
         for (int c = 0; c < 3; ++c) {
-            const L colour = fma(L(gaussian.tint[c]), weighed.tilt, basis.colour(sh, in.coefficients, c));
+            const L colour = fma(L(gaussian.tint[c]), weighed.tilt, basis.colour(sh, c));
             light[c] = fma(weighed.weight, colour, light[c]);
         }
     }
@@ -154,13 +166,18 @@ template <class Real> void read(const BlockReading<Real>& in, Real* sums)
     scatter(weight, sums, 4, 3);
 }
 
-template <class Real>
-void read_backward(const BlockReading<Real>& in, const Real* light, const Real* by_light,
+template <class Real> void read(const BlockReading<Real>& in, Real* sums)
+{
+    with_coefficients(in.coefficients, [&](auto k) { read_sh<k()>(in, sums); });
+}
+
+template <int K, class Real>
+void read_backward_sh(const BlockReading<Real>& in, const Real* light, const Real* by_light,
     const Real* inverse_weight, const Real* error, Real* derivatives)
 {
     using L = Points<Real>;
     const PointLanes<Real> at(*in.points);
-    const NormalBasis<Real> basis(at, in.coefficients);
+    const NormalBasis<Real, K> basis(at);
     const L inverse = L::load(inverse_weight), err = L::load(error);
     L by[3], shown = 0;
     for (int c = 0; c < 3; ++c) {
@@ -170,12 +187,12 @@ void read_backward(const BlockReading<Real>& in, const Real* light, const Real* 
     for (size_t i = 0; i < in.list_length; ++i) {
         prefetch_gaussian(in, i);
         const PreparedGaussian<Real>& gaussian = in.gaussians[in.list[i].gaussian];
-        const Real* const sh = in.sh + size_t(in.list[i].gaussian) * in.coefficients * 3;
+        const Real* const sh = in.sh + size_t(in.list[i].gaussian) * K * 3;
         const Weighed<Real> weighed(gaussian, at, in.blend);
         const auto inside = L(0) < weighed.falloff;
         L p = L(0) - shown, by_tilt = 0; // dloss / dw, dloss / d(slope . e) / w
         for (int c = 0; c < 3; ++c) {
-            p = fma(by[c], basis.colour(sh, in.coefficients, c), p);
+            p = fma(by[c], basis.colour(sh, c), p);
             by_tilt = fma(by[c], L(gaussian.tint[c]), by_tilt);
         }
         p = fma(by_tilt, weighed.tilt, p);
@@ -202,25 +219,34 @@ void read_backward(const BlockReading<Real>& in, const Real* light, const Real* 
 }
 
 template <class Real>
-void transposed(
+void read_backward(const BlockReading<Real>& in, const Real* light, const Real* by_light,
+    const Real* inverse_weight, const Real* error, Real* derivatives)
+{
+    with_coefficients(in.coefficients,
+        [&](auto k) { read_backward_sh<k()>(in, light, by_light, inverse_weight, error, derivatives); });
+}
+
+template <int K, class Real>
+void transposed_sh(
     const BlockReading<Real>& in, const Real* values, const Real* inverse_weight, Real* transposed)
 {
     using L = Points<Real>;
     const PointLanes<Real> at(*in.points);
-    const NormalBasis<Real> basis(at, in.coefficients);
+    const NormalBasis<Real, K> basis(at);
     const L inverse = L::load(inverse_weight);
     L value[3];
     for (int c = 0; c < 3; ++c)
         value[c] = gather(values, 3, c) * inverse;
-    const size_t columns = 3 * in.coefficients + in.slopes;
+    constexpr int SETS = (3 * K + 2 + FIELD_LANES - 1) / FIELD_LANES; // of columns that are summed together
+    const size_t columns = 3 * K + in.slopes;
     for (size_t i = 0; i < in.list_length; ++i) {
         prefetch_gaussian(in, i);
         const PreparedGaussian<Real>& gaussian = in.gaussians[in.list[i].gaussian];
         const Weighed<Real> weighed(gaussian, at, in.blend);
-        L all[2 * FIELD_LANES];
-        for (L& lanes : all)
-            lanes = 0;
-        for (size_t k = 0; k < in.coefficients; ++k) {
+        L all[SETS * FIELD_LANES];
+        for (int column = 3 * K; column < SETS * FIELD_LANES; ++column)
+            all[column] = 0;
+        for (int k = 0; k < K; ++k) {
             const L by_colour = weighed.weight * basis.value[k] * (k == 0 ? L(1) + weighed.tilt : L(1));
             for (int c = 0; c < 3; ++c)
                 all[3 * k + c] = by_colour * value[c];
@@ -228,17 +254,36 @@ void transposed(
         L by_tilt = 0;
         for (int c = 0; c < 3; ++c)
             by_tilt = fma(L(gaussian.tint[c]), value[c], by_tilt);
-        for (size_t j = 0; j < in.slopes; ++j)
-            all[3 * in.coefficients + j] = weighed.weight * by_tilt * weighed.e[j];
-        Real total[2 * FIELD_LANES];
-        sums(all).store(total);
-        if (columns > FIELD_LANES)
-            sums(all + FIELD_LANES).store(total + FIELD_LANES);
+        for (int j = 0; j < 2; ++j)
+            all[3 * K + j] = weighed.weight * by_tilt * weighed.e[j];
+        Real total[SETS * FIELD_LANES];
+        for (int set = 0; set < SETS; ++set)
+            sums(all + set * FIELD_LANES).store(total + set * FIELD_LANES);
         std::memcpy(transposed + in.list[i].entry * columns, total, columns * sizeof(Real));
     }
 }
 
 template <class Real>
-constexpr FieldKernels<Real> FIELD = {touches<Real>, read<Real>, read_backward<Real>, transposed<Real>};
+void transposed(
+    const BlockReading<Real>& in, const Real* values, const Real* inverse_weight, Real* transposed)
+{
+    with_coefficients(
+        in.coefficients, [&](auto k) { transposed_sh<k()>(in, values, inverse_weight, transposed); });
+}
+
+template <class Real> void sum_rows(const Real* rows, size_t count, size_t columns, Real* sums)
+{
+    constexpr size_t MOST = 3 * FIELD_SH_MAX + 2;
+    double total[MOST] = {};
+    for (const Real* row = rows; row != rows + count * columns; row += columns)
+        for (size_t c = 0; c < columns; ++c)
+            total[c] += row[c];
+    for (size_t c = 0; c < columns; ++c)
+        sums[c] = Real(total[c]);
+}
+
+template <class Real>
+constexpr FieldKernels<Real> FIELD = {
+    touches<Real>, read<Real>, read_backward<Real>, transposed<Real>, sum_rows<Real>};
 
 } // namespace INSTRUCTION_SET

@@ -88,4 +88,6 @@ template <class Real> struct FieldKernels {
     // . values (lanes, 3).
     void (*transposed)(
         const BlockReading<Real>&, const Real* values, const Real* inverse_weight, Real* transposed);
+    // Writes the sums (columns,) of `rows` (rows, columns), added in double precision and in their order.
+    void (*sum_rows)(const Real* rows, size_t count, size_t columns, Real* sums);
 };
