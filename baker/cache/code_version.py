@@ -3,6 +3,7 @@
 import ast
 import functools
 import hashlib
+from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
@@ -31,13 +32,14 @@ def closure(module: str) -> dict[str, Path]:
     return dict(sorted(found.items()))
 
 
+@functools.cache
 def _imports(module: str, path: Path) -> list[str]:
     """Absolute names within gsgi that a module imports; some may not be modules."""
     if path.suffix != ".py":
         return []
     package = module.split(".") if path.name == "__init__.py" else module.split(".")[:-1]
     names = []
-    for node in ast.walk(ast.parse(path.read_bytes())):
+    for node in _statements(ast.parse(path.read_bytes())):
         if isinstance(node, ast.Import):
             names += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
@@ -45,6 +47,14 @@ def _imports(module: str, path: Path) -> list[str]:
             base = ".".join([*base, *([node.module] if node.module else [])])
             names += [base, *(f"{base}.{alias.name}" for alias in node.names)]
     return [name for name in names if name.split(".")[0] == "gsgi"]
+
+
+def _statements(block: ast.AST) -> Iterator[ast.AST]:
+    """All statements of a block, at any depth. Expressions hold none, and are most of a module."""
+    for part in ("body", "orelse", "finalbody", "handlers", "cases"):
+        for inner in getattr(block, part, ()):
+            yield inner
+            yield from _statements(inner)
 
 
 @functools.cache

@@ -46,6 +46,7 @@ def solve(
     weight = importance.astype(np.float32)[:, None]
     wanted = weight * (light - base[:, :3] * inverse[:, None])
     flat = replace(gaussians, slope=np.zeros_like(gaussians.slope))
+    constant = replace(gaussians, sh=gaussians.sh[:, :1].copy(), slope=None)
     tint = np.ascontiguousarray(gaussians.sh[:, 0])
     size = 3 * gaussians.sh.shape[1]
 
@@ -54,7 +55,7 @@ def solve(
 
     # Sums of w / sum w times the importance, that times the variance, and 1.
     sums = np.stack([importance, importance * noise**2, np.ones_like(importance)], axis=1)
-    mass, noisy, count = np.split(derivatives(flat, sums)[:, :3] / constants.SH_C0, 3, axis=1)
+    mass, noisy, count = np.split(derivatives(constant, sums) / constants.SH_C0, 3, axis=1)
     # Every basis function has about the mean square of the constant one.
     unit = constants.SH_C0**2 * np.repeat(mass, size + flat.slope.shape[1], axis=1)
     square = np.square(tint, dtype=np.float64).sum(axis=1, keepdims=True)
@@ -62,11 +63,11 @@ def solve(
     held = np.concatenate([ridge * unit[:, :size], SLOPE_RIDGE * unit[:, size:]], axis=1)
     held[:, size:] += constants.SH_C0**2 * square * ratio(noisy, count) / SLOPE_SPREAD**2
     prior = np.zeros(unit.shape)
-    seen = derivatives(flat, wanted)[:, :3]
-    prior[:, :3] = ratio(seen, unit[:, :3])
+    seen = derivatives(flat, wanted)
+    prior[:, :3] = ratio(seen[:, :3], unit[:, :3])
 
-    def solved(at, start: np.ndarray, tint: np.ndarray | None) -> np.ndarray:
-        """The columns of `start` (N, C) solved for; others stay as they are in `at`."""
+    def solved(at, seen: np.ndarray, start: np.ndarray, tint: np.ndarray | None) -> np.ndarray:
+        """The columns of `start` (N, C) solved for; others stay as they are in `at`, by which `seen` are derived."""
         few = slice(start.shape[1])
 
         def apply(x: np.ndarray) -> np.ndarray:
@@ -76,15 +77,17 @@ def solve(
             values = weight * field.read(read, tint)[:, :3] * inverse[:, None]
             return derivatives(at, values)[:, few] + held[:, few] * x
 
-        right = derivatives(at, wanted)[:, few] + held[:, few] * prior[:, few]
+        right = seen[:, few] + held[:, few] * prior[:, few]
         diagonal = unit[:, few] + held[:, few]
         return conjugate_gradients(apply, right, start, ratio(np.ones_like(diagonal), diagonal), iterations)
 
-    x, slope = gaussians.sh.reshape(-1, size).astype(np.float64), gaussians.slope
+    x, slope, at = gaussians.sh.reshape(-1, size).astype(np.float64), gaussians.slope, flat
     if gaussians.sloped:
-        x, gradient = np.split(solved(flat, np.concatenate([x, slope], axis=1), tint), [size], axis=1)
+        x, gradient = np.split(solved(flat, seen, np.concatenate([x, slope], axis=1), tint), [size], axis=1)
         slope = bounded_slope(_relative(gradient, tint, np.maximum(x[:, :3], 0))).astype(np.float32)
-    sh = solved(replace(gaussians, slope=slope), x, None).reshape(gaussians.sh.shape)
+        at = replace(gaussians, slope=slope)
+        seen = derivatives(at, wanted)
+    sh = solved(at, seen, x, None).reshape(gaussians.sh.shape)
     return _bounded(sh).astype(np.float32), slope
 
 

@@ -290,7 +290,8 @@ def _nearest_of_hulls(of: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, n
     group = np.repeat(np.arange(len(start)), np.diff([*start, len(of)]))
 
     def least(values: np.ndarray) -> np.ndarray:
-        return points[np.lexsort((values, group))[start]]
+        least = np.flatnonzero(values == np.minimum.reduceat(values, start)[group])
+        return points[least[np.diff(group[least], prepend=-1) > 0]]
 
     length = np.linalg.norm(points, axis=1)
     nearest = least(length)

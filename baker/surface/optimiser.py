@@ -19,8 +19,9 @@ from .samples import SurfaceSamples
 from .state import PARAMETERS, SurfaceState
 
 # Every LIST_STEPS steps the samples that each Gaussian reaches are listed, and the noise of the gradients is measured.
-# The lists are for Gaussians MARGIN times as large, because Gaussians grow and move between two listings.
-LIST_STEPS, MARGIN = 10, 1.1
+# The lists are for Gaussians MARGIN times as large, because Gaussians grow and move between two listings. Where they
+# stay as they are, EXACT is enough: it covers rounding.
+LIST_STEPS, MARGIN, EXACT = 10, 1.1, 1.001
 
 # Adam (Kingma and Ba 2015). Each step uses all samples, so that the second moment needs only a short memory.
 BETA_1, BETA_2, EPSILON = 0.9, 0.98, 1e-20
@@ -76,7 +77,7 @@ class SurfaceOptimiser:
         self.blend = blend
         self._level, self._relative_noise = around.level, around.noise / around.level
         self._importance = 1 / (np.square(around.level) + np.square(around.noise / np.float32(MODEL)))
-        self._listed = 0
+        self._listed, self._margin = 0, 0.0
         self._noise: np.ndarray | None = None
         self._unit: np.ndarray | None = None
 
@@ -134,7 +135,9 @@ class SurfaceOptimiser:
         The step depends on the listing of an earlier step, unless `steps` - 1 is a multiple of LIST_STEPS.
         """
         if (steps - 1) % LIST_STEPS == 0 or self._listed != len(state):
-            self._list(state.gaussians)
+            self._list(state.gaussians, MARGIN)
+        elif self._margin < MARGIN:
+            self._reach(state.gaussians, MARGIN)
         reading = self._read(state.gaussians)
         derivatives, loss, error = self._derivatives(state.gaussians, reading)
         if len(broken := np.flatnonzero(~np.isfinite(derivatives).all(axis=1))):
@@ -166,11 +169,17 @@ class SurfaceOptimiser:
 
     def _seen(self, gaussians: Gaussians, values: np.ndarray, inverse: np.ndarray) -> np.ndarray:
         """Sums (N, 3) of w / sum w times values (S, 3) over the samples."""
-        flat = replace(gaussians, slope=None)
-        return self._field.transposed(flat, values, inverse)[:, :3] / np.float32(constants.SH_C0)
+        constant = replace(gaussians, sh=gaussians.sh[:, :1].copy(), slope=None)
+        return self._field.transposed(constant, values, inverse) / np.float32(constants.SH_C0)
 
-    def _list(self, gaussians: Gaussians) -> None:
-        self._field.list(gaussians, self.blend.cutoff, self.blend.sharpness, MARGIN)
+    def _reach(self, gaussians: Gaussians, margin: float) -> None:
+        """List the samples that Gaussians `margin` times as large reach. The more is listed, the longer readings take,
+        but they do not change."""
+        self._field.list(gaussians, self.blend.cutoff, self.blend.sharpness, margin)
+        self._margin = margin
+
+    def _list(self, gaussians: Gaussians, margin: float = EXACT) -> None:
+        self._reach(gaussians, margin)
         self._listed, self._noise = len(gaussians), None
         if gaussians.bumpy:
             added = relief_sums(self._field, gaussians, self._bend) * self._read(gaussians).inverse[:, None]
