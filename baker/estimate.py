@@ -42,7 +42,7 @@ class Rates:
     def timed(plan: Plan) -> "Rates":
         """Time the parts of a plan's bake."""
         parts = _fits(plan).parts_on_grey_light(plan, STEPS)
-        fit = tuple(_second_run(lambda seed, run=run: run()) for run in parts)
+        fit = tuple(_seconds(run) for run in parts)
         return Rates(plan, *_seconds_per_path(plan), fit, *_seconds_per_view(plan))
 
     def seconds(self, plan: Plan, evaluate: bool = True) -> dict[str, float]:
@@ -93,11 +93,12 @@ def _seconds_per_path(plan: Plan) -> tuple[float, float]:
     index = np.random.default_rng(plan.settings.seed).integers(len(seen.position), size=POINTS)
     position, normal = seen.position[index], seen.normal[index]
     sampling = Sampling(SAMPLES, plan.settings.bounces)
+    # The first launch of a kind compiles, even with one point.
     light = tracer.indirect(position, normal, normal, sampling, 0).mean
     known = IrradianceCache.halves(position, normal, light, light).a
+    tracer.indirect(position[:1], normal[:1], normal[:1], sampling, 0, None, known)
     whole, gathering = (
-        _second_run(lambda seed, end=end: tracer.indirect(position, normal, normal, sampling, seed, None, end))
-        / (POINTS * SAMPLES)
+        _seconds(lambda end=end: tracer.indirect(position, normal, normal, sampling, 1, None, end)) / (POINTS * SAMPLES)
         for end in (None, known)
     )
     return whole, gathering
@@ -119,16 +120,18 @@ def _seconds_per_view(plan: Plan) -> tuple[float, float, float]:
     def truth() -> dict[str, Reference]:
         return {name: Reference(surface, np.zeros_like(grey), grey, grey, surface.diffuse)}
 
+    def evaluate() -> None:
+        held_out.evaluate(truth(), views, baked, {}, plan.triangles)
+
+    # The first calls load the denoiser and the metrics.
     baked, loss = grey_bake(plan), held_out.HeldOutLoss(truth(), views, 1.0)
-    prepared = _second_run(lambda seed: held_out.HeldOutLoss(truth(), views, 1.0))
-    looked = _second_run(lambda seed: loss.of(baked))
-    evaluated = _second_run(lambda seed: held_out.evaluate(truth(), views, baked, {}, plan.triangles))
-    return prepared, looked, evaluated
+    evaluate()
+    prepared = _seconds(lambda: held_out.HeldOutLoss(truth(), views, 1.0))
+    return prepared, _seconds(lambda: loss.of(baked)), _seconds(evaluate)
 
 
-def _second_run(run: Callable[[int], object]) -> float:
-    """Seconds of the second call; the first one compiles and warms up."""
-    run(0)
+def _seconds(run: Callable[[], object]) -> float:
+    """Seconds of a call of what is loaded and compiled."""
     start = time.perf_counter()
-    run(1)
+    run()
     return time.perf_counter() - start

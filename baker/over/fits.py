@@ -120,6 +120,7 @@ def parts_on_grey_light(plan: "Plan", steps: int) -> list[Callable[[], object]]:
     grey = Target.of(np.ones((size, size, 3), np.float32), np.ones((size, size), bool), 1.0)
     pinholes = [camera.pinhole(size, size) for camera in _every(plan, steps)]
     still = dict.fromkeys(RATES, 0.0)
+    optimiser.iterate(pinholes[0], grey, still)  # compiles, on a GPU
     return [lambda: [optimiser.iterate(pinhole, grey, still) for pinhole in pinholes]]
 
 

@@ -87,7 +87,7 @@ def test_all_parts_of_a_fit_are_timed(closed, monkeypatch, operator, parts):
     runs = []
     monkeypatch.setattr(estimating, "_seconds_per_path", lambda plan: (0.0, 0.0))
     monkeypatch.setattr(estimating, "_seconds_per_view", lambda plan: (0.0, 0.0, 0.0))
-    monkeypatch.setattr(estimating, "_second_run", lambda run: (run(0), runs.append(run), 10.0 ** len(runs))[2])
+    monkeypatch.setattr(estimating, "_seconds", lambda run: (run(), runs.append(run), 10.0 ** len(runs))[2])
     fit = estimate(plan)["fit"]
     assert len(runs) == parts
     steps = SETTINGS.iterations / (3 if operator == "over" else estimating.STEPS)
