@@ -11,7 +11,7 @@ from .tracer import BOUNCES_MAX, PASS_SAMPLES, Sampling
 
 POINTS = 4096
 SAMPLES = 64  # paths per point
-SMALL = 1e-4  # share of the picture; once a number of bounces loses no more, larger ones are not tried
+SMALL = 1e-4  # share of the picture; once a number of bounces loses no more, larger ones are never tried
 FALLS = 0.61  # the noise of n gathering paths falls like n^-FALLS: measured for 64 to 1,024 paths in Cornell and Sponza
 STEPS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 24, 32, BOUNCES_MAX)
 
@@ -51,9 +51,10 @@ class Pilot:
         return float(np.clip(steps * step, step, most).mean()) if len(steps) else float(step)
 
 
-def run(at_points: Callable, position: np.ndarray, normal: np.ndarray, seed: int) -> Pilot:
+def run(at_points: Callable, position: np.ndarray, normal: np.ndarray, seed: int, enough: float = SMALL) -> Pilot:
     """Trace B at surface points (N, 3), along the same paths for each number of bounces, so that noise cancels.
 
+    Numbers are tried up to the first that loses at most `enough`, a share of the picture.
     `at_points(position, normal, sampling, seed)` traces. Light is compared as it is perceived, through the tone curve
     B / (B + level) with the level to which eyes adapt there: far from all lights, nearly all of it comes from bounces.
     """
@@ -72,7 +73,7 @@ def run(at_points: Callable, position: np.ndarray, normal: np.ndarray, seed: int
     full, lost = picture(whole.mean), {}
     for bounces in STEPS[:-1]:
         lost[bounces] = 1 - picture(trace(bounces).mean) / full if full > 0 else 0.0
-        if lost[bounces] <= SMALL:
+        if lost[bounces] <= max(enough, SMALL):
             break
     lost.setdefault(BOUNCES_MAX, 0.0)
     deviation = whole.error * np.sqrt(np.maximum(whole.samples, 1))

@@ -35,6 +35,8 @@ def test_bounces_end_where_less_than_the_fraction_of_the_picture_is_left(ratio, 
         return value / (value + full)
 
     assert 1 - picture(bounces) / picture(BOUNCES_MAX) <= fraction
+    only = pilot.run(geometric(ratio), POSITION, NORMAL, 0, fraction)
+    assert only.bounces(fraction) == bounces == list(only.lost)[-2]  # no more are tried
     before = [k for k in pilot.STEPS if k < bounces]
     assert not before or 1 - picture(before[-1]) / picture(BOUNCES_MAX) > fraction
 
