@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from gsgi.runtime.file import codec
 from gsgi.runtime.file.fingerprint import fingerprint
-from gsgi.runtime.gaussians import Bake, Gaussians, OverBlend
+from gsgi.runtime.gaussians import Bake, Gaussians, LightGroup, OverBlend
 
 from . import budget_search
 from .budget_search import Attempt
@@ -46,13 +46,13 @@ def bake(
     """
     if not plan.pilot.mean:
         progress.warn("no indirect light reaches what the views see: the file will hold darkness")
-    return _Baker(plan, progress, references, preview).best()
+    return Baker(plan, progress, references, preview).best()
 
 
-class _Baker:
+class Baker:
     """Fits Gaussians to the light of a plan's scene, for one or several budgets."""
 
-    def __init__(self, plan: Plan, progress: Progress, references, preview):
+    def __init__(self, plan: Plan, progress: Progress, references=None, preview=None):
         from .evaluation.held_out import HeldOutLoss
 
         self.plan, self.progress, self.preview = plan, progress, preview
@@ -91,12 +91,16 @@ class _Baker:
             )
         return Attempt(budget, data, count, loss, psnr, fit.seconds, fit.history, fit.coverage)
 
+    def light_group(self, name: str, budget: int) -> LightGroup:
+        """The light of one light group on the Gaussians of the attempt with this budget."""
+        whole = self._baked[budget]
+        return self.fits.light_group(name, budget, whole.gaussians, whole.coarse)
+
     def _in_groups(self, attempt: Attempt) -> Attempt:
         """The attempt with the light of the scene's light groups in its file."""
-        whole = self._baked[attempt.budget]
-        groups = self.fits.light_groups(attempt.budget, whole.gaussians, whole.coarse)
+        groups = tuple(self.light_group(name, attempt.budget) for name in self.plan.groups)
         with self.progress.stage("encode"):
-            data = codec.encode(replace(whole, groups=groups))
+            data = codec.encode(replace(self._baked[attempt.budget], groups=groups))
         self.progress.say(f"  {len(groups)} light groups: {len(data) - len(attempt.data)} bytes")
         return replace(attempt, data=data)
 

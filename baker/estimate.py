@@ -52,15 +52,12 @@ class Rates:
         """
         known = self.whole * plan.whole_paths + self.gathering * (plan.known_paths - plan.whole_paths)
         path = self.gathering if plan.known_paths else self.whole
-        times = _fits(plan).times_on_grey_light(plan, self.of, STEPS)
-        fit = sum(part * often for part, often in zip(self.fit, times, strict=True))
+        fit = sum(self.fits(plan))
         stages = {"known light": known} if plan.known_paths else {}
         irradiance = path * (plan.paths - plan.known_paths)
         stages |= {"irradiance": irradiance, "fit": fit}
         if plan.groups:
-            times = _fits(plan).group_times_on_grey_light(plan, self.of)
-            solved = sum(part * often for part, often in zip(self.fit, times, strict=True))
-            stages |= {f"light group {name}": known + irradiance + solved for name in plan.groups}
+            stages |= {f"light group {name}": known + irradiance + self.solved(plan) for name in plan.groups}
         if not evaluate:
             return stages
         each, compared = (self.gathering, self.whole) if held_out.gathers(plan) else (self.whole, 0.0)
@@ -71,6 +68,17 @@ class Rates:
             "references": each * held_out.points(plan) * held_out.samples(plan) / 2 + compared * bias.PATHS,
             "evaluation": views * self.evaluated + self.whole * len(plan.groups) * group_error.PATHS,
         }
+
+    def fits(self, plan: Plan) -> list[float]:
+        """The seconds of the fit of the fine level, and with `surface` of the coarse one, without looks at views."""
+        times = _fits(plan).times_on_grey_light(plan, self.of, STEPS)
+        steps, *rest = (part * often for part, often in zip(self.fit, times, strict=True))
+        return [steps + sum(rest[:-1]), *rest[-1:]]
+
+    def solved(self, plan: Plan) -> float:
+        """The seconds of solving for the light of a light group."""
+        times = _fits(plan).group_times_on_grey_light(plan, self.of)
+        return sum(part * often for part, often in zip(self.fit, times, strict=True))
 
 
 def _fits(plan: Plan):

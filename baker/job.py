@@ -14,6 +14,7 @@ from .plan import Plan
 from .plan_table import summary
 from .progress import Progress
 from .report import BakeReport, peak_memory
+from .trace.reference import Reference
 
 
 def run(
@@ -34,12 +35,7 @@ def run(
     clock, decided = Clock(plan, seconds, evaluate, progress) if seconds is not None else None, None
     references, of_scene, found = {}, {}, None
     if evaluate or preview or plan.settings.target_loss is not None:
-        known = held_out.known_light(plan, progress)
-        with progress.stage("references", held_out.points(plan), "points") as advance:
-            references = held_out.references(plan, known, advance)
-            of_scene = held_out.scene_references(plan, known, advance)
-            if held_out.gathers(plan):
-                found = bias.measure(plan.tracer, references | of_scene, plan.settings.seed)
+        references, of_scene, found = trace_references(plan, progress)
         if found and found.large:
             progress.warn(
                 f"the traced light is {abs(found.bias):.1%} too {'bright' if found.bias > 0 else 'dark'} on average: "
@@ -65,3 +61,15 @@ def run(
             evaluation = replace(evaluation, groups=group_error.measure(plan, references | of_scene, baked))
     stages, warnings = dict(progress.seconds), tuple(progress.warnings)
     return BakeReport(plan, result, evaluation, stages, peak_memory(), warnings, decided)
+
+
+def trace_references(
+    plan: Plan, progress: Progress
+) -> tuple[dict[str, Reference], dict[str, Reference], bias.Bias | None]:
+    """The references of the held-out views and of the scene's own, by name, and their bias; None: it is none."""
+    known = held_out.known_light(plan, progress)
+    with progress.stage("references", held_out.points(plan), "points") as advance:
+        references = held_out.references(plan, known, advance)
+        of_scene = held_out.scene_references(plan, known, advance)
+        found = bias.measure(plan.tracer, references | of_scene, plan.settings.seed) if known is not None else None
+    return references, of_scene, found

@@ -20,7 +20,7 @@ from gsgi.runtime.camera import Camera
 from gsgi.runtime.errors import SceneError, UsageError
 from gsgi.runtime.file import codec
 from gsgi.runtime.gaussians import Effects, OverBlend, SurfaceBlend
-from gsgi.runtime.light_groups import check_groups, lit_groups
+from gsgi.runtime.light_groups import check_groups, lit_by, lit_groups
 from gsgi.runtime.scene import Scene
 
 from . import memory
@@ -150,6 +150,10 @@ class Plan:
         dark = [name in self.dark for name in self.placement.fitted]
         seen = SeenSurface(self.tracer, self.cameras, dark, self.placement.importance)
         return Sampler.gathering(self.tracer, seen, self.settings.bounces, self.settings.seed + 1, self.settings.error)
+
+    def group_sampler(self, name: str) -> Sampler:
+        """Traces the light of one light group at the points that `sampler` draws, once that is prepared."""
+        return self.sampler.lit_by(self.tracer.lit_by(lit_by(self.scene, name)))
 
     def spending(self, budget: int, error: float, iterations: int) -> "Plan":
         """The plan with other costs of a bake with `surface`. Light that is known already is not traced again."""

@@ -33,10 +33,10 @@ def closure(module: str) -> dict[str, Path]:
 
 
 @functools.cache
-def _imports(module: str, path: Path) -> list[str]:
+def _imports(module: str, path: Path) -> tuple[str, ...]:
     """Absolute names within gsgi that a module imports; some may not be modules."""
     if path.suffix != ".py":
-        return []
+        return ()
     package = module.split(".") if path.name == "__init__.py" else module.split(".")[:-1]
     names = []
     for node in _statements(ast.parse(path.read_bytes())):
@@ -46,7 +46,7 @@ def _imports(module: str, path: Path) -> list[str]:
             base = package[: len(package) - node.level + 1] if node.level else []
             base = ".".join([*base, *([node.module] if node.module else [])])
             names += [base, *(f"{base}.{alias.name}" for alias in node.names)]
-    return [name for name in names if name.split(".")[0] == "gsgi"]
+    return tuple(name for name in names if name.split(".")[0] == "gsgi")
 
 
 def _statements(block: ast.AST) -> Iterator[ast.AST]:

@@ -2,8 +2,8 @@
 
 import os
 import re
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -88,7 +88,7 @@ class Cache:
 
     def __init__(self, folder: Path | None = None, limit: int = 0, warn: Callable[[str], None] = lambda line: None):
         self.folder, self.limit, self.warn = folder, limit, warn
-        self._used: set[Path] = set()
+        self.used: set[str] = set()  # keys that were found or put
         self._writes = folder is not None
 
     def get(self, key: str) -> dict[str, np.ndarray] | None:
@@ -101,7 +101,7 @@ class Cache:
         except OSError:
             return None
         if arrays is not None:
-            self._used.add(path)
+            self.used.add(key)
             with suppress(OSError):  # the folder may be read-only
                 os.utime(path)
         return arrays
@@ -120,13 +120,27 @@ class Cache:
         except FileError as error:
             self._stop(str(error))
         else:
-            self._used.add(path)
+            self.used.add(key)
+
+    def holds(self, key: str) -> bool:
+        """Whether there is an entry under `key`; it may be damaged."""
+        return self.folder is not None and self._path(key).is_file()
 
     def remove(self, key: str) -> None:
         """Remove the entry under `key`."""
+        self.used.discard(key)
         if self._writes:
             with suppress(OSError):
                 self._path(key).unlink()
+
+    @contextmanager
+    def recording(self) -> Iterator[set[str]]:
+        """Yield a set that has the keys of all entries that the block found or put, once it ends."""
+        before, self.used = self.used, set()
+        try:
+            yield (used := self.used)
+        finally:
+            self.used = before | used
 
     def trim(self) -> None:
         """Remove old leftovers, and the least recently used entries beyond the limit that this run did not use."""
@@ -137,7 +151,7 @@ class Cache:
             kept = entries(self.folder)
             excess = sum(entry.bytes for entry in kept) - self.limit
             for entry in kept:
-                if excess > 0 and entry.path not in self._used:
+                if excess > 0 and entry.path.stem not in self.used:
                     entry.path.unlink(missing_ok=True)
                     excess -= entry.bytes
 

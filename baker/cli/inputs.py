@@ -22,6 +22,7 @@ from gsgi.runtime.scene import Scene
 
 if TYPE_CHECKING:
     from gsgi.baker.plan import Plan
+    from gsgi.baker.tasks.request import Request
 
 WARNINGS = 4  # most of one kind that the log shows
 
@@ -81,9 +82,14 @@ def _groups(options: argparse.Namespace) -> dict[str, tuple[str, ...]] | None:
 
 def plan_of(options: argparse.Namespace, progress: Progress, cache: Cache) -> "Plan":
     """Make the plan for the scene, light and settings that the options name."""
+    return request_of(options, progress).plan(progress, cache)
+
+
+def request_of(options: argparse.Namespace, progress: Progress) -> "Request":
+    """Read what a bake is asked for: the scene, light and settings that the options name."""
     from gsgi.baker import deadline
     from gsgi.baker.effects import without
-    from gsgi.baker.plan import make_plan
+    from gsgi.baker.tasks.request import Request
     from gsgi.baker.views.camera_path import read_camera_path
 
     settings = _settings(options)
@@ -99,10 +105,7 @@ def plan_of(options: argparse.Namespace, progress: Progress, cache: Cache) -> "P
     if options.camera_path:
         path = read_camera_path(options.camera_path, scene.diagonal())
         scene = replace(scene, files=(*scene.files, Path(options.camera_path)))
-    try:
-        return make_plan(scene, settings, progress, cache, path)
-    except SceneError as error:
-        raise SceneError(f"{options.scene}: {error}") from error
+    return Request(scene, settings, path, options.scene, getattr(options, "evaluate", True), options.seconds)
 
 
 def _settings(options: argparse.Namespace) -> Settings:

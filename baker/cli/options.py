@@ -170,6 +170,22 @@ def _add_accuracy(parser: argparse.ArgumentParser) -> None:
                       "--budget, --error and --iterations")  # fmt: skip
 
 
+def add_evaluate(parser: argparse.ArgumentParser) -> None:
+    """Add --no-evaluate."""
+    parser.add_argument("--no-evaluate", dest="evaluate", action="store_false",
+                        help="skip the evaluation of the bake in held-out views")  # fmt: skip
+
+
+def add_request(parser: argparse.ArgumentParser) -> None:
+    """Add everything that decides what a bake computes, and its cache."""
+    add_scene(parser)
+    add_light(parser)
+    add_groups(parser)
+    add_settings(parser)
+    add_evaluate(parser)
+    add_cache(parser)
+
+
 def add_picture(parser: argparse.ArgumentParser) -> None:
     """Add the options of commands that make an image."""
     parser.add_argument("-o", "--output", metavar="IMAGE", required=True, help=".png to look at, .exr to measure")

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from itertools import islice
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -36,6 +36,7 @@ SAMPLES, GATHERED = 1024, 256
 BUMPY = 2  # times as many where normal maps bend the light: the denoiser averages over fewer pixels
 LOST_MAX = 1e-3  # of the picture, by bounces that known light lacks; if it lacks more, paths are whole
 SCENE_VIEWS = 4  # most of the scene's own cameras that are evaluated
+SEED = 1000  # from a bake's seed to those of the held-out views
 SCENE_SEED = 1000  # from the seeds of the held-out views to those of the scene's
 
 SSIM_GOOD = 0.97  # less is a difference that one sees
@@ -44,6 +45,14 @@ SSIM_GOOD = 0.97  # less is a difference that one sees
 # SSIM is about v / (v + s^2) between the halves, and v / (v + s^2 / 4) between their mean and the truth. Below this
 # ceiling even the truth would have less than SSIM_GOOD.
 CEILING_MIN = 1 / (1 + 4 * (1 / SSIM_GOOD - 1))
+
+
+class View(NamedTuple):
+    """A view that a reference is traced of, and the seed of its paths."""
+
+    name: str
+    camera: Camera
+    seed: int
 
 
 @dataclass(frozen=True)
@@ -104,12 +113,26 @@ def references(plan: "Plan", known: KnownLight | None, advance: Callable[..., No
     Their paths end in `known` light, that of `known_light`. References in the plan's cache are not
     traced again. With those of `scene_references`, `advance(points)` is called with a total of `points(plan)`.
     """
-    return _traced(plan, plan.placement.held_out, 1000, known, advance)
+    return _traced(plan, views(plan)[: len(plan.placement.held_out)], known, advance)
 
 
 def scene_references(plan: "Plan", known: KnownLight | None, advance: Callable[..., None]) -> dict[str, Reference]:
     """References like those of `references`, of the scene's own cameras."""
-    return _traced(plan, scene_cameras(plan), 1000 + SCENE_SEED, known, advance)
+    return _traced(plan, views(plan)[len(plan.placement.held_out) :], known, advance)
+
+
+def reference(plan: "Plan", view: View, known: KnownLight | None, advance: Callable[..., None]) -> Reference:
+    """The reference of one view, traced unless it is in the plan's cache."""
+    return plan.tracer.reference(view.camera, SIZE, samples(plan), view.seed, advance, known)
+
+
+def views(plan: "Plan") -> list[View]:
+    """All views that references are traced of: those held out, then the scene's own."""
+    return [
+        View(name, camera, plan.settings.seed + first + i)
+        for cameras, first in ((plan.placement.held_out, SEED), (scene_cameras(plan), SEED + SCENE_SEED))
+        for i, (name, camera) in enumerate(cameras.items())
+    ]
 
 
 def scene_cameras(plan: "Plan") -> dict[str, Camera]:
@@ -211,11 +234,9 @@ def draw(baked: Bake, camera: Camera, reference: Reference) -> np.ndarray:
     return image
 
 
-def _traced(plan: "Plan", cameras: Mapping[str, Camera], seed: int, known, advance) -> dict[str, Reference]:
-    traced, paths = {}, samples(plan)
-    for i, (name, camera) in enumerate(cameras.items()):
-        traced[name] = plan.tracer.reference(camera, SIZE, paths, plan.settings.seed + seed + i, advance, known)
-    return {name: reference for name, reference in traced.items() if reference.valid.any()}
+def _traced(plan: "Plan", views: list[View], known, advance) -> dict[str, Reference]:
+    traced = {view.name: reference(plan, view, known, advance) for view in views}
+    return {name: truth for name, truth in traced.items() if truth.valid.any()}
 
 
 def _evaluated(

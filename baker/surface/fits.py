@@ -12,7 +12,6 @@ from gsgi.baker.fitting.schedule import Schedule
 from gsgi.baker.fitting.task import FitResult, MakeMonitor, run_or_resume
 from gsgi.baker.progress import Progress
 from gsgi.runtime.gaussians import Bake, Effects, Gaussians, LightGroup, SurfaceBlend
-from gsgi.runtime.light_groups import lit_by
 
 from .budget import coarse_count
 from .samples import CHUNK, Sampler, SurfaceSamples, free_layers, path_count, point_count, surface_layers
@@ -44,14 +43,13 @@ class SurfaceFits:
 
         An interrupted fit resumes from its samples and its checkpoint; a finished one is not repeated.
         """
-        from .coarse import coarse_level
         from .lookup import look_up
 
         plan = self.plan
         surface, free = self._samples(budget)
         start = time.perf_counter()
         with self.progress.stage("fit", plan.settings.iterations, "iterations") as advance:
-            coarse = coarse_level(free, coarse_count(budget), plan.blend, plan.settings.seed, plan.triangles)
+            coarse = self.coarse(budget, free)
             fine = budget - len(coarse)
             some = free[: round(FREE_SHARE * len(surface))]
             gaussians, history = self._fitted(fine, surface, some, coarse, advance, make_monitor)
@@ -61,19 +59,26 @@ class SurfaceFits:
         coverage = float((weight >= plan.blend.floor).mean()) if len(weight) else 1.0
         return FitResult(gaussians, coarse, history, seconds, coverage)
 
-    def light_groups(self, budget: int, gaussians: Gaussians, coarse: Gaussians) -> tuple[LightGroup, ...]:
-        """The light of each of the plan's light groups on both levels of a fit with this budget.
+    def coarse(self, budget: int, free: SurfaceSamples) -> Gaussians:
+        """The coarse level, fitted to the samples in free space unless the cache holds it."""
+        from .coarse import coarse_level
+
+        plan = self.plan
+        task = free, coarse_count(budget), plan.blend, plan.settings.seed
+        code = code_version("gsgi.baker.surface.coarse", FIT_PACKAGES)
+        key = task_key("coarse", code=code, scene=plan.tracer.scene_digest, task=task)
+        level, _ = plan.tracer.once(key, Gaussians, lambda: coarse_level(*task, plan.triangles))
+        return level
+
+    def light_group(self, name: str, budget: int, gaussians: Gaussians, coarse: Gaussians) -> LightGroup:
+        """The light of one of the plan's light groups on both levels of a fit with this budget.
 
         The samples of all groups are the same points; those of a group end in the known light of the group.
         """
-        return tuple(self._light_group(name, budget, gaussians, coarse) for name in self.plan.groups)
-
-    def _light_group(self, name: str, budget: int, gaussians: Gaussians, coarse: Gaussians) -> LightGroup:
         from .group_light import GroupLight, group_light
 
         plan = self.plan
-        tracer = plan.tracer.lit_by(lit_by(plan.scene, name))
-        sampler, layers = plan.sampler.lit_by(tracer), self._layers(budget)
+        sampler, layers = plan.group_sampler(name), self._layers(budget)
         with self.progress.stage(
             f"light group {name}", plan.known_paths + path_count([*layers[0], *layers[1]]), "paths"
         ) as advance:
@@ -82,7 +87,7 @@ class SurfaceFits:
             task = surface, free, free[: round(FREE_SHARE * len(surface))], gaussians, coarse, plan.blend
             code = code_version("gsgi.baker.surface.group_light", FIT_PACKAGES)
             key = task_key("group", code=code, scene=plan.tracer.scene_digest, task=task)
-            light, _ = tracer.once(key, GroupLight, lambda: group_light(*task, plan.triangles))
+            light, _ = plan.tracer.once(key, GroupLight, lambda: group_light(*task, plan.triangles))
         return LightGroup(name, plan.scene.groups.get(name, ()), **vars(light))
 
     def _layers(self, budget: int) -> tuple[list[int], list[int]]:

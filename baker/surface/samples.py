@@ -188,6 +188,11 @@ class Sampler:
         """Whether the light in which paths end has been traced, or none is needed."""
         return self._known is None or self._known_samples is not None
 
+    @property
+    def rounds(self) -> tuple["Known", ...]:
+        """The light in which paths end and all that went before it, in the order in which they are traced."""
+        return (*self._known.sampler.rounds, self._known) if self._known else ()
+
     def surface(self, layers: list[int], advance: Callable[..., None]) -> SurfaceSamples:
         """Samples on the surfaces that the cameras see, spread over each camera's visible area by importance.
 
@@ -202,7 +207,7 @@ class Sampler:
         return self._chunks("free", layers, advance)
 
     def _chunks(self, stage: str, layers: list[int], advance) -> SurfaceSamples:
-        return joined([self._chunk(stage, chunk, count, advance) for chunk, count in enumerate(layers)])
+        return joined([self.chunk(stage, number, count, advance) for number, count in enumerate(layers)])
 
     def _points(self, stage: str, chunk: int) -> tuple[str, "_Points"]:
         """The points of a chunk, and their key."""
@@ -222,9 +227,10 @@ class Sampler:
     def _chunk_seed(self, stage: str, chunk: int) -> tuple[int, int, int]:
         return self._seed, chunk, int(stage == "free")
 
-    def _chunk(self, stage: str, chunk: int, layers: int, advance) -> SurfaceSamples:
-        seed = self._chunk_seed(stage, chunk)
-        key, points = self._points(stage, chunk)
+    def chunk(self, stage: str, number: int, layers: int, advance: Callable[..., None]) -> SurfaceSamples:
+        """One chunk of the samples of `surface` or `free`, which `stage` names."""
+        seed = self._chunk_seed(stage, number)
+        key, points = self._points(stage, number)
         traced: list[_Layer] = []
         done = np.zeros(len(points.position), np.uint32)
         for layer in range(layers):

@@ -14,10 +14,28 @@ from . import (
     recommend,
     reference,
     render,
+    task,
+    tasks,
     tradeoff,
     validate,
     view,
 )
 
 # In the order in which `gsgi --help` lists them.
-COMMANDS = (plan, bake, render, view, reference, compare, tradeoff, recommend, export, inspect, validate, cache, doctor)
+COMMANDS = (
+    plan,
+    bake,
+    render,
+    view,
+    reference,
+    compare,
+    tradeoff,
+    recommend,
+    export,
+    inspect,
+    validate,
+    tasks,
+    task,
+    cache,
+    doctor,
+)

@@ -31,8 +31,7 @@ def add(commands) -> None:
     _add_build(parser)
     shared.add_settings(parser)
     parser.add_argument("--preview", metavar="DIR", type=Path, help="folder for pictures of the fit while it runs")
-    parser.add_argument("--no-evaluate", dest="evaluate", action="store_false",
-                        help="skip the evaluation of the bake in held-out views")  # fmt: skip
+    shared.add_evaluate(parser)
     shared.add_cache(parser)
     shared.add_verbosity(parser)
     shared.add_json(parser, "print a report as JSON on stdout")

@@ -1,0 +1,1 @@
+"""A bake as tasks that several processes and machines can share."""
