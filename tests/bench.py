@@ -8,6 +8,7 @@ import subprocess
 from pathlib import Path
 
 from benches.c_library import c_library
+from benches.cluster import cluster
 from benches.deadline import deadline
 from benches.error_time import error_time
 from benches.fit import fit
@@ -43,6 +44,7 @@ BENCHES = {
         deadline,
         speed,
         error_time,
+        cluster,
         trace,
         scenes,
         *PASSES,

@@ -56,10 +56,10 @@ def test_the_baker_imports_gl_modules_lazily_only(path):
 
 
 # A room of the baker imports rooms before it, and what lies in no room: the records that all pass around.
-ROOMS = "cache", "trace", "views", "fitting", "over", "surface", "evaluation", "tasks", "tradeoff"
+ROOMS = "cache", "trace", "views", "fitting", "over", "surface", "evaluation", "tasks", "cluster", "tradeoff"
 RECORDS = {"native", "progress", "settings"}
 # What rooms that bake import besides: the study whole bakes, the tasks what a bake is made of.
-WHOLE_BAKES = {"tradeoff": {"plan", "bake"}, "tasks": {"plan", "bake", "job", "estimate"}}
+WHOLE_BAKES = {"tradeoff": {"plan", "bake"}, "tasks": {"plan", "bake", "job", "estimate"}, "cluster": {"plan"}}
 
 
 def room_of(name: str) -> str | None:
@@ -80,6 +80,12 @@ def test_rooms_of_the_baker_import_only_rooms_before_them(path):
             allowed = RECORDS | WHOLE_BAKES.get(mine, set())
             assert name.split(".")[2] in allowed if room is None else ROOMS.index(room) <= ROOMS.index(mine), name
             assert {mine, room} != {"over", "surface"}, "the two fits know nothing of each other"
+
+
+@pytest.mark.parametrize("path", [*RUNTIME, *BAKER], ids=lambda path: path.name)
+def test_only_bakes_on_a_cluster_import_ray(path):
+    inside = path.parent.name == "cluster"
+    assert "ray" not in {name.split(".")[0] for name in imports(path, module_level=inside)}
 
 
 def loaded_by(code: str) -> set[str]:

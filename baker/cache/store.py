@@ -93,28 +93,39 @@ class Cache:
 
     def get(self, key: str) -> dict[str, np.ndarray] | None:
         """The arrays that were put under `key`, or None."""
+        data = self.packed(key)
+        arrays = None if data is None else unpack(key, data)
+        if arrays is not None:
+            self.used.add(key)
+        return arrays
+
+    def packed(self, key: str) -> bytes | None:
+        """The bytes of the entry under `key`, which may be damaged, or None."""
         if self.folder is None:
             return None
         path = self._path(key)
         try:
-            arrays = unpack(key, path.read_bytes())
+            data = path.read_bytes()
         except OSError:
             return None
-        if arrays is not None:
-            self.used.add(key)
-            with suppress(OSError):  # the folder may be read-only
-                os.utime(path)
-        return arrays
+        with suppress(OSError):  # the folder may be read-only
+            os.utime(path)
+        return data
 
     def put(self, key: str, arrays: dict[str, np.ndarray]) -> None:
         """Keep arrays under `key`, in place of those that were there."""
+        if self._writes:
+            self.keep(key, pack(key, arrays))
+
+    def keep(self, key: str, data: bytes) -> None:
+        """Keep the bytes of an entry under `key`."""
         if not self._writes:
             return
         path = self._path(key)
         try:
             self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
             with replacing(path) as temporary:
-                temporary.write_bytes(pack(key, arrays))
+                temporary.write_bytes(data)
         except OSError as error:
             self._stop(f"{self.folder}: cannot write: {error.strerror or error}")
         except FileError as error:
@@ -163,3 +174,29 @@ class Cache:
     def _stop(self, reason: str) -> None:
         self._writes = False
         self.warn(f"{reason}; the bake goes on and the cache keeps nothing more of it")
+
+
+class MemoryCache(Cache):
+    """Tasks in the memory of this process alone, of which nothing is left when it ends."""
+
+    def __init__(self):
+        super().__init__()
+        self._writes, self._entries = True, {}
+
+    def packed(self, key: str) -> bytes | None:
+        """The bytes of the entry under `key`, or None."""
+        return self._entries.get(key)
+
+    def keep(self, key: str, data: bytes) -> None:
+        """Keep the bytes of an entry under `key`."""
+        self._entries[key] = data
+        self.used.add(key)
+
+    def holds(self, key: str) -> bool:
+        """Whether there is an entry under `key`."""
+        return key in self._entries
+
+    def remove(self, key: str) -> None:
+        """Remove the entry under `key`."""
+        self.used.discard(key)
+        self._entries.pop(key, None)

@@ -27,6 +27,10 @@ class Finished:
     def __contains__(self, task: str) -> bool:
         return self.results(task) is not None
 
+    def entries(self, task: str) -> tuple[str, ...]:
+        """Keys of all entries that a finished task left: the one that lists its results, and those."""
+        return self.entry(task), *(self.results(task) or ())
+
     def add(self, task: str, results: set[str]) -> None:
         """Mark a task as finished with results under these keys."""
         text = json.dumps(sorted(results)).encode()

@@ -20,6 +20,7 @@ def add(commands) -> None:
         "  gsgi bake room.glb -o room.gsgi --target-loss 0.01                   # the smallest file with this loss\n"
         "  gsgi bake room.glb -o room.gsgi --target-bytes 100000                # the best file of this size\n"
         "  gsgi bake room.glb -o room.gsgi --seconds 60                         # the best one in about a minute\n"
+        "  gsgi bake room.glb -o room.gsgi --ray auto                           # on all nodes of a Ray cluster\n"
         "  gsgi bake room.glb -o room.gsgi --quiet --json > room.json           # with a report as JSON\n"
         "  gsgi bake room.glb -o room.gsgi --quiet --depfile room.gsgi.d        # in a Makefile: -include room.gsgi.d\n"
         "  gsgi bake room.glb -o room.gsgi --quiet --depfile room.gsgi.d --if-changed   # in ninja, with restat = 1",
@@ -32,6 +33,9 @@ def add(commands) -> None:
     shared.add_settings(parser)
     parser.add_argument("--preview", metavar="DIR", type=Path, help="folder for pictures of the fit while it runs")
     shared.add_evaluate(parser)
+    parser.add_argument("--ray", metavar="auto|ADDRESS",
+                        help="share the work among the nodes of this Ray cluster (extra `cluster`; see "
+                        "docs/cluster.md)")  # fmt: skip
     shared.add_cache(parser)
     shared.add_verbosity(parser)
     shared.add_json(parser, "print a report as JSON on stdout")
@@ -47,7 +51,7 @@ def run(options: argparse.Namespace) -> None:
     """Plan, bake, write the file and evaluate it. Raises TargetError if a target loss or size was not met."""
     from gsgi.baker import job
     from gsgi.baker.cli.console import Console
-    from gsgi.baker.cli.inputs import open_cache, plan_of
+    from gsgi.baker.cli.inputs import open_cache, request_of
     from gsgi.baker.cli.json_output import print_json
     from gsgi.baker.evaluation.preview import make_folder
     from gsgi.baker.evaluation.summary import summary as evaluation_summary
@@ -63,7 +67,8 @@ def run(options: argparse.Namespace) -> None:
     console = Console(options.quiet)
     progress = Progress(console)
     cache = open_cache(options, progress)
-    plan = plan_of(options, progress, cache)
+    request = request_of(options, progress)
+    plan = _on_cluster(options.ray, request, cache, progress) if options.ray else request.plan(progress, cache)
     rules = _rules(options, plan, progress)
     for line in coverage_summary(plan.placement.coverage):
         progress.say(line)
@@ -109,6 +114,17 @@ def _oversize(options: argparse.Namespace, report) -> str | None:
     return f"the file has {size} bytes, {size / most - 1:.1%} more than --target-bytes {most}: try --budget {fewer}"
 
 
+def _on_cluster(address: str, request, cache, progress):
+    """Run the tasks of a bake on a Ray cluster, and return its plan: the cache then has all that it needs."""
+    from gsgi.baker.cluster.engine import Engine, connected
+    from gsgi.baker.tasks.run import planned
+
+    with connected(address):
+        plan = planned(request, cache, progress)
+        Engine(request, plan, cache, progress).run()
+    return plan
+
+
 def _check_outputs(options: argparse.Namespace) -> None:
     """Refuse, before any work, outputs that cannot be written and options that make no sense."""
     from gsgi.runtime.atomic import check_writable
@@ -119,6 +135,8 @@ def _check_outputs(options: argparse.Namespace) -> None:
         raise UsageError(f"{options.output}: the output would overwrite the scene")
     if options.depfile:
         check_writable(options.depfile)
+    if options.ray and options.preview:
+        raise UsageError("--preview: shows the fit while it runs, which is on another machine with --ray")
     if not options.evaluate and (options.preview or options.target_loss is not None):
         needs = "--preview" if options.preview else "--target-loss"
         raise UsageError(f"--no-evaluate: {needs} needs the held-out views")

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gsgi.baker.cache.store import Cache, clear, default_folder, entries, size_limit, task_key
+from gsgi.baker.cache.store import Cache, MemoryCache, clear, default_folder, entries, size_limit, task_key
 from gsgi.runtime.errors import FileError, UsageError
 
 ARRAYS = {
@@ -137,7 +137,7 @@ HAMMER = """
 import sys
 import numpy as np
 from pathlib import Path
-from gsgi.baker.cache.store import Cache, clear, task_key
+from gsgi.baker.cache.store import Cache, MemoryCache, clear, task_key
 rng = np.random.default_rng(int(sys.argv[2]))
 folder, hits = Path(sys.argv[1]), 0
 def warn(line): raise AssertionError(line)
@@ -188,3 +188,31 @@ def test_the_limit_is_read_in_bytes(monkeypatch):
         monkeypatch.setenv("GSGI_CACHE_LIMIT", text)
         with pytest.raises(UsageError, match="GSGI_CACHE_LIMIT"):
             size_limit()
+
+
+def test_entries_move_between_caches_as_they_are(tmp_path):
+    memory, folder = MemoryCache(), Cache(tmp_path)
+    memory.put(key(1), ARRAYS)
+    assert memory.holds(key(1))
+    assert not folder.holds(key(1))
+    folder.keep(key(1), memory.packed(key(1)))
+    assert folder.holds(key(1))
+    assert_same(folder.get(key(1)))
+    assert folder.packed(key(1)) == memory.packed(key(1))
+    memory.remove(key(1))
+    assert memory.packed(key(1)) is None
+    assert memory.get(key(1)) is None
+
+
+def test_what_a_block_uses_is_recorded_and_what_it_removes_is_not(tmp_path):
+    cache = Cache(tmp_path)
+    cache.put(key(1), ARRAYS)
+    cache.put(key(2), ARRAYS)
+    with cache.recording() as used:
+        cache.get(key(1))
+        cache.put(key(3), ARRAYS)
+        cache.put(key(4), ARRAYS)
+        cache.remove(key(4))
+        cache.get(key(5))
+    assert used == {key(1), key(3)}
+    assert cache.used == {key(1), key(2), key(3)}

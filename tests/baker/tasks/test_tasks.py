@@ -9,32 +9,26 @@ from pathlib import Path
 
 import pytest
 from command_flags import flags
-from repository import SCENES
+from repository import ROOT
+from small_tasks import SURFACE, baked, make_small, run
 
 from gsgi.baker import estimate
 from gsgi.baker.cache.store import Cache
-from gsgi.baker.cli import main
-from gsgi.baker.evaluation import bias, held_out
-from gsgi.baker.surface import budget, fits, samples
+from gsgi.baker.surface import samples
 from gsgi.baker.tasks.task import Task, ignore, needed, waves
 from gsgi.baker.trace.cached_tracer import CachedTracer
-from gsgi.baker.views import placement
 
-TINY = flags(budget=8, views=2, view_size=24, samples=128, error=0, iterations=16)
-SURFACE = [str(SCENES / "furnace.glb"), *TINY, "--env", "0.05,0.1,0.2"]
 OVER, GROUPS = [*SURFACE, "--operator", "over"], [*SURFACE, "--group", "sky=environment"]
-SMALL = ((placement, "HELD_OUT", 1), (held_out, "SIZE", 16), (held_out, "SAMPLES", 32), (held_out, "GATHERED", 32),
-         (bias, "SAMPLES", 32), (budget, "SAMPLES_FEWEST", 1 << 10), (budget, "FREE_PER_GAUSSIAN", 64),
-         (samples, "CHUNK", 1 << 9), (fits, "CHUNK", 1 << 9))  # fmt: skip
 
 # A process of a farm: runs a task for each line that it reads and answers with the exit code. With a number, it dies
 # when it is about to keep its so many-th layer of samples.
 PROCESS = f"""
 import os, signal, sys
+sys.path.insert(0, {str(ROOT / "tests")!r})
 from gsgi.baker.cache.store import Cache
 from gsgi.baker.cli import main
-for module, name, value in {[(module.__name__, name, value) for module, name, value in SMALL]!r}:
-    setattr(__import__(module, fromlist=[name]), name, value)
+from small_tasks import make_small
+make_small()
 layers, put = int(sys.argv[1]), Cache.put
 def putting(cache, key, arrays):
     global layers
@@ -74,28 +68,23 @@ def placed(tmp_path_factory) -> Path:
     """A cache that has the plan, which takes the longest."""
     folder = tmp_path_factory.mktemp("placed")
     with pytest.MonkeyPatch.context() as patch:
-        make_small(patch)
+        make_quick(patch)
         run("tasks", *SURFACE, "--cache", str(folder))
     return folder
 
 
 @pytest.fixture(autouse=True)
-def small(monkeypatch):
-    make_small(monkeypatch)
+def quick(monkeypatch):
+    make_quick(monkeypatch)
 
 
-def make_small(patch: pytest.MonkeyPatch) -> None:
-    """Few samples, small views, and no waiting for estimates."""
-    for module, name, value in SMALL:
-        patch.setattr(module, name, value)
+def make_quick(patch: pytest.MonkeyPatch) -> None:
+    """Small tasks, and no waiting for estimates."""
+    make_small(patch.setattr)
     rates = estimate.Rates(None, 2e-6, 1e-6, (), 0.0, 0.0, 0.0)
     patch.setattr(estimate.Rates, "timed", staticmethod(lambda plan: rates))
     patch.setattr(estimate.Rates, "fits", lambda self, plan: [3.0, 2.0])
     patch.setattr(estimate.Rates, "solved", lambda self, plan: 1.0)
-
-
-def run(command: str, *arguments: str, code: int = 0) -> None:
-    assert main.run([command, *arguments, "--quiet"]) == code
 
 
 def tasks(capsys, *arguments: str) -> list[dict]:
@@ -113,13 +102,6 @@ def in_some_order(listed: list[dict], rng: random.Random) -> list[dict]:
         done.add(task["key"])
         order.append(task)
     return order
-
-
-def baked(arguments: list[str], cache: Path) -> tuple[bytes, set[str]]:
-    """The bytes of a bake, and the names of what is in its cache then, without marks of tasks."""
-    output = cache.with_suffix(".gsgi")
-    run("bake", *arguments, "-o", str(output), "--cache", str(cache))
-    return output.read_bytes(), {path.name for path in cache.iterdir() if not path.name.startswith("task-")}
 
 
 @pytest.fixture

@@ -1,0 +1,1 @@
+"""The tasks of a bake on the nodes of a Ray cluster."""
