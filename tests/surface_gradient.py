@@ -79,7 +79,7 @@ class Problem:
 
     def gradient(self) -> np.ndarray:
         light, inverse, yielding = self.light(self.given)
-        return self.field.backward(self.given, yielding, self.values + light, inverse, np.zeros(len(light)))[:, :-1]
+        return self.field.backward(self.given, yielding, self.values + light, inverse)
 
     def difference(self, index: int, parameter: int) -> float:
         change = np.zeros((COUNT, sum(PARAMETERS.values())))

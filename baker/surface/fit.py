@@ -14,6 +14,7 @@ from gsgi.baker.fitting.blue_noise import CANDIDATES, levelled, spacing, thin
 from gsgi.baker.fitting.rotations import rotation_to
 from gsgi.baker.fitting.schedule import Schedule, count_after
 from gsgi.baker.fitting.task import Monitor
+from gsgi.baker.trace.local_light import blocks
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime import constants
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
@@ -21,7 +22,7 @@ from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
 from .occlusion import Occlusion, seen_light
 from .optimiser import LIST_STEPS, SurfaceOptimiser
 from .samples import SurfaceSamples, joined
-from .state import SurfaceState, to_merge, to_remove, to_split
+from .state import SurfaceState, to_merge, to_remove
 
 # Step sizes of Adam: lengths in standard deviations, turns in rad, colour in units of the level around. They decay
 # exponentially to RATE_END times these values.
@@ -30,7 +31,7 @@ RATE_END = 0.1
 
 # When the number of Gaussians changes, as shares of the steps, and the share of the budget at the start.
 GROWTH = 0.2, 0.35, 0.5
-START_SHARE = 0.7
+START_SHARE = 0.5
 
 # Iterations of the least squares for the colours: at the start, after each change of the number, and at the end.
 # Adam alone leaves some light where there is none.
@@ -44,18 +45,14 @@ OPACITY = 0.5
 SPACING_MIN = 1e-6  # m; points can coincide
 
 CUT_COST = 0.001  # squared error relative to the light around, of a sample, that a leak less may cost
-HOLE_SAMPLES = 4  # least samples without a Gaussian for each that is added among them
+BADLY_FITTED = 4  # least samples with errors for each Gaussian that is added among them
 
 
 @dataclass(frozen=True)
 class _Run:
-    """Everything that the rest of a fit depends on, after `iteration` steps, a multiple of LIST_STEPS.
-
-    `error` (N,) is that of the last step.
-    """
+    """Everything that the rest of a fit depends on, after `iteration` steps, a multiple of LIST_STEPS."""
 
     state: SurfaceState
-    error: np.ndarray
     iteration: int
 
 
@@ -92,24 +89,23 @@ def fit_surface(
             first = replace(first, relief=np.zeros((len(first), 3, 3), np.float32))
         if occlusion:
             first, _ = cut_where_better(first, optimiser, occlusion)
-        run = _Run(SurfaceState.fresh(optimiser.solve(first, SOLVE_FIRST)), np.zeros(len(first), np.float32), 0)
-    state, error = run.state, run.error
+        run = _Run(SurfaceState.fresh(optimiser.solve(first, SOLVE_FIRST)), 0)
+    state = run.state
     changes = {round(share * schedule.iterations): (i + 1) / len(GROWTH) for i, share in enumerate(GROWTH)}
     for iteration in range(run.iteration, schedule.iterations):
         if iteration in changes and iteration > 0:
             limit = count_after(round(START_SHARE * schedule.budget), schedule.budget, changes[iteration])
             rng = np.random.default_rng([schedule.seed, iteration])
-            state = changed(state, error, limit, optimiser, surface, rng, occlusion)
+            state = changed(state, limit, optimiser, surface, rng, occlusion)
         falling = RATE_END ** (iteration / schedule.iterations)
         try:
-            state, result = optimiser.step(state, {name: falling * rate for name, rate in RATES.items()}, iteration + 1)
+            state, loss = optimiser.step(state, {name: falling * rate for name, rate in RATES.items()}, iteration + 1)
         except FloatingPointError as broken:
             raise FloatingPointError(f"{broken} at iteration {iteration}") from broken
-        error = result.error
         if monitor:
-            monitor(iteration + 1, result.loss, lambda gaussians=state.gaussians: gaussians)
+            monitor(iteration + 1, loss, lambda gaussians=state.gaussians: gaussians)
         if checkpoint and (iteration + 1) % LIST_STEPS == 0 and checkpoint.due():
-            checkpoint.save(to_arrays(_Run(state, error, iteration + 1)))
+            checkpoint.save(to_arrays(_Run(state, iteration + 1)))
     last = cut_where_better(state.gaussians, optimiser, occlusion)[0] if occlusion else state.gaussians
     seen = ~to_remove(optimiser.share(last))  # a cut may leave some that lie between samples, as good as unknown
     return optimiser.solve(Gaussians(*(column[seen] for column in vars(last).values())), SOLVE_LAST)
@@ -135,7 +131,6 @@ def start(samples: SurfaceSamples, count: int, rng: np.random.Generator, beside:
 
 def changed(
     state: SurfaceState,
-    error: np.ndarray,
     limit: int,
     optimiser: SurfaceOptimiser,
     surface: SurfaceSamples,
@@ -144,29 +139,35 @@ def changed(
 ) -> SurfaceState:
     """Change the number of Gaussians to at most `limit`, and solve for the colours.
 
-    Removes duplicates and Gaussians that hardly any sample sees, adds some where samples of the `surface` have none,
-    splits those with the most `error` (N,), and cuts those that reach across an occluder.
+    Removes duplicates and Gaussians that hardly any sample sees, adds some where samples of the `surface` are badly
+    fitted, and cuts those that reach across an occluder.
     """
-    wanted = ~(
-        to_remove(optimiser.share(state.gaussians)) | to_merge(state.gaussians, optimiser.level_of(state.gaussians))
+    state = state.keep(
+        ~(to_remove(optimiser.share(state.gaussians)) | to_merge(state.gaussians, optimiser.level_of(state.gaussians)))
     )
-    state, error = state.keep(wanted), error[wanted]
-    added = in_holes(state.gaussians, limit - len(state), optimiser, surface, rng)
-    state = state.split(to_split(error, limit - len(state) - len(added))).joined(added)
+    state = state.joined(where_wrong(state.gaussians, limit - len(state), optimiser, surface, rng))
     if occlusion:
         state = state.cut(*cut_where_better(state.gaussians, optimiser, occlusion))
     return replace(state, gaussians=optimiser.solve(state.gaussians, SOLVE_AGAIN))
 
 
-def in_holes(
+def where_wrong(
     gaussians: Gaussians, room: int, optimiser: SurfaceOptimiser, surface: SurfaceSamples, rng: np.random.Generator
 ) -> Gaussians:
-    """Gaussians among samples of the `surface` that none covers: a share of `room` like that of all error there."""
-    error, weight = (values[: len(surface)] for values in optimiser.error(gaussians))
-    hole, error = weight < optimiser.blend.floor, np.maximum(error, 0)
-    share = float(error[hole].sum(dtype=np.float64)) / max(float(error.sum(dtype=np.float64)), 1e-30)
-    count = min(round(room * share), np.count_nonzero(hole) // HOLE_SAMPLES)
-    return start(surface[hole], count, rng, gaussians)
+    """At most `room` new Gaussians on the `surface`, as dense as its samples times the error around them.
+
+    They lie on the surfaces that are badly fitted. The halves of Gaussians that have much error would not: a Gaussian
+    too large for the thing that it was to light has turned away from it, and its halves stay turned. The error is the
+    noise-free one, averaged over blocks of neighbours on the same surface.
+    """
+    error = optimiser.error(gaussians)[: len(surface)]
+    block = blocks(surface.position, surface.normal)
+    around = np.maximum(np.bincount(block, error) / np.maximum(np.bincount(block), 1), 0)[block]
+    wrong = np.flatnonzero(around)
+    count = max(min(room, len(wrong) // BADLY_FITTED), 0)
+    number = min(CANDIDATES * count, len(wrong))
+    chosen = rng.choice(wrong, number, replace=False, p=around[wrong] / around.sum()) if number else wrong[:0]
+    return start(surface[np.sort(chosen)], count, rng, gaussians)
 
 
 def cut_where_better(

@@ -1,7 +1,7 @@
 """Steps Gaussians of the `surface` operator against all samples at once."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -29,14 +29,6 @@ BETA_1, BETA_2, EPSILON = 0.9, 0.98, 1e-20
 MODEL = 0.1  # error of the best fit, relative to the light around a sample: noise below it costs no weight
 SIZE_COST = 0.05  # of the error, for all Gaussians e times as long on one axis: prefers the smaller of equal fits
 LOGIT_MAX = 5.0  # magnitude, of the opacity
-
-
-@dataclass(frozen=True)
-class StepResult:
-    """The loss of a step, and the noise-free error (N,) float32 of the samples, attributed to the Gaussians."""
-
-    loss: float
-    error: np.ndarray
 
 
 class _Reading(NamedTuple):
@@ -103,13 +95,13 @@ class SurfaceOptimiser:
         light, inverse, _ = self._read(gaussians)
         return self._seen(gaussians, np.ones_like(light), inverse)[:, 0]
 
-    def error(self, gaussians: Gaussians) -> tuple[np.ndarray, np.ndarray]:
-        """Noise-free error (S,) of each sample, and the fine sum w (S,) there, in the order of the samples."""
+    def error(self, gaussians: Gaussians) -> np.ndarray:
+        """Noise-free error (S,) of each sample, in the order of the samples."""
         self._list(gaussians)
-        fine = self._field.read(gaussians)
-        error, weight = np.empty_like(fine[:, 3]), np.empty_like(fine[:, 3])
-        error[self._order], weight[self._order] = self._error(self._reading(fine).light), fine[:, 3]
-        return error, weight
+        found = self._error(self._read(gaussians).light)
+        error = np.empty_like(found)
+        error[self._order] = found
+        return error
 
     def gain(self, gaussians: Gaussians, others: Gaussians) -> np.ndarray:
         """By how much (N,) float32 the mean error of the samples that each Gaussian accounts for falls with `others`.
@@ -128,8 +120,8 @@ class SurfaceOptimiser:
         self._list(gaussians)
         return self._level_of(gaussians, self._read(gaussians).inverse)
 
-    def step(self, state: SurfaceState, rates: Mapping[str, float], steps: int) -> tuple[SurfaceState, StepResult]:
-        """Take one step of Adam, the `steps`-th since the start (from 1).
+    def step(self, state: SurfaceState, rates: Mapping[str, float], steps: int) -> tuple[SurfaceState, float]:
+        """Take one step of Adam, the `steps`-th since the start (from 1); the state after it, and the loss before.
 
         Raises FloatingPointError where the loss or a gradient is not finite, and names the Gaussian of the gradient.
         The step depends on the listing of an earlier step, unless `steps` - 1 is a multiple of LIST_STEPS.
@@ -139,12 +131,11 @@ class SurfaceOptimiser:
         elif self._margin < MARGIN:
             self._reach(state.gaussians, MARGIN)
         reading = self._read(state.gaussians)
-        derivatives, loss, error = self._derivatives(state.gaussians, reading)
-        if len(broken := np.flatnonzero(~np.isfinite(derivatives).all(axis=1))):
+        gradient, loss, error = self._derivatives(state.gaussians, reading)
+        if len(broken := np.flatnonzero(~np.isfinite(gradient).all(axis=1))):
             raise FloatingPointError(f"the gradient of Gaussian {broken[0]} is not finite")
         if not np.isfinite(loss):
             raise FloatingPointError(f"the loss is {loss}")
-        gradient, errors = derivatives[:, :-1], derivatives[:, -1]
         gradient[:, 6:9] += SIZE_COST * max(error, 0) / max(len(state), 1)
         if self._noise is None:
             self._noise = self._gradient_noise(state.gaussians, reading)
@@ -155,8 +146,7 @@ class SurfaceOptimiser:
         square = BETA_2 * state.square + np.float32(1 - BETA_2) * gradient**2
         change = -rate * (mean / (1 - BETA_1**steps)) / (np.sqrt(square / (1 - BETA_2**steps)) + EPSILON)
         stepped = moved(state.gaussians, change, self._unit, state.smallest, state.largest)
-        result = StepResult(loss, errors)
-        return replace(state, gaussians=stepped, mean=mean.astype(np.float32), square=square.astype(np.float32)), result
+        return replace(state, gaussians=stepped, mean=mean.astype(np.float32), square=square.astype(np.float32)), loss
 
     def _level_of(self, gaussians: Gaussians, inverse: np.ndarray) -> np.ndarray:
         return self._mean(gaussians, self._level, inverse, 0)
@@ -196,11 +186,11 @@ class SurfaceOptimiser:
         return _Reading(light, inverse, np.where(fine[:, 3:] < self.blend.floor, self._coarse, light))
 
     def _derivatives(self, gaussians: Gaussians, reading: _Reading) -> tuple[np.ndarray, float, float]:
-        """The derivatives (N, 16) (see FIELD_DERIVATIVES), the loss, and the noise-free part of the loss."""
+        """The derivatives (N, 15) (see FIELD_DERIVATIVES), the loss, and the noise-free part of the loss."""
         residual, error = reading.light - self._light, self._error(reading.light)
         loss = self._importance * _channels(np.square(residual))
         means = (float(part.sum(dtype=np.float64)) / max(len(error), 1) for part in (loss, error))
-        return self._backward(gaussians, reading, residual, error), *means
+        return self._backward(gaussians, reading, residual), *means
 
     def _error(self, light: np.ndarray) -> np.ndarray:
         """Noise-free error (S,) of light (S, 3), which is below 0 where the noise of both halves happens to agree."""
@@ -208,13 +198,12 @@ class SurfaceOptimiser:
 
     def _gradient_noise(self, gaussians: Gaussians, reading: _Reading) -> np.ndarray:
         """Absolute half difference (N, 15) of the halves' gradients: their signs agree where the gradient is larger."""
-        nothing = np.zeros(len(self._a), np.float32)
-        return np.abs(self._backward(gaussians, reading, (self._a - self._b) / 2, nothing)[:, :-1])
+        return np.abs(self._backward(gaussians, reading, (self._a - self._b) / 2))
 
-    def _backward(self, gaussians: Gaussians, reading: _Reading, residual: np.ndarray, error: np.ndarray) -> np.ndarray:
-        """The derivatives (N, 16) of the loss with residuals (S, 3), and the share of `error` (S,)."""
+    def _backward(self, gaussians: Gaussians, reading: _Reading, residual: np.ndarray) -> np.ndarray:
+        """The derivatives (N, 15) of the loss with residuals (S, 3)."""
         by_light = np.float32(2 / max(len(residual), 1)) * self._importance[:, None] * residual
-        return self._field.backward(gaussians, reading.yielding, by_light, reading.inverse, error)
+        return self._field.backward(gaussians, reading.yielding, by_light, reading.inverse)
 
 
 def _channels(values: np.ndarray) -> np.ndarray:

@@ -149,7 +149,7 @@ def hostile_surface_fit(iterations: int) -> float:
     for step in range(1, iterations + 1):
         with np.errstate(divide="ignore"):  # the logit of an opacity of 1, which is clamped
             state, seen = optimiser.step(state, rates, step)
-        assert np.isfinite(seen.loss)
+        assert np.isfinite(seen)
     return float(sum((~np.isfinite(getattr(state.gaussians, name))).sum() for name in surface_cases.FIELDS))
 
 

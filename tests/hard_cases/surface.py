@@ -166,7 +166,7 @@ class Reading:
             light, inverse = light_of(sums), inverse_weight(sums)
             ones = np.ones_like(light)
             assert np.isfinite(field.transposed(level, ones, inverse)).all()
-            found.append(field.backward(level, light, ones, inverse, np.zeros_like(inverse))[:, :-1].astype(float))
+            found.append(field.backward(level, light, ones, inverse).astype(float))
         single, double = found
         assert np.isfinite(single).all()
         size = max(np.abs(double).max(initial=0), float(light.max(initial=0)))

@@ -102,20 +102,19 @@ template <class Real> static void bind_precision(nb::module_& m, const char* nam
         .def(
             "backward",
             [](Field<Real>& self, nb::handle gaussians, Vectors light, Vectors by_light,
-                Values inverse_weight, Values error) {
+                Values inverse_weight) {
                 const GaussianInput<Real> input(gaussians);
                 const auto arrays = listed(self, input);
-                for (size_t n : {light.shape(0), by_light.shape(0), inverse_weight.shape(0), error.shape(0)})
+                for (size_t n : {light.shape(0), by_light.shape(0), inverse_weight.shape(0)})
                     require(n == self.count(), "one value per point is needed");
                 auto derivatives = allocate<Real>({arrays.count, FIELD_DERIVATIVES});
                 nb::gil_scoped_release unlocked;
-                self.backward(arrays, light.data(), by_light.data(), inverse_weight.data(), error.data(),
-                    derivatives.data());
+                self.backward(
+                    arrays, light.data(), by_light.data(), inverse_weight.data(), derivatives.data());
                 return derivatives;
             },
             "gaussians"_a, "light"_a.noconvert(), "by_light"_a.noconvert(), "inverse_weight"_a.noconvert(),
-            "error"_a.noconvert(),
-            "Return the derivatives of a loss and the error (N, 16), see FIELD_DERIVATIVES.")
+            "Return the derivatives of a loss (N, 15), see FIELD_DERIVATIVES.")
         .def(
             "transposed",
             [](Field<Real>& self, nb::handle gaussians, Vectors values, Values inverse_weight) {

@@ -205,14 +205,13 @@ template <class Real> void Field<Real>::sum_entries(size_t gaussians, size_t col
 
 template <class Real>
 void Field<Real>::backward(const FieldArrays<Real>& gaussians, const Real* light, const Real* by_light,
-    const Real* inverse_weight, const Real* error, Real* derivatives)
+    const Real* inverse_weight, Real* derivatives)
 {
     by_entry.reserve(entries.size() * FIELD_DERIVATIVES);
     for_each_block(gaussians, [&](const BlockReading<Real>& reading, size_t first, size_t count) {
         const BlockValues<Real> l(light, 3, first, count), by(by_light, 3, first, count),
-            inverse(inverse_weight, 1, first, count), e(error, 1, first, count);
-        field_kernels<Real>().read_backward(
-            reading, l.value, by.value, inverse.value, e.value, by_entry.get());
+            inverse(inverse_weight, 1, first, count);
+        field_kernels<Real>().read_backward(reading, l.value, by.value, inverse.value, by_entry.get());
     });
     sum_entries(gaussians.count, FIELD_DERIVATIVES, derivatives);
 }

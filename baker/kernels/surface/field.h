@@ -20,9 +20,9 @@ public:
     void read(const FieldArrays<Real>& gaussians, Real* sums);
 
     // derivatives (N, FIELD_DERIVATIVES), from the light (count, 3) and 1 / sum w (count,) that follow from
-    // `read`, dloss / dlight (count, 3) and error (count,).
+    // `read`, and dloss / dlight (count, 3).
     void backward(const FieldArrays<Real>& gaussians, const Real* light, const Real* by_light,
-        const Real* inverse_weight, const Real* error, Real* derivatives);
+        const Real* inverse_weight, Real* derivatives);
 
     // transposed (N, 3 K + slopes): the derivatives by sh and slope of the sum over the points of B . values
     // (count, 3).

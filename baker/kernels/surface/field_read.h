@@ -173,12 +173,12 @@ template <class Real> void read(const BlockReading<Real>& in, Real* sums)
 
 template <int K, class Real>
 void read_backward_sh(const BlockReading<Real>& in, const Real* light, const Real* by_light,
-    const Real* inverse_weight, const Real* error, Real* derivatives)
+    const Real* inverse_weight, Real* derivatives)
 {
     using L = Points<Real>;
     const PointLanes<Real> at(*in.points);
     const NormalBasis<Real, K> basis(at);
-    const L inverse = L::load(inverse_weight), err = L::load(error);
+    const L inverse = L::load(inverse_weight);
     L by[3], shown = 0;
     for (int c = 0; c < 3; ++c) {
         by[c] = gather(by_light, 3, c) * inverse;
@@ -211,19 +211,21 @@ void read_backward_sh(const BlockReading<Real>& in, const Real* light, const Rea
         const L turn_y = fx * e[2] * L(1 / x_z) - fz * e[0] * L(x_z) + h * n_x;
         const L turn_z = fy * e[0] * L(x_y) - fx * e[1] * L(1 / x_y);
         const L s = w * (L(1) + weighed.tilt) * L(Real(SH_C0));
-        const L all[FIELD_DERIVATIVES] = {fx, fy, fz, turn_x, turn_y, turn_z, fx * e[0], fy * e[1], fz * e[2],
-            p * w * L(1 - gaussian.opacity), s * by[0], s * by[1], s * by[2], t * e[0], t * e[1],
-            w * inverse * err};
-        sums(all).store(derivatives + size_t(in.list[i].entry) * FIELD_DERIVATIVES);
+        const L all[FIELD_LANES] = {fx, fy, fz, turn_x, turn_y, turn_z, fx * e[0], fy * e[1], fz * e[2],
+            p * w * L(1 - gaussian.opacity), s * by[0], s * by[1], s * by[2], t * e[0], t * e[1], L(0)};
+        Real total[FIELD_LANES];
+        sums(all).store(total);
+        std::memcpy(derivatives + size_t(in.list[i].entry) * FIELD_DERIVATIVES, total,
+            FIELD_DERIVATIVES * sizeof(Real));
     }
 }
 
 template <class Real>
 void read_backward(const BlockReading<Real>& in, const Real* light, const Real* by_light,
-    const Real* inverse_weight, const Real* error, Real* derivatives)
+    const Real* inverse_weight, Real* derivatives)
 {
     with_coefficients(in.coefficients,
-        [&](auto k) { read_backward_sh<k()>(in, light, by_light, inverse_weight, error, derivatives); });
+        [&](auto k) { read_backward_sh<k()>(in, light, by_light, inverse_weight, derivatives); });
 }
 
 template <int K, class Real>

@@ -7,10 +7,10 @@
 constexpr int FIELD_LANES = 16; // points read together
 constexpr int FIELD_SH_MAX = 9; // SH coefficients
 
-// A Gaussian's derivatives of the loss, and the error that it accounts for, the sum of share error with share
-// = w / sum w. In this order: place u (3), which moves the centre by R S u; turn (3), a rotation vector in
-// the Gaussian's own axes; log_scale (3); logit_opacity; the constant coefficient (3); slope (2); error.
-constexpr int FIELD_DERIVATIVES = 16;
+// A Gaussian's derivatives of the loss, in this order: place u (3), which moves the centre by R S u; turn
+// (3), a rotation vector in the Gaussian's own axes; log_scale (3); logit_opacity; the constant coefficient
+// (3); slope (2).
+constexpr int FIELD_DERIVATIVES = 15;
 
 // Activated Gaussians, with coefficients of K = 1, 4 or 9 spherical harmonics of the normal. With e the
 // offset of a point from the centre along the Gaussian's axes, in standard deviations, the light there is c =
@@ -80,10 +80,9 @@ template <class Real> struct FieldKernels {
     bool (*touches)(const PreparedGaussian<Real>&, const PointBlock<Real>&, const FieldBlend&, double margin);
     // Writes sums (lanes, 4) of w c and w.
     void (*read)(const BlockReading<Real>&, Real* sums);
-    // Writes derivatives[entry] (FIELD_DERIVATIVES) from B and dloss / dB (lanes, 3), 1 / sum w and error
-    // (lanes,).
+    // Writes derivatives[entry] (FIELD_DERIVATIVES) from B and dloss / dB (lanes, 3) and 1 / sum w (lanes,).
     void (*read_backward)(const BlockReading<Real>&, const Real* light, const Real* by_light,
-        const Real* inverse_weight, const Real* error, Real* derivatives);
+        const Real* inverse_weight, Real* derivatives);
     // Writes transposed[entry] (3 K + slopes), the derivatives by sh and slope of the sum over the lanes of B
     // . values (lanes, 3).
     void (*transposed)(

@@ -46,13 +46,13 @@ def test_no_points_and_no_gaussians():
     field.list(nobody, 0.05, 2, 1.0)
     np.testing.assert_array_equal(field.read(nobody), np.zeros((20, 4)))
     ones = np.ones(20, np.float32)
-    assert field.backward(nobody, position, normal, ones, ones).shape == (0, 16)
+    assert field.backward(nobody, position, normal, ones).shape == (0, 15)
     assert field.transposed(nobody, position, ones).shape == (0, 3)
     assert field.entry_count == 0
     given, empty = gaussians(7, 9, sloped=True), np.empty((0, 3), np.float32)
     field = field_of(given, empty, empty)
     assert field.read(given).shape == (0, 4)
-    np.testing.assert_array_equal(field.backward(given, empty, empty, ones[:0], ones[:0]), np.zeros((7, 16)))
+    np.testing.assert_array_equal(field.backward(given, empty, empty, ones[:0]), np.zeros((7, 15)))
     np.testing.assert_array_equal(field.transposed(given, empty, ones[:0]), np.zeros((7, 29)))
 
 
@@ -129,7 +129,7 @@ def all_bits(dtype) -> list[bytes]:
     field = field_of(given, position, normal, margin=1.1)
     sums = field.read(given)
     ones = np.ones(3000, dtype)
-    results = sums, field.backward(given, position, normal, ones, ones), field.transposed(given, normal, ones)
+    results = sums, field.backward(given, position, normal, ones), field.transposed(given, normal, ones)
     return [array.tobytes() for array in results]
 
 
@@ -191,7 +191,7 @@ def test_values_of_another_length_and_other_gaussians_are_refused():
     position, normal = points(20)
     given, ones = gaussians(5), np.ones(20, np.float32)
     field = field_of(given, position, normal)
-    right = position, normal, ones, ones
+    right = position, normal, ones
     for i, array in enumerate(right):
         with pytest.raises(ValueError, match="per point"):
             field.backward(given, *right[:i], array[:-1].copy(), *right[i + 1 :])

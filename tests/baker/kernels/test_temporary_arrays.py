@@ -41,8 +41,8 @@ def test_arrays_at_surface_points():
     values = np.ascontiguousarray(light[:, :3])
     for one, other in (
         (
-            field.backward(temporary, values, values, inverse, inverse),
-            field.backward(given, values, values, inverse, inverse),
+            field.backward(temporary, values, values, inverse),
+            field.backward(given, values, values, inverse),
         ),
         (field.transposed(temporary, values, inverse), field.transposed(given, values, inverse)),
     ):

@@ -9,6 +9,7 @@ from surface_cases import FIELDS, gaussians, samples_of
 from gsgi.baker.cache import checkpoint as checkpoint_module
 from gsgi.baker.cache.checkpoint import Checkpoint
 from gsgi.baker.cache.store import Cache, entries, task_key
+from gsgi.baker.fitting.rotations import axes
 from gsgi.baker.over.fit import Schedule
 from gsgi.baker.over.initialise import spacing
 from gsgi.baker.over.rasterise import set_thread_count
@@ -17,7 +18,6 @@ from gsgi.baker.surface.fit import fit_surface
 from gsgi.baker.surface.lookup import look_up
 from gsgi.baker.surface.optimiser import SurfaceOptimiser
 from gsgi.baker.surface.samples import SurfaceSamples
-from gsgi.baker.surface.state import axes
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
 
 BLEND = SurfaceBlend()
@@ -146,7 +146,7 @@ def test_there_are_never_more_gaussians_than_the_budget(budget):
 @pytest.mark.parametrize("iterations", [1, 2, 3, 5])
 def test_short_courses(iterations):
     fitted = fit(Schedule(50, iterations), samples=noisy(2000))
-    assert 25 < len(fitted) <= 50
+    assert 0.9 * fitting.START_SHARE * 50 <= len(fitted) <= 50
 
 
 def test_black_light_stays_black():
@@ -314,12 +314,37 @@ def test_a_cut_that_keeps_light_from_where_there_is_none_is_made():
     np.testing.assert_allclose(cut.scale[first], wide.scale[first] / 100)
 
 
+def floor_of(samples: SurfaceSamples) -> SurfaceSamples:
+    return samples[samples.normal[:, 1] > 0]
+
+
 def test_samples_that_none_covers_get_gaussians():
     samples = noisy()
-    floor = samples[samples.normal[:, 1] > 0]
-    alone = fitting.start(floor, 100, np.random.default_rng(0))
+    alone = fitting.start(floor_of(samples), 100, np.random.default_rng(0))
     optimiser = SurfaceOptimiser(samples, NOBODY, BLEND)
-    added = fitting.in_holes(alone, 60, optimiser, samples, np.random.default_rng(1))
+    added = fitting.where_wrong(optimiser.solve(alone, 10), 60, optimiser, samples, np.random.default_rng(1))
     assert 30 < len(added) <= 60
-    assert (axes(added.rotation)[:, 1, 2] < 0.5).all()  # none on the floor
-    assert len(fitting.in_holes(alone, 0, optimiser, samples, np.random.default_rng(1))) == 0
+    assert (axes(added.rotation)[:, 1, 2] < 0.5).mean() > 0.9  # hardly any on the floor
+    for room in (0, -3):
+        assert len(fitting.where_wrong(alone, room, optimiser, samples, np.random.default_rng(1))) == 0
+
+
+def board() -> SurfaceSamples:
+    """A floor of 2 x 2 m in light of 1, and 0.3 m above it a board of 0.2 x 0.2 m in light of 4."""
+    rng = np.random.default_rng(0)
+    floor, top = rng.uniform(0, 2, (20_000, 3)), rng.uniform(0.9, 1.1, (300, 3))
+    floor[:, 1], top[:, 1] = 0, 0.3
+    position = np.concatenate([floor, top]).astype(np.float32)
+    light = np.repeat([1.0, 4.0], [len(floor), len(top)])[:, None] * np.ones(3)
+    return samples_of(light, position, np.tile(np.float32([0, 1, 0]), (len(position), 1)), 0.1)
+
+
+def test_small_things_that_the_start_missed_get_gaussians_that_lie_on_them():
+    """The halves of those that read the board from the floor would lie on the floor."""
+    samples = board()
+    alone = fitting.start(samples[:20_000], 30, np.random.default_rng(0))
+    optimiser = SurfaceOptimiser(samples, NOBODY, BLEND)
+    added = fitting.where_wrong(optimiser.solve(alone, 10), 20, optimiser, samples, np.random.default_rng(1))
+    on_board = added.position[:, 1] > 0.25
+    assert on_board.sum() >= 8
+    assert added.scale[on_board].max() < 0.2  # m: as small as the board

@@ -5,19 +5,8 @@ import pytest
 from surface_cases import FIELDS, gaussians
 
 from gsgi.baker.cache.records import from_arrays, to_arrays
-from gsgi.baker.surface.colours import SLOPE_BOUND
-from gsgi.baker.surface.state import (
-    LARGEST,
-    LEAST_SHARE,
-    SMALLEST,
-    SPLIT_OFFSET,
-    SPLIT_SCALE,
-    SurfaceState,
-    axes,
-    to_merge,
-    to_remove,
-    to_split,
-)
+from gsgi.baker.fitting.rotations import axes
+from gsgi.baker.surface.state import LARGEST, LEAST_SHARE, SMALLEST, SurfaceState, to_merge, to_remove
 from gsgi.runtime.gaussians import Gaussians
 
 REST = "mean", "square", "smallest", "largest"
@@ -61,89 +50,16 @@ def test_keep_takes_rows():
     assert len(before.keep(np.zeros(10, bool))) == 0
 
 
-def test_a_split_leaves_the_others_as_they_were():
-    before = state()
-    after = before.split(np.array([2, 5]))
-    assert len(after) == 12
-    others = [i for i in range(10) if i not in (2, 5)]
-    assert_rows(after, slice(8), before, others)
-    nobody = before.split(np.array([], int))
-    assert_rows(nobody, slice(None), before, slice(None))
-    assert len(before.split(np.arange(10))) == 20
-
-
-def test_halves_lie_on_both_sides_along_the_longest_axis():
-    before = state()
-    which = np.array([2, 5])
-    after = before.split(which)
-    first, second = after.keep(np.arange(8, 10)), after.keep(np.arange(10, 12))
-    for half in (first, second):
-        assert_rows(half, slice(None), before, which, ("rotation", "opacity", "square", "largest"))
-        assert not half.mean.any()
-        np.testing.assert_allclose(half.smallest, SPLIT_SCALE * before.smallest[which], rtol=1e-6)
-    parents = before.keep(which).gaussians
-    longest = parents.scale.argmax(axis=1)
-    scale = parents.scale.copy()
-    scale[np.arange(2), longest] *= SPLIT_SCALE
-    for half in (first, second):
-        np.testing.assert_allclose(half.gaussians.scale, scale, rtol=1e-6)
-    apart = second.gaussians.position - first.gaussians.position
-    along = axes(parents.rotation)[np.arange(2), :, longest]
-    expected = along * (2 * SPLIT_OFFSET * parents.scale[np.arange(2), longest])[:, None]
-    np.testing.assert_allclose(apart, expected, atol=1e-6)
-    middle = (first.gaussians.position + second.gaussians.position) / 2
-    np.testing.assert_allclose(middle, parents.position, atol=1e-6)
-
-
-def light_at(given: Gaussians, position: np.ndarray) -> np.ndarray:
-    """Constant band (N, 3) of each Gaussian's light at a point of its own, (N, 3)."""
-    local = ((position - given.position)[:, None] @ axes(given.rotation))[:, 0] / given.scale
-    return given.sh[:, 0] * (1 + (given.slope * local[:, :2]).sum(axis=1, keepdims=True))
-
-
-def test_halves_go_on_with_the_light_of_the_whole():
-    """Whichever axis is the longest: what changes along it, and what changes along the other."""
-    before = state(40)
-    before.gaussians.slope[...] *= np.float32(0.5)
-    halves = before.split(np.arange(40)).gaussians
-    assert set(before.gaussians.scale.argmax(axis=1)) == {0, 1, 2}
-    anywhere = np.random.default_rng(4).normal(size=(40, 3))
-    for rows in (slice(40), slice(40, None)):
-        half = Gaussians(**{name: getattr(halves, name)[rows] for name in FIELDS})
-        np.testing.assert_allclose(light_at(half, anywhere), light_at(before.gaussians, anywhere), rtol=1e-4, atol=1e-4)
-
-
-def test_halves_of_the_steepest_are_within_their_bound():
-    before = state()
-    before.gaussians.slope[...] = SLOPE_BOUND * np.float32([0.6, 0.8])
-    halves = before.split(np.arange(10)).gaussians
-    assert np.linalg.norm(halves.slope, axis=1).max() <= SLOPE_BOUND * (1 + 1e-6)
-    assert np.linalg.norm(halves.slope, axis=1).max() > SLOPE_BOUND * 0.99
-
-
-def test_halves_are_within_their_limits():
-    """Also where the parent was as small as it may be."""
-    before = state()
-    small = Gaussians(**(vars(before.gaussians) | {"scale": before.smallest.copy()}))
-    halves = SurfaceState(small, before.mean, before.square, before.smallest, before.largest).split(np.arange(10))
-    assert (halves.gaussians.scale >= halves.smallest).all()
-    assert (halves.gaussians.scale <= halves.largest).all()
+def test_others_join_at_the_end_with_limits_of_their_own():
+    before, others = state(), gaussians(4, seed=3, sloped=True)
+    after = before.joined(others)
+    assert_rows(after, slice(10), before, slice(None))
+    assert_rows(after, slice(10, None), SurfaceState.fresh(others), slice(None))
 
 
 def test_whom_hardly_any_sample_sees_goes():
     share = LEAST_SHARE * np.float32([0, 0.99, 1, 12])
     np.testing.assert_array_equal(to_remove(share), [True, True, False, False])
-
-
-def test_those_with_most_error_are_split():
-    error = np.float32([1, 5, -2, 5, 3, 0])
-    np.testing.assert_array_equal(to_split(error, 2), [1, 3])
-    np.testing.assert_array_equal(to_split(error, 3), [1, 3, 4])
-    np.testing.assert_array_equal(to_split(error, 100), [0, 1, 3, 4])  # not where there is none
-    for count in (0, -1, -5):
-        assert len(to_split(error, count)) == 0
-    np.testing.assert_array_equal(to_split(np.full(6, 1, np.float32), 4), [0, 1, 2, 3])  # the first of equals
-    assert len(to_split(error[:0], 3)) == 0
 
 
 @pytest.mark.parametrize(
