@@ -13,7 +13,7 @@ ROOTS = 8  # cells along the longest edge of the box, before any is split
 DEPTH_MAX = 20  # splits of a root; float32 coordinates within it have 24 bits
 SPLIT_MIN = 12  # sheets in a cell that is worth eight more
 SLACK = 1e-5  # of a root's edge and of an ellipsoid's radius; covers the rounding of float32, here and in shaders
-CHUNK = 4096  # pairs tested at once: their temporary arrays stay in the L2 cache
+CHUNK = 2048  # pairs tested at once: their temporary arrays stay in the L2 cache
 
 # Edge of a leaf over the mean in-plane radius of the Gaussians in it. Half the edge takes 4 to 5 times the bytes. With
 # these numbers at most 1.6 Gaussians are listed for one that reaches a surface, in less than 1 MB for all of Sponza.
@@ -23,8 +23,6 @@ FINEST, COARSEST, FINEST_COUNT = 0.3, 0.4, 2600
 SHEET = 0.7  # standard deviations around the centre
 
 _TINY = np.finfo(np.float32).tiny
-# Axes in the order of descent, each with the coordinates of the gradient that a later step looks at.
-_STEPS = (0, (0, 1, 2)), (1, (0, 1, 2)), (2, (0, 1, 2)), (0, (1, 2)), (1, (2,)), (2, ())
 _CORNERS = np.array(list(np.ndindex(2, 2, 2)), np.float32) * 2 - 1  # (8, 3), in the order of children
 
 
@@ -159,9 +157,8 @@ def _descend(bodies: _Ellipsoids, edge: np.float32, size: np.ndarray, fineness: 
         met = np.empty((len(pair), 8), bool)
         for begin in range(0, len(pair), CHUNK):
             some = pair[begin : begin + CHUNK]
-            # Pairs along the last axis: numpy broadcasts the short one many times as fast.
-            from_child = [offset[k][some] - half * _CORNERS[:, k, None] for k in range(3)]
-            met[begin : begin + CHUNK] = _meet(bodies, gaussian[some], from_child, half + slack).T
+            from_child = [offset[k][some, None] - half * _CORNERS[:, k] for k in range(3)]
+            met[begin : begin + CHUNK] = _meet(bodies, gaussian[some, None], from_child, half + slack)
         row, corner = np.nonzero(met)
         parent = pair[row]
         gaussian, node = gaussian[parent], child[node[parent]] + corner
@@ -196,7 +193,7 @@ def _roots(bodies: _Ellipsoids, edge: np.float32, size: np.ndarray) -> tuple[np.
 def _splits(bodies, gaussian, node, offset, half, count, fineness) -> tuple[np.ndarray, np.ndarray]:
     """Which of `count` nodes sheets cross, and which of them are large for the Gaussians of these sheets, (M,) bool."""
     along = [np.abs(sum(offset[j] * bodies.axes[k, j][gaussian] for j in range(3))) for k in range(3)]
-    width = half * np.abs(bodies.axes).sum(axis=1)
+    width = [half * sum(np.abs(bodies.axes[k, j]) for j in range(3)) for k in range(3)]
     flat = along[0] <= width[0][gaussian]
     far = sum((np.maximum(along[k] - width[k][gaussian] / 2, 0) / bodies.deviation[k][gaussian]) ** 2 for k in (1, 2))
     sheets, near = np.bincount(node[flat], minlength=count), flat & (far <= SHEET**2)
@@ -209,56 +206,31 @@ def _splits(bodies, gaussian, node, offset, half, count, fineness) -> tuple[np.n
 
 
 def _meet(bodies: _Ellipsoids, gaussian: np.ndarray, offset: list[np.ndarray], half: np.float32) -> np.ndarray:
-    """Whether ellipsoids (P,) meet cubes (P,) or (8, P), with `offset` from the cube's middle to the centre, m.
+    """Whether ellipsoids meet cubes: `offset` is from the cube's middle to the ellipsoid's centre, m.
 
-    Nearly all that meet hold the cube's point nearest to their centre, and the boxes of nearly all others are apart.
-    """
-    with np.errstate(over="ignore", invalid="ignore"):
-        away = [np.clip(each, -half, half) - each for each in offset]
-        x, y, z = _product(bodies.whiten[:, :, gaussian], away)
-        met = x * x + y * y + z * z <= bodies.reach[gaussian] ** 2
-        unknown = ~met
-        for k in range(3):
-            unknown &= np.abs(offset[k]) <= half + bodies.bound[k, gaussian]
-    pair = np.flatnonzero(unknown)
-    some = [each.ravel()[pair] for each in offset]
-    met.flat[pair] = ~_parted(bodies, gaussian[pair % len(gaussian)], some, half)
-    return met
-
-
-def _parted(bodies: _Ellipsoids, gaussian: np.ndarray, offset: list[np.ndarray], half: np.float32) -> np.ndarray:
-    """Whether a plane parts ellipsoids and cubes (P,).
-
-    The best plane is that across the gradient, at the cube's point nearest to the centre in standard deviations. Two
-    rounds of descent along the axes find it to 1 in 10,000 of all pairs; planes elsewhere part less, so no cube that is
-    met is lost.
+    They are apart if a plane parts them. The best plane is that across the gradient, at the cube's point nearest to the
+    centre in standard deviations. Two rounds of descent along the axes find it to 1 in 10,000 of the pairs; planes
+    elsewhere part less, so no cube that is met is lost.
     """
     # Hildreth 1957, "A quadratic programming procedure"
     point = [np.clip(each, -half, half) for each in offset]
     a = bodies.metric[:, :, gaussian]
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        gradient = _product(a, [point[k] - offset[k] for k in range(3)])
-        diagonal = [np.maximum(a[k, k], _TINY) for k in range(3)]
-        for k, later in _STEPS:
-            moved = np.clip(point[k] - gradient[k] / diagonal[k], -half, half)
+        away = [point[k] - offset[k] for k in range(3)]
+        gradient = [sum(a[k, j] * away[j] for j in range(3)) for k in range(3)]
+        for k in (0, 1, 2, 0, 1, 2):
+            moved = np.clip(point[k] - gradient[k] / np.maximum(a[k, k], _TINY), -half, half)
             step = moved - point[k]
             point[k] = moved
-            for j in later:
-                gradient[j] += a[j, k] * step
+            for j in range(3):
+                gradient[j] = gradient[j] + a[j, k] * step
         # From here on as exact as floats are: long ellipsoids have lost digits above.
         w = bodies.whiten[:, :, gaussian]
-        white = _product(w, [point[k] - offset[k] for k in range(3)])
-        across = _product(w.swapaxes(0, 1), white)
-        gap = half * (np.abs(across[0]) + np.abs(across[1]) + np.abs(across[2]))
-        gap += across[0] * offset[0] + across[1] * offset[1] + across[2] * offset[2]
-        square = white[0] * white[0] + white[1] * white[1] + white[2] * white[2]
-        return -gap > bodies.reach[gaussian] * np.sqrt(square)
-
-
-def _product(matrix: np.ndarray, vector: list[np.ndarray]) -> list[np.ndarray]:
-    """Matrices (3, 3, ...) times vectors, by coordinate."""
-    x, y, z = vector
-    return [row[0] * x + row[1] * y + row[2] * z for row in matrix]
+        away = [point[k] - offset[k] for k in range(3)]
+        white = [sum(w[i, j] * away[j] for j in range(3)) for i in range(3)]
+        across = [sum(w[i, j] * white[i] for i in range(3)) for j in range(3)]
+        gap = -sum(across[j] * offset[j] for j in range(3)) - half * sum(np.abs(g) for g in across)
+        return ~(gap > bodies.reach[gaussian] * np.sqrt(sum(e * e for e in white)))
 
 
 def _assemble(levels: list[_Level], outside: np.ndarray, roots: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -286,6 +258,6 @@ def _assemble(levels: list[_Level], outside: np.ndarray, roots: int) -> tuple[np
         if depth == 0:
             children.append(np.zeros(1, np.int64))
     key = np.concatenate(keys)
-    order = np.argsort(key.astype(np.min_scalar_type(begin)), kind="stable")  # with 16 bits numpy sorts by radix
+    order = np.argsort(key, kind="stable")
     first = np.concatenate([[0], np.cumsum(np.bincount(key, minlength=begin))])
     return first.astype(np.int32), np.concatenate(children).astype(np.int32), np.concatenate(entries)[order]
