@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -35,34 +35,63 @@ class GroupError:
     bound: float | None
 
 
+class _Pixels(NamedTuple):
+    """Some pixels of V lit references, as many of each: arrays (P, 3), and the mean of all light of each view (V,)."""
+
+    position: np.ndarray
+    normal: np.ndarray
+    shading: np.ndarray
+    geometric: np.ndarray
+    level: np.ndarray
+
+
 def measure(plan: "Plan", references: Mapping[str, Reference], baked: Bake) -> list[GroupError]:
     """Compare each group of a bake with whole paths from the same pixels, for the plan's seed; [] without groups."""
     from gsgi.baker.surface.lookup import look_up
 
-    seen = [reference for reference in references.values() if reference.indirect.any()]
-    if not seen or not baked.groups:
+    pixels = _pixels(references, plan.settings.seed) if baked.groups else None
+    if pixels is None:
         return []
-    rng, count = np.random.default_rng(plan.settings.seed), -(-POINTS // len(seen))
+    found = []
+    for group in baked.groups:
+        alone = weighted(baked, {name: float(name == group.name) for name in group_names(baked)})
+        light, _ = look_up(alone.gaussians, alone.coarse, alone.blend, *pixels[:3])
+        layers = light, *_traced(plan, pixels, group.name)
+        views = (layer.reshape(len(pixels.level), -1, 3).astype(np.float64) for layer in layers)
+        found.append(GroupError(group.name, *_error(*views, pixels.level)))
+    return found
+
+
+def trace(plan: "Plan", references: Mapping[str, Reference], name: str) -> None:
+    """Trace what `measure` compares the group `name` with, so that it is in the plan's cache."""
+    if (pixels := _pixels(references, plan.settings.seed)) is not None:
+        _traced(plan, pixels, name)
+
+
+def _traced(plan: "Plan", pixels: _Pixels, name: str) -> list[np.ndarray]:
+    """Two halves (P, 3) of B of the group `name` alone, by whole paths."""
+    tracer, seed = plan.tracer.lit_by(lit_by(plan.scene, name)), plan.settings.seed + SEED
+    return [
+        tracer.at_points(
+            pixels.position, pixels.shading, Sampling(SAMPLES), half, geometric_normal=pixels.geometric
+        ).mean
+        for half in (seed, seed + 1)
+    ]
+
+
+def _pixels(references: Mapping[str, Reference], seed: int) -> _Pixels | None:
+    seen = [reference for reference in references.values() if reference.indirect.any()]
+    if not seen:
+        return None
+    rng, count = np.random.default_rng(seed), -(-POINTS // len(seen))
     index = [np.flatnonzero(r.valid)[rng.integers(np.count_nonzero(r.valid), size=count)] for r in seen]
 
     def at_pixels(layers: list[np.ndarray]) -> np.ndarray:
         return np.concatenate([layer.reshape(-1, 3)[at] for layer, at in zip(layers, index, strict=True)])
 
     names = "position", "normal", "shading_normal", "geometric_normal"
-    position, normal, shading, geometric = (at_pixels([getattr(r.surface, name) for r in seen]) for name in names)
-    level = at_pixels([r.indirect for r in seen]).reshape(len(seen), -1).mean(axis=1)
-    found = []
-    for group in baked.groups:
-        tracer = plan.tracer.lit_by(lit_by(plan.scene, group.name))
-        halves = [
-            tracer.at_points(position, shading, Sampling(SAMPLES), seed, geometric_normal=geometric).mean
-            for seed in (plan.settings.seed + SEED, plan.settings.seed + SEED + 1)
-        ]
-        alone = weighted(baked, {name: float(name == group.name) for name in group_names(baked)})
-        light, _ = look_up(alone.gaussians, alone.coarse, alone.blend, position, normal, shading)
-        views = (image.reshape(len(seen), -1, 3).astype(np.float64) for image in (light, *halves))
-        found.append(GroupError(group.name, *_error(*views, level)))
-    return found
+    columns = (at_pixels([getattr(r.surface, name) for r in seen]) for name in names)
+    return _Pixels(*columns, at_pixels([r.indirect for r in seen]).reshape(len(seen), -1).mean(axis=1))
 
 
 def _error(light: np.ndarray, a: np.ndarray, b: np.ndarray, level: np.ndarray) -> tuple[float | None, float | None]:

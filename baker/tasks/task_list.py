@@ -4,7 +4,7 @@ from functools import partial
 
 from gsgi.baker import job
 from gsgi.baker.estimate import Rates
-from gsgi.baker.evaluation import bias, held_out
+from gsgi.baker.evaluation import bias, group_error, held_out
 from gsgi.baker.plan import Plan
 from gsgi.baker.progress import Progress
 from gsgi.runtime.errors import UsageError
@@ -41,16 +41,30 @@ def _references(plan: Plan) -> list[Task]:
         Task(f"reference-{n}", "references", (before,), partial(_trace_reference, plan, view), paths, not gathers)
         for n, view in enumerate(held_out.views(plan))
     ]
-    if not gathers:
-        return traced
-    compare = partial(job.trace_references, plan)
-    return [*traced, Task("bias", "references", keys(traced), compare, bias.PATHS, True)]
+    if gathers:
+        compare = partial(job.trace_references, plan)
+        traced.append(Task("bias", "references", keys(traced), compare, bias.PATHS, True))
+    return [*traced, *_group_references(plan, keys(traced))]
+
+
+def _group_references(plan: Plan, before: tuple[str, ...]) -> list[Task]:
+    return [
+        Task(
+            f"group{number}-reference", "references", before, partial(_trace_alone, plan, name), group_error.PATHS, True
+        )
+        for number, name in enumerate(plan.groups, 1)
+    ]
 
 
 def _trace_reference(plan: Plan, view: held_out.View, progress: Progress) -> None:
     known = held_out.known_light(plan, progress)
     with progress.stage("references", 2 * held_out.SIZE**2, "points") as advance:
         held_out.reference(plan, view, known, advance)
+
+
+def _trace_alone(plan: Plan, name: str, progress: Progress) -> None:
+    references, of_scene, _ = job.trace_references(plan, progress)
+    group_error.trace(plan, references | of_scene, name)
 
 
 def seconds(plan: Plan, tasks: list[Task], planned: float) -> dict[str, float]:
