@@ -154,7 +154,7 @@ def changed(
 def where_wrong(
     gaussians: Gaussians, room: int, optimiser: SurfaceOptimiser, surface: SurfaceSamples, rng: np.random.Generator
 ) -> Gaussians:
-    """At most `room` new Gaussians on the `surface`, as dense as its samples times the RMS error around them.
+    """At most `room` new Gaussians on the `surface`, as dense as its samples times the error around them.
 
     They lie on the surfaces that are badly fitted. The halves of Gaussians that have much error would not: a Gaussian
     too large for the thing that it was to light has turned away from it, and its halves stay turned. The error is the
@@ -162,7 +162,7 @@ def where_wrong(
     """
     error = optimiser.error(gaussians)[: len(surface)]
     block = blocks(surface.position, surface.normal)
-    around = np.sqrt(np.maximum(np.bincount(block, error) / np.maximum(np.bincount(block), 1), 0))[block]
+    around = np.maximum(np.bincount(block, error) / np.maximum(np.bincount(block), 1), 0)[block]
     wrong = np.flatnonzero(around)
     count = max(min(room, len(wrong) // BADLY_FITTED), 0)
     number = min(CANDIDATES * count, len(wrong))

@@ -90,7 +90,7 @@ def everywhere(light: float) -> Gaussians:
 def test_the_fine_level_says_what_the_coarse_one_lacks():
     """Below a floor that high the coarse level, about as dark as the darkest wall, always has its share: the fine one
     has to make up for it, and without it light is missing."""
-    coarse, blend, points = everywhere(0.25), SurfaceBlend(floor=6.0), corner(5000, seed=1)
+    coarse, blend, points = everywhere(0.25), SurfaceBlend(floor=5.0), corner(5000, seed=1)
     samples = noisy(noise=0.0)
     fitted = fit_surface(samples, samples[:0], coarse, blend, Schedule(200, 60))
     light, weight = look_up(fitted, coarse, blend, *points)
@@ -346,5 +346,5 @@ def test_small_things_that_the_start_missed_get_gaussians_that_lie_on_them():
     optimiser = SurfaceOptimiser(samples, NOBODY, BLEND)
     added = fitting.where_wrong(optimiser.solve(alone, 10), 20, optimiser, samples, np.random.default_rng(1))
     on_board = added.position[:, 1] > 0.25
-    assert on_board.mean() > 10 * (samples.position[:, 1] > 0.25).mean()
+    assert on_board.sum() >= 8
     assert added.scale[on_board].max() < 0.2  # m: as small as the board
