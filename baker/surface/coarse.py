@@ -18,10 +18,11 @@ from .state import SurfaceState
 CANDIDATES = 16  # points in free space per Gaussian, from which an evenly spread subset is chosen
 WIDTH = 0.6  # standard deviation, relative to the mean distance to the three nearest
 
-# Step sizes of the shapes, as in fit.RATES; the colours are solved for every SOLVE_STEPS steps, and at the end.
+# Step sizes of the shapes, as in fit.RATES; the colours are solved for every SOLVE_STEPS steps by a
+# few iterations, and at the end.
 RATES = {"place": 0.06, "turn": 0.04, "log_scale": 0.06, "logit_opacity": 0.05, "colour": 0.0, "slope": 0.0}
 RATE_END = 0.1
-STEPS, SOLVE_STEPS, SOLVE_ITERATIONS, SOLVE_LAST = 60, 6, 6, 20
+STEPS, SOLVE_STEPS, SOLVE_ITERATIONS = 60, 6, 6
 
 RIDGE = 1e-3  # smaller than colours.RIDGE, which would damp the higher bands of light from one side
 
@@ -44,14 +45,14 @@ def coarse_level(
     state = SurfaceState.fresh(gaussians)
     for step in range(STEPS):
         if step % SOLVE_STEPS == 0:
-            state = replace(state, gaussians=optimiser.solve(state.gaussians, SOLVE_ITERATIONS, RIDGE))
+            state = replace(state, gaussians=optimiser.solve(state.gaussians, RIDGE, SOLVE_ITERATIONS))
         falling = RATE_END ** (step / STEPS)
         state, _ = optimiser.step(state, {name: falling * rate for name, rate in RATES.items()}, step + 1)
         state = replace(state, gaussians=_everywhere_again(state.gaussians, gaussians))
     last = state.gaussians
     if triangles:
         last, _ = Occlusion(samples, triangles, optimiser.blend, count).cut(last)
-    return optimiser.solve(_everywhere_again(last, gaussians), SOLVE_LAST, RIDGE)
+    return optimiser.solve(_everywhere_again(last, gaussians), RIDGE)
 
 
 def coarse_optimiser(samples: SurfaceSamples, gaussians: Gaussians, blend: SurfaceBlend) -> SurfaceOptimiser:

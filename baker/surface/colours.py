@@ -20,6 +20,10 @@ SLOPE_RIDGE, SLOPE_SPREAD = 1e-2, 0.1
 # ones than this lose more where few Gaussians reach than they gain elsewhere.
 SLOPE_BOUND = 0.3
 
+# Iterations of a solution: at least and at most, and the squared residual, relative to that of black, below which the
+# least are enough. Where light differs much across a wall, what leaks through counts a million times, and takes more.
+LEAST, MOST, CONVERGED = 8, 40, 1e-5
+
 SH_BOUND = 2.0  # relative to band 0: in band 1 a cosine lobe has 1.15, radiance from one direction 1.73
 
 
@@ -30,8 +34,8 @@ def solve(
     light: np.ndarray,
     importance: np.ndarray,
     noise: np.ndarray,
-    iterations: int,
     ridge: float = RIDGE,
+    iterations: int = MOST,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Coefficients (N, K, 3) and slopes (N, 0 or 2), float32, that fit `light` (S, 3), radiance, at a field's points.
 
@@ -114,12 +118,15 @@ def _bounded(sh: np.ndarray) -> np.ndarray:
     return np.concatenate([constant, np.clip(sh[:, 1:], -most, most)], axis=1)
 
 
-def conjugate_gradients(apply, right: np.ndarray, x: np.ndarray, preconditioner: np.ndarray, iterations: int):
-    """x (N, C) after `iterations` steps towards apply(x) = right."""
+def conjugate_gradients(apply, right: np.ndarray, x: np.ndarray, preconditioner: np.ndarray, iterations: int = MOST):
+    """x (N, C) after at most `iterations` steps towards apply(x) = right; but LEAST if the residual is small."""
     residual = right - apply(x)
     z = preconditioner * residual
     direction, norm = z, _dot(residual, z)
-    for _ in range(iterations):
+    enough = CONVERGED * _dot(right, preconditioner * right)
+    for i in range(iterations):
+        if i >= LEAST and norm <= enough:
+            break
         moved = apply(direction)
         step = ratio(norm, _dot(direction, moved))
         x = x + step * direction

@@ -1,7 +1,7 @@
 """Fits Gaussians of the `surface` operator to samples of B.
 
-Shapes and colours follow the gradient. Colours are also solved for by least squares whenever the number of Gaussians
-changes.
+Shapes and colours follow the gradient. Colours are also solved for by least squares at the start, whenever the
+number of Gaussians changes, and at the end: Adam alone leaves some light where there is none.
 """
 
 from dataclasses import dataclass, replace
@@ -32,10 +32,6 @@ RATE_END = 0.1
 # When the number of Gaussians changes, as shares of the steps, and the share of the budget at the start.
 GROWTH = 0.2, 0.35, 0.5
 START_SHARE = 0.5
-
-# Iterations of the least squares for the colours: at the start, after each change of the number, and at the end.
-# Adam alone leaves some light where there is none.
-SOLVE_FIRST, SOLVE_AGAIN, SOLVE_LAST = 10, 5, 10
 
 # Standard deviations at the start, in the surface and along its normal, relative to the mean distance to the three
 # nearest. Neighbours overlap. Thicker ones would cover the free space in front of the surface, which the coarse level
@@ -89,7 +85,7 @@ def fit_surface(
             first = replace(first, relief=np.zeros((len(first), 3, 3), np.float32))
         if occlusion:
             first, _ = cut_where_better(first, optimiser, occlusion)
-        run = _Run(SurfaceState.fresh(optimiser.solve(first, SOLVE_FIRST)), 0)
+        run = _Run(SurfaceState.fresh(optimiser.solve(first)), 0)
     state = run.state
     changes = {round(share * schedule.iterations): (i + 1) / len(GROWTH) for i, share in enumerate(GROWTH)}
     for iteration in range(run.iteration, schedule.iterations):
@@ -108,7 +104,7 @@ def fit_surface(
             checkpoint.save(to_arrays(_Run(state, iteration + 1)))
     last = cut_where_better(state.gaussians, optimiser, occlusion)[0] if occlusion else state.gaussians
     seen = ~to_remove(optimiser.share(last))  # a cut may leave some that lie between samples, as good as unknown
-    return optimiser.solve(Gaussians(*(column[seen] for column in vars(last).values())), SOLVE_LAST)
+    return optimiser.solve(Gaussians(*(column[seen] for column in vars(last).values())))
 
 
 def start(samples: SurfaceSamples, count: int, rng: np.random.Generator, beside: Gaussians | None = None) -> Gaussians:
@@ -148,7 +144,7 @@ def changed(
     state = state.joined(where_wrong(state.gaussians, limit - len(state), optimiser, surface, rng))
     if occlusion:
         state = state.cut(*cut_where_better(state.gaussians, optimiser, occlusion))
-    return replace(state, gaussians=optimiser.solve(state.gaussians, SOLVE_AGAIN))
+    return replace(state, gaussians=optimiser.solve(state.gaussians))
 
 
 def where_wrong(
@@ -181,7 +177,7 @@ def cut_where_better(
     cut, which = occlusion.cut(gaussians)
     if not which.any():
         return gaussians, which
-    whole, parts = (optimiser.solve(some, SOLVE_AGAIN) for some in (gaussians, cut))
+    whole, parts = (optimiser.solve(some) for some in (gaussians, cut))
     which &= optimiser.gain(whole, parts) > -CUT_COST
     columns = (
         np.where(which.reshape(-1, *[1] * (before.ndim - 1)), after, before)

@@ -138,7 +138,7 @@ def parts_on_grey_light(plan: "Plan", steps: int) -> list[Callable[[], object]]:
     They are `steps` steps of the fine level, a solution for its colours, and the coarse level with few samples.
     """
     from .coarse import coarse_level
-    from .fit import RATES, SOLVE_AGAIN, start
+    from .fit import RATES, start
     from .optimiser import SurfaceOptimiser
     from .state import SurfaceState
 
@@ -150,7 +150,7 @@ def parts_on_grey_light(plan: "Plan", steps: int) -> list[Callable[[], object]]:
     few = samples[: point_count(free_layers(settings.budget)) // COARSE_TIMED]
     return [
         lambda: [optimiser.step(state, still, 1 + i) for i in range(steps)],
-        lambda: optimiser.solve(state.gaussians, SOLVE_AGAIN),
+        lambda: optimiser.solve(state.gaussians),
         lambda: coarse_level(few, coarse_count(settings.budget), plan.blend, 0, plan.triangles),
     ]
 
@@ -159,12 +159,11 @@ def times_on_grey_light(plan: "Plan", timed: "Plan", steps: int) -> list[float]:
     """How often each part of the fit of the plan that was `timed` would have to run for the fit of this plan.
 
     A part takes as long as it has samples: a sample reaches about as many Gaussians with any budget, except in the
-    coarse level. Each cut solves for the colours twice.
+    coarse level.
     """
-    from .fit import GROWTH, SOLVE_AGAIN, SOLVE_FIRST, SOLVE_LAST
+    from .fit import GROWTH
 
-    changes = len(GROWTH)
-    solved = (SOLVE_FIRST + changes * SOLVE_AGAIN + SOLVE_LAST) / SOLVE_AGAIN + 2 * (1 + changes + 1)
+    solved = 3 * (len(GROWTH) + 2)  # each time for the colours, and twice for the cuts
     coarse, timed_coarse = (coarse_count(each.settings.budget) for each in (plan, timed))
     free = plan.free_paths / timed.free_paths * max(coarse / timed_coarse, 1.0) ** COARSE_GROWS
     samples = CHANGES * plan.points / timed.points
@@ -173,13 +172,13 @@ def times_on_grey_light(plan: "Plan", timed: "Plan", steps: int) -> list[float]:
 
 def group_times_on_grey_light(plan: "Plan", timed: "Plan") -> list[float]:
     """The same for the light of one light group on the Gaussians of this plan's fit, without its tracing."""
-    from .coarse import SOLVE_ITERATIONS, SOLVE_LAST, SOLVE_STEPS, STEPS
-    from .fit import SOLVE_AGAIN
-    from .group_light import SOLVE_COARSE, SOLVE_FINE
+    from .coarse import SOLVE_ITERATIONS, SOLVE_STEPS, STEPS
+    from .colours import MOST
+    from .group_light import SOLUTIONS
 
     _, _, coarse = times_on_grey_light(plan, timed, 1)
-    solved = CHANGES * plan.points / timed.points * 2 * SOLVE_FINE / SOLVE_AGAIN
-    return [0.0, solved, coarse * SOLVE_COARSE / (STEPS / SOLVE_STEPS * SOLVE_ITERATIONS + SOLVE_LAST)]
+    solved = CHANGES * plan.points / timed.points * SOLUTIONS
+    return [0.0, solved, coarse * MOST / (STEPS / SOLVE_STEPS * SOLVE_ITERATIONS + MOST)]
 
 
 def grey_bake(plan: "Plan") -> Bake:
@@ -194,5 +193,5 @@ def grey_bake(plan: "Plan") -> Bake:
 
 def _grey_samples(plan: "Plan", count: int, rng: np.random.Generator) -> SurfaceSamples:
     points = plan.triangles.draw(count, rng)
-    grey = np.ones_like(points.position)
+    grey = np.repeat(rng.random((count, 1), np.float32), 3, axis=1)  # light that is even everywhere is solved at once
     return SurfaceSamples(points.position, points.normal, grey, grey, 0)

@@ -12,9 +12,7 @@ from .occlusion import seen_light
 from .optimiser import SurfaceOptimiser
 from .samples import SurfaceSamples, joined
 
-# Iterations of the least squares, from black. Slopes are solved for along colours that are known, so the fine level
-# is solved twice.
-SOLVE_COARSE, SOLVE_FINE = 30, 10
+SOLUTIONS = 2  # of the fine level, from black: slopes are solved for along colours that are known
 
 
 @dataclass(frozen=True)
@@ -40,13 +38,13 @@ def group_light(
     The samples have the light of the group alone. Their importance follows its own level around them, so that a dim
     group is as accurate where no other shines as a bright one.
     """
-    coarse = coarse_optimiser(free, coarse, blend).solve(_black(coarse), SOLVE_COARSE, RIDGE)
+    coarse = coarse_optimiser(free, coarse, blend).solve(_black(coarse), RIDGE)
     samples = joined([surface, some_free])
     samples = replace(samples, mapped=None)  # relief is that of all light: groups have none of their own
     optimiser = SurfaceOptimiser(samples, coarse, blend, seen_light(surface, some_free, triangles))
     fine = _black(gaussians)
-    for _ in range(2):
-        fine = optimiser.solve(fine, SOLVE_FINE)
+    for _ in range(SOLUTIONS):
+        fine = optimiser.solve(fine)
     return GroupLight(fine.sh, fine.slope, coarse.sh)
 
 

@@ -27,7 +27,7 @@ LIST_STEPS, MARGIN, EXACT = 10, 1.1, 1.001
 BETA_1, BETA_2, EPSILON = 0.9, 0.98, 1e-20
 
 MODEL = 0.1  # error of the best fit, relative to the light around a sample: noise below it costs no weight
-SIZE_COST = 0.05  # of the error, for all Gaussians e times as long on one axis: prefers the smaller of equal fits
+SIZE_COST = 0.05  # of its own error, for a Gaussian e times as long on one axis: prefers the smaller of equal fits
 LOGIT_MAX = 5.0  # magnitude, of the opacity
 
 
@@ -72,21 +72,22 @@ class SurfaceOptimiser:
         self._listed, self._margin = 0, 0.0
         self._noise: np.ndarray | None = None
         self._unit: np.ndarray | None = None
+        self._size_cost: np.ndarray | None = None
 
-    def solve(self, gaussians: Gaussians, iterations: int, ridge: float = colours.RIDGE) -> Gaussians:
+    def solve(self, gaussians: Gaussians, ridge: float = colours.RIDGE, iterations: int = colours.MOST) -> Gaussians:
         """Set colours and slopes, then relief if there is any, to the least-squares solution for the shapes."""
         self._list(gaussians)
         base = filling(self._field.read(gaussians), self._coarse, self.blend)
         samples = self._light, self._importance, self._relative_noise
-        sh, slope = colours.solve(self._field, gaussians, base, *samples, iterations, ridge)
+        sh, slope = colours.solve(self._field, gaussians, base, *samples, ridge, iterations)
         solved = replace(gaussians, sh=sh, slope=slope)
-        return self._with_relief(solved, iterations) if gaussians.bumpy else solved
+        return self._with_relief(solved) if gaussians.bumpy else solved
 
-    def _with_relief(self, gaussians: Gaussians, iterations: int) -> Gaussians:
+    def _with_relief(self, gaussians: Gaussians) -> Gaussians:
         reading = self._read(gaussians)
         residual = self._bent[2] - reading.light
         weights = reading.inverse, self._importance
-        found = relief.solve(self._field, gaussians, self._bend, residual, *weights, iterations)
+        found = relief.solve(self._field, gaussians, self._bend, residual, *weights)
         return replace(gaussians, relief=found)
 
     def share(self, gaussians: Gaussians) -> np.ndarray:
@@ -131,15 +132,16 @@ class SurfaceOptimiser:
         elif self._margin < MARGIN:
             self._reach(state.gaussians, MARGIN)
         reading = self._read(state.gaussians)
-        gradient, loss, error = self._derivatives(state.gaussians, reading)
+        gradient, loss = self._derivatives(state.gaussians, reading)
         if len(broken := np.flatnonzero(~np.isfinite(gradient).all(axis=1))):
             raise FloatingPointError(f"the gradient of Gaussian {broken[0]} is not finite")
         if not np.isfinite(loss):
             raise FloatingPointError(f"the loss is {loss}")
-        gradient[:, 6:9] += SIZE_COST * max(error, 0) / max(len(state), 1)
         if self._noise is None:
             self._noise = self._gradient_noise(state.gaussians, reading)
             self._unit = self._level_of(state.gaussians, reading.inverse)
+            self._size_cost = SIZE_COST * self._own_error(state.gaussians, reading)
+        gradient[:, 6:9] += self._size_cost
         gradient[np.abs(gradient) <= self._noise] = 0
         rate = np.repeat([rates[name] for name in PARAMETERS], list(PARAMETERS.values()))
         mean = BETA_1 * state.mean + np.float32(1 - BETA_1) * gradient
@@ -156,6 +158,15 @@ class SurfaceOptimiser:
         ones = np.ones_like(values)
         sums = self._seen(gaussians, np.stack([values, ones, ones], axis=1), inverse)
         return np.divide(sums[:, :1], sums[:, 1:2], out=np.full_like(sums[:, :1], none), where=sums[:, 1:2] > 0)
+
+    def _own_error(self, gaussians: Gaussians, reading: _Reading) -> np.ndarray:
+        """The part (N, 1) of the noise-free error that each Gaussian accounts for, 0 where noise makes it negative.
+
+        Equal shares of the scene's error instead would shrink all Gaussians for what few of them fit badly, until
+        surfaces that are fitted well are bare.
+        """
+        error = np.repeat(self._error(reading.light)[:, None], 3, axis=1)
+        return np.maximum(self._seen(gaussians, error, reading.inverse)[:, :1], 0) / max(len(error), 1)
 
     def _seen(self, gaussians: Gaussians, values: np.ndarray, inverse: np.ndarray) -> np.ndarray:
         """Sums (N, 3) of w / sum w times values (S, 3) over the samples."""
@@ -185,12 +196,11 @@ class SurfaceOptimiser:
         light = sums[:, :3] * inverse[:, None]
         return _Reading(light, inverse, np.where(fine[:, 3:] < self.blend.floor, self._coarse, light))
 
-    def _derivatives(self, gaussians: Gaussians, reading: _Reading) -> tuple[np.ndarray, float, float]:
-        """The derivatives (N, 15) (see FIELD_DERIVATIVES), the loss, and the noise-free part of the loss."""
-        residual, error = reading.light - self._light, self._error(reading.light)
+    def _derivatives(self, gaussians: Gaussians, reading: _Reading) -> tuple[np.ndarray, float]:
+        """The derivatives (N, 15) (see FIELD_DERIVATIVES), and the loss."""
+        residual = reading.light - self._light
         loss = self._importance * _channels(np.square(residual))
-        means = (float(part.sum(dtype=np.float64)) / max(len(error), 1) for part in (loss, error))
-        return self._backward(gaussians, reading, residual), *means
+        return self._backward(gaussians, reading, residual), float(loss.sum(dtype=np.float64)) / max(len(loss), 1)
 
     def _error(self, light: np.ndarray) -> np.ndarray:
         """Noise-free error (S,) of light (S, 3), which is below 0 where the noise of both halves happens to agree."""

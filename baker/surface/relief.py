@@ -21,7 +21,6 @@ def solve(
     residual: np.ndarray,
     inverse: np.ndarray,
     importance: np.ndarray,
-    iterations: int,
 ) -> np.ndarray:
     """Relief (N, 3, 3) float32 that fits the `residual` (S, 3) light at a field's points, starting from `gaussians`.
 
@@ -55,5 +54,5 @@ def solve(
 
     diagonal = mass + held
     start = gaussians.relief.reshape(-1, 9).astype(np.float64)
-    x = conjugate_gradients(apply, along(weight * residual), start, ratio(np.ones_like(diagonal), diagonal), iterations)
+    x = conjugate_gradients(apply, along(weight * residual), start, ratio(np.ones_like(diagonal), diagonal))
     return x.reshape(-1, 3, 3).astype(np.float32)

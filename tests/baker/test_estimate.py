@@ -17,8 +17,7 @@ from gsgi.baker.progress import Progress
 from gsgi.baker.settings import OPERATORS, Settings
 from gsgi.baker.surface import budget, fits, samples
 from gsgi.baker.surface.budget import COARSE_SHARE, FREE_PER_GAUSSIAN
-from gsgi.baker.surface.fit import SOLVE_AGAIN
-from gsgi.baker.surface.group_light import SOLVE_FINE
+from gsgi.baker.surface.group_light import SOLUTIONS
 from gsgi.baker.trace.tracer import PASS_SAMPLES
 
 CHUNK = 1 << 10
@@ -91,10 +90,10 @@ def test_all_parts_of_a_fit_are_timed(closed, monkeypatch, operator, parts):
     fit = estimate(plan)["fit"]
     assert len(runs) == parts
     steps = SETTINGS.iterations / (3 if operator == "over" else estimating.STEPS)
-    # Of the solver, 10 + 3 * 5 + 10 iterations and two times 5 for each of 5 cuts are timed as 5; of the coarse level,
-    # one sample in 8.
+    # The colours are solved for five times, and twice for each of five cuts; of the coarse level, one sample in 8 is
+    # timed.
     changes = fits.CHANGES if operator == "surface" else 1
-    assert fit == pytest.approx(changes * 10 * steps + (0 if operator == "over" else changes * 100 * 17 + 1000 * 8))
+    assert fit == pytest.approx(changes * 10 * steps + (0 if operator == "over" else changes * 100 * 15 + 1000 * 8))
 
 
 def test_what_was_timed_for_one_bake_tells_of_others(closed):
@@ -118,5 +117,5 @@ def test_light_groups_cost_their_paths_and_solutions(closed, traced):
     assert announced["light group walls"] == announced["known light"] + announced["irradiance"] > 0
     assert "light group walls" in report.seconds
     solved = Rates(closed, 0.0, 0.0, (9.0, 1.0, 0.0), 0.0, 0.0, 0.0).seconds(plan, evaluate=False)
-    assert solved["light group walls"] == fits.CHANGES * 2 * SOLVE_FINE / SOLVE_AGAIN
+    assert solved["light group walls"] == fits.CHANGES * SOLUTIONS
     assert {row.what: row for row in decisions(plan)}["light groups"].why.startswith("walls: ")

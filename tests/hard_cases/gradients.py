@@ -162,7 +162,7 @@ def singular_solve(change, importance: float = 1.0, noise: float = 0.0, ridge: f
     light, ones = np.ones((40, 3), np.float32), np.ones(40, np.float32)
     arguments = np.zeros((40, 4), np.float32), light, importance * ones, noise * ones
     with np.errstate(over="ignore"):
-        return float(sum((~np.isfinite(part)).sum() for part in solve(field, given, *arguments, 200, ridge)))
+        return float(sum((~np.isfinite(part)).sum() for part in solve(field, given, *arguments, ridge, 200)))
 
 
 def coincident(given: Gaussians) -> None:

@@ -295,7 +295,7 @@ def test_a_cut_that_only_leaves_holes_is_not_made():
     """Every Gaussian is cut. Where light is smooth, nothing is gained."""
     samples = noisy()
     optimiser = SurfaceOptimiser(samples, NOBODY, BLEND)
-    whole = optimiser.solve(fitting.start(samples, 200, np.random.default_rng(0)), fitting.SOLVE_FIRST)
+    whole = optimiser.solve(fitting.start(samples, 200, np.random.default_rng(0)))
     kept, which = fitting.cut_where_better(whole, optimiser, Sampled(np.ones(len(whole), bool)))
     assert not which.any()
     assert_same(kept, whole)
@@ -322,7 +322,7 @@ def test_samples_that_none_covers_get_gaussians():
     samples = noisy()
     alone = fitting.start(floor_of(samples), 100, np.random.default_rng(0))
     optimiser = SurfaceOptimiser(samples, NOBODY, BLEND)
-    added = fitting.where_wrong(optimiser.solve(alone, 10), 60, optimiser, samples, np.random.default_rng(1))
+    added = fitting.where_wrong(optimiser.solve(alone), 60, optimiser, samples, np.random.default_rng(1))
     assert 30 < len(added) <= 60
     assert (axes(added.rotation)[:, 1, 2] < 0.5).mean() > 0.9  # hardly any on the floor
     for room in (0, -3):
@@ -344,7 +344,7 @@ def test_small_things_that_the_start_missed_get_gaussians_that_lie_on_them():
     samples = board()
     alone = fitting.start(samples[:20_000], 30, np.random.default_rng(0))
     optimiser = SurfaceOptimiser(samples, NOBODY, BLEND)
-    added = fitting.where_wrong(optimiser.solve(alone, 10), 20, optimiser, samples, np.random.default_rng(1))
+    added = fitting.where_wrong(optimiser.solve(alone), 20, optimiser, samples, np.random.default_rng(1))
     on_board = added.position[:, 1] > 0.25
     assert on_board.sum() >= 8
     assert added.scale[on_board].max() < 0.2  # m: as small as the board
