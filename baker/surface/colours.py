@@ -22,7 +22,7 @@ SLOPE_BOUND = 0.3
 
 # Iterations of a solution: at least and at most, and the squared residual, relative to that of black, below which the
 # least are enough. Where light differs much across a wall, what leaks through counts a million times, and takes more.
-LEAST, MOST, CONVERGED = 8, 40, 1e-5
+LEAST, MOST, CONVERGED = 5, 40, 1e-4
 
 SH_BOUND = 2.0  # relative to band 0: in band 1 a cosine lobe has 1.15, radiance from one direction 1.73
 

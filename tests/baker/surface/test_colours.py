@@ -280,7 +280,6 @@ def test_iterations_go_on_until_the_residual_is_small(monkeypatch):
         left = right - matrix @ x
         assert (left * preconditioner * left).sum() <= 1.01 * CONVERGED * (right * preconditioner * right).sum()
         counts.append(len(applied))
-    assert counts[0] < 10
     assert counts[1] > 2 * counts[0]
     monkeypatch.setattr(colours, "CONVERGED", 1.0)
     colours.conjugate_gradients(apply, right, x, preconditioner, 1000)

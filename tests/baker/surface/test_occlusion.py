@@ -171,19 +171,21 @@ def test_black_space_behind_a_wall_counts_by_the_light_in_front():
 def test_a_fit_that_knows_the_walls_keeps_light_on_its_side():
     samples, space = on_floor(noise=0.1), in_space(4000)
 
-    def light_beside_the_wall(triangles: Triangles | None) -> tuple[float, float]:
-        """The mean light of a strip on the bright side, and of one next to the wall on the dark side."""
+    def light_beside_the_wall(triangles: Triangles | None) -> tuple[float, float, float]:
+        """The mean light on the bright side, of a strip next to the wall there, and of one on the dark side."""
         coarse = coarse_level(space, 16, BLEND, 0, triangles)
         fine = fit_surface(samples, samples[:0], coarse, BLEND, Schedule(60, 60, 0), triangles=triangles)
         rng = np.random.default_rng(2)
         strips = [
-            rng.uniform((a, 0, -0.9), (b, 0, 0.9), (2000, 3)).astype(np.float32) for a, b in ((-0.4, -0.1), (0, 0.05))
+            rng.uniform((a, 0, -0.9), (b, 0, 0.9), (2000, 3)).astype(np.float32)
+            for a, b in ((-0.4, -0.1), (-0.1, 0), (0, 0.05))
         ]
         up = np.tile(np.float32([0, 1, 0]), (2000, 1))
         return tuple(float(look_up(fine, coarse, BLEND, strip, up)[0].mean()) for strip in strips)
 
-    # Without them, light ends far before the wall rather than leaks, since errors count relative to the light around.
-    assert light_beside_the_wall(None)[0] < 0.7 * BRIGHT
-    bright, dark = light_beside_the_wall(TRIANGLES)
+    bright, beside, dark = light_beside_the_wall(TRIANGLES)
     assert bright == pytest.approx(BRIGHT, rel=0.05)
+    assert beside > 0.3 * BRIGHT
     assert dark < 0.01 * BRIGHT
+    # Without them, light ends far before the wall rather than leaks, since errors count relative to the light around.
+    assert light_beside_the_wall(None)[1] < 0.3 * beside
