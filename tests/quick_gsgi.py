@@ -9,8 +9,10 @@ from types import SimpleNamespace
 
 from gsgi_files import constant
 
-from gsgi.baker import bake, plan, plan_table
+import gsgi.baker.job  # noqa: F401  takes names from modules below, before they are replaced
+from gsgi.baker import bake, plan_table
 from gsgi.baker.cli.main import run
+from gsgi.baker.tasks import request
 from gsgi.baker.views import coverage
 from gsgi.runtime.file import codec
 
@@ -29,7 +31,7 @@ def main(log: str, *arguments: str) -> int:
         light = sum((texture.pixels[..., :3].mean(axis=(0, 1)) for texture in made.scene.textures), start=1)
         return SimpleNamespace(data=codec.encode(constant(light)), attempt=SimpleNamespace(count=2, loss=None))
 
-    plan.make_plan, bake.bake = make_plan, baked
+    request.make_plan, bake.bake = make_plan, baked
     coverage.coverage_summary, plan_table.summary = (lambda _: []), (lambda _: "")
     return run([*arguments, "--quiet", "--no-evaluate", "--cache", str(Path(log).parent / "cache")])
 

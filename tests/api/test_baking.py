@@ -6,10 +6,12 @@ from dataclasses import replace
 import pytest
 from command_flags import flags
 from repository import SCENES
+from small_tasks import place_quickly
 
 import gsgi
 from gsgi.baker.cli.main import run
 from gsgi.baker.evaluation import held_out
+from gsgi.baker.surface import budget, samples
 
 CORNELL = SCENES / "cornell.glb"
 SMALL = gsgi.Settings(budget=64, views=2, size=24, samples=64, bounces=2, iterations=4)
@@ -17,8 +19,11 @@ FLAGS = flags(budget=64, views=2, view_size=24, samples=64, bounces=2, iteration
 
 
 @pytest.fixture(scope="module", autouse=True)
-def quick_evaluation():
+def quick():
     with pytest.MonkeyPatch.context() as patch:
+        place_quickly(patch.setattr)
+        patch.setattr(budget, "SAMPLES_FEWEST", 1 << 12)
+        patch.setattr(samples, "CHUNK", 1 << 11)
         patch.setattr(held_out, "SIZE", 64)
         patch.setattr(held_out, "SAMPLES", 256)
         yield

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 from repository import SCENES
+from small_tasks import place_quickly
 
 from gsgi.baker import deadline
 from gsgi.baker.cli.main import run
@@ -80,6 +81,7 @@ def test_what_contradicts_a_deadline_is_refused(flags, reason, capsys):
 @pytest.fixture
 def quick(monkeypatch):
     """Small bakes, on a machine on which a step of the fit takes a second and everything else nothing."""
+    place_quickly(monkeypatch.setattr)
     chunk = 1 << 10
     monkeypatch.setattr(budget, "SAMPLES_FEWEST", chunk + 1)
     monkeypatch.setattr(budget, "FREE_PER_GAUSSIAN", 4)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scenes
+from small_tasks import place_quickly
 
 from gsgi.baker import memory
 from gsgi.baker import plan as planning
@@ -64,8 +65,9 @@ def of(plan: Plan, **changes) -> Plan:
 
 @pytest.fixture(scope="module", autouse=True)
 def few_views():
-    """Fewer views than a bake has: nothing here depends on their number."""
+    """Fewer views than a bake has: nothing here depends on their number, or on where they are."""
     with pytest.MonkeyPatch.context() as patch:
+        place_quickly(patch.setattr)
         patch.setattr(placement, "FEWEST", 48)
         yield
 

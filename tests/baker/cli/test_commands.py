@@ -26,7 +26,7 @@ from gsgi.baker.plan import file_bytes
 from gsgi.baker.settings import OPERATORS
 from gsgi.baker.surface import budget, samples
 from gsgi.baker.trace.tracer import Tracer
-from gsgi.baker.views.placement import HELD_OUT
+from gsgi.baker.views import placement
 from gsgi.runtime.file import codec
 from gsgi.runtime.image import read_image, write_image
 from gsgi.runtime.layers import LAYERS
@@ -36,20 +36,28 @@ CORNELL = str(SCENES / "cornell.glb")
 SMALL = ["--views", "2", "--view-size", "24", "--samples", "64", "--iterations", "4"]
 FAST = ["--budget", "64", *SMALL]
 OVER = ["--operator", "over"]
+HELD_OUT = 2  # views, as in QUICK
 
 
-# The command line with an evaluation that takes seconds.
+# The command line with fewer samples, in two chunks as by default, and an evaluation that takes seconds.
 QUICK = """
 from gsgi.baker.cli import main
 from gsgi.baker.evaluation import held_out
-held_out.SIZE, held_out.SAMPLES, held_out.GATHERED = 64, 256, 128
+from gsgi.baker.surface import budget, samples
+from gsgi.baker.views import placement
+budget.SAMPLES_FEWEST, samples.CHUNK = 1 << 14, 1 << 13
+placement.HELD_OUT, held_out.SIZE, held_out.SAMPLES, held_out.GATHERED = 2, 64, 256, 128
 main.main()
 """
 
 
-def gsgi(*arguments: str, **options) -> subprocess.CompletedProcess:
-    command = [sys.executable, "-m", "gsgi.baker", *map(str, arguments)]
+def run(*command: str, **options) -> subprocess.CompletedProcess:
+    command = list(map(str, (sys.executable, *command)))
     return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False, **options)
+
+
+def gsgi(*arguments: str, **options) -> subprocess.CompletedProcess:
+    return run("-m", "gsgi.baker", *arguments, **options)
 
 
 def write_floor(path: Path) -> Path:
@@ -100,11 +108,10 @@ def cache(tmp_path_factory, monkeypatch) -> None:
 def bake_into(folder: Path, operator: str) -> Path:
     options = [*FAST, "--operator", operator, "--json", "--cache", folder / "cache"]
     options += ["--depfile", folder / "c.gsgi.d"]
-    command = [sys.executable, "-c", QUICK, "bake", CORNELL, "-o", folder / "c.gsgi", *options]
-    run = subprocess.run([*map(str, command)], capture_output=True, text=True, timeout=300, check=False)
-    assert run.returncode == 0, run.stderr
-    (folder / "bake.json").write_text(run.stdout)
-    (folder / "bake.log").write_text(run.stderr)
+    done = run("-c", QUICK, "bake", CORNELL, "-o", folder / "c.gsgi", *options)
+    assert done.returncode == 0, done.stderr
+    (folder / "bake.json").write_text(done.stdout)
+    (folder / "bake.log").write_text(done.stderr)
     return folder
 
 
@@ -164,31 +171,40 @@ def test_a_bake_names_what_it_has_read(bakes):
 @pytest.mark.parametrize("operator", OPERATORS)
 def test_the_same_bake_on_one_core_gives_the_same_bytes(bakes, tmp_path, operator):
     one_core = {"preexec_fn": lambda: os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})}
-    run = gsgi(
-        "bake", CORNELL, "-o", tmp_path / "again.gsgi", *FAST, "--operator", operator, "-q", "--no-evaluate", **one_core
-    )
-    assert run.returncode == 0, run.stderr
+    options = [*FAST, "--operator", operator, "-q", "--no-evaluate"]
+    done = run("-c", QUICK, "bake", CORNELL, "-o", tmp_path / "again.gsgi", *options, **one_core)
+    assert done.returncode == 0, done.stderr
     assert (tmp_path / "again.gsgi").read_bytes() == (bakes[operator] / "c.gsgi").read_bytes()
+
+
+def copied(cache: Path, folder: Path, *without: str) -> Path:
+    """A copy in `folder` of a `cache`, but for what was kept of these stages."""
+    shutil.copytree(cache, folder)
+    for entry in entries(folder):
+        if entry.stage in without:
+            entry.path.unlink()
+    return folder
 
 
 @pytest.fixture(scope="module")
 def traced(baked, tmp_path_factory) -> Path:
     """A cache of all that was traced for `baked`, without its fit."""
-    folder = tmp_path_factory.mktemp("traced") / "cache"
-    shutil.copytree(baked / "cache", folder)
-    for entry in entries(folder):
-        if entry.stage == "fit":
-            entry.path.unlink()
-    return folder
+    return copied(baked / "cache", tmp_path_factory.mktemp("traced") / "cache", "fit")
 
 
 @pytest.fixture
-def turned(traced, tmp_path, capsys, monkeypatch):
-    """A bake with options of the dial: its exit code, its report, its file, and what it said."""
+def quick(monkeypatch):
+    """As QUICK, in this process, with even fewer samples."""
     monkeypatch.setattr(budget, "SAMPLES_FEWEST", 1 << 12)
     monkeypatch.setattr(samples, "CHUNK", 1 << 11)
-    monkeypatch.setattr(held_out, "SIZE", 64)  # as in QUICK
-    monkeypatch.setattr(held_out, "SAMPLES", 256)
+    monkeypatch.setattr(placement, "HELD_OUT", HELD_OUT)
+    for name, value in (("SIZE", 64), ("SAMPLES", 256), ("GATHERED", 128)):
+        monkeypatch.setattr(held_out, name, value)
+
+
+@pytest.fixture
+def turned(quick, traced, tmp_path, capsys):
+    """A bake with options of the dial: its exit code, its report, its file, and what it said."""
 
     def run(*dial: str) -> tuple[int, dict, bytes, str]:
         output = tmp_path / "x.gsgi"
@@ -277,7 +293,7 @@ def test_a_target_that_no_fit_meets_ends_with_6_and_the_best_file(turned, operat
     assert error.endswith(f"with {best['gaussians']} Gaussians: the budget is spent")
 
 
-def test_pictures_of_the_fit_change_no_byte(baked, traced, tmp_path):
+def test_pictures_of_the_fit_change_no_byte(quick, baked, traced, tmp_path):
     """Nor do silence and a report on stdout."""
     pictures, output = tmp_path / "pictures", tmp_path / "x.gsgi"
     command = ["bake", CORNELL, "-o", output, *FAST, *OVER, "--cache", traced, "-q", "--preview", pictures]
@@ -415,7 +431,7 @@ def test_the_same_sun_reaches_render_and_reference(tmp_path, gl, sun):
     np.testing.assert_allclose(drawn, expected, rtol=0.01)
 
 
-def test_a_scene_without_light_is_lit_from_outside(capsys, tmp_path):
+def test_a_scene_without_light_is_lit_from_outside(quick, capsys, tmp_path):
     dark = write_floor(tmp_path / "dark.gltf")
     output = str(tmp_path / "x.gsgi")
     assert main.run(["bake", str(dark), "-o", output, *FAST, "-q"]) == 3
@@ -470,6 +486,8 @@ def test_help_answers_fast_and_shows_examples():
             assert run.returncode == 0
             assert ("examples:" in run.stdout) == bool(command)
             assert "exit codes" in run.stdout
+            if times[-1] < 0.2:
+                break
         best[" ".join(command)] = min(times)
     assert max(best.values()) < 0.2, best
 
@@ -619,17 +637,30 @@ def test_an_llvm_that_does_not_work_is_named(tmp_path):
     assert run.stderr.count("\n") == 1
 
 
-@pytest.mark.parametrize("stage", ["scene", "plan", "references", "irradiance", "wrote"])
-def test_ctrl_c_ends_with_130_within_two_seconds_at_any_stage(tmp_path, stage):
-    """Ctrl-C half a second after the line of a `stage`: in placement, tracing, fit. The evaluation is shorter."""
-    out = tmp_path / "out"
+TRACED = ("surface", "free", "layer", "coarse", "fit")
+# After a stage of a bake: the stages of the cache that follow it.
+AFTER = {
+    "scene": None,
+    "plan": ("known", "reference", *TRACED),
+    "references": TRACED,
+    "irradiance": ("fit",),
+    "wrote": (),
+}
+
+
+@pytest.mark.parametrize("stage", AFTER)
+def test_ctrl_c_ends_with_130_within_two_seconds_at_any_stage(bakes, tmp_path, stage):
+    """Ctrl-C after the line of a `stage`: in placement, tracing, fit, evaluation. What comes before is in the cache."""
+    out, cache = tmp_path / "out", tmp_path / "cache"
     out.mkdir()
+    if AFTER[stage] is not None:
+        copied(bakes["surface"] / "cache", cache, *AFTER[stage])
     command = [sys.executable, "-c", QUICK, "bake", CORNELL, "-o", str(out / "x.gsgi"), *FAST]
-    command += ["--cache", str(tmp_path / "cache"), "--iterations", "4" if stage == "wrote" else "1000000"]
+    command += ["--cache", str(cache), "--iterations", "4" if stage == "wrote" else "1000000"]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True)
     while not (line := process.stderr.readline()).startswith(stage):
         assert line, "the bake ended early"
-    time.sleep(0 if stage == "wrote" else 0.5)
+    time.sleep(0 if stage == "wrote" else 0.2)
     start = time.perf_counter()
     os.killpg(process.pid, signal.SIGINT)
     _, log = process.communicate(timeout=60)
@@ -637,7 +668,6 @@ def test_ctrl_c_ends_with_130_within_two_seconds_at_any_stage(tmp_path, stage):
     assert process.returncode == 130, log
     assert log.endswith("gsgi: interrupted\n")
     assert [path.name for path in out.iterdir()] == (["x.gsgi"] if stage == "wrote" else [])
-    cache = tmp_path / "cache"
     assert not cache.exists() or all(path.suffix == ".gsgi-task" for path in cache.iterdir())
 
 
@@ -693,13 +723,14 @@ def test_ctrl_c_counts_where_a_library_loses_it(code):
     assert (run.returncode, run.stderr) == (130, "gsgi: interrupted\n")
 
 
-def test_a_full_disk_behind_the_output_is_named(capsys, monkeypatch, small_disk):
+def test_a_full_disk_behind_the_output_is_named(traced, capsys, monkeypatch, small_disk):
     from gsgi.baker import bake
 
     monkeypatch.setattr(bake, "bake", lambda *_: SimpleNamespace(data=bytes(1 << 20), attempt=SimpleNamespace(count=1)))
     output = small_disk / "x.gsgi"
     output.write_bytes(b"old")
-    assert main.run(["bake", CORNELL, "-o", str(output), "-q", "--no-evaluate"]) == 2
+    arguments = ["-o", str(output), *FAST, "--cache", str(traced), "-q", "--no-evaluate"]
+    assert main.run(["bake", CORNELL, *arguments]) == 2
     line = capsys.readouterr().err
     assert line.startswith(f"gsgi: {output}: cannot write: No space left on device")
     assert line.endswith(f"on the disk at {small_disk}\n")

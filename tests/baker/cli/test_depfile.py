@@ -12,8 +12,9 @@ import pytest
 import quick_gsgi
 from gltf_files import png, quad_scene
 
-from gsgi.baker import bake, plan, plan_table
+from gsgi.baker import bake, plan_table
 from gsgi.baker.cli.depfile import depfile, nameable
+from gsgi.baker.tasks import request
 from gsgi.baker.views import coverage
 from gsgi.runtime.errors import UsageError
 from gsgi.runtime.gltf.reader import read_gltf
@@ -98,7 +99,7 @@ def test_the_reader_names_its_files_as_the_scene_spells_them(tmp_path, monkeypat
 @pytest.fixture
 def room(tmp_path, monkeypatch):
     """A folder with a scene, and `gsgi bake` of it without tracing: options -> exit code."""
-    replaced = (plan, "make_plan"), (bake, "bake"), (coverage, "coverage_summary"), (plan_table, "summary")
+    replaced = (request, "make_plan"), (bake, "bake"), (coverage, "coverage_summary"), (plan_table, "summary")
     for module, name in replaced:
         monkeypatch.setattr(module, name, getattr(module, name))  # put back afterwards what quick_gsgi puts there
     write_room(tmp_path)

@@ -9,19 +9,24 @@ import sys
 from pathlib import Path
 
 import pytest
-from repository import SCENES
+from repository import ROOT, SCENES
 
+from gsgi.baker.cache.store import entries
 from gsgi.baker.settings import OPERATORS
 
 CORNELL = SCENES / "cornell.glb"
 SETTINGS = ["--views", "12", "--view-size", "24", "--samples", "64", "--iterations", "300"]
 ONE_FIT, SEARCH = ["--budget", "64"], ["--budget", "600", "--target-loss", "1e-9"]
 SEARCH_STEPS = {"over": "2000", "surface": "120"}  # enough for a kill to find the fit at work
+PLANNED = {"placement", "points"}  # stages of the cache
 MISSED = 6  # the exit code of a search for what cannot be reached
 KILLS = 3
 
 # The command line with frequent checkpoints, few samples, and a check that is as small as the bake.
-GSGI = """
+GSGI = f"""
+import sys
+sys.path.insert(0, {str(ROOT / "tests")!r})
+from small_tasks import place_quickly
 from gsgi.baker.cache import checkpoint
 from gsgi.baker.cli import main
 from gsgi.baker.evaluation import bias, held_out
@@ -30,6 +35,7 @@ from gsgi.baker.views import placement
 checkpoint.INTERVAL, checkpoint.SHARE = 0.1, 1.0
 placement.HELD_OUT, held_out.SIZE, held_out.SAMPLES, bias.SAMPLES = 1, 16, 32, 32
 budget.SAMPLES_FEWEST, samples.CHUNK = 1 << 12, 1 << 9
+place_quickly()
 main.main()
 """
 
@@ -76,13 +82,20 @@ class Bake:
         return bool(re.search(r"^([1-9]\d* of 12 views|irradiance .* s) from the cache", self.log, re.MULTILINE))
 
 
-@pytest.mark.parametrize("operator", OPERATORS)
-def test_a_bake_that_is_killed_again_and_again_ends_with_the_same_bytes(tmp_path, operator):
-    undisturbed = Bake(tmp_path / "undisturbed.gsgi", tmp_path / "other", ONE_FIT, operator)
-    undisturbed.finish()
-    assert undisturbed.process.returncode == 0, undisturbed.log
-    expected = (tmp_path / "undisturbed.gsgi").read_bytes()
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory) -> dict[str, Path]:
+    """By operator: the folder of a bake that nothing disturbed, with `x.gsgi` and its cache."""
+    folders = {operator: tmp_path_factory.mktemp(operator) for operator in OPERATORS}
+    for operator, folder in folders.items():
+        bake = Bake(folder / "x.gsgi", folder / "cache", ONE_FIT, operator)
+        bake.finish()
+        assert bake.process.returncode == 0, bake.log
+    return folders
 
+
+@pytest.mark.parametrize("operator", OPERATORS)
+def test_a_bake_that_is_killed_again_and_again_ends_with_the_same_bytes(undisturbed, tmp_path, operator):
+    expected = (undisturbed[operator] / "x.gsgi").read_bytes()
     output, cache = tmp_path / "x.gsgi", tmp_path / "cache"
     rng = random.Random(3)
     kills, found = 0, False
@@ -103,13 +116,18 @@ def test_a_bake_that_is_killed_again_and_again_ends_with_the_same_bytes(tmp_path
 
 
 @pytest.mark.parametrize("operator", OPERATORS)
-def test_a_search_that_is_killed_goes_on_with_the_fit_that_it_was_at(tmp_path, operator):
+def test_a_search_that_is_killed_goes_on_with_the_fit_that_it_was_at(undisturbed, tmp_path, operator):
     search = [*SEARCH, "--iterations", SEARCH_STEPS[operator]]
     output, cache = tmp_path / "x.gsgi", tmp_path / "cache"
-    undisturbed = Bake(tmp_path / "undisturbed.gsgi", tmp_path / "other", search, operator)
-    undisturbed.finish()
-    assert undisturbed.process.returncode == MISSED, undisturbed.log
-    expected = (tmp_path / "undisturbed.gsgi").read_bytes()
+    for folder in (cache, tmp_path / "other"):  # both have the placement and the pilot, which no kill is to find
+        shutil.copytree(undisturbed[operator] / "cache", folder)
+        for entry in entries(folder):
+            if entry.stage not in PLANNED:
+                entry.path.unlink()
+    whole = Bake(tmp_path / "whole.gsgi", tmp_path / "other", search, operator)
+    whole.finish()
+    assert whole.process.returncode == MISSED, whole.log
+    expected = (tmp_path / "whole.gsgi").read_bytes()
     rng = random.Random(5)
     kills, found = 0, []
     for stage, longest in SEARCHING:
@@ -122,6 +140,6 @@ def test_a_search_that_is_killed_goes_on_with_the_fit_that_it_was_at(tmp_path, o
     assert last.process.returncode == MISSED, last.log
     assert kills > 1
     assert output.read_bytes() == expected
-    assert undisturbed.fits_found() == 0
+    assert whole.fits_found() == 0
     assert found == sorted(found)  # what one run finished is found by all that follow
     assert last.fits_found() > 0

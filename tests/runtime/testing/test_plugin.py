@@ -18,6 +18,8 @@ from repository import SAMPLES
 
 from gsgi.runtime.image import read_image, write_image
 
+PLUGIN = "gsgi.runtime.testing.plugin"
+
 # No test here needs OpenGL, so the driver is told instead of asked.
 CONFTEST = """
 import pytest
@@ -57,10 +59,14 @@ class Project:
         write_image(self.goldens / name, image)
         return self.goldens / name
 
+    def start(self, *options: str) -> pytest.RunResult:
+        """Run pytest in a process of its own (a run inside this one would load compiled modules a second time), without
+        other plugins that are installed here: hypothesis takes most of a second to load."""
+        return self.pytester.runpytest_subprocess("-p", PLUGIN, "-p", "no:cacheprovider", *options)
+
     def run(self, *options: str, passed: int = 0, failed: int = 0) -> str:
-        """What a run that passes and fails this many tests prints. In a process of its own: a run inside this one would
-        load compiled modules a second time."""
-        result = self.pytester.runpytest_subprocess("-p", "no:dash", "-p", "no:cacheprovider", *options)
+        """What a run that passes and fails this many tests prints."""
+        result = self.start(*options)
         result.assert_outcomes(passed=passed, failed=failed)
         return result.stdout.str() + result.stderr.str()
 
@@ -71,6 +77,7 @@ class Project:
 @pytest.fixture
 def project(pytester, monkeypatch) -> Project:
     monkeypatch.delenv("CI", raising=False)
+    monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")
     return Project(pytester)
 
 
@@ -257,7 +264,7 @@ def test_an_update_for_a_driver_leaves_the_others_alone(project, whose, name):
 @pytest.mark.parametrize("option", ["--gsgi-update", "--gsgi-update-for=driver"])
 def test_no_golden_is_written_in_ci(project, monkeypatch, option):
     monkeypatch.setenv("CI", "true")
-    result = project.pytester.runpytest_subprocess("-p", "no:dash", option)
+    result = project.start(option)
     assert result.ret == pytest.ExitCode.USAGE_ERROR
     result.stderr.fnmatch_lines("*golden images are not written where CI is set*")
     project.run(failed=1)
@@ -308,7 +315,7 @@ def test_a_file_with_a_test_that_did_not_end_lists_none(project):
     project.write(TEST + rest.format("assert False"))
     assert "no test asked" not in project.run(passed=1, failed=1)
     project.write(TEST + "import pytest\n" + rest.format("pytest.skip()"))
-    result = project.pytester.runpytest_subprocess("-p", "no:dash")
+    result = project.start()
     assert "no test asked" not in result.stdout.str()
 
 
@@ -338,10 +345,10 @@ def no_driver():
 def test_a(assert_screenshot): pass
 def test_b(gsgi_render): pass
 """)
-    result = project.pytester.runpytest_subprocess("-p", "no:dash", "-rs")
+    result = project.start("-rs")
     result.assert_outcomes(skipped=2)
     assert "no OpenGL here" in result.stdout.str()
-    result = project.pytester.runpytest_subprocess("-p", "no:dash", "--gsgi-backend=egl")
+    result = project.start("--gsgi-backend=egl")
     result.assert_outcomes(errors=2)
 
 
@@ -353,7 +360,8 @@ def test_without_flip_it_is_said_what_to_install(project):
     assert "pip install 'gsgi[test]'" in project.run(failed=1)
 
 
-def test_who_compares_nothing_sees_nothing(project):
+def test_who_compares_nothing_sees_nothing(project, monkeypatch):
+    monkeypatch.delenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD")
     project.golden("old.png", PICTURE)
     project.write("import sys\ndef test_a(): assert not {'moderngl', 'OpenImageIO'} & set(sys.modules)\n")
     command = [sys.executable, "-m", "pytest", "-p", "no:dash"]  # a process of its own: this one has loaded all that
