@@ -26,16 +26,23 @@ POINTS = 1 << 18  # read at once: memory beyond the result stays below 50 MB
 CHUNK = 1 << 15  # pairs of a point and a Gaussian at once: their arrays take 4 MB
 
 
-def sample(bake: Bake, positions: np.ndarray, normals: np.ndarray, weights: Weights | None = None) -> np.ndarray:
+def sample(
+    bake: Bake,
+    positions: np.ndarray,
+    normals: np.ndarray,
+    weights: Weights | None = None,
+    mapped: np.ndarray | None = None,
+) -> np.ndarray:
     """B (N, 3) float32, linear Rec.709 radiance for albedo 1, at points (N, 3), m, world space, with normals (N, 3).
 
     The result is what the passes of glsl/surface give at these points, before they round it to halves: 0 where no
     Gaussian reaches, where a point is not finite, and where a normal is 0. Normals of any length are normalised. The
     light of each light group is multiplied by its weight, a number or three, by the name of the group; by default 1.
+    `mapped` (N, 3) are the normals as normal maps bend them, 0 where none does; they count where the bake has relief.
     Use `Sampler` to read one bake many times. Raises UnsupportedError for a bake of the `over` operator, whose light is
     no function of a point, and ValueError for arrays of other shapes and for unknown groups.
     """
-    return Sampler(bake, weights).sample(positions, normals)
+    return Sampler(bake, weights).sample(positions, normals, mapped)
 
 
 class Sampler:
@@ -52,26 +59,36 @@ class Sampler:
         self._fine = _Level(bake.gaussians.clamped(), bake.blend, bake.blend.sharpness)
         self._coarse = _Level(bake.coarse.clamped(), bake.blend, 0)
 
-    def sample(self, positions: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    def sample(self, positions: np.ndarray, normals: np.ndarray, mapped: np.ndarray | None = None) -> np.ndarray:
         """The same as the function `sample`."""
         positions, normals = np.asarray(positions), np.asarray(normals)
         if positions.ndim != 2 or positions.shape[1] != 3 or normals.shape != positions.shape:
             raise ValueError(f"positions {positions.shape}, normals {normals.shape}: both must be (N, 3)")
+        if mapped is not None and np.shape(mapped) != positions.shape:
+            raise ValueError(f"mapped {np.shape(mapped)}: must be {positions.shape}, as positions and normals")
+        mapped = np.asarray(mapped) if mapped is not None and self._fine.bumpy else None
         blocks = [slice(begin, begin + POINTS) for begin in range(0, len(positions), POINTS)]
-        read = [self._read(positions[block], normals[block]) for block in blocks]
+        read = [
+            self._read(positions[block], normals[block], None if mapped is None else mapped[block]) for block in blocks
+        ]
         return np.concatenate(read) if read else np.zeros((0, 3), np.float32)
 
-    def _read(self, positions: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    def _read(self, positions: np.ndarray, normals: np.ndarray, mapped: np.ndarray | None) -> np.ndarray:
         with np.errstate(over="ignore", invalid="ignore"):
             points = (positions - self._origin).astype(np.float32)
-            length = np.linalg.norm(normals.astype(np.float64), axis=1, keepdims=True)
-        used = np.isfinite(points).all(axis=1) & np.isfinite(length[:, 0]) & (length[:, 0] > 0)
-        points, normals = points[used], (normals[used] / length[used]).astype(np.float32)
-        sums = self._fine.sums(points, normals)
+        normals, pointing = _unit(normals)
+        used = np.isfinite(points).all(axis=1) & pointing
+        points, normals, bend = points[used], normals[used], None
+        seen = normals  # by the coarse level, which has the light of all normals
+        if mapped is not None:
+            mapped, pointing = _unit(mapped[used])
+            seen = np.where(pointing[:, None], mapped, normals)
+            bend = seen - normals
+        sums = self._fine.sums(points, normals, bend)
         # SurfaceBlend: light of the coarse level fills the gap between the fine level's weight and the floor.
         gap = np.maximum(np.float32(self._blend.floor) - sums[:, 3], 0)
         thin = np.flatnonzero(gap > 0)
-        rest = self._coarse.sums(points[thin], normals[thin])
+        rest = self._coarse.sums(points[thin], seen[thin])
         sums[thin, :3] += gap[thin, None] * _mean(rest)
         sums[:, 3] += gap
         light = np.zeros((len(positions), 3), np.float32)
@@ -99,15 +116,25 @@ class _Level:
         self._normal, self._sh = np.ascontiguousarray(rotation[:, :, 2].T), np.ascontiguousarray(sh.T)
         self._opacity = np.minimum(gaussians.opacity, 1)
         self._slope = np.ascontiguousarray(np.clip(gaussians.slope, -1, 1).T) if gaussians.sloped else None
+        relief = np.clip(gaussians.relief, -HALF_MAX, HALF_MAX).reshape(len(gaussians), 3 * gaussians.relief.shape[1])
+        self._bent_sh = np.concatenate([self._sh, relief.T]) if gaussians.bumpy else None
 
-    def sums(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
-        """sum w c and sum w (N, 4) float32 at points (N, 3) with unit normals (N, 3), both float32."""
+    @property
+    def bumpy(self) -> bool:
+        """Whether light follows normal maps."""
+        return self._bent_sh is not None
+
+    def sums(self, points: np.ndarray, normals: np.ndarray, bend: np.ndarray | None = None) -> np.ndarray:
+        """sum w c and sum w (N, 4) float32 at points (N, 3) with unit normals (N, 3), both float32.
+
+        `bend` (N, 3) float32 is by how much normal maps change the normals.
+        """
         result = np.zeros((len(points), 4), np.float32)
         for index, node in self._lists.descend(points):
-            self._add(result, index, node, points, normals)
+            self._add(result, index, node, points, normals, bend)
         return result
 
-    def _add(self, result, index, node, points, normals) -> None:
+    def _add(self, result, index, node, points, normals, bend) -> None:
         """Add to `result` what the lists of `node` (M,) give at the points `index` (M,)."""
         begin = self._lists.first[node]
         count = self._lists.first[node + 1] - begin
@@ -120,10 +147,11 @@ class _Level:
             starts = end[at:to] - count[at:to] - done
             pair = np.arange(end[to - 1] - done) + np.repeat(begin[at:to] - starts, count[at:to])
             point = np.repeat(np.arange(at, to), count[at:to])
-            result[index[at:to]] += self._read(self._lists.entry[pair], point - at, points, normals, index[at:to])
+            given = points, normals, bend, index[at:to]
+            result[index[at:to]] += self._read(self._lists.entry[pair], point - at, *given)
             at = to
 
-    def _read(self, gaussian, point, points, normals, index) -> np.ndarray:
+    def _read(self, gaussian, point, points, normals, bend, index) -> np.ndarray:
         """Sums (M, 4) over pairs of a Gaussian (P,) and a point (P,), which `index` (M,) finds among all."""
         points, normals = points[index].T, normals[index]
         # Rows of numbers for all pairs: numpy gathers and adds them several times as fast as columns.
@@ -138,8 +166,9 @@ class _Level:
         if self._sharpness:
             cosine = (normals.T.take(point, axis=1) * self._normal.take(gaussian, axis=1)).sum(axis=0)
             weight *= np.maximum(cosine, 0) ** self._sharpness
-        rows = np.empty((len(self._sh) + 1, len(weight)), np.float32)
-        rows[:-1], rows[-1] = self._sh.take(gaussian, axis=1), 1
+        light = self._sh if bend is None else self._bent_sh
+        rows = np.empty((len(light) + 1, len(weight)), np.float32)
+        rows[:-1], rows[-1] = light.take(gaussian, axis=1), 1
         if self._slope is not None:
             rows[:3] *= 1 + (self._slope.take(gaussian, axis=1) * e[:2].take(reached, axis=1)).sum(axis=0)
         rows *= weight
@@ -148,8 +177,18 @@ class _Level:
             first = np.flatnonzero(np.diff(point, prepend=-1))
             sums[:, point[first]] = np.add.reduceat(rows, first, axis=1)
         coefficients = sums[:-1].reshape(-1, 3, len(index))
-        light = np.einsum("mk,kcm->mc", sh_basis(normals, len(coefficients)), coefficients)
+        basis = sh_basis(normals, len(self._sh) // 3)
+        if bend is not None:
+            basis = np.concatenate([basis, bend[index]], axis=1)
+        light = np.einsum("mk,kcm->mc", basis, coefficients)
         return np.concatenate([light, sums[-1:].T], axis=1)
+
+
+def _unit(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Normals (N, 3) of length 1, float32, and which of them (N,) had one before."""
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        length = np.linalg.norm(normals.astype(np.float64), axis=1)
+        return (normals / length[:, None]).astype(np.float32), np.isfinite(length) & (length > 0)
 
 
 def sh_basis(direction: np.ndarray, count: int) -> np.ndarray:

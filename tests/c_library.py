@@ -172,12 +172,13 @@ class Library:
             texels[name] = np.ctypeslib.as_array(getattr(found, name), (2048 * rows, 4)).copy() if rows else None
         return texels | {"origin": np.array(found.origin)}
 
-    def sample(self, bake: c_void_p, position: np.ndarray, normal: np.ndarray) -> np.ndarray:
-        """B (N, 3) float32 at points (N, 3) with normals (N, 3)."""
-        arrays = [np.ascontiguousarray(array, np.float32) for array in (position, normal)]
+    def sample(self, bake: c_void_p, position: np.ndarray, normal: np.ndarray, *mapped: np.ndarray) -> np.ndarray:
+        """B (N, 3) float32 at points (N, 3) with normals (N, 3), and these as normal maps bend them."""
+        arrays = [np.ascontiguousarray(array, np.float32) for array in (position, normal, *mapped)]
         light = np.empty_like(arrays[0])
         pointers = (array.ctypes.data_as(c_void_p) for array in (*arrays, light))
-        assert self.functions.gsgi_bake_sample(bake, c_size_t(len(light)), *pointers) == OK
+        function = "gsgi_bake_sample_mapped" if mapped else "gsgi_bake_sample"
+        assert getattr(self.functions, function)(bake, c_size_t(len(light)), *pointers) == OK
         return light
 
 

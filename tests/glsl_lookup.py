@@ -8,19 +8,27 @@ from gsgi.runtime.gl.indirect_lookup import IndirectLookup
 VERTEX = """
 in vec3 position;
 in vec3 normal;
+in vec3 mapped;
 out vec3 light;
-void main() { light = gsgi_indirect(position, normal); }
+void main() { light = MAPPED ? gsgi_indirect(position, normal, mapped) : gsgi_indirect(position, normal); }
 """
 
 
-def read(gl, bake, position, normal) -> np.ndarray:
-    """B (N, 3) at points, computed in a vertex shader."""
-    lookup = IndirectLookup(gl, bake)
-    program = gl.program(vertex_shader=shader.CORE + lookup.source + VERTEX, varyings=["light"])
+def used(program, buffer, *names) -> tuple:
+    """What a vertex array takes from a buffer of vectors with these names: those that the program has."""
+    kept = [name for name in names if name in program]
+    return buffer, " ".join("3f" if name in kept else "3x4" for name in names), *kept
+
+
+def read(gl, bake, position, normal, mapped=None) -> np.ndarray:
+    """B (N, 3) at points, computed in a vertex shader, with normals as normal maps bend them, or without these."""
+    lookup, vertex = IndirectLookup(gl, bake), VERTEX.replace("MAPPED", "false" if mapped is None else "true")
+    program = gl.program(vertex_shader=shader.CORE + lookup.source + vertex, varyings=["light"])
     lookup.bind(program, unit=3)
-    given = gl.buffer(np.concatenate([position, normal], axis=1).astype(np.float32))
+    bent = normal if mapped is None else mapped
+    given = gl.buffer(np.concatenate([position, normal, bent], axis=1).astype(np.float32))
     result = gl.buffer(reserve=12 * len(position))
-    vertices = gl.vertex_array(program, [(given, "3f 3f", "position", "normal")])
+    vertices = gl.vertex_array(program, [used(program, given, "position", "normal", "mapped")])
     target = gl.framebuffer(gl.texture((1, 1), 4))  # a draw needs one, even if it draws nothing
     target.use()
     vertices.transform(result, vertices=len(position))

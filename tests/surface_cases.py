@@ -60,6 +60,14 @@ def with_relief(bake: Bake, seed: int = 3) -> Bake:
     return replace(bake, gaussians=replace(bake.gaussians, relief=relief.astype(np.float32)))
 
 
+def bent(normal: np.ndarray, seed: int = 4) -> np.ndarray:
+    """Normals (N, 3) as a normal map bends them, of several lengths; some are missing: 0."""
+    rng = np.random.default_rng(seed)
+    mapped = (normal + rng.uniform(-0.7, 0.7, normal.shape)) * rng.uniform(0.5, 2, (len(normal), 1))
+    mapped[::9] = 0
+    return mapped.astype(np.float32)
+
+
 def of_type(given, dtype, **changes) -> SimpleNamespace:
     """The same Gaussians with arrays of another dtype."""
     arrays = {name: getattr(given, name).astype(dtype) for name in FIELDS}

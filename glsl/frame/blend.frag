@@ -9,6 +9,9 @@
 uniform highp sampler2D albedo;  // a: opacity
 uniform highp sampler2D primary;
 uniform highp sampler2D normal;  // without the normal map
+#if RELIEF_COUNT > 0
+uniform highp sampler2D mapped;  // with it
+#endif
 uniform highp sampler2D depth;   // 0 = no surface
 
 uniform mat4 world_from_offset;
@@ -24,7 +27,12 @@ void main() {
     vec3 radiance = texelFetch(primary, texel, 0).rgb;
 #if LOOKUP
     vec3 position = world_from_fragment(gl_FragCoord.xy, view_depth, axis, world_from_offset);
-    radiance += reflectance.rgb * gsgi_indirect(position, normal_from_octahedral(texelFetch(normal, texel, 0).xy));
+    vec3 n = normal_from_octahedral(texelFetch(normal, texel, 0).xy);
+#if RELIEF_COUNT > 0
+    radiance += reflectance.rgb * gsgi_indirect(position, n, normal_from_octahedral(texelFetch(mapped, texel, 0).xy));
+#else
+    radiance += reflectance.rgb * gsgi_indirect(position, n);
+#endif
 #endif
     out_radiance = vec4(min(radiance, vec3(HALF_MAX)), reflectance.a);
 }

@@ -6,7 +6,12 @@ uniform highp usampler2D gsgi_cells;
 uniform highp usampler2D gsgi_lists;
 
 // B, linear Rec.709 radiance for albedo 1: add albedo * B to the radiance of a surface. `position`: world space, m;
-// `normal`: world space, towards the side that is seen, before any normal map.
+// `normal`: world space, towards the side that is seen, before any normal map; `mapped`: after it, where there is one.
+// Lengths of normals do not matter. For files whose light does not follow normal maps both functions are the same.
+vec3 gsgi_indirect(vec3 position, vec3 normal, vec3 mapped) {
+    return look_up(gsgi_gaussians, gsgi_cells, gsgi_lists, position, normal, mapped);
+}
+
 vec3 gsgi_indirect(vec3 position, vec3 normal) {
-    return look_up(gsgi_gaussians, gsgi_cells, gsgi_lists, position, normal);
+    return gsgi_indirect(position, normal, vec3(0.0));
 }

@@ -172,6 +172,12 @@ GSGI_API gsgi_result gsgi_bake_texels(const gsgi_bake* bake, gsgi_level level, g
 GSGI_API gsgi_result gsgi_bake_sample(const gsgi_bake* bake, size_t count, const float* positions, const float* normals,
                                       float* light);
 
+/* The same, with B that follows normal maps, where the file says how (gsgi_info.relief). mapped: 3 * count, world
+ * space, the normals as normal maps bend them, of any length. Where one is 0 or not finite, and with NULL for `mapped`,
+ * nothing is bent. */
+GSGI_API gsgi_result gsgi_bake_sample_mapped(const gsgi_bake* bake, size_t count, const float* positions,
+                                             const float* normals, const float* mapped, float* light);
+
 /* Free the bake. Lights that were made of it stay. */
 GSGI_API void gsgi_bake_close(gsgi_bake* bake);
 
@@ -200,8 +206,9 @@ GSGI_API gsgi_result gsgi_bake_weigh(gsgi_bake* bake, uint32_t group_count, cons
 typedef struct gsgi_lookup gsgi_lookup;
 
 /* What the GLSL function `vec3 gsgi_indirect(vec3 position, vec3 normal)` needs: B, linear radiance for albedo 1, at a
- * point in world space. Tables are texels of textures 2048 wide, row by row, read by texelFetch alone. They are those
- * of Python's gsgi.IndirectLookup, bit for bit on x86-64, and live as long as the look-up. */
+ * point in world space. With `vec3 mapped` behind, the normal as a normal map bends it, B follows that map, where the
+ * file says how (gsgi_info.relief). Tables are texels of textures 2048 wide, row by row, read by texelFetch alone. They
+ * are those of Python's gsgi.IndirectLookup, bit for bit on x86-64, and live as long as the look-up. */
 typedef struct gsgi_lookup_info {
     size_t struct_size;
     const char* source;     /* GLSL without #version, for `#version 330` and `#version 300 es`; the latter with

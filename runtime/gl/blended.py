@@ -13,7 +13,7 @@ from .view import View
 
 # Most surfaces that a pixel shows in front of the solid one. The next would be seen through four others.
 LAYERS = 4
-_LIGHT_UNIT = 4  # after the textures of a layer
+_LIGHT_UNIT = 5  # after the textures of a layer
 
 
 class Blended:
@@ -34,8 +34,10 @@ class Blended:
     ):
         self.ctx, self._solid, self._lookup = ctx, solid, lookup
         self.layers = [GBuffer(ctx, geometry, solid.size, peeled=True) for _ in range(LAYERS)]
+        self._relief = lookup is not None and lookup.sh_counts[2] > 0
+        read = ["albedo", "primary", "normal", "depth", *(["mapped"] if self._relief else [])]
         features = defines("frame/blend", lookup and lookup.sh_counts)
-        self._pass = FullScreenPass(ctx, "frame/blend", ("albedo", "primary", "normal", "depth"), **features)
+        self._pass = FullScreenPass(ctx, "frame/blend", read, **features)
         self._tint = None
         if any(batch.material.tint for batch in geometry.batches):
             self._tint = FullScreenPass(ctx, "frame/tint", ("albedo", "primary", "depth"))
@@ -59,7 +61,8 @@ class Blended:
                 self.ctx.blend_func = moderngl.ZERO, moderngl.SRC_COLOR
                 self._tint.draw(self._target, layer.albedo, layer.emission, layer.depth)
             self.ctx.blend_func = over
-            self._pass.draw(self._target, layer.albedo, layer.emission, layer.interpolated, layer.depth)
+            mapped = [layer.normal] if self._relief else []
+            self._pass.draw(self._target, layer.albedo, layer.emission, layer.interpolated, layer.depth, *mapped)
 
     def release(self) -> None:
         """Free the GPU memory of the layers."""

@@ -26,18 +26,19 @@ EXACT = 1 << 24  # texels; float32 counts no further, in which the header says w
 
 
 class IndirectLookup:
-    """A bake's light as the GLSL function `vec3 gsgi_indirect(vec3 position, vec3 normal)`.
+    """A bake's light as the GLSL function `vec3 gsgi_indirect(vec3 position, vec3 normal)`, with `vec3 mapped` behind
+    where a normal map bends the normal.
 
         lookup = IndirectLookup(ctx, gsgi.read_bake("room.gsgi"))
         program = ctx.program(vertex_shader=..., fragment_shader="#version 330\\n" + lookup.source + forward_shading)
         lookup.bind(program, unit=4)  # before each draw
         mesh.render()
 
-    `source` is its GLSL without #version, the same for all bakes of the same SH degrees. It serves forward shading,
-    transparent and moving surfaces, vertices and particles. The result is that of the pass (`IndirectLight`) up to
-    rounding. The textures are RGBA32F, R32UI and R16UI or R32UI, read by texelFetch alone. Raises UnsupportedError for
-    a bake of the `over` operator, for rotations that are no unit quaternions, and for more Gaussians than the driver's
-    textures hold.
+    `source` is its GLSL without #version, the same for all bakes of the same SH degrees, with relief or without. It
+    serves forward shading, transparent and moving surfaces, vertices and particles. The result is that of the pass
+    (`IndirectLight`) up to rounding. The textures are RGBA32F, R32UI and R16UI or R32UI, read by texelFetch alone.
+    Raises UnsupportedError for a bake of the `over` operator, for rotations that are no unit quaternions, and for more
+    Gaussians than the driver's textures hold.
     """
 
     def __init__(self, ctx: moderngl.Context, bake: Bake):
@@ -87,14 +88,14 @@ class IndirectLookup:
 
 
 def lookup_source(bake: Bake) -> str:
-    """GLSL of the function for a bake: the same for all whose levels have the same SH degrees."""
+    """GLSL of the function for a bake: the same for all with the same `sh_counts`."""
     features = lookup_defines(*sh_counts(bake))
     return re.sub(r"(?m)^#line.*\n", "", source("surface/gsgi_indirect.glsl", features, [], header=""))
 
 
-def sh_counts(bake: Bake) -> tuple[int, int]:
-    """Numbers of SH coefficients of the fine and of the coarse level."""
-    return bake.gaussians.sh.shape[1], bake.coarse.sh.shape[1]
+def sh_counts(bake: Bake) -> tuple[int, int, int]:
+    """Numbers of SH coefficients of the fine and of the coarse level, and of texels with relief of the fine one."""
+    return bake.gaussians.sh.shape[1], bake.coarse.sh.shape[1], bake.gaussians.relief.shape[1]
 
 
 def lookup_tables(bake: Bake) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -132,16 +133,20 @@ def recoloured(texels: np.ndarray, bake: Bake) -> np.ndarray:
     """The first of the `lookup_tables` with the light of another bake of the same shapes."""
     result, first = texels.copy(), HEADER_TEXELS
     for level in (bake.gaussians, bake.coarse):
-        rows = result[first : first + len(level) * (3 + level.sh.shape[1])].reshape(len(level), -1, 4)
+        rows = result[first : first + len(level) * _texel_count(level)].reshape(len(level), -1, 4)
         _colour(rows, level)
         first += len(level) * rows.shape[1]
     return result
 
 
+def _texel_count(level: Gaussians) -> int:
+    """Texels of a Gaussian."""
+    return 3 + level.sh.shape[1] + level.relief.shape[1]
+
+
 def _gaussian_texels(level: Gaussians) -> np.ndarray:
-    """(N (3 + K), 4) float32."""
-    count, k = len(level), level.sh.shape[1]
-    texels = np.zeros((count, 3 + k, 4), np.float32)
+    """All texels of a level, (T, 4) float32."""
+    texels = np.zeros((len(level), _texel_count(level), 4), np.float32)
     axes = rotation_matrices(level.rotation).transpose(0, 2, 1)
     texels[:, 0, :3], texels[:, 0, 3] = level.position, np.minimum(level.opacity, 1)
     with np.errstate(divide="ignore"):  # what has no size is in no list
@@ -151,8 +156,10 @@ def _gaussian_texels(level: Gaussians) -> np.ndarray:
 
 
 def _colour(texels: np.ndarray, level: Gaussians) -> None:
-    """Write the light of a level into its texels (N, 3 + K, 4)."""
-    texels[:, 3:, :3] = np.clip(level.sh, -HALF_MAX / SH_C0, HALF_MAX / SH_C0)
+    """Write the light of a level into its texels (N, T, 4)."""
+    relief = 3 + level.sh.shape[1]
+    texels[:, 3:relief, :3] = np.clip(level.sh, -HALF_MAX / SH_C0, HALF_MAX / SH_C0)
+    texels[:, relief:, :3] = np.clip(level.relief, -HALF_MAX, HALF_MAX)
     if level.sloped:
         texels[:, 2:4, 3] = np.clip(level.slope, -1, 1)
 

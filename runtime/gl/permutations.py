@@ -55,7 +55,7 @@ class Primitive(NamedTuple):
     """A primitive of a pyrender scene.
 
     `slots`: names of the textures that it shows. `lights`, `shadows` and `indirect` say what lights it if it is `lit`.
-    `lookup`: it reads B by itself from a bake whose fine and coarse level have that many SH coefficients.
+    `lookup`: it reads B by itself from a bake with these counts (see `lookup_defines`).
     """
 
     slots: Collection[str]
@@ -65,7 +65,7 @@ class Primitive(NamedTuple):
     lights: int = 0
     shadows: bool = False
     indirect: bool = False
-    lookup: tuple[int, int] | None = None
+    lookup: tuple[int, int, int] | None = None
 
 
 def sampled(material: Material) -> dict[str, TextureSlot]:
@@ -88,12 +88,12 @@ def _masked(triangles: Triangles) -> bool:
     return triangles.material.alpha_cutoff is not None
 
 
-def lookup_defines(fine: int, coarse: int) -> dict[str, int]:
-    """Defines of surface/gsgi_indirect.glsl for levels with that many SH coefficients."""
-    return {"FINE_SH_COUNT": fine, "COARSE_SH_COUNT": coarse}
+def lookup_defines(fine: int, coarse: int, relief: int) -> dict[str, int]:
+    """Defines of surface/gsgi_indirect.glsl for levels with that many SH coefficients, and so many texels of relief."""
+    return {"FINE_SH_COUNT": fine, "COARSE_SH_COUNT": coarse, "RELIEF_COUNT": relief}
 
 
-def _lookup_define(name: str, counts: tuple[int, int] | None) -> int:
+def _lookup_define(name: str, counts: tuple[int, int, int] | None) -> int:
     return lookup_defines(*counts)[name] if counts else 0
 
 
@@ -149,9 +149,9 @@ PASSES: dict[str, dict[str, Callable[[Any], int]]] = {
     },
     "surface/add_light": {"ALBEDO_SRGB": lambda encoding: encoding.albedo_defines()["ALBEDO_SRGB"]},  # Encoding
     "frame/composite": {},
-    "frame/blend": {  # (int, int): as of panda3d/light; None: without B
+    "frame/blend": {  # (int, int, int): as of panda3d/light; None: without B
         "LOOKUP": lambda counts: counts is not None,
-        **{name: lambda counts, name=name: _lookup_define(name, counts) for name in lookup_defines(0, 0)},
+        **{name: lambda counts, name=name: _lookup_define(name, counts) for name in lookup_defines(0, 0, 0)},
     },
     "frame/tint": {},  # created if a partly transparent surface tints what is behind it
     "frame/display": {"SURFACES_ONLY": lambda masked: masked},  # bool
@@ -160,8 +160,8 @@ PASSES: dict[str, dict[str, Callable[[Any], int]]] = {
         "NORMAL_COLOR": lambda bake: isinstance(bake.blend, SurfaceBlend),
     },
     "viewer/overlay": {},
-    "panda3d/light": {  # (int, int): numbers of SH coefficients of the fine and of the coarse level
-        name: lambda counts, name=name: lookup_defines(*counts)[name] for name in lookup_defines(0, 0)
+    "panda3d/light": {  # (int, int, int): arguments of `lookup_defines`
+        name: lambda counts, name=name: lookup_defines(*counts)[name] for name in lookup_defines(0, 0, 0)
     },
     "panda3d/add": {},
     "tradeoff/ambient": {},
@@ -180,7 +180,7 @@ PASSES: dict[str, dict[str, Callable[[Any], int]]] = {
         "SHADOWS": lambda p: p.shadows,
         "INDIRECT": lambda p: p.indirect,
         "LOOKUP": lambda p: p.lookup is not None,
-        **{name: lambda p, name=name: _lookup_define(name, p.lookup) for name in lookup_defines(0, 0)},
+        **{name: lambda p, name=name: _lookup_define(name, p.lookup) for name in lookup_defines(0, 0, 0)},
     },
     "pyrender/silhouette": {},
     "pyrender/visible": {"NORMAL": lambda p: p.normals},  # Primitive

@@ -62,7 +62,10 @@ class DeferredRenderer:
         if scene.blended:
             self._blended_geometry = Geometry(ctx, replace(scene, meshes=scene.blended))
             if bake is not None and isinstance(bake.blend, SurfaceBlend):
-                self._lookup = IndirectLookup(ctx, local_bake(bake, self._origin))
+                local = local_bake(bake, self._origin)
+                if not self._bent:
+                    local = replace(local, gaussians=replace(local.gaussians, relief=None))
+                self._lookup = IndirectLookup(ctx, local)
         self._make_targets((width, height))
 
     def resize(self, width: int, height: int) -> None:

@@ -34,6 +34,9 @@ function resolved(source) {
     return source.replace(/#if SH_DEGREE > (\d)\n([^]*?)#endif\n/g, (_, least, body) => (degree > least ? body : ""));
 }
 
+const COUNTS = ["FINE_SH_COUNT", "COARSE_SH_COUNT", "RELIEF_COUNT"];
+const SEEN = [...COUNTS, "indirect", "gaussians", "cells", "lists"]; // what hosts name, behind the prefix
+
 const DEFINE = /^#define (\w+).*\n/gm;
 const FUNCTION = /^\w+ (\w+)\([^)]*\) \{\n[^]*?^\}\n/gm;
 const STRUCT = /^struct (\w+) \{\n[^]*?^\};\n/gm;
@@ -61,17 +64,20 @@ function inlined(source) {
 /** With the prefix gsgi_ before each name of ours that is visible in a shader. */
 function prefixed(source) {
     const names = [FUNCTION, STRUCT, DEFINE].flatMap((pattern) => [...source.matchAll(pattern)].map((found) => found[1]));
-    const own = [...names, "FINE_SH_COUNT", "COARSE_SH_COUNT"].filter((name) => !name.startsWith("gsgi_"));
+    const own = [...names, ...COUNTS].filter((name) => !name.startsWith("gsgi_"));
     return source.replace(new RegExp(`\\b(${own.join("|")})\\b`, "g"), "gsgi_$1");
 }
 
-/** With short names of variables, parameters and members; new ones begin with _, which no other name does. */
+/** With short names of variables, parameters and members, which begin with _, and of what hosts do not name. */
 function shortened(source) {
-    const declared = source.matchAll(/\b(?:float|int|uint|bool|vec[234]|[$]Reader) (\w{3,})\b(?!\()/g);
+    const declared = source.matchAll(/\b(?:float|int|uint|bool|vec[234]|u?sampler2D|[$]Reader) (\w{3,})\b(?!\()/g);
     const swizzle = /^([xyzw]+|[rgba]+|[stpq]+)$/;
     const names = new Set([...declared].map((found) => found[1]).filter((name) => !swizzle.test(name)));
     const short = new Map([...names].map((name, i) => [name, `_${i.toString(36)}`]));
-    return source.replace(/(?<!\$)\b\w+\b/g, (name) => short.get(name) ?? name);
+    const own = new Set([...source.matchAll(/\$(\w+)/g)].map((found) => found[1]).filter((name) => !SEEN.includes(name)));
+    const ours = new Map([...own].map((name, i) => [name, `f${i.toString(36)}`])); // no __, which GLSL reserves
+    return source.replace(/\$(\w+)/g, (all, name) => `$${ours.get(name) ?? name}`)
+        .replace(/(?<!\$)\b\w+\b/g, (name) => short.get(name) ?? name);
 }
 
 function shaders() {

@@ -1,6 +1,7 @@
 /** Decodes .gsgi files; runtime/file/FORMAT.md is the specification. */
 import { decodeGroup } from "./groups.js";
 import { decodeLevel, leastBytes } from "./level.js";
+import { decodeRelief } from "./relief.js";
 
 const MAGIC = 0x49475347; // "GSGI"
 const VERSION = 5;
@@ -36,11 +37,12 @@ export function decode(data) {
     expect(operator < 2, 12, "operator");
     const levels = [readLevel(view, FINE, "fine", 3 - operator), readLevel(view, COARSE, "coarse", 3 - operator)];
     expect(levels[0].count + levels[1].count <= GAUSSIAN_COUNT_MAX, COARSE, "coarse.gaussian_count");
-    const used = operator ? levels : levels.slice(0, 1), { sections, groups } = findSections(view, used);
+    const used = operator ? levels : levels.slice(0, 1), { sections, groups, relief } = findSections(view, used);
     expect(view.getUint32(8, true) === crc32(bytes), 8, "crc32");
 
     const bake = readHeader(view, levels);
     [bake.fine, bake.coarse = null] = sections.map((section, i) => decodeLevel(bytes, section, levels[i], expect));
+    bake.fine.relief = relief && decodeRelief(bytes, relief, bake.fine, expect);
     bake.groups = [];
     for (const section of groups) {
         expect(bake.groups.length < GROUPS_MOST, section.begin, "group");
@@ -51,10 +53,10 @@ export function decode(data) {
     return bake;
 }
 
-/** Where the sections of these levels begin and end, which come first, and those of light groups. Others are skipped. */
+/** Where sections begin and end: of these levels, which come first, of light groups, and of relief. Others are skipped. */
 function findSections(view, levels) {
     const sections = [], groups = [], tags = ["FINE", "COAR"];
-    let relief = false;
+    let relief = null;
     for (let at = HEADER_BYTES; at < view.byteLength || sections.length < levels.length;) {
         const begin = at + SECTION_BYTES, level = levels[sections.length], name = level?.name ?? "section";
         expect(begin <= view.byteLength, view.byteLength, name);
@@ -64,12 +66,12 @@ function findSections(view, levels) {
         else expect(!tags.includes(tag), at, name);
         expect(end <= view.byteLength, view.byteLength, name);
         if (tag === "GRUP" || tag === "RELF") expect(levels[1] && !(relief && tag === "RELF"), at, name);
-        relief ||= tag === "RELF";
+        if (tag === "RELF") relief = { begin, end };
         if (level) sections.push({ begin, end });
         if (tag === "GRUP") groups.push({ begin, end });
         at = end;
     }
-    return { sections, groups };
+    return { sections, groups, relief };
 }
 
 /** The header's fields, checked, but for the levels. */

@@ -14,6 +14,11 @@ export interface Gaussians {
     sh: Float32Array;
     /** (N, 2), or null for light that is the same all over a Gaussian */
     slope: Float32Array | null;
+    /**
+     * (N, 3, 3): change of the light per unit of the mapped normal minus the interpolated one, along each axis of the
+     * world (first 3) and for each channel; null for light that does not follow normal maps, and on the coarse level
+     */
+    relief?: Float32Array | null;
 }
 
 /** The part of a bake's light that comes from some of the scene's lights: other colours of the same Gaussians. */
@@ -71,15 +76,15 @@ export function groupNames(bake: Bake): string[];
  */
 export function weighted<B extends Bake>(bake: B, weights: Weights): B;
 
-/** Numbers of SH coefficients of the fine and of the coarse level of a bake. */
-export function shCounts(bake: SurfaceBake): [fine: number, coarse: number];
+/** Numbers of SH coefficients of the fine and of the coarse level of a bake, and of texels with relief: 3 or 0. */
+export function shCounts(bake: SurfaceBake): [fine: number, coarse: number, relief: number];
 
 /**
- * GLSL ES 3.00 of `vec3 PREFIXindirect(vec3 position, vec3 normal)` for bakes with these numbers of SH coefficients.
- * Its uniforms are PREFIXgaussians (sampler2D), PREFIXcells and PREFIXlists (usampler2D). The prefix is "gsgi_" unless
+ * GLSL ES 3.00 of `vec3 PREFIXindirect(vec3 position, vec3 normal)` for bakes with these counts, and of the same with
+ * `vec3 mapped` behind: the normal as a normal map bends it, which the light follows where the file says how. Its uniforms are PREFIXgaussians (sampler2D), PREFIXcells and PREFIXlists (usampler2D). The prefix is "gsgi_" unless
  * it is given.
  */
-export function lookupSource(shCounts: [fine: number, coarse: number], prefix?: string): string;
+export function lookupSource(shCounts: [fine: number, coarse: number, relief?: number], prefix?: string): string;
 
 /** Texels for lookupSource(), in rows of `width`: for RGBA32F, R32UI, and R16UI or R32UI. */
 export interface LookupTables {

@@ -1,7 +1,7 @@
 /** The level of a .gsgi file: streams of integers to Gaussians; runtime/file/FORMAT.md is the specification. */
 import { Integers } from "./integers.js";
 
-const SH_C0 = Math.fround(Math.sqrt(1 / Math.PI) / 2);
+export const SH_C0 = Math.fround(Math.sqrt(1 / Math.PI) / 2);
 const SCALE_OCTAVES = 57, THIN = 4, LIGHT_OCTAVES_BELOW = 32, LIGHT_OCTAVES_ABOVE = 16;
 const POSITION_MAX = 2 ** 24 - 1, SH_CODE_MAX = 2 ** 20, SLOPE_CODE_MAX = 127;
 const f = Math.fround;

@@ -4,29 +4,38 @@ import { HALF_MAX, LEVEL_TEXELS, LOOKUP, SH_C0 } from "./shaders.js";
 
 export const HEADER_TEXELS = 2 * LEVEL_TEXELS + 2;
 
-/** Numbers of SH coefficients of the fine and of the coarse level of a bake. */
-export function shCounts(bake) {
-    return [bake.fine, bake.coarse].map((level) => (level.shDegree + 1) ** 2);
+/** Numbers of SH coefficients of the fine and of the coarse level of a bake, and of texels with relief of the fine one. */
+export function shCounts({ fine, coarse }) {
+    return [(fine.shDegree + 1) ** 2, (coarse.shDegree + 1) ** 2, fine.relief ? 3 : 0];
+}
+
+/** Texels of a Gaussian. */
+export function texelCount({ shDegree, relief }) {
+    return 3 + (shDegree + 1) ** 2 + (relief ? 3 : 0);
 }
 
 /**
- * GLSL of `vec3 PREFIXindirect(vec3 position, vec3 normal)` for bakes with these numbers of SH coefficients.
+ * GLSL of `vec3 PREFIXindirect(vec3 position, vec3 normal)` for bakes with these counts, and of the same with
+ * `vec3 mapped` behind, the normal as a normal map bends it.
  *
- * Position (m) and normal, of any length, are in the world space of the bake. All names begin with `prefix`, so that
+ * Position (m) and normals, of any length, are in the world space of the bake. All names begin with `prefix`, so that
  * several bakes can be read in one shader. The uniforms are PREFIXgaussians, a sampler2D, PREFIXcells and PREFIXlists,
  * usampler2D: the textures of lookupTables().
  */
-export function lookupSource([fine, coarse], prefix = "gsgi_") {
-    const defines = `#define $FINE_SH_COUNT ${fine}\n#define $COARSE_SH_COUNT ${coarse}\n`;
+export function lookupSource([fine, coarse, relief = 0], prefix = "gsgi_") {
+    const defines = `#define $FINE_SH_COUNT ${fine}\n#define $COARSE_SH_COUNT ${coarse}\n#define $RELIEF_COUNT ${relief}\n`;
     return (defines + LOOKUP).replaceAll("$", prefix);
 }
 
-/** Writes coefficients and slopes into the texels of a level. */
-export function writeLight(texels, { count, shDegree, sh, slope }) {
-    const k = (shDegree + 1) ** 2, bound = HALF_MAX / SH_C0;
-    for (let i = 0, at = 0; i < count; ++i, at += 4 * (3 + k)) {
+/** Writes coefficients, slopes and relief into the texels of a level. */
+export function writeLight(texels, level) {
+    const { count, shDegree, sh, slope, relief } = level;
+    const k = (shDegree + 1) ** 2, bound = HALF_MAX / SH_C0, stride = 4 * texelCount(level);
+    for (let i = 0, at = 0; i < count; ++i, at += stride) {
         for (let j = 0; j < 3 * k; ++j)
             texels[at + 12 + j + (j / 3 | 0)] = clamp(sh[3 * k * i + j], bound);
+        for (let j = 0; relief && j < 9; ++j)
+            texels[at + 12 + 4 * k + j + (j / 3 | 0)] = clamp(relief[9 * i + j], HALF_MAX);
         if (slope) {
             texels[at + 11] = clamp(slope[2 * i], 1);
             texels[at + 15] = clamp(slope[2 * i + 1], 1);
@@ -38,7 +47,7 @@ export function writeLight(texels, { count, shDegree, sh, slope }) {
 export function recolour({ gaussians }, bake) {
     let at = 4 * HEADER_TEXELS;
     for (const level of [bake.fine, bake.coarse]) {
-        const end = at + 4 * (3 + (level.shDegree + 1) ** 2) * level.count;
+        const end = at + 4 * texelCount(level) * level.count;
         writeLight(gaussians.subarray(at, end), level);
         at = end;
     }

@@ -1,7 +1,7 @@
 /** The textures that the GLSL of lookup.js reads. */
 
 import { axesOf, cellLists } from "./cell_lists.js";
-import { HEADER_TEXELS, writeLight } from "./lookup.js";
+import { HEADER_TEXELS, texelCount, writeLight } from "./lookup.js";
 import { DATA_WIDTH, SCALE_MIN } from "./shaders.js";
 
 const FAR = 16; // distance from the origin in diagonals of the bake at which float32 becomes too coarse
@@ -61,10 +61,10 @@ function local(level, origin) {
 }
 
 function gaussianTexels(level) {
-    const { count, shDegree, position, rotation, scale, opacity } = level;
-    const k = (shDegree + 1) ** 2, texels = new Float32Array(4 * (3 + k) * count);
+    const { count, position, rotation, scale, opacity } = level;
+    const stride = 4 * texelCount(level), texels = new Float32Array(stride * count);
     for (let i = 0; i < count; ++i) {
-        const at = 4 * (3 + k) * i, axes = axesOf(rotation.subarray(4 * i, 4 * i + 4));
+        const at = stride * i, axes = axesOf(rotation.subarray(4 * i, 4 * i + 4));
         for (let j = 0; j < 3; ++j) {
             texels[at + j] = position[3 * i + j];
             texels[at + 4 + j] = axes[0][j] / scale[3 * i];

@@ -270,15 +270,16 @@ class Patch {
             console.warn(`gsgi: no light on ${this.#material.name}: its shader has no ${CHUNK}`);
             return;
         }
-        // B belongs to the normal before any normal map. Three.js divides irradiance by pi, which B has behind it.
+        // B belongs to the normal before any normal map, and may follow the map. Three.js divides irradiance by pi,
+        // which B has behind it.
         let functions = "";
         let sum = `vec4 gsgi_x = vec4(((vec4(-vViewPosition, 1) - viewMatrix[3]) * viewMatrix).xyz, 1);
-vec4 gsgi_n = vec4(nonPerturbedNormal, 0) * viewMatrix;`;
+vec4 gsgi_n = vec4(nonPerturbedNormal, 0) * viewMatrix, gsgi_m = vec4(normal, 0) * viewMatrix;`;
         lights.forEach((counts, i) => {
             const own = `gsgi${i}_`, world = `${own}from_world`, intensity = `${own}intensity`;
             functions += `${lookupSource(counts, own)}uniform mat4 ${world};uniform float ${intensity};\n`;
             sum += `if (${intensity} > 0.0) irradiance += PI * ${intensity} *
-${own}indirect((${world} * gsgi_x).xyz, mat3(${world}) * gsgi_n.xyz);`;
+${own}indirect((${world} * gsgi_x).xyz, mat3(${world}) * gsgi_n.xyz, mat3(${world}) * gsgi_m.xyz);`;
         });
         shader.fragmentShader = shader.fragmentShader
             .replace("void main() {", `${functions}void main() {`)

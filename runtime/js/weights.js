@@ -35,7 +35,11 @@ export function weighted(bake, weights) {
 function sum(level, parts) {
     const sh = new Float32Array(level.sh.length), stride = 3 * (level.shDegree + 1) ** 2;
     for (const part of parts) part.sh.forEach((value, i) => { sh[i] += f(part.factor[i % 3] * value); });
-    if (!level.slope) return { ...level, sh };
+    const relief = level.relief && level.relief.map((value, i) => { // follows the colours
+        const at = (i / 9 | 0) * stride + i % 3, before = level.sh[at];
+        return value * (before > 0 ? f(sh[at] / before) : 0);
+    });
+    if (!level.slope) return { ...level, sh, relief };
     // Slopes that change the sum as those of the parts do theirs, as far as one pair for all channels can: least squares.
     const dot = (a, b) => f(f(f(a[0] * b[0]) + f(a[1] * b[1])) + f(a[2] * b[2]));
     const slope = level.slope.map((_, i) => {
@@ -45,5 +49,5 @@ function sum(level, parts) {
         const square = dot(constant, constant);
         return square > 0 ? dot(gradient, constant) / square : 0;
     });
-    return { ...level, sh, slope };
+    return { ...level, sh, slope, relief };
 }

@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import oracle
 import pytest
-from surface_cases import gaussians, points
+from surface_cases import bent, gaussians, grouped, points, with_relief
 from surface_frames import nothing, one, room, surface_gaussians
 
 import gsgi
+from gsgi.baker.surface.lookup import look_up
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime import sampling
 from gsgi.runtime.errors import UnsupportedError
@@ -36,6 +37,39 @@ def assert_equals_oracle(fine, coarse, blend, position, normal):
 def test_random_gaussians(degree, sloped, floor):
     levels = gaussians(60, (degree + 1) ** 2, sloped=sloped), gaussians(20, 9, seed=7)
     assert_equals_oracle(*levels, SurfaceBlend(cutoff=0.1, sharpness=3, floor=floor), *points(1000))
+
+
+@pytest.mark.parametrize("floor", [0.0, 0.5])
+@pytest.mark.parametrize(("degree", "sloped"), [(0, True), (2, False)])
+def test_light_follows_normal_maps(degree, sloped, floor):
+    """As the baker reads it."""
+    levels = gaussians(60, (degree + 1) ** 2, sloped=sloped), gaussians(20, 9, seed=7)
+    bake = with_relief(Bake(levels[0], SurfaceBlend(cutoff=0.1, sharpness=3, floor=floor), coarse=levels[1]))
+    position, normal = points(1000)
+    mapped = bent(normal)
+    light = gsgi.sample(bake, position, normal, mapped=mapped)
+    there = np.linalg.norm(mapped, axis=1, keepdims=True)
+    unit = np.where(there > 0, mapped / np.maximum(there, 1e-9), normal).astype(np.float32)
+    expected, weight = look_up(bake.gaussians, bake.coarse, bake.blend, position, normal, unit)
+    clear = (weight > 1e-3) | (floor > 0)
+    assert clear.mean() > 0.4
+    np.testing.assert_allclose(light[clear], expected[clear], rtol=TOLERANCE, atol=TOLERANCE)
+    flat = gsgi.sample(bake, position, normal)
+    assert np.abs(light - flat).mean() > 0.02
+    np.testing.assert_array_equal(light[::9], flat[::9])  # where no map bends the normal
+    plain = replace(bake, gaussians=replace(bake.gaussians, relief=None))
+    for found in (flat, gsgi.sample(plain, position, normal, mapped=mapped)):
+        np.testing.assert_array_equal(found, gsgi.sample(plain, position, normal))
+
+
+def test_relief_is_dimmed_with_its_colours():
+    bake = with_relief(grouped(Bake(gaussians(30), SurfaceBlend(), coarse=gaussians(20, 9, seed=7))))
+    position, normal = points(200)
+    mapped = bent(normal)
+    half = {"base": 0.5, "lamps": 0.5, "sky": 0.5}
+    whole = dict.fromkeys(half, 1.00001)  # not the file's own light, which the groups add up to more than
+    both = [gsgi.sample(bake, position, normal, weights, mapped) for weights in (whole, half)]
+    np.testing.assert_allclose(both[1], both[0] / 2, rtol=1e-3, atol=1e-4)
 
 
 def test_on_surfaces():

@@ -20,11 +20,23 @@ static uint32_t rows_of(uint64_t texels) {
     return rows > 0 ? (uint32_t)rows : 1;
 }
 
-/* The light of a Gaussian in its texels: SH coefficients; slopes in the corners. */
-static void write_light(const gsgi__level* level, uint32_t i, uint32_t sh_count, float* to) {
+static uint32_t sh_count_of(const gsgi__level* level) { return (level->sh_degree + 1) * (level->sh_degree + 1); }
+
+static uint32_t relief_count_of(const gsgi__level* level) { return level->relief.floats / 4; }
+
+/* Texels of a Gaussian. */
+static uint32_t texel_count_of(const gsgi__level* level) { return 3 + sh_count_of(level) + relief_count_of(level); }
+
+/* The light of a Gaussian in its texels: SH coefficients; slopes in the corners; relief. */
+static void write_light(const gsgi__level* level, uint32_t i, float* to) {
+    const uint32_t sh_count = sh_count_of(level);
     const float* sh = level->sh.texels + (size_t)i * level->sh.floats;
     const float limit = (float)(HALF_MAX / SH_C0);
     for (uint32_t k = 0; k < 3 * sh_count; ++k) to[12 + k / 3 * 4 + k % 3] = clamped(sh[k], -limit, limit);
+    const gsgi__texels* relief = &level->relief;
+    for (uint32_t k = 0; k < relief->floats; ++k)
+        to[12 + 4 * sh_count + k] =
+            clamped(relief->texels[(size_t)i * relief->floats + k], -(float)HALF_MAX, (float)HALF_MAX);
     if (!level->sloped) return;
     const float* slope = level->slope.texels + (size_t)i * level->slope.floats;
     to[11] = clamped(slope[0], -1.0f, 1.0f);
@@ -32,7 +44,7 @@ static void write_light(const gsgi__level* level, uint32_t i, uint32_t sh_count,
 }
 
 /* Texels of a Gaussian: position, opacity; axes over their scales; its light. */
-static void write_gaussian(const gsgi__level* level, uint32_t i, uint32_t sh_count, float* to) {
+static void write_gaussian(const gsgi__level* level, uint32_t i, float* to) {
     const float* shape = level->shape.texels + (size_t)i * GSGI_SHAPE_FLOATS;
     float axes[3][3], scale[3];
     gsgi__axes(shape + 4, axes);
@@ -44,10 +56,8 @@ static void write_gaussian(const gsgi__level* level, uint32_t i, uint32_t sh_cou
     }
     to[3] = fminf(shape[3], 1.0f);
     to[7] = 1.0f / scale[2];
-    write_light(level, i, sh_count, to);
+    write_light(level, i, to);
 }
-
-static uint32_t sh_count_of(const gsgi__level* level) { return (level->sh_degree + 1) * (level->sh_degree + 1); }
 
 static void put(gsgi_lookup* lookup, uint64_t at, uint32_t value) {
     if (lookup->info.list_bits == 16)
@@ -98,11 +108,10 @@ static bool allocate(gsgi_lookup* lookup, uint64_t texels, uint64_t nodes, uint6
 
 static gsgi_result fill(gsgi_lookup* lookup, const gsgi_bake* bake, const gsgi__cell_lists lists[2]) {
     uint64_t texels = HEADER_TEXELS, nodes = 0, place = 1; /* no list begins at 0 */
-    uint32_t sh_count[2], most = 0;
+    uint32_t most = 0;
     for (int l = 0; l < 2; ++l) {
         const gsgi__level* level = &bake->levels[l];
-        sh_count[l] = sh_count_of(level);
-        texels += (uint64_t)level->count * (3 + sh_count[l]);
+        texels += (uint64_t)level->count * texel_count_of(level);
         nodes += lists[l].nodes;
         place += lists[l].entries;
         for (uint32_t i = 0; i < lists[l].nodes; ++i) place += head_of(&lists[l], i);
@@ -135,9 +144,9 @@ static gsgi_result fill(gsgi_lookup* lookup, const gsgi_bake* bake, const gsgi__
                                 0.0f};
         memcpy(header + 12 * l, rows, sizeof rows);
         for (uint32_t i = 0; i < level->count; ++i)
-            write_gaussian(level, i, sh_count[l], lookup->gaussians + 4 * (texels + (uint64_t)i * (3 + sh_count[l])));
+            write_gaussian(level, i, lookup->gaussians + 4 * (texels + (uint64_t)i * texel_count_of(level)));
         place = write_lists(lookup, &lists[l], (uint32_t)nodes, place);
-        texels += (uint64_t)level->count * (3 + sh_count[l]);
+        texels += (uint64_t)level->count * texel_count_of(level);
         nodes += lists[l].nodes;
     }
     for (int k = 0; k < 3; ++k) header[24 + k] = (float)bake->origin[k];
@@ -146,12 +155,13 @@ static gsgi_result fill(gsgi_lookup* lookup, const gsgi_bake* bake, const gsgi__
     return GSGI_OK;
 }
 
-/* The function, behind the numbers of SH coefficients of both levels. */
+/* The function, behind the numbers of SH coefficients of both levels and of texels with relief. */
 static bool write_source(gsgi_lookup* lookup, const gsgi_bake* bake) {
     char defines[128];
-    const uint32_t fine = sh_count_of(&bake->levels[GSGI_FINE]), coarse = sh_count_of(&bake->levels[GSGI_COARSE]);
-    const int length =
-        snprintf(defines, sizeof defines, "#define FINE_SH_COUNT %u\n#define COARSE_SH_COUNT %u\n", fine, coarse);
+    const gsgi__level* levels = bake->levels;
+    const int length = snprintf(
+        defines, sizeof defines, "#define FINE_SH_COUNT %u\n#define COARSE_SH_COUNT %u\n#define RELIEF_COUNT %u\n",
+        sh_count_of(&levels[GSGI_FINE]), sh_count_of(&levels[GSGI_COARSE]), relief_count_of(&levels[GSGI_FINE]));
     const size_t rest = strlen(gsgi__shader_surface_gsgi_indirect_glsl);
     if (!(lookup->source = gsgi__allocate(&lookup->callbacks, (size_t)length + rest + 1))) return false;
     memcpy(lookup->source, defines, (size_t)length);
@@ -193,8 +203,7 @@ gsgi_result gsgi_lookup_recolour(gsgi_lookup* lookup, const gsgi_bake* bake) {
     float* to = lookup->gaussians + 4 * HEADER_TEXELS;
     for (int l = 0; l < 2; ++l) {
         const gsgi__level* level = &bake->levels[l];
-        const uint32_t sh_count = sh_count_of(level);
-        for (uint32_t i = 0; i < level->count; ++i, to += 4 * (3 + sh_count)) write_light(level, i, sh_count, to);
+        for (uint32_t i = 0; i < level->count; ++i, to += 4 * texel_count_of(level)) write_light(level, i, to);
     }
     return GSGI_OK;
 }

@@ -7,6 +7,13 @@
 
 static float clamped(float x, float low, float high) { return x < low ? low : x > high ? high : x; }
 
+/* A surface point. */
+typedef struct point {
+    double x[3];                    /* m, relative to the bake's origin */
+    float place[3], n[3], basis[9]; /* x as floats; unit normal; the SH basis there */
+    float bend[3];                  /* by which a normal map changes the normal */
+} point;
+
 /* Basis of glsl/lib/sh.glsl up to degree 2 in the unit direction `d`. */
 static void sh_basis(const float d[3], float basis[9]) {
     const float xx = d[0] * d[0], yy = d[1] * d[1], zz = d[2] * d[2];
@@ -24,9 +31,10 @@ static void sh_basis(const float d[3], float basis[9]) {
 
 /* Add w c and w of Gaussian `i`, as glsl/surface/gaussians.frag does. `sharpness` 0: it faces every direction. */
 static void add_gaussian(const gsgi__level* level, const gsgi__kernel* kernel, size_t i, const gsgi_info* info,
-                         uint32_t sharpness, const float x[3], const float n[3], const float basis[9], float sums[4]) {
+                         uint32_t sharpness, const point* at, float sums[4]) {
+    const float *n = at->n, *basis = at->basis;
     float offset[3], e[3], light[3] = {0.0f, 0.0f, 0.0f}, squares = 0.0f;
-    for (int k = 0; k < 3; ++k) offset[k] = x[k] - kernel->center[k];
+    for (int k = 0; k < 3; ++k) offset[k] = at->place[k] - kernel->center[k];
     for (int j = 0; j < 3; ++j) {
         const float* axis = kernel->whiten[j];
         e[j] = axis[0] * offset[0] + axis[1] * offset[1] + axis[2] * offset[2];
@@ -52,55 +60,74 @@ static void add_gaussian(const gsgi__level* level, const gsgi__kernel* kernel, s
         const float along[2] = {clamped(slope[0], -1.0f, 1.0f), clamped(slope[1], -1.0f, 1.0f)};
         for (int c = 0; c < 3; ++c) light[c] += (along[0] * e[0] + along[1] * e[1]) * basis[0] * sh[c];
     }
+    const gsgi__texels* relief = &level->relief;
+    for (uint32_t k = 0; k < relief->floats; k += 4)
+        for (uint32_t c = 0; c < 3; ++c)
+            light[c] += at->bend[k / 4] *
+                        clamped(relief->texels[i * relief->floats + k + c], -(float)HALF_MAX, (float)HALF_MAX);
     for (int c = 0; c < 3; ++c) sums[c] += w * light[c];
     sums[3] += w;
 }
 
-/* Sums of w c and w of a level at the point `x`, m, relative to the bake's origin. */
-static void level_sums(const gsgi_bake* bake, int l, uint32_t sharpness, const double x[3], const float n[3],
-                       const float basis[9], float sums[4]) {
+/* Sums of w c and w of a level at a point. */
+static void level_sums(const gsgi_bake* bake, int l, uint32_t sharpness, const point* at, float sums[4]) {
     const gsgi__level* level = &bake->levels[l];
     const gsgi__grid* grid = &bake->grids[l];
-    const float place[3] = {(float)x[0], (float)x[1], (float)x[2]};
     memset(sums, 0, 4 * sizeof *sums);
     if (!grid->kernels) {
         for (size_t i = 0; i < level->count; ++i) {
             gsgi__kernel kernel = gsgi__kernel_of(level->shape.texels + i * GSGI_SHAPE_FLOATS);
-            add_gaussian(level, &kernel, i, &bake->info, sharpness, place, n, basis, sums);
+            add_gaussian(level, &kernel, i, &bake->info, sharpness, at, sums);
         }
         return;
     }
     for (int k = 0; k < 3; ++k)
-        if (!(x[k] >= grid->low[k] && x[k] <= grid->high[k])) return; /* NaN too */
-    const size_t cell = gsgi__grid_cell(grid, x);
-    for (uint32_t at = grid->begin[cell]; at < grid->begin[cell + 1]; ++at) {
-        uint32_t i = grid->index[at];
-        add_gaussian(level, &grid->kernels[i], i, &bake->info, sharpness, place, n, basis, sums);
+        if (!(at->x[k] >= grid->low[k] && at->x[k] <= grid->high[k])) return; /* NaN too */
+    const size_t cell = gsgi__grid_cell(grid, at->x);
+    for (uint32_t listed = grid->begin[cell]; listed < grid->begin[cell + 1]; ++listed) {
+        uint32_t i = grid->index[listed];
+        add_gaussian(level, &grid->kernels[i], i, &bake->info, sharpness, at, sums);
     }
+}
+
+/* Write `given` at the length 1; false if it has none that could be 1. */
+static bool unit(const float given[3], float to[3]) {
+    const double length = sqrt((double)given[0] * given[0] + (double)given[1] * given[1] + (double)given[2] * given[2]);
+    if (!(length > 0.0 && isfinite(length))) return false;
+    for (int k = 0; k < 3; ++k) to[k] = (float)(given[k] / length);
+    return true;
 }
 
 gsgi_result gsgi_bake_sample(const gsgi_bake* bake, size_t count, const float* positions, const float* normals,
                              float* light) {
+    return gsgi_bake_sample_mapped(bake, count, positions, normals, NULL, light);
+}
+
+gsgi_result gsgi_bake_sample_mapped(const gsgi_bake* bake, size_t count, const float* positions, const float* normals,
+                                    const float* mapped, float* light) {
     if (bake->info.blend != GSGI_SURFACE)
         return gsgi__fail(&bake->callbacks, GSGI_UNSUPPORTED,
                           "bake: light of the operator over is no function of points");
     if (count && (!positions || !normals || !light))
         return gsgi__fail(&bake->callbacks, GSGI_INVALID_ARGUMENT, "positions, normals, light: must not be NULL");
     for (size_t p = 0; p < count; ++p) {
-        const float* given = normals + 3 * p;
-        const double length =
-            sqrt((double)given[0] * given[0] + (double)given[1] * given[1] + (double)given[2] * given[2]);
-        double x[3];
-        float n[3], basis[9], fine[4], coarse[4];
+        point at;
+        float bent[3], fine[4], coarse[4];
         memset(light + 3 * p, 0, 3 * sizeof *light);
-        if (!(length > 0.0 && isfinite(length))) continue;
-        for (int k = 0; k < 3; ++k) n[k] = (float)(given[k] / length);
-        for (int k = 0; k < 3; ++k) x[k] = (double)positions[3 * p + k] - bake->origin[k];
-        sh_basis(n, basis);
-        level_sums(bake, GSGI_FINE, bake->info.sharpness, x, n, basis, fine);
+        if (!unit(normals + 3 * p, at.n)) continue;
+        memcpy(bent, at.n, sizeof bent);
+        const bool follows = mapped && bake->info.relief && unit(mapped + 3 * p, bent);
+        for (int k = 0; k < 3; ++k) {
+            at.x[k] = (double)positions[3 * p + k] - bake->origin[k];
+            at.place[k] = (float)at.x[k];
+            at.bend[k] = bent[k] - at.n[k];
+        }
+        sh_basis(at.n, at.basis);
+        level_sums(bake, GSGI_FINE, bake->info.sharpness, &at, fine);
         const float gap = fmaxf(0.0f, bake->info.weight_floor - fine[3]);
         if (gap > 0.0f) {
-            level_sums(bake, GSGI_COARSE, 0, x, n, basis, coarse);
+            if (follows) sh_basis(bent, at.basis); /* the coarse level has the light of all normals */
+            level_sums(bake, GSGI_COARSE, 0, &at, coarse);
             for (int c = 0; c < 3 && coarse[3] > 0.0f; ++c) fine[c] += gap * (coarse[c] / coarse[3]);
             fine[3] += gap;
         }

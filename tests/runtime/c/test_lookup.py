@@ -11,6 +11,7 @@ from gl_dump import Dump
 from gsgi_files import constant, surface_example
 from host import bake
 from oracle import random_gaussians
+from surface_cases import grouped, with_relief
 
 from gsgi.runtime.file import codec
 from gsgi.runtime.gaussians import Bake, SurfaceBlend
@@ -31,7 +32,9 @@ def large() -> Bake:
 BAKES = {
     "room": bake(), "far away": bake(offset=(1000.25, -2000.5, 300.125)), "one Gaussian": constant([0.5, 0.25, 1]),
     "degrees 0 and 2": surface_example(degree=0, coarse_degree=2), "degrees 2 and 1": surface_example(300, 2, 30, 1),
-    "no fine ones": surface_example(0), "3,000": large(),
+    "no fine ones": surface_example(0), "3,000": large(), "relief": with_relief(surface_example(300, 1, 30, 2)),
+    "relief of groups": with_relief(grouped(surface_example(60, 0, 9, 2))),
+    "relief of none": with_relief(surface_example(0)),
 }  # fmt: skip
 
 

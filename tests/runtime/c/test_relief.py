@@ -8,7 +8,8 @@ from gl_dump import Dump
 from gl_objects import alive
 from gsgi_files import reseal, surface_example
 from host import CAMERA, SIZE, Host, bake, call, projection, texture
-from surface_cases import grouped, with_relief
+from surface_cases import bent as bent_normals
+from surface_cases import grouped, points, with_relief
 
 from gsgi.runtime.file import codec
 from gsgi.runtime.file.header import RELIEF_TAG, section
@@ -16,6 +17,7 @@ from gsgi.runtime.gl import gaussian_textures
 from gsgi.runtime.gl.gl_state import HostState
 from gsgi.runtime.gl.host_textures import OURS, Encoding
 from gsgi.runtime.light_groups import factors_of, weighted
+from gsgi.runtime.sampling import sample
 
 ROOM = codec.encode(with_relief(grouped(bake())))
 SIGNED = Encoding(normal="signed")
@@ -46,6 +48,21 @@ def test_relief_is_decoded_to_the_last_bit_and_weighed(library, degree, sloped):
     plain = library.opened(codec.encode(surface_example()))
     assert (library.info(plain).relief, library.texels(plain, 0)["relief"]) == (0, None)
     library.close(plain)
+
+
+@pytest.mark.parametrize("sampling", [True, False])
+def test_light_at_points_follows_normal_maps(library, sampling):
+    for data in (ROOM, codec.encode(with_relief(surface_example(300, 1)))):
+        opened, (position, normal) = library.opened(data, sampling=sampling), points(300)
+        mapped = bent_normals(normal)
+        found = library.sample(opened, position, normal, mapped)
+        np.testing.assert_allclose(
+            found, sample(codec.decode(data), position, normal, mapped=mapped), rtol=1e-4, atol=1e-5
+        )
+        flat = library.sample(opened, position, normal)
+        assert np.abs(found - flat).mean() > 0.01
+        np.testing.assert_array_equal(library.sample(opened, position, normal, 0 * mapped), flat)
+        library.close(opened)
 
 
 @pytest.mark.parametrize("splat_scale", [1, 2])

@@ -6,7 +6,7 @@ import numpy as np
 import oracle
 import pytest
 from glsl_lookup import read
-from surface_cases import gaussians, points
+from surface_cases import bent, gaussians, points, with_relief
 from surface_frames import CAMERA, SIZE, draw, nothing, one, room, surface_gaussians
 
 import gsgi
@@ -37,6 +37,30 @@ def test_random_points(gl, degree, sloped, floor):
     clear = ((sums[..., 3] > 1e-5) | (sums[..., 3] == 0)).all(axis=0)
     assert (sums[0, clear, 3] < floor).mean() > 0.1  # the coarse level counts
     np.testing.assert_allclose(light[clear], expected[clear], rtol=TOLERANCE, atol=TOLERANCE)
+
+
+@pytest.mark.parametrize(("degree", "sloped"), [(0, True), (2, False)])
+def test_light_follows_normal_maps(gl, degree, sloped):
+    levels = gaussians(60, (degree + 1) ** 2, sloped=sloped), gaussians(20, 9, seed=7)
+    bake = with_relief(Bake(levels[0], SurfaceBlend(cutoff=0.1, sharpness=3, floor=0.2), coarse=levels[1]))
+    position, normal = points(2000)
+    mapped = bent(normal)
+    assert_equals_sample(gl, bake, position, normal)
+    flat = replace(bake, gaussians=replace(bake.gaussians, relief=None))
+    np.testing.assert_array_equal(read(gl, bake, position, normal), read(gl, flat, position, normal))
+    light = read(gl, bake, position, normal, mapped)
+    expected = gsgi.sample(bake, position, normal, mapped=mapped)
+    np.testing.assert_allclose(light, expected, rtol=TOLERANCE, atol=TOLERANCE)
+    unbent = read(gl, flat, position, normal, mapped)
+    np.testing.assert_array_equal(unbent, read(gl, flat, position, normal))  # a file without relief looks at none
+    assert np.abs(light - unbent).mean() > 0.02
+
+
+def test_without_relief_no_texel_is_added():
+    fine, coarse = gaussians(60, 4), gaussians(20, 9)
+    bake = Bake(fine, SurfaceBlend(), coarse=coarse)
+    assert len(lookup_tables(bake)[0]) == HEADER_TEXELS + 60 * (3 + 4) + 20 * (3 + 9)
+    assert len(lookup_tables(with_relief(bake))[0]) == HEADER_TEXELS + 60 * (3 + 4 + 3) + 20 * (3 + 9)
 
 
 def test_every_point_of_a_frame_equals_the_pass(gl):

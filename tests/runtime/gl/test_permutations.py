@@ -49,7 +49,7 @@ def primitives() -> list[Primitive]:
     for lights, shadows, indirect in itertools.product((0, 1, 3), BOTH, BOTH):
         if lights or not shadows:
             light.append({"lit": True, "lights": lights, "shadows": shadows, "indirect": indirect})
-    light += [{"lit": True, "lights": 1, "lookup": counts} for counts in ((1, 9), (4, 4))]
+    light += [{"lit": True, "lights": 1, "lookup": counts} for counts in ((1, 9, 0), (4, 4, 3))]
     looks = [(slots, normals) for slots in shown for normals in BOTH if normals or "normal" not in slots]
     return [Primitive(*look, colored, **lit) for look, colored, lit in itertools.product(looks, BOTH, light)]
 
@@ -75,10 +75,10 @@ SUBJECTS = {
     "surface/fill": READINGS,
     "surface/resolve": READINGS,
     "surface/add_light": encodings(),
-    "frame/blend": [None, (1, 9), (4, 1)],
+    "frame/blend": [None, (1, 9, 0), (4, 1, 3)],
     "frame/display": BOTH,
     "viewer/ellipsoids": [Bake(g, blend) for g in of_degree(0, 1, 2, 3) for blend in (OverBlend(0.1), SurfaceBlend())],
-    "panda3d/light": [(1, 9), (4, 1), (9, 4)],
+    "panda3d/light": [(1, 9, 0), (4, 1, 3), (9, 4, 0)],
     "tradeoff/lightmap": triangles(),
     "tradeoff/probes": BOTH,
     "tradeoff/vertex_light": triangles(),

@@ -23,10 +23,10 @@ def bumpy_bake(seed: int = 4) -> Bake:
     return replace(bake, gaussians=replace(bake.gaussians, relief=relief))
 
 
-def drawn(gl, scene, bake, splat_scale: int = 1) -> np.ndarray:
+def drawn(gl, scene, bake, splat_scale: int = 1, layer: str = "indirect") -> np.ndarray:
     renderer = DeferredRenderer(gl, scene, bake, SIZE, SIZE, splat_scale)
     renderer.render(scenes.inside_camera())
-    light = renderer.read("indirect")
+    light = renderer.read(layer)
     renderer.release()
     return light
 
@@ -55,3 +55,19 @@ def test_relief_shows(gl, splat_scale):
     scene, bake = bumpy.bumpy_room(), bumpy_bake()
     plain = replace(bake, gaussians=replace(bake.gaussians, relief=None))
     assert np.abs(drawn(gl, scene, bake, splat_scale) - drawn(gl, scene, plain, splat_scale)).mean() > 0.02
+
+
+def test_blended_surfaces_follow_normal_maps_as_solid_ones_do(gl):
+    scene, bake = bumpy.bumpy_room(), bumpy_bake()
+    films = tuple(mesh for mesh in scene.meshes if mesh.material == 1)
+    stand_in = replace(scene.materials[1], stand_in=True)
+    stands = tuple(replace(mesh, material=len(scene.materials)) for mesh in films)
+    rest = tuple(mesh for mesh in scene.meshes if mesh.material != 1)
+    blended = replace(scene, meshes=rest + stands, materials=(*scene.materials, stand_in), blended=films)
+    plain = replace(bake, gaussians=replace(bake.gaussians, relief=None))
+    expected, frame, flat = (
+        drawn(gl, *some, layer="final") for some in ((scene, bake), (blended, bake), (blended, plain))
+    )
+    differ = np.abs(frame - expected) > 0.01 * expected + 1e-3
+    assert differ.any(axis=2).mean() < 0.002
+    assert (np.abs(flat - expected) > 0.01 * expected + 1e-3).any(axis=2).mean() > 0.02

@@ -24,9 +24,9 @@ for (const name of files.filter((each) => !each.startsWith("refused")))
         const { fine, coarse, scene, groups, ...header } = bake, { groups: named, weights, ...stated } = expected;
         assert.deepEqual({ ...header, scene: `${scene}` }, stated);
         assert.deepEqual(groups.map((group) => ({ name: group.name, patterns: group.patterns })), named);
-        same(name, { fine, coarse }, ["position", "rotation", "scale", "opacity", "sh", "slope"]);
+        same(name, { fine, coarse }, ["position", "rotation", "scale", "opacity", "sh", "slope", "relief"]);
         for (const group of groups) same(`${name}.${group.name}`, group, ["sh", "slope"]);
-        weights.forEach((each, i) => same(`${name}.weighted${i}`, weighted(bake, each), ["sh", "slope"]));
+        weights.forEach((each, i) => same(`${name}.weighted${i}`, weighted(bake, each), ["sh", "slope", "relief"]));
         if (groups.length) assert.equal(weighted(bake, { base: [1, 1, 1] }), bake);
     });
 

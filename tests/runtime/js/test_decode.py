@@ -22,7 +22,9 @@ FILES = {
     **{f"groups_{degree}": codec.encode(grouped(surface_example(60, degree, 9, 2 - degree))) for degree in range(3)},
     "groups_not_sloped": codec.encode(grouped(surface_example(sloped=False))),
     "groups_of_none": codec.encode(grouped(surface_example(0, 0, 0, 0))),
-    "relief": codec.encode(with_relief(surface_example())),  # which is skipped
+    "relief": codec.encode(with_relief(surface_example())),
+    "relief_of_groups": codec.encode(with_relief(grouped(surface_example(60, 2, 9, 1)))),
+    "relief_of_none": codec.encode(with_relief(surface_example(0, 0, 0, 0))),
     "not_sloped": codec.encode(surface_example(sloped=False)),
     "empty": codec.encode(surface_example(0, 0, 0, 0)),
 }
@@ -59,19 +61,19 @@ def write(folder, name: str, data: bytes, bake) -> None:
         "weights": WEIGHTS if bake.groups and name in FILES else [],
     }
     (folder / f"{name}.gsgi.json").write_text(json.dumps(header))
-    write_levels(folder / f"{name}.gsgi", bake, ("position", "rotation", "scale", "opacity", "sh", "slope"))
+    write_levels(folder / f"{name}.gsgi", bake, ("position", "rotation", "scale", "opacity", "sh", "slope", "relief"))
     for group in bake.groups:
         fine = replace(bake.gaussians, sh=group.sh, slope=group.slope)
         part = replace(bake, gaussians=fine, coarse=replace(bake.coarse, sh=group.coarse_sh))
         write_levels(folder / f"{name}.gsgi.{group.name}", part, ("sh", "slope"))
     for i, weights in enumerate(header["weights"]):
-        write_levels(folder / f"{name}.gsgi.weighted{i}", weighted(bake, weights), ("sh", "slope"))
+        write_levels(folder / f"{name}.gsgi.weighted{i}", weighted(bake, weights), ("sh", "slope", "relief"))
 
 
 def write_levels(path, bake, fields) -> None:
     for level, gaussians in (("fine", bake.gaussians), ("coarse", bake.coarse)):
         for field in fields if gaussians is not None else ():
-            if field != "slope" or gaussians.sloped:
+            if (field != "slope" or gaussians.sloped) and (field != "relief" or gaussians.bumpy):
                 path.with_name(f"{path.name}.{level}.{field}").write_bytes(getattr(gaussians, field).tobytes())
 
 
@@ -84,8 +86,13 @@ def damaged_groups():
     for end in range(first + 1, len(small), 7):
         yield reseal(small[:end])
     bumpy = codec.encode(with_relief(surface_example(3, 0, 2, 1)))
-    yield reseal(bumpy + bumpy[bumpy.index(RELIEF_TAG) :])
-    yield reseal(small + small[first:])
+    first = bumpy.index(RELIEF_TAG)
+    yield reseal(bumpy + bumpy[first:])
+    for at in rng.integers(first, len(bumpy), 60):
+        yield reseal(bumpy[:at] + rng.bytes(1) + bumpy[at + 1 :])
+    for end in range(first + 1, len(bumpy), 3):
+        yield reseal(bumpy[:end])
+    yield reseal(small + small[small.index(GROUP_TAG) :])
     for tag in (GROUP_TAG, RELIEF_TAG):
         yield reseal(codec.encode(example(3)) + section(tag, b""))
 

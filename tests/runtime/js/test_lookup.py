@@ -4,10 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from glsl_lookup import used
 from gsgi_files import example
 from javascript import JS, node
 from repository import TESTS
-from surface_cases import gaussians, points
+from surface_cases import bent, gaussians, points, with_relief
 from surface_frames import nothing, one
 
 import gsgi
@@ -21,8 +22,9 @@ TABLES = TESTS / "runtime" / "js" / "tables.mjs"
 MAIN = """
 in vec3 position;
 in vec3 normal;
+in vec3 mapped;
 out vec3 light;
-void main() { light = room0_indirect(position, normal); }
+void main() { light = room0_indirect(position, normal, mapped); }
 """
 FAR = np.float32([2e4, -1e4, 3e4])
 
@@ -39,6 +41,7 @@ def bakes() -> dict[str, Bake]:
         "usual": Bake(many, SurfaceBlend(), coarse=gaussians(200, 9)),
         "degree_1": Bake(gaussians(60, 4), blend, coarse=gaussians(20, 1, seed=7)),
         "degree_2": Bake(gaussians(60, 9, sloped=True), blend, coarse=gaussians(20, 4, seed=7)),
+        "relief": with_relief(Bake(gaussians(60, 4, sloped=True), blend, coarse=gaussians(20, 4, seed=7))),
         "far": Bake(moved(many), SurfaceBlend(), coarse=moved(gaussians(200, 9))),
         "one": Bake(one(), SurfaceBlend(), coarse=nothing()),
         "empty": Bake(nothing(), SurfaceBlend(), coarse=nothing()),
@@ -76,13 +79,15 @@ def test_any_point_has_the_light_that_python_reads(gl, made, name):
     for unit, (kind, texture) in enumerate(textures(gl, folder / name)):
         texture.use(unit)
         program[f"room0_{kind}"].value = unit
-    given = gl.buffer(np.concatenate([position, normal], axis=1).astype(np.float32))
+    mapped = bent(normal)
+    given = gl.buffer(np.concatenate([position, normal, mapped], axis=1).astype(np.float32))
     result = gl.buffer(reserve=12 * len(position))
     gl.framebuffer(gl.texture((1, 1), 4)).use()
-    vertices = gl.vertex_array(program, [(given, "3f 3f", "position", "normal")])
+    vertices = gl.vertex_array(program, [used(program, given, "position", "normal", "mapped")])
     vertices.transform(result, vertices=len(position))
     light = np.frombuffer(result.read(), np.float32).reshape(-1, 3)
-    expected = gsgi.sample(bake, position, normal)
+    expected = gsgi.sample(bake, position, normal, mapped=mapped)
+    assert (name == "relief") == (np.abs(expected - gsgi.sample(bake, position, normal)).mean() > 0.02)
     assert (name == "empty") != (expected > 0).any()
     np.testing.assert_allclose(light, expected, rtol=1e-3, atol=1e-3)
 
