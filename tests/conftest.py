@@ -16,14 +16,10 @@ pytest_plugins = ["pytester"]
 
 # Files that take a minute or more. They come first: a core that began one last would end the run alone.
 LONG = (
-    "baker/cli/test_commands.py",
     "baker/cli/test_resume.py",
-    "baker/test_plan.py",
-    "runtime/testing/test_plugin.py",
+    "baker/cli/test_commands.py",
     "baker/views/test_placement.py",
     "hard_cases/test_cases.py",
-    "api/test_baking.py",
-    "samples/test_first_samples.py",
 )
 
 

@@ -150,9 +150,11 @@ def test_more_gaussians_than_16_bits_count(gl):
 
 @pytest.mark.parametrize("stage", ["vertex", "fragment"])
 @pytest.mark.parametrize("header", [shader.CORE, shader.ES], ids=["330", "300es"])
-def test_it_compiles_in_every_stage(gl, stage, header):
-    call = "gsgi_indirect(vec3(1.0), vec3(0.0, 1.0, 0.0))"
-    source = lookup_source(Bake(gaussians(1, 4), SurfaceBlend(), coarse=gaussians(1, 9)))
+@pytest.mark.parametrize("bumpy", [False, True])
+def test_it_compiles_in_every_stage(gl, stage, header, bumpy):
+    call = "gsgi_indirect(vec3(1.0), vec3(0.0, 1.0, 0.0), vec3(0.6, 0.8, 0.0))"
+    bake = Bake(gaussians(1, 4), SurfaceBlend(), coarse=gaussians(1, 9))
+    source = lookup_source(with_relief(bake) if bumpy else bake)
     vertex, fragment = (header + (source if stage == each else "") for each in ("vertex", "fragment"))
     vertex += f"out vec3 v; void main() {{ v = {call if stage == 'vertex' else 'vec3(1.0)'}; "
     vertex += "gl_Position = vec4(v, 1.0); }"
