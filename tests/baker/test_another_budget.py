@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 import scenes
+from small_tasks import place_quickly
 from traced_paths import counted
 
 from gsgi.baker.bake import bake
@@ -37,7 +38,9 @@ def traced(monkeypatch) -> list[int]:
 def cache(tmp_path_factory) -> Cache:
     """A cache that holds the placement and the pilot."""
     cache = Cache(tmp_path_factory.mktemp("cache"))
-    make_plan(scenes.furnace(), SETTINGS, Progress(), cache)
+    with pytest.MonkeyPatch.context() as patch:
+        place_quickly(patch.setattr)
+        make_plan(scenes.furnace(), SETTINGS, Progress(), cache)
     return cache
 
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 import scenes
+from small_tasks import place_quickly
 from traced_paths import counted
 
 from gsgi.baker import estimate as estimating
@@ -45,7 +46,9 @@ def few_samples(monkeypatch):
 @pytest.fixture(scope="module")
 def closed() -> Plan:
     """A plan of a closed box whose walls emit: every pixel shows a surface."""
-    return make_plan(scenes.furnace(), SETTINGS, Progress(), Cache())
+    with pytest.MonkeyPatch.context() as patch:
+        place_quickly(patch.setattr)
+        return make_plan(scenes.furnace(), SETTINGS, Progress(), Cache())
 
 
 @pytest.fixture

@@ -7,6 +7,7 @@ import pytest
 import scenes
 from gsgi_files import constant
 from repository import SCENES
+from small_tasks import place_quickly
 
 from gsgi.baker.cache.digest import scene_digest
 from gsgi.baker.cache.store import Cache
@@ -72,7 +73,8 @@ def test_an_unknown_way_to_reflect_is_refused():
 
 
 @pytest.mark.parametrize("metals", ["rough", "black"])
-def test_the_plan_makes_the_choice(metals):
+def test_the_plan_makes_the_choice(monkeypatch, metals):
+    place_quickly(monkeypatch.setattr)
     sky = Environment(np.ones((1, 1, 3), np.float32))
     floor = Scene((scenes.floor(),), (Material("steel", (0.5, 0.5, 0.5, 1.0), metallic=1.0),), environment=sky)
     settings = Settings(metals=metals, views=1, bounces=1, budget=100)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from command_flags import flags
 from repository import SCENES
+from small_tasks import place_quickly
 
 from gsgi.baker import estimate
 from gsgi.baker.cli import main
@@ -35,6 +36,7 @@ def baked(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("groups")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("GSGI_CACHE", str(folder / "cache"))
+        place_quickly(patch.setattr)
         patch.setattr(budget, "SAMPLES_FEWEST", 1 << 12)
         for module in (samples, fits):
             patch.setattr(module, "CHUNK", 1 << 11)
