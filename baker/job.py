@@ -15,6 +15,7 @@ from .plan_table import summary
 from .progress import Progress
 from .report import BakeReport, peak_memory
 from .trace.reference import Reference
+from .update.record import BakeRecord
 
 
 def run(
@@ -52,6 +53,7 @@ def run(
     pictures = Preview(preview, references, plan.placement.held_out) if preview and references else None
     result = baking.bake(plan, progress, references, pictures)
     write(result.data, result.attempt.count)
+    BakeRecord.of(plan, result.attempt.budget).keep(plan.tracer.cache, result.data)
     evaluation = None
     if evaluate:
         with progress.stage("evaluation"):
@@ -71,5 +73,6 @@ def trace_references(
     with progress.stage("references", held_out.points(plan), "points") as advance:
         references = held_out.references(plan, known, advance)
         of_scene = held_out.scene_references(plan, known, advance)
-        found = bias.measure(plan.tracer, references | of_scene, plan.settings.seed) if known is not None else None
+        measured = known is not None and plan.start is None  # the bias of an earlier bake is not that of an edit
+        found = bias.measure(plan.tracer, references | of_scene, plan.settings.seed) if measured else None
     return references, of_scene, found

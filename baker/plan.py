@@ -19,7 +19,7 @@ from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.errors import SceneError, UsageError
 from gsgi.runtime.file import codec
-from gsgi.runtime.gaussians import Effects, OverBlend, SurfaceBlend
+from gsgi.runtime.gaussians import Bake, Effects, OverBlend, SurfaceBlend
 from gsgi.runtime.light_groups import check_groups, lit_by, lit_groups
 from gsgi.runtime.scene import Scene
 
@@ -61,8 +61,10 @@ class Plan:
     """The decisions of one bake.
 
     `scene` is what is baked, without the effects that the settings leave out. `tracer` traces its light for all stages.
-    No field of `settings` is None, except `target_loss` if none is asked for. `lost` is the share of the picture that
-    further bounces would add; None if it was not measured. `dark` has the names of the fitted views that see no light.
+    No field of `settings` is None, except `target_loss` if none is asked for; `asked` are those that were asked for.
+    `lost` is the share of the picture that further bounces would add; None if it was not measured. `dark` has the names
+    of the fitted views that see no light. `start` is a bake of the scene before an edit, from which the fit goes on;
+    None: it begins anew.
     """
 
     scene: Scene
@@ -73,6 +75,8 @@ class Plan:
     pilot: Pilot
     lost: float | None
     dark: frozenset[str]
+    asked: Settings | None = None
+    start: Bake | None = None
 
     @property
     def sampling(self) -> Sampling:
@@ -191,17 +195,8 @@ def make_plan(
     scene is too large, or its light groups cannot be; UsageError for light groups with `over`; and GsgiError if there
     is too little memory to begin. Too little to end gives a warning.
     """
-    memory.check("a bake", memory.PROCESS)
-    there = memory.available()
-    check_groups(scene)
-    if scene.groups and settings.operator != "surface":
-        raise UsageError(f"light groups: expected the operator surface, got {settings.operator}")
-    scene = replace(without(scene, settings.ignore), metals=settings.metals)
-    if not effects(scene) & (Effects.PUNCTUAL | Effects.EMISSIVE | Effects.ENVIRONMENT):
-        raise SceneError(
-            "the scene has no light: neither a punctual light (KHR_lights_punctual) nor an emissive surface nor an "
-            "environment; light it with --sun or --env"
-        )
+    there, asked = memory.available(), settings
+    scene = as_baked(scene, settings)
     tracer = CachedTracer(scene, cache)
     with progress.stage("views") as advance:
         triangles = Triangles(scene)
@@ -228,12 +223,27 @@ def make_plan(
     error = ERROR[settings.operator] if settings.error is None else settings.error
     settings = replace(settings, samples=samples, error=error, bounce_fraction=fraction)
     dark &= placement.fitted.keys()
-    plan = Plan(scene, settings, triangles, tracer, placement, probe, probe.lost.get(bounces), dark)
+    plan = Plan(scene, settings, triangles, tracer, placement, probe, probe.lost.get(bounces), dark, asked)
     if there is not None and plan.memory > there:
         progress.warn(
             f"the bake takes about {plan.memory / 1e9:.1f} GB of memory, and {there / 1e9:.1f} GB are available"
         )
     return plan
+
+
+def as_baked(scene: Scene, settings: Settings) -> Scene:
+    """The scene without the effects that the settings leave out. Raises what `make_plan` does before it begins."""
+    memory.check("a bake", memory.PROCESS)
+    check_groups(scene)
+    if scene.groups and settings.operator != "surface":
+        raise UsageError(f"light groups: expected the operator surface, got {settings.operator}")
+    scene = replace(without(scene, settings.ignore), metals=settings.metals)
+    if not effects(scene) & (Effects.PUNCTUAL | Effects.EMISSIVE | Effects.ENVIRONMENT):
+        raise SceneError(
+            "the scene has no light: neither a punctual light (KHR_lights_punctual) nor an emissive surface nor an "
+            "environment; light it with --sun or --env"
+        )
+    return scene
 
 
 def file_bytes(operator: str, budget: int, scene: Scene, groups: int = 0) -> int:

@@ -95,7 +95,7 @@ class Mesh:
     channel per pair of texture coordinate set and transform that the material uses, with the transform applied; C = 0
     without textures. color (V, 4) float32 is linear; None means white. tangent (V, 4) float32 has a unit xyz
     perpendicular to the normal; bitangent = w * cross(normal, xyz), w = 1 or -1. It is None if the material has no
-    normal texture.
+    normal texture. `name` is that of the node, or else of the entry of the file's meshes.
     """
 
     position: np.ndarray
@@ -105,6 +105,7 @@ class Mesh:
     material: int
     color: np.ndarray | None = None
     tangent: np.ndarray | None = None
+    name: str = ""
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Minimum and maximum corner of the triangles, two (3,) float64, m. Unused vertices are ignored."""

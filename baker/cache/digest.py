@@ -23,11 +23,13 @@ def digest(value) -> str:
 
 
 def scene_digest(scene: Scene) -> str:
-    """The digest of everything that light depends on, without cameras, file names and the reader's warnings.
+    """The digest of everything that light depends on, without cameras, names of files and meshes, and warnings.
 
     Light groups share the tasks of their scene's light as a whole.
     """
-    return digest(dataclasses.replace(scene, cameras={}, warnings=(), transparent=(), files=(), blended=(), groups={}))
+    meshes = tuple(dataclasses.replace(mesh, name="") for mesh in scene.meshes)
+    unseen = {"cameras": {}, "warnings": (), "transparent": (), "files": (), "blended": (), "groups": {}}
+    return digest(dataclasses.replace(scene, meshes=meshes, **unseen))
 
 
 def _plain(value):

@@ -55,6 +55,17 @@ def coarse_level(
     return optimiser.solve(_everywhere_again(last, gaussians), RIDGE)
 
 
+def coarse_again(
+    samples: SurfaceSamples, before: Gaussians, blend: SurfaceBlend, triangles: Triangles | None = None
+) -> Gaussians:
+    """The coarse level `before` an edit with the light of other `samples`, cut where occluders are now."""
+    optimiser = coarse_optimiser(samples, before, blend)
+    last = before
+    if triangles:
+        last, _ = Occlusion(samples, triangles, optimiser.blend, len(before)).cut(before)
+    return optimiser.solve(_everywhere_again(last, before), SOLVE_LAST, RIDGE)
+
+
 def coarse_optimiser(samples: SurfaceSamples, gaussians: Gaussians, blend: SurfaceBlend) -> SurfaceOptimiser:
     """The optimiser of coarse Gaussians against `samples` in free space."""
     nothing = SurfaceState.fresh(gaussians).keep(np.zeros(len(gaussians), bool)).gaussians

@@ -40,6 +40,8 @@ WIDTH, THICKNESS = 1.3, 0.5
 OPACITY = 0.5
 SPACING_MIN = 1e-6  # m; points can coincide
 
+AGAIN, AGAIN_RATE = 0.2, 0.3  # steps after an edit, as a share of all, and the size of the first of them
+
 CUT_COST = 0.001  # squared error relative to the light around, of a sample, that a leak less may cost
 BADLY_FITTED = 4  # least samples with errors for each Gaussian that is added among them
 
@@ -102,7 +104,47 @@ def fit_surface(
             monitor(iteration + 1, loss, lambda gaussians=state.gaussians: gaussians)
         if checkpoint and (iteration + 1) % LIST_STEPS == 0 and checkpoint.due():
             checkpoint.save(to_arrays(_Run(state, iteration + 1)))
-    last = cut_where_better(state.gaussians, optimiser, occlusion)[0] if occlusion else state.gaussians
+    return finished(state.gaussians, optimiser, occlusion)
+
+
+def fit_again(
+    surface: SurfaceSamples,
+    free: SurfaceSamples,
+    coarse: Gaussians,
+    blend: SurfaceBlend,
+    schedule: Schedule,
+    before: Gaussians,
+    monitor: Monitor | None = None,
+    checkpoint: Checkpoint | None = None,
+    triangles: Triangles | None = None,
+) -> Gaussians:
+    """Fit the fine level of a scene after an edit: the Gaussians `before` it, as the samples now want them.
+
+    Those that hardly any sample sees now make room for others where the light is badly fitted. A share AGAIN of the
+    schedule's steps follows. It takes too little time for a checkpoint. The rest is as in `fit_surface`.
+    """
+    samples, occlusion, around = joined([surface, free]), None, None
+    if triangles:
+        occlusion = Occlusion(surface, triangles, blend, schedule.budget)
+        around = seen_light(surface, free, triangles)
+    optimiser = SurfaceOptimiser(samples, coarse, blend, around)
+    relief = None if not samples.bumpy else np.zeros((len(before), 3, 3), np.float32)
+    if (before.relief is None) != (relief is None):
+        before = replace(before, relief=relief)
+    state = SurfaceState.fresh(optimiser.solve(before, SOLVE_AGAIN))
+    state = changed(state, schedule.budget, optimiser, surface, np.random.default_rng(schedule.seed), occlusion)
+    steps = round(AGAIN * schedule.iterations)
+    for iteration in range(steps):
+        falling = AGAIN_RATE * (RATE_END / AGAIN_RATE) ** (iteration / steps)
+        state, loss = optimiser.step(state, {name: falling * rate for name, rate in RATES.items()}, iteration + 1)
+        if monitor:
+            monitor(iteration + 1, loss, lambda gaussians=state.gaussians: gaussians)
+    return finished(state.gaussians, optimiser, occlusion)
+
+
+def finished(gaussians: Gaussians, optimiser: SurfaceOptimiser, occlusion: Occlusion | None) -> Gaussians:
+    """The Gaussians, cut for the last time, with the best light; without those that no sample sees."""
+    last = cut_where_better(gaussians, optimiser, occlusion)[0] if occlusion else gaussians
     seen = ~to_remove(optimiser.share(last))  # a cut may leave some that lie between samples, as good as unknown
     return optimiser.solve(Gaussians(*(column[seen] for column in vars(last).values())))
 

@@ -61,13 +61,15 @@ class SurfaceFits:
 
     def coarse(self, budget: int, free: SurfaceSamples) -> Gaussians:
         """The coarse level, fitted to the samples in free space unless the cache holds it."""
-        from .coarse import coarse_level
+        from .coarse import coarse_again, coarse_level
 
         plan = self.plan
-        task = free, coarse_count(budget), plan.blend, plan.settings.seed
+        make, task = coarse_level, (free, coarse_count(budget), plan.blend, plan.settings.seed)
+        if plan.start:
+            make, task = coarse_again, (free, plan.start.coarse, plan.blend)
         code = code_version("gsgi.baker.surface.coarse", FIT_PACKAGES)
         key = task_key("coarse", code=code, scene=plan.tracer.scene_digest, task=task)
-        level, _ = plan.tracer.once(key, Gaussians, lambda: coarse_level(*task, plan.triangles))
+        level, _ = plan.tracer.once(key, Gaussians, lambda: make(*task, plan.triangles))
         return level
 
     def light_group(self, name: str, budget: int, gaussians: Gaussians, coarse: Gaussians) -> LightGroup:
@@ -114,18 +116,20 @@ class SurfaceFits:
     def _fitted(
         self, budget: int, surface, free, coarse: Gaussians, advance, make_monitor: MakeMonitor
     ) -> tuple[Gaussians, tuple]:
-        from .fit import fit_surface
+        from .fit import fit_again, fit_surface
 
         plan, settings = self.plan, self.plan.settings
         schedule = Schedule(budget, settings.iterations, settings.seed)
-        task = surface, free, coarse, plan.blend, schedule
+        make, task = fit_surface, (surface, free, coarse, plan.blend, schedule)
+        if plan.start:
+            make, task = fit_again, (*task, plan.start.gaussians)
         code = code_version("gsgi.baker.surface.fit", FIT_PACKAGES)
         inputs = {"code": code, "scene": plan.tracer.scene_digest, "task": task}
         gaussians, history = run_or_resume(
             plan.tracer.cache,
             inputs,
             lambda: make_monitor(advance, coarse),
-            lambda *tools: fit_surface(*task, *tools, plan.triangles),
+            lambda *tools: make(*task, *tools, plan.triangles),
         )
         if history is None:
             advance(settings.iterations, "from the cache")

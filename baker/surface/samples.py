@@ -10,10 +10,11 @@ import numpy as np
 from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.baker.trace.irradiance_cache import IrradianceCache, KnownLight
 from gsgi.baker.trace.local_light import local_light
-from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling, Tracer
+from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling
 
 from .budget import PATHS_STEP, free_count, sample_count
 from .contrast import Contrast
+from .layers import Layer, Points, invalid, mean, traced
 from .seen_surface import SeenSurface
 
 CHUNK = 1 << 16  # points that are drawn together
@@ -77,6 +78,13 @@ def joined(parts: list[SurfaceSamples]) -> SurfaceSamples:
     arrays = (np.concatenate([getattr(part, name) for part in parts]) for name in ARRAYS)
     mapped = np.concatenate([part.mapped for part in parts])
     return SurfaceSamples(*arrays, sum(part.invalid for part in parts), mapped)
+
+
+def combined(points: Points, mapped: np.ndarray, a: np.ndarray, b: np.ndarray, invalid: int) -> SurfaceSamples:
+    """Samples at the points where both halves of B, `a` and `b` (P, 3), are numbers; B is that of `mapped` normals."""
+    both = np.isfinite(a).all(axis=1) & np.isfinite(b).all(axis=1)
+    arrays = points.position, points.normal, a, b
+    return SurfaceSamples(*(array[both] for array in arrays), invalid, mapped[both])
 
 
 def surface_layers(budget: int, paths: int) -> list[int]:
@@ -147,6 +155,7 @@ class Sampler:
         self._sampling, self._error, self._mapped = Sampling(PASS_SAMPLES, bounces), error, mapped
         self._known_samples: SurfaceSamples | None = None
         self._drawn_by: Sampler | None = None  # None: by itself
+        self.entries: dict[str, list[str]] = {}  # keys of what the cache has of each chunk, and of the known light
 
     @classmethod
     def gathering(cls, tracer: CachedTracer, seen: SeenSurface, bounces: int, seed: int, error: float) -> "Sampler":
@@ -170,7 +179,7 @@ class Sampler:
         """
         other = copy(self)
         vars(other).pop("known_light", None)
-        other._tracer, other._drawn_by, other._known_samples = tracer, self, None
+        other._tracer, other._drawn_by, other._known_samples, other.entries = tracer, self, None, {}
         other._known = self._known and Known(self._known.sampler.lit_by(tracer), self._known.layers)
         return other
 
@@ -182,6 +191,7 @@ class Sampler:
         if not self.prepared:
             self._known.sampler.prepare(advance)
             self._known_samples = self._known.sampler.surface(self._known.layers, advance)
+            self.entries["known"] = [self._tracer.key("known", __name__, paths=self._paths)]
 
     @property
     def prepared(self) -> bool:
@@ -192,6 +202,11 @@ class Sampler:
     def rounds(self) -> tuple["Known", ...]:
         """The light in which paths end and all that went before it, in the order in which they are traced."""
         return (*self._known.sampler.rounds, self._known) if self._known else ()
+
+    @property
+    def chain(self) -> tuple["Sampler", ...]:
+        """The samplers of those rounds, and then this one."""
+        return (*(known.sampler for known in self.rounds), self)
 
     def surface(self, layers: list[int], advance: Callable[..., None]) -> SurfaceSamples:
         """Samples on the surfaces that the cameras see, spread over each camera's visible area by importance.
@@ -209,7 +224,7 @@ class Sampler:
     def _chunks(self, stage: str, layers: list[int], advance) -> SurfaceSamples:
         return joined([self.chunk(stage, number, count, advance) for number, count in enumerate(layers)])
 
-    def _points(self, stage: str, chunk: int) -> tuple[str, "_Points"]:
+    def _points(self, stage: str, chunk: int) -> tuple[str, Points]:
         """The points of a chunk, and their key."""
         if self._drawn_by:
             return self._drawn_by._points(stage, chunk)
@@ -217,12 +232,12 @@ class Sampler:
         drawn_by = self._paths["known"] if stage == "surface" else None
         key = self._tracer.key(stage, __name__, views=self._seen.digest, seed=seed, drawn_by=drawn_by)
 
-        def draw() -> _Points:
+        def draw() -> Points:
             rng = np.random.default_rng(np.random.SeedSequence(seed))
             surface = stage == "surface"
-            return _Points(*(self._seen.surface(CHUNK, rng, self._shares) if surface else self._seen.free(CHUNK, rng)))
+            return Points(*(self._seen.surface(CHUNK, rng, self._shares) if surface else self._seen.free(CHUNK, rng)))
 
-        return key, self._tracer.once(key, _Points, draw)[0]
+        return key, self._tracer.once(key, Points, draw)[0]
 
     def _chunk_seed(self, stage: str, chunk: int) -> tuple[int, int, int]:
         return self._seed, chunk, int(stage == "free")
@@ -231,42 +246,45 @@ class Sampler:
         """One chunk of the samples of `surface` or `free`, which `stage` names."""
         seed = self._chunk_seed(stage, number)
         key, points = self._points(stage, number)
-        traced: list[_Layer] = []
+        there: list[Layer] = []
+        keys = self.entries[f"{stage}-{number}"] = [key]
         done = np.zeros(len(points.position), np.uint32)
         for layer in range(layers):
-            noisy = self._noisy(points, traced)
+            noisy = self._noisy(points, there)
             advance(float((~noisy).sum()) * PATHS_STEP)
             if noisy.any() or not layer:
-                traced.append(self._layer(key, points, noisy, done, seed, advance))
+                found, layer_key = self._layer(key, points, noisy, done, seed, advance)
+                there.append(found)
+                keys.append(layer_key)
                 done = done + PASS_SAMPLES * noisy.astype(np.uint32)
-        return _combined(points, self._normal(points), traced)
+        return combined(points, self._normal(points), *(mean(there, half) for half in "ab"), invalid(there))
 
-    def _normal(self, points: "_Points") -> np.ndarray:
+    def _normal(self, points: Points) -> np.ndarray:
         """The normals (P, 3) that B belongs to."""
         return points.shading_normal if self._mapped else points.normal
 
-    def _noisy(self, points: "_Points", traced: list["_Layer"]) -> np.ndarray:
-        """Which points (P,) bool take a further layer."""
-        if not (traced and self._error):
+    def _noisy(self, points: Points, there: list[Layer]) -> np.ndarray:
+        """Which points (P,) bool take a further layer than those `there`."""
+        if not (there and self._error):
             return np.ones(len(points.position), bool)
-        halves = (np.nan_to_num(_mean(traced, half)) for half in "ab")
+        halves = (np.nan_to_num(mean(there, half)) for half in "ab")
         light = local_light(points.position, points.normal, *halves)
         return light.noise > self._error * light.level
 
     def _layer(
-        self, points_key: str, points: "_Points", noisy: np.ndarray, done: np.ndarray, seed: tuple[int, ...], advance
-    ) -> "_Layer":
+        self, points_key: str, points: Points, noisy: np.ndarray, done: np.ndarray, seed: tuple[int, ...], advance
+    ) -> tuple[Layer, str]:
         key = self._tracer.key("layer", __name__, points=points_key, paths=self._paths, noisy=noisy, done=done)
         numbers = np.stack([np.arange(len(done), dtype=np.uint32), done], axis=1)
 
-        def trace() -> "_Layer":
+        def trace() -> Layer:
             where = points.position, self._normal(points), points.geometric_normal
-            return _traced(self._tracer.tracer, where, noisy, numbers, self._sampling, self.known_light, seed, advance)
+            return traced(self._tracer.tracer, where, noisy, numbers, self._sampling, self.known_light, seed, advance)
 
-        layer, found = self._tracer.once(key, _Layer, trace)
+        layer, found = self._tracer.once(key, Layer, trace)
         if found:
             advance(int(noisy.sum()) * PATHS_STEP, "from the cache")
-        return layer
+        return layer, key
 
     @property
     def _paths(self) -> dict:
@@ -298,7 +316,7 @@ class Sampler:
         if known is None:
             return None
         samples = known.position, known.normal, known.indirect_a, known.indirect_b
-        key = self._tracer.key("known", __name__, paths=self._paths)
+        (key,) = self.entries["known"]
         light, _ = self._tracer.once(
             key, KnownLight, lambda: IrradianceCache.halves(*samples, self._tracer.tracer.blocked)
         )
@@ -311,61 +329,3 @@ class Known:
 
     sampler: Sampler
     layers: list[int]
-
-
-@dataclass(frozen=True)
-class _Points:
-    """The points of a chunk, (P, 3) float32 in world space: position, m, and unit normals."""
-
-    position: np.ndarray
-    normal: np.ndarray
-    shading_normal: np.ndarray
-    geometric_normal: np.ndarray
-
-
-@dataclass(frozen=True)
-class _Layer:
-    """Both halves of B at the points of a chunk, from PATHS_STEP paths at each point that was still noisy.
-
-    indirect_a and indirect_b (P, 3) float32 are means over finite_a and finite_b (P,) uint8 paths, those that gave a
-    finite number; invalid is the number of all others.
-    """
-
-    indirect_a: np.ndarray
-    indirect_b: np.ndarray
-    finite_a: np.ndarray
-    finite_b: np.ndarray
-    invalid: int
-
-
-def _traced(
-    tracer: Tracer, points: tuple[np.ndarray, ...], noisy: np.ndarray, numbers: np.ndarray, sampling: Sampling, known,
-    seed: tuple[int, ...], advance,
-) -> _Layer:  # fmt: skip
-    where = (column[noisy] for column in points)
-    step = lambda count: advance(count * PASS_SAMPLES)  # noqa: E731
-    lights = tracer.halves(*where, sampling, seed, step, known, numbers[noisy])
-
-    def at_all(values: np.ndarray) -> np.ndarray:
-        result = np.zeros((len(noisy), *values.shape[1:]), values.dtype)
-        result[noisy] = values
-        return result
-
-    means, finite = zip(*((at_all(b.mean), at_all(b.samples.astype(np.uint8))) for b in lights), strict=True)
-    return _Layer(*means, *finite, sum(b.invalid for b in lights))
-
-
-def _combined(points: _Points, mapped: np.ndarray, layers: list[_Layer]) -> SurfaceSamples:
-    """The mean of the layers over their paths, where both halves have one; it is that of `mapped` normals (P, 3)."""
-    halves = [_mean(layers, half) for half in "ab"]
-    both = np.all([np.isfinite(half).all(axis=1) for half in halves], axis=0)
-    arrays = points.position, points.normal, *halves
-    return SurfaceSamples(*(array[both] for array in arrays), sum(layer.invalid for layer in layers), mapped[both])
-
-
-def _mean(layers: list[_Layer], half: str) -> np.ndarray:
-    """B (P, 3) float32 of the half "a" or "b"; NaN where no path gave a finite number."""
-    counts = [getattr(layer, f"finite_{half}").astype(np.float64)[:, None] for layer in layers]
-    total = sum(getattr(layer, f"indirect_{half}") * count for layer, count in zip(layers, counts, strict=True))
-    paths = sum(counts)
-    return np.divide(total, paths, out=np.full(total.shape, np.nan), where=paths > 0).astype(np.float32)

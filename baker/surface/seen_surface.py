@@ -56,45 +56,62 @@ class SeenSurface:
     def surface(self, count: int, rng: np.random.Generator, shares: np.ndarray) -> tuple[np.ndarray, ...]:
         """Points on surfaces, stratified by `shares` (P,).
 
-        The result is position, normal, shading normal and geometric normal (count, 3) float32. The points lie anywhere
+        The result is what `behind` finds, camera (count,) int32 and place (count, 2) float64: the points lie anywhere
         behind their pixels, so that no two are the same.
         """
         seen = self._pixels
         if not len(seen.position):
-            return (np.empty((0, 3), np.float32),) * 4
+            return _none()
         below = np.cumsum(shares, dtype=np.float64)
         at = (np.arange(count) + rng.random(count)) / count * below[-1]
         index = np.minimum(np.searchsorted(below, at, side="right"), len(seen.position) - 1)
-        return self._anywhere(index, rng)
+        camera, place = seen.camera[index].astype(np.int32), seen.middle(index) + rng.uniform(-0.5, 0.5, (count, 2))
+        *points, _ = self.behind(camera, place)
+        return *points, camera, place
 
-    def _anywhere(self, index: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
-        """The same (N, 3) of points behind pixels `index` (N,), which ascend.
+    def behind(self, camera: np.ndarray, place: np.ndarray) -> tuple[np.ndarray, ...]:
+        """What is seen at places (N, 2), px, of the images of cameras (N,).
 
-        The middle of a pixel stands for places where no diffuse surface is seen.
+        The result is position, normal, shading normal and geometric normal (N, 3) float32, and where (N,) bool that is
+        a diffuse surface. The middle of a pixel stands for places where none is seen.
         """
-        seen = self._pixels
-        way = rng.uniform(-0.5, 0.5, (len(index), 2))
-        rays = []
-        for camera, here in _runs(seen.camera[index]):
-            y, x = np.divmod(seen.pixel[index[here]], SIZE)
-            rays.append(pixel_rays(self._cameras[camera], SIZE, SIZE, x + 0.5 + way[here, 0], y + 0.5 + way[here, 1]))
-        *points, diffuse = self._tracer.tracer.seen(*(np.concatenate(part) for part in zip(*rays, strict=True)))
-        middles = seen.position, seen.normal, seen.shading_normal, seen.geometric_normal
-        return tuple(
-            np.where(diffuse[:, None], point, middle[index]) for point, middle in zip(points, middles, strict=True)
-        )
+        *points, diffuse = self._seen(camera, place)
+        if (missed := np.flatnonzero(~diffuse)).size:
+            *middles, diffuse[missed] = self._seen(camera[missed], np.floor(place[missed]) + 0.5)
+            for column, middle in zip(points, middles, strict=True):
+                column[missed] = middle
+        return *points, diffuse
+
+    def eyes(self, camera: np.ndarray) -> np.ndarray:
+        """The positions (N, 3), m, of cameras (N,)."""
+        return np.array([each.position for each in self._cameras]).reshape(-1, 3)[camera]
+
+    def _seen(self, camera: np.ndarray, place: np.ndarray) -> tuple[np.ndarray, ...]:
+        """The same without a stand-in."""
+        order = np.argsort(camera, kind="stable")
+        runs = _runs(camera[order])
+        rays = [pixel_rays(self._cameras[number], SIZE, SIZE, *place[order[here]].T) for number, here in runs]
+        found = self._tracer.tracer.seen(*(np.concatenate(part) for part in zip(*rays, strict=True)))
+        columns = tuple(np.empty_like(column) for column in found)
+        for column, values in zip(columns, found, strict=True):
+            column[order] = values
+        return columns
 
     def free(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
-        """Points on lines of sight to surface points, and uniform random directions as all three normals."""
+        """Points on lines of sight to surface points, with uniform random directions as all three normals.
+
+        The result is that of `surface`, with the camera and place from which the line of sight comes.
+        """
         seen = self._pixels
         if not len(seen.position):
-            return (np.empty((0, 3), np.float32),) * 4
+            return _none()
         index = rng.integers(len(seen.position), size=count)
         way = rng.uniform(*FREE, (count, 1))
         position = seen.viewpoint[index] + way * (seen.position[index] - seen.viewpoint[index])
         normal = rng.normal(size=(count, 3))
         normal = (normal / np.linalg.norm(normal, axis=1, keepdims=True)).astype(np.float32)
-        return position.astype(np.float32), normal, normal, normal
+        camera = seen.camera[index].astype(np.int32)
+        return position.astype(np.float32), normal, normal, normal, camera, seen.middle(index)
 
     @cached_property
     def _pixels(self) -> "_Pixels":
@@ -136,6 +153,14 @@ class _Pixels(NamedTuple):
     camera: np.ndarray
     pixel: np.ndarray
     share: np.ndarray
+
+    def middle(self, index: np.ndarray) -> np.ndarray:
+        """The places (N, 2), px, of the middles of pixels `index` (N,) in their images."""
+        return np.stack([self.pixel[index] % SIZE, self.pixel[index] // SIZE], axis=1) + 0.5
+
+
+def _none() -> tuple[np.ndarray, ...]:
+    return *(np.empty((0, 3), np.float32),) * 4, np.empty(0, np.int32), np.empty((0, 2))
 
 
 def _runs(ascending: np.ndarray) -> list[tuple[int, slice]]:

@@ -42,6 +42,7 @@ class CachedTracer:
     def __init__(self, scene: Scene, cache: Cache, whole: "CachedTracer | None" = None):
         """`whole` traces the same scene with more lights; both share the surfaces."""
         self.scene, self.cache, self._whole = scene, cache, whole
+        self.references: dict[int, str] = {}  # keys of what the cache has of each reference, by its seed
 
     def lit_by(self, scene: Scene) -> "CachedTracer":
         """A tracer of B in `scene`, which is this one's with fewer lights."""
@@ -94,6 +95,7 @@ class CachedTracer:
     ) -> reference.Reference:  # fmt: skip
         """A square reference of `size` px, in two halves, whose paths end in `known` light."""
         key = self.key("reference", __name__, camera=camera, size=size, samples=samples, seed=seed, known=known)
+        self.references[seed] = key
         truth, found = self.once(
             key,
             reference.Reference,

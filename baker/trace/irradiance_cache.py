@@ -51,15 +51,18 @@ class IrradianceCache:
 
     @staticmethod
     def halves(
-        position: np.ndarray, normal: np.ndarray, a: np.ndarray, b: np.ndarray, blocked: Blocked | None = None
-    ) -> "KnownLight":
+        position: np.ndarray, normal: np.ndarray, a: np.ndarray, b: np.ndarray, blocked: Blocked | None = None,
+        like: "IrradianceCache | None" = None,
+    ) -> "KnownLight":  # fmt: skip
         """The caches of both halves `a` and `b` (S, 3) of B at samples: position (S, 3) m, normal (S, 3) unit.
+
+        Their cells are as wide as the samples are dense, or those of the cache that they are to be `like`.
 
         Some cells have no light in either cache and end the search for it: those that a wall divides, as `blocked`
         tells of ways between points above their samples; and those in which the light itself varies, as the covariance
         of the halves shows, whose noise is independent.
         """
-        origin, size, levels = _grid(position)
+        origin, size, levels = (like.origin, like.size, like.levels) if like else _grid(position)
         keys, lights = [], []
         both = np.concatenate([a, b], axis=1).astype(np.float64)
         product = a.mean(axis=1, dtype=np.float64) * b.mean(axis=1, dtype=np.float64)

@@ -25,13 +25,13 @@ def place_once(
     inputs = {"names": list(given), "given": given, "size": size, "seed": seed, "count": count}
     key = tracer.key("placement", __name__, placed_by=code_version(__name__, PACKAGES), **inputs)
     if found := tracer.cache.get(key):
-        return _from_arrays(found), True
+        return placement_of(found), True
     placement = place(triangles, given, size, seed, count)
-    tracer.cache.put(key, _to_arrays(placement))
+    tracer.cache.put(key, placement_arrays(placement))
     return placement, False
 
 
-def _to_arrays(placement: Placement) -> dict[str, np.ndarray]:
+def placement_arrays(placement: Placement) -> dict[str, np.ndarray]:
     """Cameras and coverage as JSON, in which float64 keeps all its bits, and the field of importance as it is."""
     rest = {name: value for name, value in vars(placement).items() if name != "importance"}
     text = json.dumps(rest, default=_plain)
@@ -42,7 +42,8 @@ def _plain(value):
     return value.tolist() if isinstance(value, np.ndarray) else dataclasses.asdict(value)
 
 
-def _from_arrays(arrays: dict[str, np.ndarray]) -> Placement:
+def placement_of(arrays: dict[str, np.ndarray]) -> Placement:
+    """The placement that `placement_arrays` took apart."""
     read = json.loads(arrays["json"].tobytes())
     coverage = read["coverage"]
     coverage |= {"seen": tuple(coverage["seen"]), "hidden": tuple(Hidden(**hidden) for hidden in coverage["hidden"])}

@@ -93,6 +93,8 @@ def _meshes(document: Document, nodes: list[Node], materials: Materials) -> Iter
         if "mesh" not in node.json:
             continue
         where = node.json.where(), node.json.pointer
+        entry = document.lookup("meshes", node.json.get("mesh"))
+        name = node.json.get("name", "").string() or entry.get("name", "").string()
         places = _places(document, node, worlds)
         instance_count += len(places) - 1
         document.limits.check("nodes", instance_count, *where)
@@ -102,7 +104,7 @@ def _meshes(document: Document, nodes: list[Node], materials: Materials) -> Iter
                 decoded[key] = primitives.decode(document, primitive, paint, weights)
             element_count += len(decoded[key]) * len(places)
             document.limits.check("elements", element_count, *where)
-            meshes = (finished(place(decoded[key]), paint, node.json) for place in places)
+            meshes = (finished(place(decoded[key]), paint, node.json, name) for place in places)
             yield from ((mesh, paint) for mesh in meshes if mesh is not None)
 
 

@@ -57,8 +57,8 @@ def skinned(primitive: Primitive, world_from_joint: np.ndarray) -> Primitive:
     return replace(primitive, position=position, normal=normal, tangent=tangent, triangle=triangle)
 
 
-def finished(primitive: Primitive, paint: Paint, node: Json) -> Mesh | None:
-    """The mesh of a primitive in world space without zero-area triangles, or None if no triangle remains.
+def finished(primitive: Primitive, paint: Paint, node: Json, name: str) -> Mesh | None:
+    """The mesh `name` of a primitive in world space without zero-area triangles, or None if no triangle remains.
 
     Raises SceneError, at the `node` that has placed it.
     """
@@ -77,7 +77,7 @@ def finished(primitive: Primitive, paint: Paint, node: Json) -> Mesh | None:
     elif paint.normal_channel is not None:
         tangent = tangents(primitive.position, normal, primitive.uv[:, paint.normal_channel], triangle)
     color = _color(primitive.color, alpha=paint.opacity.counts)
-    return Mesh(primitive.position, normal, primitive.uv, triangle, paint.index, color, tangent)
+    return Mesh(primitive.position, normal, primitive.uv, triangle, paint.index, color, tangent, name)
 
 
 def cofactor(linear: np.ndarray) -> np.ndarray:

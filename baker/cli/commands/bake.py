@@ -29,6 +29,9 @@ def add(commands) -> None:
     shared.add_light(parser)
     shared.add_groups(parser)
     parser.add_argument("-o", "--output", metavar="FILE", required=True, help="the .gsgi file to write")
+    parser.add_argument("--update", metavar="FILE",
+                        help="the .gsgi file of the scene before an edit: keep what the cache has of its bake and the "
+                        "edit has not changed")  # fmt: skip
     _add_build(parser)
     shared.add_settings(parser)
     parser.add_argument("--preview", metavar="DIR", type=Path, help="folder for pictures of the fit while it runs")
@@ -68,7 +71,7 @@ def run(options: argparse.Namespace) -> None:
     progress = Progress(console)
     cache = open_cache(options, progress)
     request = request_of(options, progress)
-    plan = _on_cluster(options.ray, request, cache, progress) if options.ray else request.plan(progress, cache)
+    plan, tally = _plan(options, request, cache, progress)
     rules = _rules(options, plan, progress)
     for line in coverage_summary(plan.placement.coverage):
         progress.say(line)
@@ -85,6 +88,8 @@ def run(options: argparse.Namespace) -> None:
 
     report = job.run(plan, progress, write, options.evaluate, options.preview, options.seconds)
     cache.trim()
+    for line in tally.lines() if tally else ():
+        progress.say(line)
     if report.evaluation:
         for line in evaluation_summary(report.evaluation):
             progress.say(f"  {line}")
@@ -112,6 +117,22 @@ def _oversize(options: argparse.Namespace, report) -> str | None:
         return None
     fewer = max(report.gaussians * most // size, 1)
     return f"the file has {size} bytes, {size / most - 1:.1%} more than --target-bytes {most}: try --budget {fewer}"
+
+
+def _plan(options: argparse.Namespace, request, cache, progress):
+    """The plan of a bake, and the tally of what it keeps of an earlier one; None if it keeps nothing."""
+    from gsgi.baker.update.plan import NothingToKeepError, updated_plan
+    from gsgi.runtime.files import read_file
+
+    if options.ray:
+        return _on_cluster(options.ray, request, cache, progress), None
+    if options.update:
+        file = read_file(Path(options.update))
+        try:
+            return updated_plan(request.scene, request.settings, request.path, file, cache, progress)
+        except NothingToKeepError as reason:
+            progress.warn(f"{options.update}: {reason}; baking all of it")
+    return request.plan(progress, cache), None
 
 
 def _on_cluster(address: str, request, cache, progress):

@@ -17,7 +17,7 @@ def test_points_lie_anywhere_behind_their_pixels_and_no_two_are_the_same(tmp_pat
     one = np.zeros(len(seen.shares()))
     chosen = np.array([100, 2000, 3333])
     one[chosen] = 1 / 3
-    position, normal, shading, geometric = seen.surface(COUNT, np.random.default_rng(0), one)
+    position, normal, shading, geometric, *_ = seen.surface(COUNT, np.random.default_rng(0), one)
     assert len(np.unique(position, axis=0)) > 0.99 * COUNT
     np.testing.assert_allclose(np.abs(position).max(axis=1), 1, atol=1e-5)
     assert ((position * normal).sum(axis=1) < -0.99).all()

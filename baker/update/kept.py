@@ -1,0 +1,75 @@
+"""What an earlier bake, or an update of one, has left of a chunk of samples and of known light."""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from gsgi.baker.cache.records import from_arrays
+from gsgi.baker.cache.store import Cache
+from gsgi.baker.surface.layers import Layer, Points, invalid, mean
+from gsgi.baker.trace.irradiance_cache import IrradianceCache, KnownLight
+from gsgi.baker.trace.tracer import PASS_SAMPLES
+from gsgi.runtime.errors import GsgiError
+
+REVISED = "revised"  # stage of the tasks whose results are chunks as an update has left them
+
+
+class ForgottenError(GsgiError):
+    """The cache cannot give back what an update needs and it holds."""
+
+
+@dataclass(frozen=True)
+class KeptChunk:
+    """The P points of a chunk, and B there.
+
+    indirect_a and indirect_b (P, 3) float32 are both halves of B, NaN where it has none. first_a and first_b (P, 3)
+    float32 are those of the first layer of paths alone, which must hold at the points of the thin share only. paths
+    (P,) uint32 is the number of paths of each half. fate (P,) uint8 is what the update has done with each, a number of
+    `tally.FATES`; 0 in a chunk that no update has touched. invalid is the number of paths that gave no finite number.
+    """
+
+    position: np.ndarray
+    normal: np.ndarray
+    shading_normal: np.ndarray
+    geometric_normal: np.ndarray
+    camera: np.ndarray
+    place: np.ndarray
+    indirect_a: np.ndarray
+    indirect_b: np.ndarray
+    first_a: np.ndarray
+    first_b: np.ndarray
+    paths: np.ndarray
+    fate: np.ndarray
+    invalid: int
+
+    @property
+    def points(self) -> Points:
+        """The points alone."""
+        return Points(*(getattr(self, each.name) for each in fields(Points)))
+
+    @staticmethod
+    def found(cache: Cache, keys: list[str]) -> "KeptChunk":
+        """The chunk whose entries in a cache have these keys. Raises ForgottenError."""
+        if keys[0].startswith(f"{REVISED}-"):
+            return from_arrays(KeptChunk, _arrays(cache, keys[0]))
+        points = from_arrays(Points, _arrays(cache, keys[0]))
+        layers = [from_arrays(Layer, _arrays(cache, key)) for key in keys[1:]]
+        traced = [(layer.finite_a > 0) | (layer.finite_b > 0) for layer in layers]
+        paths = PASS_SAMPLES * np.sum(traced, axis=0, dtype=np.uint32)
+        halves = (mean(layers, half) for half in "ab")
+        first = layers[0].indirect_a, layers[0].indirect_b
+        return KeptChunk(
+            *vars(points).values(), *halves, *first, paths, np.zeros(len(paths), np.uint8), invalid(layers)
+        )
+
+
+def kept_cells(cache: Cache, keys: list[str]) -> IrradianceCache:
+    """The cells of known light whose entry in a cache has the one of these keys. Raises ForgottenError."""
+    return from_arrays(KnownLight, _arrays(cache, keys[0])).a
+
+
+def _arrays(cache: Cache, key: str) -> dict[str, np.ndarray]:
+    arrays = cache.get(key)
+    if arrays is None:
+        raise ForgottenError(f"{key}: cannot be read from the cache {cache.folder}; bake without --update")
+    return arrays

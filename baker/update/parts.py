@@ -1,0 +1,105 @@
+"""The parts of a scene by name, and which of them an edit has changed."""
+
+from dataclasses import dataclass, replace
+
+from gsgi.baker.cache.digest import digest
+from gsgi.runtime.scene import TEXTURE_SLOTS, Material, Mesh, Scene
+
+NAMED = 4  # most names of one kind in a line
+
+
+@dataclass(frozen=True)
+class Part:
+    """One part of a scene: its `kind` ("object", "material", "light", ...), its `name`, and the digest of what it is.
+
+    `area` is that of an object's surfaces, m^2, and 0 for all else.
+    """
+
+    kind: str
+    name: str
+    digest: str
+    area: float = 0.0
+
+    @property
+    def shines(self) -> bool:
+        """Whether it is a light by itself."""
+        return self.kind in ("light", "environment")
+
+
+def parts(scene: Scene) -> list[Part]:
+    """All parts of a scene that light depends on. Objects, materials and lights of the same name may occur often."""
+    names = [material.name or f"material {number}" for number, material in enumerate(scene.materials)]
+    result = [_object(mesh, names[mesh.material]) for mesh in scene.meshes]
+    result += [
+        Part("material", name, digest(_filled(scene, material)))
+        for name, material in zip(names, scene.materials, strict=True)
+    ]
+    for number, light in enumerate(scene.lights):
+        of = replace(light, name="", entry="")
+        result.append(Part("light", light.name or f"light {number}", digest(of)))
+    if scene.environment is not None:
+        result.append(Part("environment", "environment", digest(scene.environment)))
+    return [*result, Part("metals", scene.metals, scene.metals)]
+
+
+def changes(before: list[Part], after: list[Part]) -> list[str]:
+    """One line for each kind of part that an edit has changed, added or removed, by name; empty if there is none."""
+    lines = []
+    for kind in dict.fromkeys(part.kind for part in (*after, *before)):
+        old, new = (_by_name(parts, kind) for parts in (before, after))
+        edits = {
+            "changed": [name for name in new if name in old and new[name] != old[name]],
+            "added": [name for name in new if name not in old],
+            "removed": [name for name in old if name not in new],
+        }
+        lines += [f"{verb}: {_listed(kind, names)}" for verb, names in edits.items() if names]
+    return lines
+
+
+def kept_share(before: list[Part], after: list[Part]) -> float:
+    """The share of the area of a scene's surfaces whose objects are those of the scene `before`."""
+    known = {part.digest for part in before}
+    total = sum(part.area for part in after)
+    return sum(part.area for part in after if part.digest in known) / total if total else 0.0
+
+
+def _object(mesh: Mesh, material: str) -> Part:
+    """The part of a mesh; which material it has counts, but not what that is like."""
+    shape = digest({"mesh": replace(mesh, material=0, name=""), "material": material})
+    return Part("object", mesh.name or material, shape, float(mesh.areas().sum()))
+
+
+def _filled(scene: Scene, material: Material) -> tuple:
+    """A material with its textures in place of their indices."""
+    slots = (getattr(material, name) for name in TEXTURE_SLOTS)
+    textures = [None if slot is None else (slot.uv, scene.textures[slot.texture]) for slot in slots]
+    return replace(material, name="", **dict.fromkeys(TEXTURE_SLOTS)), textures
+
+
+def _by_name(parts: list[Part], kind: str) -> dict[str, list[str]]:
+    """The digests of all parts of a kind, by name, in an order that does not matter."""
+    found: dict[str, list[str]] = {}
+    for part in parts:
+        if part.kind == kind:
+            found.setdefault(part.name, []).append(part.digest)
+    return {name: sorted(digests) for name, digests in found.items()}
+
+
+def _listed(kind: str, names: list[str]) -> str:
+    shown = ", ".join(names[:NAMED])
+    more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
+    return f"{kind} {shown}{more}" if kind != "environment" else kind
+
+
+def as_arrays(parts: list[Part]) -> list[list]:
+    """Parts as lists that JSON holds."""
+    return [[part.kind, part.name, part.digest, part.area] for part in parts]
+
+
+def same_lights(before: list[Part], after: list[Part]) -> bool:
+    """Whether nothing has changed that is a light by itself."""
+    return _lights(before) == _lights(after)
+
+
+def _lights(parts: list[Part]) -> list[str]:
+    return sorted(part.digest for part in parts if part.shines)

@@ -1,0 +1,74 @@
+"""Plan the bake of a scene after an edit: with the views and settings of its earlier bake, and what that has traced."""
+
+from gsgi.baker.cache.store import Cache
+from gsgi.baker.plan import Plan, as_baked
+from gsgi.baker.progress import Progress
+from gsgi.baker.settings import Settings
+from gsgi.baker.surface.seen_surface import SeenSurface
+from gsgi.baker.views.surface_points import Triangles
+from gsgi.runtime.camera import Camera
+from gsgi.runtime.file import codec
+from gsgi.runtime.scene import Scene
+
+from .parts import Part, changes, kept_share, parts
+from .record import BakeRecord, code, other_settings
+from .references import UpdatedTracer
+from .sampler import UpdatedSampler
+from .tally import Tally
+
+LEAST_KEPT = 0.5  # of the surface: views that were placed for less than this of a scene are not those to see it from
+
+
+class NothingToKeepError(Exception):
+    """Why a bake is of no use to another one, in part of a sentence."""
+
+
+def updated_plan(
+    scene: Scene, settings: Settings, path: dict[str, Camera], file: bytes, cache: Cache, progress: Progress
+) -> tuple[Plan, Tally]:
+    """The plan of a bake that keeps what it can of the one whose .gsgi file has these bytes, and what it will count.
+
+    Raises NothingToKeepError, FormatError for a file that cannot be read, and what `make_plan` raises.
+    """
+    start = codec.decode(file)
+    scene = as_baked(scene, settings)
+    record = BakeRecord.find(cache, file)
+    now = parts(scene)
+    _check(record, scene, settings, path, now, cache)
+    for line in changes(record.parts, now) or ["changed: nothing that light depends on"]:
+        progress.say(line)
+    tally = Tally()
+    tracer = UpdatedTracer(scene, cache, record.references, tally)
+    with progress.stage("views"):
+        triangles = Triangles(scene)
+    made = record.placement, record.pilot, record.lost, record.dark, settings, start
+    plan = Plan(scene, record.settings, triangles, tracer, *made)
+    dark = [name in plan.dark for name in plan.placement.fitted]
+    seen = SeenSurface(tracer, plan.cameras, dark, plan.placement.importance)
+    asked = plan.settings.bounces, plan.settings.seed + 1
+    vars(plan)["sampler"] = UpdatedSampler.gathering(tracer, seen, *asked, record.samplers, tally)
+    return plan, tally
+
+
+def _check(record: BakeRecord | None, scene: Scene, settings: Settings, path, now: list[Part], cache: Cache) -> None:
+    """Raise NothingToKeepError if the bake of a record is of no use to that of a scene."""
+    if record is None:
+        raise NothingToKeepError(f"the cache {cache.folder} knows nothing of its bake")
+    if record.code != code():
+        raise NothingToKeepError("another version of gsgi, or of what it calls, has baked it")
+    if differ := other_settings(record.asked, settings):
+        raise NothingToKeepError(f"it was baked with other settings: {'; '.join(differ)}")
+    if settings.operator != "surface":
+        raise NothingToKeepError("only bakes with the operator surface can be updated")
+    if scene.groups:
+        raise NothingToKeepError("bakes with light groups cannot be updated")
+    if any(not _same(camera, record.placement.fitted.get(name)) for name, camera in path.items()):
+        raise NothingToKeepError("it was baked with another camera path")
+    if (share := kept_share(record.parts, now)) < LEAST_KEPT:
+        raise NothingToKeepError(f"it is of another scene, or nearly: {share:.0%} of the surface is as it was")
+    if not all(map(cache.holds, record.entries)):
+        raise NothingToKeepError(f"the cache {cache.folder} no longer holds its samples")
+
+
+def _same(camera: Camera, other: Camera | None) -> bool:
+    return other is not None and repr(camera) == repr(other)

@@ -1,0 +1,209 @@
+"""The samples of a scene after an edit: those of an earlier bake where they still hold, and others in their place."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from gsgi.baker.cache.records import from_arrays, to_arrays
+from gsgi.baker.surface.budget import PATHS_STEP
+from gsgi.baker.surface.layers import Points, traced
+from gsgi.baker.surface.samples import SurfaceSamples, combined, joined
+from gsgi.baker.surface.seen_surface import SeenSurface
+from gsgi.baker.trace.cached_tracer import CachedTracer
+from gsgi.baker.trace.irradiance_cache import IrradianceCache, KnownLight
+from gsgi.baker.trace.local_light import local_light
+from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling
+
+from .kept import REVISED, KeptChunk, kept_cells
+from .tally import AGAIN, GONE, NEW, SAME, SHIFTED, Tally
+from .thin_share import SHARE, ThinShare
+
+WHERE = "position", "normal", "shading_normal", "geometric_normal"
+
+
+class UpdatedSampler:
+    """Does for a scene after an edit what a `Sampler` does, with the chunks that an earlier bake has left.
+
+    Points that are seen where they were keep their paths, and with them the bits of what those bring, if they meet
+    nothing changed. Along the rays of all others lie new points.
+    """
+
+    def __init__(
+        self, tracer: CachedTracer, seen: SeenSurface, entries: dict[str, list[str]], sampling: Sampling, seed: int,
+        tally: Tally, known: "UpdatedSampler | None" = None, mapped: bool = False,
+    ):  # fmt: skip
+        """`entries` has the keys of what the cache has of the earlier samples; `seed` and `sampling` were theirs.
+
+        Paths end at the first surface whose B is `known`. B is that of mapped normals if it is `mapped`, as that of
+        the samples is and that of known light is not. What becomes of the points is counted in `tally`.
+        """
+        self._tracer, self._seen, self._before, self._sampling, self._seed = tracer, seen, entries, sampling, seed
+        self._tally, self._known, self._mapped = tally, known, mapped
+        self._known_samples: SurfaceSamples | None = None
+        self._known_light: KnownLight | None = None
+        self.entries: dict[str, list[str]] = {}
+
+    @classmethod
+    def gathering(
+        cls, tracer: CachedTracer, seen: SeenSurface, bounces: int, seed: int, before: list[dict[str, list[str]]],
+        tally: Tally,
+    ) -> "UpdatedSampler":  # fmt: skip
+        """The sampler that `Sampler.gathering` made with these bounces and seed, from the entries of its chain."""
+        known = None
+        for fewer, entries in zip(range(len(before) - 1, -1, -1), before, strict=True):
+            sampling = Sampling(PASS_SAMPLES, bounces - fewer)
+            known = cls(tracer, seen, entries, sampling, seed + fewer, tally, known, mapped=not fewer)
+        return known
+
+    @property
+    def prepared(self) -> bool:
+        """Whether the light in which paths end has been traced, or none is needed."""
+        return self._known is None or self._known_samples is not None
+
+    @property
+    def chain(self) -> "tuple[UpdatedSampler, ...]":
+        """The samplers of the light in which paths end, in the order in which they are traced, and then this one."""
+        return (*(self._known.chain if self._known else ()), self)
+
+    def prepare(self, advance: Callable[..., None]) -> None:
+        """Update the light in which paths end, once; `advance` is that of `Sampler.prepare`."""
+        if not self.prepared:
+            self._known.prepare(advance)
+            self._known_samples = self._known.surface(self._known.known_layers, advance)
+
+    @property
+    def known_layers(self) -> list[int]:
+        """Layers of each of its chunks on surfaces, as a sampler of known light."""
+        chunks = [name for name in self._before if name.startswith("surface-")]
+        return [len(self._before[f"surface-{number}"]) - 1 or 1 for number in range(len(chunks))]
+
+    @property
+    def known_light(self) -> KnownLight | None:
+        """The light in which paths end, once `prepare` has updated it; None if they are whole."""
+        if self._known_samples is None:
+            return None
+        if self._known_light is None:
+            samples = self._known_samples
+            arrays = samples.position, samples.normal, samples.indirect_a, samples.indirect_b
+            key = self._tracer.key("known", __name__, before=self._before["known"], samples=arrays)
+            cells = kept_cells(self._tracer.cache, self._before["known"])
+            self._known_light, _ = self._tracer.once(
+                key, KnownLight, lambda: IrradianceCache.halves(*arrays, self._tracer.tracer.blocked, cells)
+            )
+            self.entries["known"] = [key]
+        return self._known_light
+
+    def surface(self, layers: list[int], advance: Callable[..., None]) -> SurfaceSamples:
+        """The samples on surfaces; the arguments are those of `Sampler.surface`."""
+        return self._chunks("surface", layers, advance)
+
+    def free(self, layers: list[int], advance: Callable[..., None]) -> SurfaceSamples:
+        """The samples in free space."""
+        return self._chunks("free", layers, advance)
+
+    def _chunks(self, stage: str, layers: list[int], advance) -> SurfaceSamples:
+        names = [f"{stage}-{number}" for number in range(len(layers))]
+        keys = [self._key(name) for name in names]
+        found = [self._tracer.cache.get(key) for key in keys]
+        if all(found):
+            chunks = [from_arrays(KeptChunk, arrays) for arrays in found]
+        else:
+            chunks = self._updated(stage, [KeptChunk.found(self._tracer.cache, self._before[name]) for name in names])
+            for key, chunk in zip(keys, chunks, strict=True):
+                self._tracer.cache.put(key, to_arrays(chunk))
+        advance(PATHS_STEP * sum(len(chunk.paths) * n for chunk, n in zip(chunks, layers, strict=True)))
+        self.entries |= {name: [key] for name, key in zip(names, keys, strict=True)}
+        for chunk in chunks:
+            self._tally.add("samples" if self._mapped else "known light", chunk.fate)
+        return joined(
+            [combined(c.points, self._normals(c.points), c.indirect_a, c.indirect_b, c.invalid) for c in chunks]
+        )
+
+    def _key(self, name: str) -> str:
+        known = self.known_light
+        seed = self._chunk_seed(name)
+        return self._tracer.key(REVISED, __name__, before=self._before[name], seed=seed, known=known)
+
+    def _chunk_seed(self, name: str) -> tuple[int, int, int]:
+        stage, _, number = name.partition("-")
+        return self._seed, int(number), int(stage == "free")
+
+    def _normals(self, points: Points) -> np.ndarray:
+        """The normals (P, 3) that B belongs to."""
+        return points.shading_normal if self._mapped else points.normal
+
+    def _updated(self, stage: str, before: list[KeptChunk]) -> list[KeptChunk]:
+        """The chunks of a stage in the scene as it is now."""
+        seeds = [self._chunk_seed(f"{stage}-{number}") for number in range(len(before))]
+        found = [self._found(stage, chunk) for chunk in before]
+        firsts, shares = [], []
+        for chunk, (points, fate), seed in zip(before, found, seeds, strict=True):
+            thin = (np.arange(len(fate)) % SHARE == 0) & (fate == SAME)
+            first = self._layer(points, thin, 0, seed)
+            firsts.append(first)
+            shares.append(self._thin_share(chunk, points, thin, first))
+        share = ThinShare.joined(shares)
+        each = zip(before, found, firsts, seeds, strict=True)
+        return [self._chunk(chunk, points, fate, first, share, seed) for chunk, (points, fate), first, seed in each]
+
+    def _found(self, stage: str, chunk: KeptChunk) -> tuple[Points, np.ndarray]:
+        """The points that a chunk has now, and their fates so far: SAME, NEW or GONE."""
+        points = chunk.points
+        *there, diffuse = self._seen.behind(points.camera, points.place)
+        now = Points(*there, points.camera, points.place)
+        if stage == "surface":
+            same = np.all([getattr(now, name) == getattr(points, name) for name in WHERE], axis=(0, 2))
+            return now, np.where(diffuse, np.where(same, SAME, NEW), GONE).astype(np.uint8)
+        eye = self._seen.eyes(points.camera)
+        covered = np.linalg.norm(now.position - eye, axis=1) < np.linalg.norm(points.position - eye, axis=1)
+        return points, np.where(diffuse & covered, GONE, SAME).astype(np.uint8)
+
+    def _thin_share(self, chunk: KeptChunk, points: Points, thin: np.ndarray, first) -> ThinShare:
+        halves = (np.nan_to_num(half) for half in (chunk.indirect_a, chunk.indirect_b))
+        level = local_light(points.position, points.normal, *halves).level
+        changes = (getattr(first, f"indirect_{h}")[thin] - getattr(chunk, f"first_{h}")[thin] for h in "ab")
+        return ThinShare(points.position[thin], points.normal[thin], *changes, level[thin])
+
+    def _layer(self, points: Points, which: np.ndarray, done: int, seed: tuple[int, ...]):
+        """A layer of paths, after `done` of each half, from the points `which` (P,) bool."""
+        count = len(which)
+        numbers = np.stack([np.arange(count, dtype=np.uint32), np.full(count, done, np.uint32)], axis=1)
+        where = points.position, self._normals(points), points.geometric_normal
+        sampling, tracer = Sampling(PASS_SAMPLES, self._sampling.bounces), self._tracer.tracer
+        return traced(tracer, where, which, numbers, sampling, self.known_light, seed, lambda *_: None)
+
+    def _chunk(
+        self, before: KeptChunk, points: Points, fate: np.ndarray, first, share: ThinShare, seed: tuple[int, ...]
+    ) -> KeptChunk:
+        """A chunk of which the thin share has been traced, with all that is to be traced again."""
+        kept = np.flatnonzero(fate == SAME)
+        verdict = share.judge(points.position[kept], points.normal[kept])
+        fate[kept] = np.where(verdict.again, AGAIN, np.where(verdict.same, SAME, SHIFTED))
+        halves = [before.indirect_a.copy(), before.indirect_b.copy()]
+        for half, shift in zip(halves, (verdict.shift_a, verdict.shift_b), strict=True):
+            half[kept] = np.maximum(half[kept] + shift, 0)
+            half[fate == GONE] = np.nan
+        firsts = [before.first_a.copy(), before.first_b.copy()]
+        for old, new in zip(firsts, (first.indirect_a, first.indirect_b), strict=True):
+            thin = np.arange(len(fate)) % SHARE == 0
+            old[thin] = new[thin]
+        invalid = self._trace_again(points, fate, before.paths, halves, firsts, seed)
+        return KeptChunk(*vars(points).values(), *halves, *firsts, before.paths, fate, before.invalid + invalid)
+
+    def _trace_again(self, points, fate, paths, halves, firsts, seed) -> int:
+        """Trace all layers of the points that are to be, into `halves` and `firsts`; number of paths without light."""
+        which = (fate == AGAIN) | (fate == NEW)
+        sums, counts, invalid = [np.zeros(half.shape) for half in halves], [np.zeros(len(fate)) for _ in halves], 0
+        for done in range(0, int(paths[which].max(initial=0)), PASS_SAMPLES):
+            layer = self._layer(points, which & (paths > done), done, seed)
+            invalid += layer.invalid
+            for i, half in enumerate("ab"):
+                finite = getattr(layer, f"finite_{half}").astype(np.float64)
+                sums[i] += getattr(layer, f"indirect_{half}") * finite[:, None]
+                counts[i] += finite
+                if not done:
+                    firsts[i][which] = getattr(layer, f"indirect_{half}")[which]
+        for half, total, count in zip(halves, sums, counts, strict=True):
+            with np.errstate(invalid="ignore"):
+                half[which] = (total[which] / count[which, None]).astype(np.float32)
+        return invalid

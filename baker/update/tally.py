@@ -1,0 +1,39 @@
+"""How much of an earlier bake an update has kept."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+# What becomes of a point: no path around it has met a change; light around has changed by less than is traced again,
+# and what is known of it is shifted by that; it is traced again; it is new; its surface is gone from there.
+SAME, SHIFTED, AGAIN, NEW, GONE = FATES = range(5)
+
+
+@dataclass
+class Tally:
+    """Numbers of points by their fate: those of known light, of samples, and of references."""
+
+    points: dict[str, np.ndarray] = field(default_factory=dict)
+
+    def add(self, kind: str, fate: np.ndarray) -> None:
+        """Count points of a `kind` by their fates (P,)."""
+        found = np.bincount(fate, minlength=len(FATES))
+        self.points[kind] = self.points.get(kind, 0) + found
+
+    def lines(self) -> list[str]:
+        """One line for each kind of points."""
+        return [_line(kind, found) for kind, found in self.points.items()]
+
+    def as_dict(self) -> dict[str, dict[str, int]]:
+        """The numbers by kind and fate."""
+        names = "same", "shifted", "again", "new", "gone"
+        return {kind: dict(zip(names, map(int, found), strict=True)) for kind, found in self.points.items()}
+
+
+def _line(kind: str, found: np.ndarray) -> str:
+    total = max(found[:GONE].sum(), 1)
+    kept = found[SAME] + found[SHIFTED]
+    return (
+        f"{kind}: kept {kept / total:.1%} of {total} ({found[SAME] / total:.1%} met no change, the light of the others "
+        f"is shifted), traced {found[AGAIN] / total:.1%} again and {found[NEW] / total:.1%} anew"
+    )

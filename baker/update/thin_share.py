@@ -1,0 +1,81 @@
+"""Where light has changed, told from a thin share of the points of earlier samples that are traced again.
+
+Random numbers are counted: a path that meets nothing changed brings the same bits as before, and one that does brings
+light that differs by what was changed. So the change of light has no noise but that of the paths that meet a change.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from gsgi.baker.trace.point_order import by_side
+
+SHARE = 16  # one point in so many is traced again
+
+# Points of the thin share, the nearest on the same side, that tell of a point. A change that a share f of the paths
+# around it meets is unseen by all of them with a chance of (1 - f)^(ASKED * paths of each).
+ASKED = 8
+SMOOTHED = 16  # over whose changes the change of a point is averaged that is not traced again
+
+# Share of the light around, as much as samples may have of noise: where more has changed, points are traced again.
+CHANGED = 0.05
+
+
+class Verdict(NamedTuple):
+    """What the thin share tells of N points.
+
+    `again` (N,) bool: they are to be traced again. `same` (N,) bool: no path around has met a change. shift_a and
+    shift_b (N, 3) float32 is the change of both halves of B there.
+    """
+
+    again: np.ndarray
+    same: np.ndarray
+    shift_a: np.ndarray
+    shift_b: np.ndarray
+
+
+@dataclass(frozen=True)
+class ThinShare:
+    """T points, position (T, 3) m and normal (T, 3) unit, that were traced again along the same paths.
+
+    change_a and change_b (T, 3) are the changes of both halves of B, and `level` (T,) the light around, all radiance.
+    """
+
+    position: np.ndarray
+    normal: np.ndarray
+    change_a: np.ndarray
+    change_b: np.ndarray
+    level: np.ndarray
+
+    @staticmethod
+    def joined(parts: list["ThinShare"]) -> "ThinShare":
+        """All points of one or more thin shares."""
+        return ThinShare(*(np.concatenate(columns) for columns in zip(*(vars(p).values() for p in parts), strict=True)))
+
+    def judge(self, position: np.ndarray, normal: np.ndarray) -> Verdict:
+        """What is known of points (N, 3), m, with unit normals (N, 3).
+
+        Those on a side on which no point was traced again are to be traced.
+        """
+        from scipy.spatial import cKDTree
+
+        count = len(position)
+        again, same = np.ones(count, bool), np.zeros(count, bool)
+        shifts = np.zeros((2, count, 3), np.float32)
+        changes = np.stack([self.change_a, self.change_b]).astype(np.float64)
+        untouched = ~changes.any(axis=(0, 2))
+        there = dict(by_side(self.normal))
+        for side, here in by_side(normal):
+            if side not in there:
+                continue
+            known = there[side]
+            number = min(SMOOTHED, len(known))
+            _, near = cKDTree(self.position[known]).query(position[here], k=number, workers=-1)
+            near = known[near.reshape(len(here), number)]
+            asked = near[:, :ASKED]
+            same[here] = untouched[asked].all(axis=1)
+            relative = (changes[:, asked] / self.level[asked][None, :, :, None]).mean(axis=2)
+            again[here] = np.prod(relative, axis=0).mean(axis=1) > CHANGED**2
+            shifts[:, here] = np.where(same[here, None], 0, changes[:, near].mean(axis=2))
+        return Verdict(again, same, *shifts)

@@ -1,0 +1,61 @@
+"""Where a thin share of points tells that light has changed."""
+
+import numpy as np
+
+from gsgi.baker.update.thin_share import ASKED, CHANGED, ThinShare
+
+COUNT = 4096
+UP, DOWN = np.float32([0, 1, 0]), np.float32([0, -1, 0])
+
+
+def points(seed: int, normal=UP) -> tuple[np.ndarray, np.ndarray]:
+    """Points all over a square of edge 2, and their normals."""
+    position = np.random.default_rng(seed).uniform(-1, 1, (COUNT, 3)).astype(np.float32)
+    position[:, 1] = 0
+    return position, np.tile(normal, (COUNT, 1))
+
+
+def share(change) -> ThinShare:
+    """Light of level 2 that has changed by `change(x)`, relative to that, in both halves."""
+    position, normal = points(0)
+    light = np.repeat(2 * change(position[:, :1]), 3, axis=1).astype(np.float32)
+    return ThinShare(position, normal, light, light, np.full(COUNT, 2, np.float32))
+
+
+def test_where_nothing_has_changed_nothing_is_done():
+    verdict = share(lambda x: 0 * x).judge(*points(1))
+    assert verdict.same.all()
+    assert not np.concatenate([verdict.again[:, None], verdict.shift_a, verdict.shift_b], axis=1).any()
+
+
+def test_points_are_traced_again_where_light_has_changed():
+    where = points(1)
+    verdict = share(lambda x: np.where(x > 0, 2 * CHANGED, 0)).judge(*where)
+    x = where[0][:, 0]
+    np.testing.assert_array_equal(verdict.again[abs(x) > 0.2], x[abs(x) > 0.2] > 0)
+    np.testing.assert_array_equal(verdict.same[abs(x) > 0.2], x[abs(x) > 0.2] < 0)
+
+
+def test_small_changes_are_passed_on():
+    verdict = share(lambda x: CHANGED / 2 * x).judge(*(where := points(1)))
+    assert not verdict.again.any()
+    expected = np.repeat(CHANGED * where[0][:, :1], 3, axis=1)
+    np.testing.assert_allclose(verdict.shift_a, expected, atol=0.1 * CHANGED)
+
+
+def test_noise_alone_is_no_change():
+    rng = np.random.default_rng(2)
+    position, normal = points(0)
+    a, b = (rng.normal(0, CHANGED, (COUNT, 3)).astype(np.float32) for _ in range(2))
+    verdict = ThinShare(position, normal, a, b, np.ones(COUNT, np.float32)).judge(*points(1))
+    assert verdict.again.mean() < 0.01
+
+
+def test_what_no_point_tells_of_is_traced():
+    assert share(lambda x: 0 * x).judge(*points(1, DOWN)).again.all()
+
+
+def test_fewer_points_than_are_asked_suffice():
+    whole = share(lambda x: 0 * x + 2 * CHANGED)
+    few = ThinShare(*(column[: ASKED // 2] for column in vars(whole).values()))
+    assert few.judge(*points(1)).again.all()
