@@ -29,6 +29,7 @@ from benches.splats import splats
 from benches.stages import stages
 from benches.trace import trace
 from benches.triangles import triangles
+from benches.update import update
 from benches.web import web
 from repository import ROOT
 
@@ -45,6 +46,7 @@ BENCHES = {
         speed,
         error_time,
         cluster,
+        update,
         trace,
         scenes,
         *PASSES,

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,6 +17,9 @@ from gsgi.runtime.scene import Scene
 from . import reference
 from .irradiance_cache import IrradianceCache, KnownLight
 from .tracer import Light, Sampling, Tracer
+
+if TYPE_CHECKING:
+    from .learned_lights import LearnedLights
 
 PACKAGES = ("mitsuba", "drjit", "numpy")
 
@@ -132,4 +136,22 @@ class CachedTracer:
     @cached_property
     def tracer(self) -> Tracer:
         """The tracer, made when it is first needed."""
-        return self._whole.tracer.lit_by(self.scene) if self._whole else Tracer(self.scene)
+        tracer = self._whole.tracer.lit_by(self.scene) if self._whole else Tracer(self.scene)
+        tracer.learned = self.learned(tracer)
+        return tracer
+
+    @property
+    def lights_key(self) -> str:
+        """The key of what is learned about the scene's lights, which the cache has if there is something to choose."""
+        return self.key("lights", "gsgi.baker.trace.learned_lights")
+
+    def learned(self, tracer: Tracer) -> "LearnedLights | None":
+        """What a tracer of the scene learns about its lights; None if there is nothing to choose."""
+        from .learned_lights import LearnedLights, learn
+
+        if found := self.cache.get(self.lights_key):
+            return from_arrays(LearnedLights, found)
+        learned = learn(tracer)
+        if learned:
+            self.cache.put(self.lights_key, to_arrays(learned))
+        return learned

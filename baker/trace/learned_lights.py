@@ -48,10 +48,29 @@ class FoundCell:
         return node - (2**self._depth - 1)
 
 
-def learn(tracer) -> FoundCell | None:
-    """The cells in which a tracer's choices of lights have now learned; None if there is nothing to choose."""
-    kinds = (tracer.emitters, _leave_emitter, _from_emitter), (tracer.lights, _leave_light, _from_light)
-    sources = [_Source(of.choice, *kernels) for of, *kernels in kinds if of.count and of.choice.count > 1]
+@dataclass(frozen=True)
+class LearnedLights:
+    """How likely the clusters of lights are to be chosen in each of C cells.
+
+    axis and split are those of `LightCells`. likely (C, K) is for the clusters of all kinds of lights among which there
+    is something to choose, emissive triangles first, and weight (K,) what they weigh: lights that weigh the same are
+    taken for the same.
+    """
+
+    axis: np.ndarray
+    split: np.ndarray
+    likely: np.ndarray
+    weight: np.ndarray
+
+    def suits(self, tracer) -> bool:
+        """Whether these are the lights of a tracer."""
+        sources = _sources(tracer)
+        return bool(sources) and np.array_equal(self.weight, _weights(sources))
+
+
+def learn(tracer) -> LearnedLights | None:
+    """What a tracer learns about its lights; None if there is nothing to choose."""
+    sources = _sources(tracer)
     if not sources:
         return None
     each = RAYS // sum(source.choice.count for source in sources)
@@ -61,10 +80,30 @@ def learn(tracer) -> FoundCell | None:
         return None
     cells = LightCells.of(position, normal)
     cell = cells.find(position, normal)
-    for source in sources:
-        brought = source.brought(tracer, position, normal)
-        source.choice.learn(likely(brought, cell, 2**cells.depth, source.choice.share))
-    return FoundCell(cells)
+    found = [
+        likely(source.brought(tracer, position, normal), cell, 2**cells.depth, source.choice.share)
+        for source in sources
+    ]
+    return LearnedLights(cells.axis, cells.split, np.concatenate(found, axis=1), _weights(sources))
+
+
+def use(tracer, learned: LearnedLights) -> FoundCell:
+    """Let a tracer choose lights as it was learned, and return the cells in which it was."""
+    first = 0
+    for source in _sources(tracer):
+        source.choice.learn(learned.likely[:, first : first + source.choice.count])
+        first += source.choice.count
+    return FoundCell(LightCells(learned.axis, learned.split))
+
+
+def _sources(tracer) -> "list[_Source]":
+    """The kinds of a tracer's lights among which there is something to choose."""
+    kinds = (tracer.emitters, _leave_emitter, _from_emitter), (tracer.lights, _leave_light, _from_light)
+    return [_Source(of.choice, *kernels) for of, *kernels in kinds if of.count and of.choice.count > 1]
+
+
+def _weights(sources: "list[_Source]") -> np.ndarray:
+    return np.concatenate([source.choice.share for source in sources])
 
 
 def likely(brought: np.ndarray, cell: np.ndarray, count: int, share: np.ndarray) -> np.ndarray:

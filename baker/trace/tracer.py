@@ -23,7 +23,7 @@ from .punctual_lights import PunctualLights
 from .surface_tables import tabulate
 
 if TYPE_CHECKING:
-    from .learned_lights import FoundCell
+    from .learned_lights import FoundCell, LearnedLights
 
 # Paths per point and points of one launch. The number of points is fixed, as Dr.Jit recompiles for any other number.
 PASS_SAMPLES = 32
@@ -101,6 +101,8 @@ class Light:
 class Tracer:
     """Traces the light of one scene. Results depend only on the arguments, not on threads or earlier calls."""
 
+    learned: "LearnedLights | None" = None  # about the lights, if it is known before paths are traced
+
     def __init__(self, scene: Scene):
         from .emitters import Emitters
         from .environment_light import EnvironmentLight
@@ -129,7 +131,8 @@ class Tracer:
         from .overlaps import apart
 
         other = copy(self)
-        vars(other).pop("cells", None)
+        for name in ("cells", "learned"):
+            vars(other).pop(name, None)
         other.lights = PunctualLights(scene.lights, *scene.bounds())
         other.environment = None if scene.environment is None else EnvironmentLight(scene.environment)
         if self.emitters.count:  # their tables are made again: kept, they would hold all triangles twice
@@ -139,9 +142,10 @@ class Tracer:
     @cached_property
     def cells(self) -> "FoundCell | None":
         """Where which lights are likely to matter; None if there is nothing to choose."""
-        from .learned_lights import learn
+        from .learned_lights import learn, use
 
-        return learn(self)
+        learned = self.learned or learn(self)
+        return learned and use(self, learned)
 
     def surface(self, camera: Camera, width: int, height: int) -> Surface:
         """The surfaces seen through the pixel centres of an image of this size (px)."""

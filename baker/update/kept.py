@@ -11,6 +11,8 @@ from gsgi.baker.trace.irradiance_cache import IrradianceCache, KnownLight
 from gsgi.baker.trace.tracer import PASS_SAMPLES
 from gsgi.runtime.errors import GsgiError
 
+HEAD = 4  # layers whose paths are the first of a point
+
 REVISED = "revised"  # stage of the tasks whose results are chunks as an update has left them
 
 
@@ -23,8 +25,9 @@ class KeptChunk:
     """The P points of a chunk, and B there.
 
     indirect_a and indirect_b (P, 3) float32 are both halves of B, NaN where it has none. first_a and first_b (P, 3)
-    float32 are those of the first layer of paths alone, which must hold at the points of the thin share only. paths
-    (P,) uint32 is the number of paths of each half. fate (P,) uint8 is what the update has done with each, a number of
+    float32 are those of the first layer of paths alone, which must hold at the points of the thin share only. head_a
+    and head_b (P, 3) float32 are those of the first HEAD layers, of which each half has head_paths (P,) uint32 paths,
+    and paths (P,) uint32 in all. fate (P,) uint8 is what the update has done with each, a number of
     `tally.FATES`; 0 in a chunk that no update has touched. invalid is the number of paths that gave no finite number.
     """
 
@@ -38,6 +41,9 @@ class KeptChunk:
     indirect_b: np.ndarray
     first_a: np.ndarray
     first_b: np.ndarray
+    head_a: np.ndarray
+    head_b: np.ndarray
+    head_paths: np.ndarray
     paths: np.ndarray
     fate: np.ndarray
     invalid: int
@@ -54,13 +60,12 @@ class KeptChunk:
             return from_arrays(KeptChunk, _arrays(cache, keys[0]))
         points = from_arrays(Points, _arrays(cache, keys[0]))
         layers = [from_arrays(Layer, _arrays(cache, key)) for key in keys[1:]]
-        traced = [(layer.finite_a > 0) | (layer.finite_b > 0) for layer in layers]
-        paths = PASS_SAMPLES * np.sum(traced, axis=0, dtype=np.uint32)
-        halves = (mean(layers, half) for half in "ab")
+        traced = np.array([(layer.finite_a > 0) | (layer.finite_b > 0) for layer in layers])
+        paths, head_paths = (PASS_SAMPLES * some.sum(axis=0, dtype=np.uint32) for some in (traced, traced[:HEAD]))
         first = layers[0].indirect_a, layers[0].indirect_b
-        return KeptChunk(
-            *vars(points).values(), *halves, *first, paths, np.zeros(len(paths), np.uint8), invalid(layers)
-        )
+        halves, head = ([mean(some, half) for half in "ab"] for some in (layers, layers[:HEAD]))
+        fate = np.zeros(len(paths), np.uint8)
+        return KeptChunk(*vars(points).values(), *halves, *first, *head, head_paths, paths, fate, invalid(layers))
 
 
 def kept_cells(cache: Cache, keys: list[str]) -> IrradianceCache:

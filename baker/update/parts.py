@@ -20,11 +20,6 @@ class Part:
     digest: str
     area: float = 0.0
 
-    @property
-    def shines(self) -> bool:
-        """Whether it is a light by itself."""
-        return self.kind in ("light", "environment")
-
 
 def parts(scene: Scene) -> list[Part]:
     """All parts of a scene that light depends on. Objects, materials and lights of the same name may occur often."""
@@ -94,12 +89,3 @@ def _listed(kind: str, names: list[str]) -> str:
 def as_arrays(parts: list[Part]) -> list[list]:
     """Parts as lists that JSON holds."""
     return [[part.kind, part.name, part.digest, part.area] for part in parts]
-
-
-def same_lights(before: list[Part], after: list[Part]) -> bool:
-    """Whether nothing has changed that is a light by itself."""
-    return _lights(before) == _lights(after)
-
-
-def _lights(parts: list[Part]) -> list[str]:
-    return sorted(part.digest for part in parts if part.shines)

@@ -38,7 +38,7 @@ def updated_plan(
     for line in changes(record.parts, now) or ["changed: nothing that light depends on"]:
         progress.say(line)
     tally = Tally()
-    tracer = UpdatedTracer(scene, cache, record.references, tally)
+    tracer = UpdatedTracer(scene, cache, record.references, record.lights, tally)
     with progress.stage("views"):
         triangles = Triangles(scene)
     made = record.placement, record.pilot, record.lost, record.dark, settings, start

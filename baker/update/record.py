@@ -30,7 +30,8 @@ class BakeRecord:
 
     `code` is the version of the code that traced it; `parts` are those of its scene; `asked` are the settings that were
     asked for, and `settings` those that were followed. `samplers` has the keys of what the cache has of each sampler:
-    those of the known light, in order, and the last. `references` has those of the references, by seed.
+    those of the known light, in order, and the last. `references` has those of the references, by seed, and
+    `lights` is that of what was learned about lights.
     """
 
     code: str
@@ -43,14 +44,15 @@ class BakeRecord:
     dark: frozenset[str]
     samplers: list[dict[str, list[str]]] = field(default_factory=list)
     references: dict[int, str] = field(default_factory=dict)
+    lights: str = ""
 
     @staticmethod
     def of(plan: "Plan", budget: int) -> "BakeRecord":
         """The record of a plan that has been baked with this budget."""
         settings = replace(plan.settings, budget=budget)
-        made = code(), parts(plan.scene), plan.asked, settings, plan.placement, plan.pilot, plan.lost, plan.dark
+        made = code(), parts(plan.scene), plan.asked or settings, settings, plan.placement, plan.pilot, plan.lost, plan.dark
         samplers = [] if settings.operator != "surface" else [each.entries for each in plan.sampler.chain]
-        return BakeRecord(*made, samplers, plan.tracer.references)
+        return BakeRecord(*made, samplers, plan.tracer.references, plan.tracer.lights_key)
 
     def keep(self, cache: Cache, file: bytes) -> None:
         """Keep the record in a cache, for a file with these bytes."""
@@ -66,6 +68,7 @@ class BakeRecord:
             "dark": sorted(self.dark),
             "samplers": self.samplers,
             "references": list(self.references.items()),
+            "lights": self.lights,
         }
         arrays = {f"placement.{name}": value for name, value in placement_arrays(self.placement).items()}
         arrays |= {f"pilot.{name}": getattr(pilot, name) for name in PILOT}
@@ -96,6 +99,7 @@ class BakeRecord:
             frozenset(rest["dark"]),
             rest["samplers"],
             dict(rest["references"]),
+            rest["lights"],
         )
 
     @property

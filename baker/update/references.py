@@ -1,5 +1,7 @@
 """A tracer whose references are those of an earlier bake where they still hold."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from gsgi.baker.cache.records import from_arrays
@@ -9,12 +11,15 @@ from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.baker.trace.irradiance_cache import KnownLight
 from gsgi.baker.trace.local_light import local_light
 from gsgi.baker.trace.reference import Reference
-from gsgi.baker.trace.tracer import Sampling, Surface
+from gsgi.baker.trace.tracer import Sampling, Surface, Tracer
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.scene import Scene
 
 from .tally import AGAIN, GONE, NEW, SAME, SHIFTED, Tally
-from .thin_share import SHARE, ThinShare
+from .thin_share import CHANGED, SHARE, ThinShare
+
+if TYPE_CHECKING:
+    from gsgi.baker.trace.learned_lights import LearnedLights
 
 WHERE = "position", "shading_normal", "geometric_normal"
 EDGE = round(SHARE**0.5)  # px: one pixel of a square of so many is traced again
@@ -23,10 +28,23 @@ EDGE = round(SHARE**0.5)  # px: one pixel of a square of so many is traced again
 class UpdatedTracer(CachedTracer):
     """Traces a scene after an edit. What a reference shows besides B is exact; B is kept as that of samples is."""
 
-    def __init__(self, scene: Scene, cache: Cache, before: dict[int, str], tally: Tally):
-        """`before` has the keys of earlier references in the cache, by seed."""
+    def __init__(self, scene: Scene, cache: Cache, before: dict[int, str], lights: str, tally: Tally):
+        """`before` has the keys of earlier references in the cache, by seed; `lights` is that of what was learned."""
         super().__init__(scene, cache)
-        self._before, self._tally = before, tally
+        self._before, self._lights, self._tally = before, lights, tally
+
+    @property
+    def lights_key(self) -> str:
+        """The key of what the earlier bake has learned about lights, if the cache has it."""
+        return self._lights if self.cache.holds(self._lights) else super().lights_key
+
+    def learned(self, tracer: Tracer) -> "LearnedLights | None":
+        """The same as before, if the lights are: other choices of lights would change all paths."""
+        learned = super().learned(tracer)
+        if learned is None or learned.suits(tracer):
+            return learned
+        self._lights = super().lights_key
+        return super().learned(tracer)
 
     def reference(
         self, camera: Camera, size: int, samples: int, seed: int, advance,
@@ -65,7 +83,7 @@ class UpdatedTracer(CachedTracer):
         changes = (new - half[thin] for new, half in zip(found, halves, strict=True))
         share = ThinShare(now.position[thin], now.shading_normal[thin], *changes, level)
         verdict = share.judge(*where)
-        fate[kept] = np.where(verdict.again, AGAIN, np.where(verdict.same, SAME, SHIFTED))
+        fate[kept] = np.where(verdict.change > CHANGED, AGAIN, np.where(verdict.same, SAME, SHIFTED))
         again = (fate == AGAIN) | (fate == NEW)
         *found, both = trace(again)
         for half, shift, light in zip(halves, (verdict.shift_a, verdict.shift_b), found, strict=True):

@@ -1,12 +1,13 @@
 """The samples of a scene after an edit: those of an earlier bake where they still hold, and others in their place."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from gsgi.baker.cache.records import from_arrays, to_arrays
 from gsgi.baker.surface.budget import PATHS_STEP
-from gsgi.baker.surface.layers import Points, traced
+from gsgi.baker.surface.layers import Layer, Points, mean, traced
 from gsgi.baker.surface.samples import SurfaceSamples, combined, joined
 from gsgi.baker.surface.seen_surface import SeenSurface
 from gsgi.baker.trace.cached_tracer import CachedTracer
@@ -15,8 +16,8 @@ from gsgi.baker.trace.local_light import local_light
 from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling
 
 from .kept import REVISED, KeptChunk, kept_cells
-from .tally import AGAIN, GONE, NEW, SAME, SHIFTED, Tally
-from .thin_share import SHARE, ThinShare
+from .tally import AGAIN, GONE, NEW, PART, SAME, SHIFTED, Tally
+from .thin_share import CHANGED, LARGE, SHARE, ThinShare
 
 WHERE = "position", "normal", "shading_normal", "geometric_normal"
 
@@ -178,32 +179,49 @@ class UpdatedSampler:
         """A chunk of which the thin share has been traced, with all that is to be traced again."""
         kept = np.flatnonzero(fate == SAME)
         verdict = share.judge(points.position[kept], points.normal[kept])
-        fate[kept] = np.where(verdict.again, AGAIN, np.where(verdict.same, SAME, SHIFTED))
-        halves = [before.indirect_a.copy(), before.indirect_b.copy()]
-        for half, shift in zip(halves, (verdict.shift_a, verdict.shift_b), strict=True):
-            half[kept] = np.maximum(half[kept] + shift, 0)
-            half[fate == GONE] = np.nan
-        firsts = [before.first_a.copy(), before.first_b.copy()]
-        for old, new in zip(firsts, (first.indirect_a, first.indirect_b), strict=True):
-            thin = np.arange(len(fate)) % SHARE == 0
-            old[thin] = new[thin]
-        invalid = self._trace_again(points, fate, before.paths, halves, firsts, seed)
-        return KeptChunk(*vars(points).values(), *halves, *firsts, before.paths, fate, before.invalid + invalid)
+        some = (verdict.change <= LARGE) & (before.head_paths < before.paths)[kept]
+        again = np.where(some, PART, AGAIN)
+        fate[kept] = np.where(verdict.change > CHANGED, again, np.where(verdict.same, SAME, SHIFTED))
+        whole, part = (fate == AGAIN) | (fate == NEW), fate == PART
+        shifted = kept[fate[kept] == SHIFTED]
+        traced, first_again, invalid = self._traced(points, whole, part, before, seed)
+        thin = np.arange(len(fate)) % SHARE == 0
+        columns = {}
+        for half, shift in zip("ab", (verdict.shift_a, verdict.shift_b), strict=True):
+            light, head, start = (getattr(before, f"{name}_{half}").copy() for name in ("indirect", "head", "first"))
+            all_paths, head_again = traced[half]
+            for known in (light, head):
+                known[shifted] = np.maximum(known[shifted] + shift[fate[kept] == SHIFTED], 0)
+            light[part] = np.maximum(light[part] + head_again[part] - head[part], 0)
+            light[whole] = all_paths[whole]
+            light[fate == GONE] = np.nan
+            head[whole | part] = head_again[whole | part]
+            start[thin] = getattr(first, f"indirect_{half}")[thin]
+            start[whole] = first_again[half][whole]
+            columns |= {f"indirect_{half}": light, f"head_{half}": head, f"first_{half}": start}
+        columns |= vars(points) | {"fate": fate, "invalid": before.invalid + invalid}
+        return replace(before, **columns)
 
-    def _trace_again(self, points, fate, paths, halves, firsts, seed) -> int:
-        """Trace all layers of the points that are to be, into `halves` and `firsts`; number of paths without light."""
-        which = (fate == AGAIN) | (fate == NEW)
-        sums, counts, invalid = [np.zeros(half.shape) for half in halves], [np.zeros(len(fate)) for _ in halves], 0
-        for done in range(0, int(paths[which].max(initial=0)), PASS_SAMPLES):
-            layer = self._layer(points, which & (paths > done), done, seed)
-            invalid += layer.invalid
-            for i, half in enumerate("ab"):
-                finite = getattr(layer, f"finite_{half}").astype(np.float64)
-                sums[i] += getattr(layer, f"indirect_{half}") * finite[:, None]
-                counts[i] += finite
-                if not done:
-                    firsts[i][which] = getattr(layer, f"indirect_{half}")[which]
-        for half, total, count in zip(halves, sums, counts, strict=True):
-            with np.errstate(invalid="ignore"):
-                half[which] = (total[which] / count[which, None]).astype(np.float32)
-        return invalid
+    def _traced(self, points: Points, whole: np.ndarray, part: np.ndarray, before: KeptChunk, seed):
+        """B of both halves at points of which the `whole` or a `part` is traced again, masks (P,).
+
+        Of each half "a" and "b" the mean over all paths and over the first of them; of each half that over the first
+        layer; and the number of paths without a finite number.
+        """
+        layers, invalid = [], 0
+        for done in range(0, int(before.paths[whole | part].max(initial=0)), PASS_SAMPLES):
+            which = (whole & (before.paths > done)) | (part & (before.head_paths > done))
+            if which.any():
+                layers.append((done, self._layer(points, which, done, seed)))
+                invalid += layers[-1][1].invalid
+        head = [_without(layer, before.head_paths <= done) for done, layer in layers]
+        everything = [layer for _, layer in layers]
+        none = np.full((len(whole), 3), np.nan, np.float32)
+        both = {half: [mean(some, half) if some else none for some in (everything, head)] for half in "ab"}
+        return both, {half: getattr(everything[0], f"indirect_{half}") if layers else none for half in "ab"}, invalid
+
+
+def _without(layer: Layer, which: np.ndarray) -> Layer:
+    """A layer as if no paths had been traced from the points `which` (P,) bool."""
+    counts = (np.where(which, 0, getattr(layer, f"finite_{half}")) for half in "ab")
+    return replace(layer, **dict(zip(("finite_a", "finite_b"), counts, strict=True)))

@@ -5,8 +5,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 # What becomes of a point: no path around it has met a change; light around has changed by less than is traced again,
-# and what is known of it is shifted by that; it is traced again; it is new; its surface is gone from there.
-SAME, SHIFTED, AGAIN, NEW, GONE = FATES = range(5)
+# and what is known of it is shifted by that; its first paths are traced again, or all of them; it is new; its surface
+# is gone from there.
+SAME, SHIFTED, PART, AGAIN, NEW, GONE = FATES = range(6)
 
 
 @dataclass
@@ -26,14 +27,14 @@ class Tally:
 
     def as_dict(self) -> dict[str, dict[str, int]]:
         """The numbers by kind and fate."""
-        names = "same", "shifted", "again", "new", "gone"
+        names = "same", "shifted", "part", "again", "new", "gone"
         return {kind: dict(zip(names, map(int, found), strict=True)) for kind, found in self.points.items()}
 
 
 def _line(kind: str, found: np.ndarray) -> str:
-    total = max(found[:GONE].sum(), 1)
-    kept = found[SAME] + found[SHIFTED]
+    total = max(int(found[:GONE].sum()), 1)
+    same, shifted, part, again, new, _ = (f"{count / total:.1%}" for count in found)
     return (
-        f"{kind}: kept {kept / total:.1%} of {total} ({found[SAME] / total:.1%} met no change, the light of the others "
-        f"is shifted), traced {found[AGAIN] / total:.1%} again and {found[NEW] / total:.1%} anew"
+        f"{kind}, {total} points: {same} met no change, {shifted} shifted by less than is seen, traced again {part} in "
+        f"part and {again} as a whole, {new} new"
     )

@@ -21,15 +21,20 @@ SMOOTHED = 16  # over whose changes the change of a point is averaged that is no
 # Share of the light around, as much as samples may have of noise: where more has changed, points are traced again.
 CHANGED = 0.05
 
+# The same for points of which all paths are traced again. Where it has changed by less, few paths have, and the change
+# along the first of them says as much.
+LARGE = 0.25
+
 
 class Verdict(NamedTuple):
     """What the thin share tells of N points.
 
-    `again` (N,) bool: they are to be traced again. `same` (N,) bool: no path around has met a change. shift_a and
-    shift_b (N, 3) float32 is the change of both halves of B there.
+    `change` (N,) is by how much the light has changed, relative to the light around; infinite where nothing is known.
+    `same` (N,) bool: no path around has met a change. shift_a and shift_b (N, 3) float32 is the change of both halves
+    of B there.
     """
 
-    again: np.ndarray
+    change: np.ndarray
     same: np.ndarray
     shift_a: np.ndarray
     shift_b: np.ndarray
@@ -54,14 +59,11 @@ class ThinShare:
         return ThinShare(*(np.concatenate(columns) for columns in zip(*(vars(p).values() for p in parts), strict=True)))
 
     def judge(self, position: np.ndarray, normal: np.ndarray) -> Verdict:
-        """What is known of points (N, 3), m, with unit normals (N, 3).
-
-        Those on a side on which no point was traced again are to be traced.
-        """
+        """What is known of points (N, 3), m, with unit normals (N, 3)."""
         from scipy.spatial import cKDTree
 
         count = len(position)
-        again, same = np.ones(count, bool), np.zeros(count, bool)
+        change, same = np.full(count, np.inf), np.zeros(count, bool)
         shifts = np.zeros((2, count, 3), np.float32)
         changes = np.stack([self.change_a, self.change_b]).astype(np.float64)
         untouched = ~changes.any(axis=(0, 2))
@@ -76,6 +78,6 @@ class ThinShare:
             asked = near[:, :ASKED]
             same[here] = untouched[asked].all(axis=1)
             relative = (changes[:, asked] / self.level[asked][None, :, :, None]).mean(axis=2)
-            again[here] = np.prod(relative, axis=0).mean(axis=1) > CHANGED**2
+            change[here] = np.sqrt(np.maximum(np.prod(relative, axis=0).mean(axis=1), 0))
             shifts[:, here] = np.where(same[here, None], 0, changes[:, near].mean(axis=2))
-        return Verdict(again, same, *shifts)
+        return Verdict(change, same, *shifts)

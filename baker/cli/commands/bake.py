@@ -20,6 +20,7 @@ def add(commands) -> None:
         "  gsgi bake room.glb -o room.gsgi --target-loss 0.01                   # the smallest file with this loss\n"
         "  gsgi bake room.glb -o room.gsgi --target-bytes 100000                # the best file of this size\n"
         "  gsgi bake room.glb -o room.gsgi --seconds 60                         # the best one in about a minute\n"
+        "  gsgi bake edited.glb -o edited.gsgi --update room.gsgi               # only what an edit has changed\n"
         "  gsgi bake room.glb -o room.gsgi --ray auto                           # on all nodes of a Ray cluster\n"
         "  gsgi bake room.glb -o room.gsgi --quiet --json > room.json           # with a report as JSON\n"
         "  gsgi bake room.glb -o room.gsgi --quiet --depfile room.gsgi.d        # in a Makefile: -include room.gsgi.d\n"
@@ -30,7 +31,7 @@ def add(commands) -> None:
     shared.add_groups(parser)
     parser.add_argument("-o", "--output", metavar="FILE", required=True, help="the .gsgi file to write")
     parser.add_argument("--update", metavar="FILE",
-                        help="the .gsgi file of the scene before an edit: keep what the cache has of its bake and the "
+                        help="the .gsgi file of this scene before an edit: keep what the cache has of its bake and the "
                         "edit has not changed")  # fmt: skip
     _add_build(parser)
     shared.add_settings(parser)
@@ -101,7 +102,7 @@ def run(options: argparse.Namespace) -> None:
         console.close(f"{done[-1]}, {sum(report.seconds.values()):.0f} s{ssim}")
     if options.json:
         asked = {} if options.target_bytes is None else {"target_bytes": options.target_bytes}
-        print_json(report.as_dict() | asked)
+        print_json(report.as_dict() | asked | ({"kept": tally.as_dict()} if tally else {}))
     missed = [text for text in (report.missed, _oversize(options, report)) if text]
     if missed:
         raise TargetError(f"{options.output}: {'; '.join(missed)}")
@@ -156,11 +157,23 @@ def _check_outputs(options: argparse.Namespace) -> None:
         raise UsageError(f"{options.output}: the output would overwrite the scene")
     if options.depfile:
         check_writable(options.depfile)
+    if options.update:
+        _check_update(options)
     if options.ray and options.preview:
         raise UsageError("--preview: shows the fit while it runs, which is on another machine with --ray")
     if not options.evaluate and (options.preview or options.target_loss is not None):
         needs = "--preview" if options.preview else "--target-loss"
         raise UsageError(f"--no-evaluate: {needs} needs the held-out views")
+
+
+def _check_update(options: argparse.Namespace) -> None:
+    """Refuse options that decide anew what an update takes from the earlier bake."""
+    from gsgi.runtime.errors import UsageError
+
+    for flag in "ray", "target_loss", "target_bytes", "seconds":
+        if getattr(options, flag) is not None:
+            name = flag.replace("_", "-")
+            raise UsageError(f"--update: cannot be given with --{name}, which decides anew what is kept of a bake")
 
 
 def _rules(options: argparse.Namespace, plan, progress) -> dict[str, bytes]:

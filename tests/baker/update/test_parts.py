@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import scenes
 
-from gsgi.baker.update.parts import changes, kept_share, parts, same_lights
+from gsgi.baker.update.parts import changes, kept_share, parts
 from gsgi.runtime.scene import Environment, Light, Material, Scene, Texture, TextureSlot
 
 SUN = Light("directional", np.ones(3), np.zeros(3), np.array([0.0, -1.0, 0.0]), name="sun")
@@ -65,9 +65,3 @@ def test_the_share_that_is_kept_goes_by_area():
     assert kept_share(parts(scene), parts(scene)) == 1
     moved = replace(table, position=table.position + np.float32([1, 0, 0]))
     np.testing.assert_allclose(kept_share(parts(scene), parts(replace(scene, meshes=(floor, moved)))), 16 / 20)
-
-
-def test_lights_are_the_same_if_none_has_changed():
-    scene = room()
-    assert same_lights(parts(scene), parts(replace(scene, materials=(BLUE, RED))))
-    assert not same_lights(parts(scene), parts(replace(scene, lights=())))

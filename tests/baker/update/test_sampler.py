@@ -13,6 +13,7 @@ from gsgi.baker.surface.budget import PATHS_STEP
 from gsgi.baker.surface.samples import Sampler
 from gsgi.baker.surface.seen_surface import SeenSurface
 from gsgi.baker.trace.cached_tracer import CachedTracer
+from gsgi.baker.update import kept as chunks
 from gsgi.baker.update import tally
 from gsgi.baker.update.sampler import UpdatedSampler
 from gsgi.baker.update.tally import Tally
@@ -145,3 +146,16 @@ def test_an_update_is_repeatable_resumes_and_can_be_updated(before):
         far = old.position[:, 0] > APART / 2
         same(again, old, far)
         np.testing.assert_allclose(again.indirect[~far].mean(), old.indirect[~far].mean(), rtol=0.01)
+
+
+def test_small_changes_are_followed_along_the_first_paths_alone(tmp_path, monkeypatch):
+    monkeypatch.setattr(chunks, "HEAD", 1)
+    cache, layers, count = Cache(tmp_path), 4, Tally()
+    first = sampler(rooms(), cache)
+    both(first, layers)
+    scene = rooms(albedo=0.55)  # 1 / (1 - 0.5) becomes 1 / (1 - 0.55): 11 % more
+    found = both(updated(scene, entries(first), cache, count), layers)[0]
+    assert count.points["samples"][tally.PART] > 0.3 * CHUNK
+    truth = both(sampler(scene, Cache()), layers)[0]
+    light, right = (each.indirect[each.position[:, 0] < APART / 2].mean() for each in (found, truth))
+    np.testing.assert_allclose(light, right, rtol=0.01)
