@@ -137,7 +137,7 @@ class CachedTracer:
     def tracer(self) -> Tracer:
         """The tracer, made when it is first needed."""
         tracer = self._whole.tracer.lit_by(self.scene) if self._whole else Tracer(self.scene)
-        tracer.learned = self.learned(tracer)
+        tracer.recall = self.learned
         return tracer
 
     @property

@@ -101,7 +101,7 @@ class Light:
 class Tracer:
     """Traces the light of one scene. Results depend only on the arguments, not on threads or earlier calls."""
 
-    learned: "LearnedLights | None" = None  # about the lights, if it is known before paths are traced
+    recall: "Callable[[Tracer], LearnedLights | None] | None" = None  # learns about the lights, or knows them already
 
     def __init__(self, scene: Scene):
         from .emitters import Emitters
@@ -131,7 +131,7 @@ class Tracer:
         from .overlaps import apart
 
         other = copy(self)
-        for name in ("cells", "learned"):
+        for name in ("cells", "recall"):
             vars(other).pop(name, None)
         other.lights = PunctualLights(scene.lights, *scene.bounds())
         other.environment = None if scene.environment is None else EnvironmentLight(scene.environment)
@@ -144,7 +144,7 @@ class Tracer:
         """Where which lights are likely to matter; None if there is nothing to choose."""
         from .learned_lights import learn, use
 
-        learned = self.learned or learn(self)
+        learned = (self.recall or learn)(self)
         return learned and use(self, learned)
 
     def surface(self, camera: Camera, width: int, height: int) -> Surface:

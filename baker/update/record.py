@@ -50,9 +50,10 @@ class BakeRecord:
     def of(plan: "Plan", budget: int) -> "BakeRecord":
         """The record of a plan that has been baked with this budget."""
         settings = replace(plan.settings, budget=budget)
-        made = code(), parts(plan.scene), plan.asked or settings, settings, plan.placement, plan.pilot, plan.lost, plan.dark
+        made = code(), parts(plan.scene), plan.asked or settings, settings
+        found = plan.placement, plan.pilot, plan.lost, plan.dark
         samplers = [] if settings.operator != "surface" else [each.entries for each in plan.sampler.chain]
-        return BakeRecord(*made, samplers, plan.tracer.references, plan.tracer.lights_key)
+        return BakeRecord(*made, *found, samplers, plan.tracer.references, plan.tracer.lights_key)
 
     def keep(self, cache: Cache, file: bytes) -> None:
         """Keep the record in a cache, for a file with these bytes."""
