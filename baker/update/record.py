@@ -56,8 +56,13 @@ class BakeRecord:
         return BakeRecord(*made, *found, samplers, plan.tracer.references, plan.tracer.lights_key)
 
     def keep(self, cache: Cache, file: bytes) -> None:
-        """Keep the record in a cache, for a file with these bytes."""
-        pilot = self.pilot
+        """Keep the record in a cache, for a file with these bytes.
+
+        A bake without references keeps those that an earlier one has left of the same file.
+        """
+        pilot, references = self.pilot, self.references
+        if not references and (before := BakeRecord.find(cache, file)) and before.code == self.code:
+            references = before.references
         rest = {
             "code": self.code,
             "parts": as_arrays(self.parts),
@@ -68,7 +73,7 @@ class BakeRecord:
             "lost": self.lost,
             "dark": sorted(self.dark),
             "samplers": self.samplers,
-            "references": list(self.references.items()),
+            "references": list(references.items()),
             "lights": self.lights,
         }
         arrays = {f"placement.{name}": value for name, value in placement_arrays(self.placement).items()}

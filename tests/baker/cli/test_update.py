@@ -103,3 +103,6 @@ def test_a_record_is_found_as_it_was_kept(folder):
     assert again.entries
     assert all(map(cache.holds, again.entries))
     assert record.BakeRecord.find(cache, b"no file") is None
+    assert found.references
+    replace(found, references={}).keep(cache, b"another file")  # a bake without evaluation
+    assert record.BakeRecord.find(cache, b"another file").references == found.references
