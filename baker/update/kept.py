@@ -53,6 +53,11 @@ class KeptChunk:
         """The points alone."""
         return Points(*(getattr(self, each.name) for each in fields(Points)))
 
+    @property
+    def lit(self) -> np.ndarray:
+        """Which points (P,) bool have B in both halves."""
+        return np.isfinite(self.indirect_a).all(axis=1) & np.isfinite(self.indirect_b).all(axis=1)
+
     @staticmethod
     def found(cache: Cache, keys: list[str]) -> "KeptChunk":
         """The chunk whose entries in a cache have these keys. Raises ForgottenError."""

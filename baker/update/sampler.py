@@ -153,11 +153,11 @@ class UpdatedSampler:
         *there, diffuse = self._seen.behind(points.camera, points.place)
         now = Points(*there, points.camera, points.place)
         if stage == "surface":
-            same = np.all([getattr(now, name) == getattr(points, name) for name in WHERE], axis=(0, 2))
+            same = np.all([getattr(now, name) == getattr(points, name) for name in WHERE], axis=(0, 2)) & chunk.lit
             return now, np.where(diffuse, np.where(same, SAME, NEW), GONE).astype(np.uint8)
         eye = self._seen.eyes(points.camera)
         covered = np.linalg.norm(now.position - eye, axis=1) < np.linalg.norm(points.position - eye, axis=1)
-        return points, np.where(diffuse & covered, GONE, SAME).astype(np.uint8)
+        return points, np.where(diffuse & covered, GONE, np.where(chunk.lit, SAME, NEW)).astype(np.uint8)
 
     def _thin_share(self, chunk: KeptChunk, points: Points, thin: np.ndarray, first) -> ThinShare:
         halves = (np.nan_to_num(half) for half in (chunk.indirect_a, chunk.indirect_b))
@@ -165,7 +165,7 @@ class UpdatedSampler:
         changes = (getattr(first, f"indirect_{h}")[thin] - getattr(chunk, f"first_{h}")[thin] for h in "ab")
         return ThinShare(points.position[thin], points.normal[thin], *changes, level[thin])
 
-    def _layer(self, points: Points, which: np.ndarray, done: int, seed: tuple[int, ...]):
+    def _layer(self, points: Points, which: np.ndarray, done: int, seed: tuple[int, ...]) -> Layer:
         """A layer of paths, after `done` of each half, from the points `which` (P,) bool."""
         count = len(which)
         numbers = np.stack([np.arange(count, dtype=np.uint32), np.full(count, done, np.uint32)], axis=1)
@@ -205,8 +205,8 @@ class UpdatedSampler:
     def _traced(self, points: Points, whole: np.ndarray, part: np.ndarray, before: KeptChunk, seed):
         """B of both halves at points of which the `whole` or a `part` is traced again, masks (P,).
 
-        Of each half "a" and "b" the mean over all paths and over the first of them; of each half that over the first
-        layer; and the number of paths without a finite number.
+        Of each half, "a" and "b", the means over all paths and over those of the first HEAD layers; of each half that
+        over the first layer alone; and the number of paths that gave no finite number.
         """
         layers, invalid = [], 0
         for done in range(0, int(before.paths[whole | part].max(initial=0)), PASS_SAMPLES):

@@ -148,9 +148,19 @@ def test_an_update_is_repeatable_resumes_and_can_be_updated(before):
         np.testing.assert_allclose(again.indirect[~far].mean(), old.indirect[~far].mean(), rtol=0.01)
 
 
+def test_what_an_object_has_covered_is_traced_where_it_has_left_again(before):
+    cache, kept, there = before
+    first = updated(rooms(table=0.5), there, cache)
+    both(first)
+    for back, old in zip(both(updated(rooms(), entries(first), cache)), kept, strict=True):
+        assert len(back) == len(old)
+        np.testing.assert_array_equal(back.position, old.position)
+        np.testing.assert_allclose(back.indirect.mean(), old.indirect.mean(), rtol=0.01)
+
+
 def test_small_changes_are_followed_along_the_first_paths_alone(tmp_path, monkeypatch):
     monkeypatch.setattr(chunks, "HEAD", 1)
-    cache, layers, count = Cache(tmp_path), 4, Tally()
+    cache, layers, count = Cache(tmp_path), 2, Tally()
     first = sampler(rooms(), cache)
     both(first, layers)
     scene = rooms(albedo=0.55)  # 1 / (1 - 0.5) becomes 1 / (1 - 0.55): 11 % more
