@@ -2,6 +2,7 @@
 // SPLAT_SCALE pixels that it covers in the host's textures.
 #include "lib/camera.glsl"
 #include "surface/host.glsl"
+#include "surface/sector.glsl"
 
 uniform highp sampler2D normal;
 uniform highp sampler2D depth;
@@ -24,7 +25,13 @@ uniform vec3 box_low;
 uniform vec3 box_high;
 #endif
 
-layout(location = 0) out vec4 out_position;  // world space, m
+#if SECTORS
+uniform highp sampler2D sectors;  // a row for each: lowest corner and weight, highest corner
+uniform int sector_count;
+uniform float sector_margin;  // m
+#endif
+
+layout(location = 0) out vec4 out_position;  // world space, m; with SECTORS the sum of their weights, else 1
 layout(location = 1) out vec4 out_plane;     // tangent plane: unit normal n, world space; -n . position; 0: no surface
 #if RELIEF
 layout(location = 2) out vec4 out_bend;      // mapped minus interpolated normal, world space
@@ -74,6 +81,13 @@ void main() {
     bool seen = view_depth > 0.0;
 #if BOX
     seen = seen && all(greaterThanEqual(out_position.xyz, box_low)) && all(lessThanEqual(out_position.xyz, box_high));
+#endif
+#if SECTORS
+    out_position.w = 0.0;
+    for (int i = 0; i < sector_count; ++i) {
+        vec4 low = texelFetch(sectors, ivec2(0, i), 0), high = texelFetch(sectors, ivec2(1, i), 0);
+        out_position.w += low.w * sector_window(out_position.xyz, low.xyz, high.xyz, sector_margin);
+    }
 #endif
     vec3 n = normal_from_texel(texelFetch(normal, ivec2(corner) + texel, 0), world_from_view);
 #if RELIEF

@@ -25,6 +25,9 @@ uniform highp sampler2D fine_sums;
 #if COARSE
 uniform highp sampler2D coarse_sums;
 #endif
+#if SECTORS
+uniform highp sampler2D surface_position;
+#endif
 uniform float weight_floor;
 #endif
 
@@ -83,10 +86,18 @@ void main() {
     vec4 sum = upsampled(texel);
 #else
     vec4 fine = texelFetch(fine_sums, texel, 0), coarse = vec4(0.0);
-#if COARSE
-    if (fine.a < weight_floor) coarse = texelFetch(coarse_sums, texel, 0);
+    float enough = weight_floor;
+#if SECTORS
+    float there = texelFetch(surface_position, texel, 0).w;
+    enough *= there;
 #endif
-    vec4 sum = filled(fine, coarse, weight_floor);
+#if COARSE
+    if (fine.a < enough) coarse = texelFetch(coarse_sums, texel, 0);
+#endif
+    vec4 sum = filled(fine, coarse, enough);
+#if SECTORS
+    sum.rgb *= min(there, 1.0);
+#endif
 #endif
     vec3 light = sum.a > 0.0 ? sum.rgb / sum.a : vec3(0.0);
     out_indirect = vec4(clamp(light, 0.0, HALF_MAX), 1.0);

@@ -9,7 +9,7 @@ from types import MappingProxyType
 import numpy as np
 
 from gsgi.runtime.errors import FormatError
-from gsgi.runtime.gaussians import Bake, Effects, SurfaceBlend
+from gsgi.runtime.gaussians import Bake, Effects, LightGroup, SurfaceBlend
 from gsgi.runtime.sampling import Sampler, read
 
 from .boxes import fading, windows
@@ -74,9 +74,24 @@ class World:
             raise ValueError(f"fade: expected more than 0 s, got {fade}")
 
     @property
+    def scene(self) -> int:
+        """The fingerprint of the scene."""
+        return self.manifest.scene
+
+    @property
     def effects(self) -> Effects:
         """The effects in the light."""
         return self.manifest.effects
+
+    @property
+    def blend(self) -> SurfaceBlend:
+        """How the Gaussians become light, in all sectors; the default until one is in memory."""
+        return self._blend or SurfaceBlend()
+
+    @property
+    def groups(self) -> tuple[LightGroup, ...]:
+        """None: the lights of a world are not baked apart."""
+        return ()
 
     @property
     def resident(self) -> Mapping[int, Resident]:

@@ -1,0 +1,97 @@
+"""Indirect light of a world: the sectors in memory, read together at the surfaces of a frame."""
+
+import moderngl
+import numpy as np
+
+from gsgi.runtime.gaussians import Effects
+from gsgi.runtime.rebase import local_bake
+from gsgi.runtime.world.boxes import FAR
+from gsgi.runtime.world.world import World
+
+from .cull import in_view
+from .host_textures import OURS, Encoding
+from .permutations import Reading
+from .surface_level import SurfacePart, Window
+from .surface_splat import Box, SurfaceSplats
+from .view import View
+
+
+class WorldSplats(SurfaceSplats):
+    """The sectors of a world on the GPU, as `SurfaceSplats` has those of one bake. They follow what is in memory.
+
+    `origin` (3,), m, is the world's point at which the view has its origin.
+    """
+
+    def __init__(
+        self, ctx: moderngl.Context, world: World, origin: np.ndarray, splat_scale: int, encoding: Encoding = OURS,
+        box: Box | None = None, relief: bool = False,
+    ):  # fmt: skip
+        self._world, self._origin = world, origin
+        self._parts: dict[int, SurfacePart] = {}
+        self._balls: dict[int, tuple[np.ndarray, np.ndarray]] = {}  # around what each part lights
+        relief = relief and Effects.NORMAL_MAP in world.effects
+        self._make_passes(ctx, Reading(splat_scale, encoding, True, box is not None, relief, sectors=True), box)
+        self._points.set(sector_margin=world.manifest.margin)
+        self._table, self._rows = ctx.texture((2, 1), 4, dtype="f4"), np.zeros((0, 2, 4), np.float32)
+
+    def release(self) -> None:
+        """Free the GPU memory."""
+        for part in (*self._parts.values(), self._table):
+            part.release()
+        self._parts.clear()
+        self._release_passes()
+
+    def _drawn(self, view: View) -> list[tuple[SurfacePart, Window]]:
+        self._follow()
+        windows = {number: self._window(number) for number in self._parts}
+        self._tell(list(windows.values()))
+        seen = {number for number in self._parts if self._in_view(number, view)}
+        return [(self._parts[number], windows[number]) for number in seen if windows[number].weight > 0]
+
+    def _tables(self) -> list[moderngl.Texture]:
+        return [self._table]
+
+    def _follow(self) -> None:
+        """Upload the sectors that have come into memory, and free those that have gone."""
+        resident = self._world.resident
+        for number in [number for number in self._parts if number not in resident]:
+            self._parts.pop(number).release()
+        for number, sector in resident.items():
+            if number not in self._parts:
+                bake = local_bake(sector.bake, self._origin)
+                self._parts[number] = SurfacePart(self.ctx, self._programs, bake, self._relief, sector=True)
+                self._balls[number] = self._ball(number)
+                self._set_floor(bake.blend.floor)
+                self._programs.set(sector_margin=self._world.manifest.margin)
+
+    def _window(self, number: int) -> Window:
+        box = self._world.windows[number]
+        local = np.where(np.abs(box) < FAR, box - self._origin, box)
+        return Window(*local.astype(np.float32), self._world.resident[number].weight)
+
+    def _tell(self, windows: list[Window]) -> None:
+        """Upload the windows, if they have changed."""
+        rows = np.zeros((max(len(windows), 1), 2, 4), np.float32)
+        for row, window in zip(rows, windows, strict=False):
+            row[0, :3], row[0, 3], row[1, :3] = window.low, window.weight, window.high
+        if not np.array_equal(rows, self._rows):
+            if len(rows) != self._table.height:
+                self._table.release()
+                self._table = self.ctx.texture((2, len(rows)), 4, dtype="f4")
+            self._table.write(rows)
+            self._rows = rows
+        self._points.set(sector_count=len(windows))
+
+    def _in_view(self, number: int, view: View) -> bool:
+        centre, radius = self._balls[number]
+        return len(in_view(centre, radius, view.pinhole, view.parallel)) > 0
+
+    def _ball(self, number: int) -> tuple[np.ndarray, np.ndarray]:
+        """Centre (3, 1) and radius (1,) of a ball around all that a sector lights; the radius is NaN of nothing."""
+        levels, margin = self._parts[number].levels, self._world.manifest.margin
+        box = self._world.windows[number] - self._origin
+        low = np.min([(level.position - level.radius).min(axis=1, initial=np.inf) for level in levels], axis=0)
+        high = np.max([(level.position + level.radius).max(axis=1, initial=-np.inf) for level in levels], axis=0)
+        low, high = np.maximum(low, box[0] - margin), np.minimum(high, box[1] + margin)
+        radius = np.linalg.norm(high - low) / 2 if (low <= high).all() else np.nan
+        return ((low + high) / 2).astype(np.float32)[:, None], np.float32([radius])
