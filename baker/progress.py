@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from copy import copy
 from typing import Protocol
 
 
@@ -59,7 +60,13 @@ class Progress:
         self._began = time.perf_counter()
         self.seconds: dict[str, float] = {}
         self.warnings: list[str] = []
-        self._display = display or Silent()
+        self._display, self._prefix = display or Silent(), ""
+
+    def part(self, name: str) -> "Progress":
+        """The progress of a part of the work, whose lines begin with its name; it adds to these figures."""
+        part = copy(self)
+        part._prefix = f"{self._prefix}{name}: "
+        return part
 
     @property
     def elapsed(self) -> float:
@@ -82,9 +89,9 @@ class Progress:
 
     def say(self, line: str) -> None:
         """Show one log line."""
-        self._display.say(line)
+        self._display.say(self._prefix + line)
 
     def warn(self, line: str) -> None:
         """Keep and show a warning. Everything that is left out is reported this way."""
-        self.warnings.append(line)
-        self._display.warn(line)
+        self.warnings.append(self._prefix + line)
+        self._display.warn(self._prefix + line)

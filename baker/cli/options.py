@@ -209,7 +209,11 @@ def add_camera(parser: argparse.ArgumentParser, default_size: str) -> None:
 
 def add_gi(parser: argparse.ArgumentParser) -> None:
     """Add --gi."""
-    parser.add_argument("--gi", metavar="FILE", help="baked light (.gsgi); without it, primary light only")
+    parser.add_argument(
+        "--gi",
+        metavar="FILE",
+        help="baked light: a .gsgi file, or the .json manifest of a world; without it, primary light only",
+    )
 
 
 def add_weights(parser: argparse.ArgumentParser) -> None:

@@ -21,6 +21,7 @@ def add(commands) -> None:
         "  gsgi bake room.glb -o room.gsgi --target-bytes 100000                # the best file of this size\n"
         "  gsgi bake room.glb -o room.gsgi --seconds 60                         # the best one in about a minute\n"
         "  gsgi bake room.glb -o room.gsgi --ray auto                           # on all nodes of a Ray cluster\n"
+        "  gsgi bake level.glb -o level.gsgi.json --sectors 32                  # boxes of 32 m, a file each\n"
         "  gsgi bake room.glb -o room.gsgi --quiet --json > room.json           # with a report as JSON\n"
         "  gsgi bake room.glb -o room.gsgi --quiet --depfile room.gsgi.d        # in a Makefile: -include room.gsgi.d\n"
         "  gsgi bake room.glb -o room.gsgi --quiet --depfile room.gsgi.d --if-changed   # in ninja, with restat = 1",
@@ -28,7 +29,8 @@ def add(commands) -> None:
     shared.add_scene(parser)
     shared.add_light(parser)
     shared.add_groups(parser)
-    parser.add_argument("-o", "--output", metavar="FILE", required=True, help="the .gsgi file to write")
+    parser.add_argument("-o", "--output", metavar="FILE", required=True,
+                        help="the .gsgi file to write; with --sectors the manifest, a .json file")  # fmt: skip
     _add_build(parser)
     shared.add_settings(parser)
     parser.add_argument("--preview", metavar="DIR", type=Path, help="folder for pictures of the fit while it runs")
@@ -36,6 +38,9 @@ def add(commands) -> None:
     parser.add_argument("--ray", metavar="auto|ADDRESS",
                         help="share the work among the nodes of this Ray cluster (extra `cluster`; see "
                         "docs/cluster.md)")  # fmt: skip
+    parser.add_argument("--sectors", metavar="SIZE|auto", type=_sectors,
+                        help="divide the scene into boxes with edges of at most SIZE m, bake each into a file of its "
+                        "own, and write a manifest of them (see docs/worlds.md)")  # fmt: skip
     shared.add_cache(parser)
     shared.add_verbosity(parser)
     shared.add_json(parser, "print a report as JSON on stdout")
@@ -45,6 +50,11 @@ def _add_build(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("build", "For build tools; see samples/06_build_integration.")
     group.add_argument("--depfile", metavar="FILE", help="list the files that were read, as a rule for make and ninja")
     group.add_argument("--if-changed", action="store_true", help="do not rewrite a .gsgi file with the same bytes")
+
+
+def _sectors(text: str) -> float | str:
+    """argparse type: a size in m, or `auto`."""
+    return text if text == "auto" else shared.positive(text)
 
 
 def run(options: argparse.Namespace) -> None:
@@ -58,10 +68,12 @@ def run(options: argparse.Namespace) -> None:
     from gsgi.baker.plan_table import summary
     from gsgi.baker.progress import Progress
     from gsgi.baker.views.coverage import coverage_summary
-    from gsgi.runtime.atomic import write_together
     from gsgi.runtime.errors import TargetError
 
     _check_outputs(options)
+    if options.sectors:
+        _bake_sectors(options)
+        return
     if options.preview:
         make_folder(options.preview)
     console = Console(options.quiet)
@@ -69,7 +81,7 @@ def run(options: argparse.Namespace) -> None:
     cache = open_cache(options, progress)
     request = request_of(options, progress)
     plan = _on_cluster(options.ray, request, cache, progress) if options.ray else request.plan(progress, cache)
-    rules = _rules(options, plan, progress)
+    rules = _rules(options, plan.scene, progress)
     for line in coverage_summary(plan.placement.coverage):
         progress.say(line)
     if options.seconds is None:
@@ -77,10 +89,7 @@ def run(options: argparse.Namespace) -> None:
     done = []
 
     def write(data: bytes, gaussians: int) -> None:
-        same = options.if_changed and _holds(options.output, data)
-        write_together(({} if same else {options.output: data}) | rules)
-        verb = "unchanged" if same else "wrote"
-        done.append(f"{verb} {options.output}: {gaussians} Gaussians, {len(data)} bytes")
+        done.append(f"{_write(options, data, rules)}: {gaussians} Gaussians, {len(data)} bytes")
         progress.say(done[-1])
 
     report = job.run(plan, progress, write, options.evaluate, options.preview, options.seconds)
@@ -100,6 +109,43 @@ def run(options: argparse.Namespace) -> None:
     missed = [text for text in (report.missed, _oversize(options, report)) if text]
     if missed:
         raise TargetError(f"{options.output}: {'; '.join(missed)}")
+
+
+def _bake_sectors(options: argparse.Namespace) -> None:
+    """Bake the scene in sectors, and write their files and the manifest."""
+    from gsgi.baker.cli.console import Console
+    from gsgi.baker.cli.inputs import open_cache, request_of
+    from gsgi.baker.cli.json_output import print_json
+    from gsgi.baker.progress import Progress
+    from gsgi.baker.world.bake import bake_world
+
+    console = Console(options.quiet)
+    progress = Progress(console)
+    cache = open_cache(options, progress)
+    request = request_of(options, progress)
+    rules, done = _rules(options, request.scene, progress), []
+    size = None if options.sectors == "auto" else options.sectors
+    report = bake_world(
+        request, size, Path(options.output), progress, cache, lambda data: done.append(_write(options, data, rules))
+    )
+    cache.trim()
+    ssim = ""
+    if report.worst:
+        number, view = report.worst
+        ssim = f"; worst view: {view['name']} of sector {number + 1}, SSIM of the frame {view['final']['ssim']:.4f}"
+    files = f"{len(report.sectors)} sectors, {report.gaussians} Gaussians, {report.bytes} bytes"
+    console.close(f"{done[-1]}: {files}, {sum(report.seconds.values()):.0f} s{ssim}")
+    if options.json:
+        print_json(report.as_dict())
+
+
+def _write(options: argparse.Namespace, data: bytes, rules: dict[str, bytes]) -> str:
+    """Write the output and the dependency file; what was done, as text."""
+    from gsgi.runtime.atomic import write_together
+
+    same = options.if_changed and _holds(options.output, data)
+    write_together(({} if same else {options.output: data}) | rules)
+    return f"{'unchanged' if same else 'wrote'} {options.output}"
 
 
 def _oversize(options: argparse.Namespace, report) -> str | None:
@@ -135,6 +181,8 @@ def _check_outputs(options: argparse.Namespace) -> None:
         raise UsageError(f"{options.output}: the output would overwrite the scene")
     if options.depfile:
         check_writable(options.depfile)
+    if options.sectors:
+        _check_sectors(options)
     if options.ray and options.preview:
         raise UsageError("--preview: shows the fit while it runs, which is on another machine with --ray")
     if not options.evaluate and (options.preview or options.target_loss is not None):
@@ -142,19 +190,30 @@ def _check_outputs(options: argparse.Namespace) -> None:
         raise UsageError(f"--no-evaluate: {needs} needs the held-out views")
 
 
-def _rules(options: argparse.Namespace, plan, progress) -> dict[str, bytes]:
+def _check_sectors(options: argparse.Namespace) -> None:
+    """Refuse options that cannot be had with --sectors."""
+    from gsgi.baker.world.bake import stem
+    from gsgi.runtime.errors import UsageError
+
+    stem(Path(options.output))
+    for flag in ("--ray", "--preview", "--target-bytes", "--target-loss", "--seconds"):
+        if getattr(options, flag[2:].replace("-", "_")) is not None:
+            raise UsageError(f"{flag}: cannot be had with --sectors")
+
+
+def _rules(options: argparse.Namespace, scene, progress) -> dict[str, bytes]:
     """Name and bytes of the dependency file, if one is asked for. Raises UsageError."""
     from gsgi.baker.cli.depfile import depfile, nameable
     from gsgi.runtime.errors import UsageError
 
     if not options.depfile:
         return {}
-    if Path(options.depfile).resolve() in {Path(file).resolve() for file in (options.output, *plan.scene.files)}:
+    if Path(options.depfile).resolve() in {Path(file).resolve() for file in (options.output, *scene.files)}:
         raise UsageError(f"{options.depfile}: the dependency file would overwrite another file of this bake")
-    for file in plan.scene.files:
+    for file in scene.files:
         if not nameable(file):
             progress.warn(f"{file}: build tools cannot read this file name: changes of the file go unnoticed")
-    return {options.depfile: depfile(options.output, plan.scene.files)}
+    return {options.depfile: depfile(options.output, scene.files)}
 
 
 def _holds(path: str, data: bytes) -> bool:
