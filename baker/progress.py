@@ -3,7 +3,6 @@
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from copy import copy
 from typing import Protocol
 
 
@@ -61,11 +60,12 @@ class Progress:
         self.seconds: dict[str, float] = {}
         self.warnings: list[str] = []
         self._display, self._prefix = display or Silent(), ""
+        self._whole: Progress | None = None
 
     def part(self, name: str) -> "Progress":
-        """The progress of a part of the work, whose lines begin with its name; it adds to these figures."""
-        part = copy(self)
-        part._prefix = f"{self._prefix}{name}: "
+        """The progress of a part of the work, whose lines begin with its name. What it keeps is kept here too."""
+        part = Progress(self._display)
+        part._prefix, part._whole = f"{self._prefix}{name}: ", self
         return part
 
     @property
@@ -84,7 +84,7 @@ class Progress:
             bar.stop()
             raise
         seconds = time.perf_counter() - start
-        self.seconds[name] = self.seconds.get(name, 0.0) + seconds
+        self._took(name, seconds)
         bar.finish(seconds)
 
     def say(self, line: str) -> None:
@@ -93,5 +93,15 @@ class Progress:
 
     def warn(self, line: str) -> None:
         """Keep and show a warning. Everything that is left out is reported this way."""
-        self.warnings.append(self._prefix + line)
+        self._keep(self._prefix + line)
         self._display.warn(self._prefix + line)
+
+    def _took(self, name: str, seconds: float) -> None:
+        self.seconds[name] = self.seconds.get(name, 0.0) + seconds
+        if self._whole:
+            self._whole._took(name, seconds)
+
+    def _keep(self, warning: str) -> None:
+        self.warnings.append(warning)
+        if self._whole:
+            self._whole._keep(warning)

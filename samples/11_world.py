@@ -16,7 +16,7 @@ from gsgi.runtime.image import write_image
 
 SCENE = Path(__file__).parent / "scenes" / "corridor.glb"
 SECTOR = 10.5  # m; the corridor is twice as long
-SIZE, SECONDS, STEPS = (200, 150), 1 / 60, 120  # of a picture, px; of a frame; frames from one picture to the next
+SIZE, SECONDS = (200, 150), 1 / 60  # of a picture, px; of a frame
 EXPOSURE = 3.0
 
 
@@ -36,7 +36,10 @@ def main(folder: str | Path = OUT / "world", settings: gsgi.Settings | None = No
             camera = next(iter(scene.cameras.values()))
             pose = camera.world_from_view.copy()
             pose[2, 3] = z
-            for _ in range(STEPS):  # frames while the camera stays here: the sector around it loads and fades in
+            world.update(pose[:3, 3], SECONDS)
+            while (
+                world.changing
+            ):  # frames while the camera stays here: one sector fades out, another loads and fades in
                 world.update(pose[:3, 3], SECONDS)
             renderer.render(replace(camera, world_from_view=pose))
             strip.append(renderer.read("final"))

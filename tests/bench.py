@@ -30,6 +30,7 @@ from benches.stages import stages
 from benches.trace import trace
 from benches.triangles import triangles
 from benches.web import web
+from benches.world import world
 from repository import ROOT
 
 from gsgi.runtime.atomic import check_writable, write_atomic
@@ -45,6 +46,7 @@ BENCHES = {
         speed,
         error_time,
         cluster,
+        world,
         trace,
         scenes,
         *PASSES,

@@ -12,7 +12,7 @@ from gsgi.baker.cli import main
 from gsgi.baker.cluster.node import Node
 from gsgi.baker.evaluation import bias, held_out
 from gsgi.baker.surface import budget, fits, samples
-from gsgi.baker.views import placement
+from gsgi.baker.views import importance, placement, viewpoints
 
 TINY = flags(budget=8, views=2, view_size=24, samples=128, error=0, iterations=16)
 SURFACE = [str(SCENES / "furnace.glb"), *TINY, "--env", "0.05,0.1,0.2"]
@@ -25,6 +25,15 @@ def make_small(put: Callable[[object, str, object], object] = setattr) -> None:
         (placement, "HELD_OUT", 1), (held_out, "SIZE", 16), (held_out, "SAMPLES", 32), (held_out, "GATHERED", 32),
         (bias, "SAMPLES", 32), (budget, "SAMPLES_FEWEST", 1 << 10), (budget, "FREE_PER_GAUSSIAN", 64),
         (samples, "CHUNK", 1 << 9), (fits, "CHUNK", 1 << 9),
+    ):  # fmt: skip
+        put(module, name, value)
+
+
+def see_little(put: Callable[[object, str, object], object] = setattr) -> None:
+    """Few places from which views are chosen, by `put(module, name, value)`."""
+    for module, name, value in (
+        (placement, "SAMPLES", (512,)), (placement, "VALIDATION_SAMPLES", 512), (placement, "POINTS", 2048),
+        (viewpoints, "VIEWPOINTS", 48), (viewpoints, "MORE_VIEWPOINTS", 8), (importance, "EYES", 48),
     ):  # fmt: skip
         put(module, name, value)
 

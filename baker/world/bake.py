@@ -3,6 +3,7 @@
 import hashlib
 import json
 import re
+import time
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import replace
@@ -70,6 +71,7 @@ class WorldBaker:
         if found := self._cache.get(key):
             progress.say("from the cache")
             return found["data"].tobytes(), json.loads(found["report"].tobytes()), True
+        start = time.perf_counter()
         plan = self._plan(box, progress)
         progress.say(summary(plan))
         written = []
@@ -77,7 +79,7 @@ class WorldBaker:
         told = report["held_out"] and report["held_out"]["mean"]
         ssim = f", SSIM of the frame {told['final']['ssim']:.4f}" if told else ""
         progress.say(f"{report['gaussians']} Gaussians, {report['bytes']} bytes{ssim}")
-        text = json.dumps(report).encode()
+        text = json.dumps(report | {"seconds": round(time.perf_counter() - start, 3)}).encode()
         self._cache.put(key, {"data": np.frombuffer(written[0], np.uint8), "report": np.frombuffer(text, np.uint8)})
         return written[0], json.loads(text), False
 

@@ -54,8 +54,8 @@ class World:
 
     At most `budget` bytes of Gaussians are in memory, the nearest first; a thread reads the files. Light of a sector
     comes and goes within `fade` seconds, and there is none where no sector is in memory. All methods are to be called
-    from one thread. Raises FileError and FormatError for the manifest, and ValueError for a budget below the largest
-    sector.
+    from one thread. `changing` tells whether the last update() has left something to read or to fade. Raises FileError
+    and FormatError for the manifest, and ValueError for a budget below the largest sector.
     """
 
     def __init__(self, path: str | Path, budget: int = BUDGET, fade: float = FADE):
@@ -67,6 +67,7 @@ class World:
         self._blend: SurfaceBlend | None = None
         self._loader: Loader | None = None
         self._broken: list[int] = []
+        self.changing = False
         if not self._memory.max() <= budget:
             largest = self.manifest.sectors[int(self._memory.argmax())]
             raise ValueError(f"budget: expected at least {largest.memory} bytes for {largest.file}, got {budget}")
@@ -115,10 +116,11 @@ class World:
             self._add(*loaded)
         wanted = self._wanted(eye)
         step = min(seconds / self._fade, STEP_MOST)
+        self.changing = False
         for number, sector in list(self._resident.items()):
             clock = min(max(sector.clock + (step if number in wanted else -step), 0.0), 1.0)
             if clock != sector.clock:
-                self._resident[number] = _aged(sector, clock)
+                self._resident[number], self.changing = _aged(sector, clock), True
             if not clock and number not in wanted:
                 del self._resident[number]
         if not self._loader.busy:
@@ -126,6 +128,7 @@ class World:
             missing = (number for number in wanted if number not in self._resident)
             if (first := next(missing, None)) is not None and self._memory[first] <= room:
                 self._loader.load(first)
+        self.changing |= self._loader.busy
 
     def settle(self, eye: np.ndarray | None = None) -> None:
         """Load at once what is wanted around an eye at (3,), m, or what fits in any place, at its full weight.

@@ -7,14 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scenes
-from small_tasks import SURFACE, make_small
+from small_tasks import SURFACE, make_small, see_little
 
 from gsgi.baker.cache.store import Cache
 from gsgi.baker.cli import main
 from gsgi.baker.progress import Progress
 from gsgi.baker.settings import Settings
 from gsgi.baker.tasks.request import Request
-from gsgi.baker.views import importance, placement, viewpoints
 from gsgi.baker.world import bake
 from gsgi.baker.world.report import WorldReport
 from gsgi.runtime.atomic import write_atomic
@@ -29,12 +28,8 @@ LIGHT = 1 / (1 - ALBEDO)
 
 @pytest.fixture(autouse=True)
 def small(monkeypatch):
-    make_small(lambda module, name, value: monkeypatch.setattr(module, name, value))
-    for module, name, value in (
-        (placement, "SAMPLES", (512,)), (placement, "VALIDATION_SAMPLES", 512), (placement, "POINTS", 2048),
-        (viewpoints, "VIEWPOINTS", 48), (viewpoints, "MORE_VIEWPOINTS", 8), (importance, "EYES", 48),
-    ):  # fmt: skip
-        monkeypatch.setattr(module, name, value)
+    make_small(monkeypatch.setattr)
+    see_little(monkeypatch.setattr)
 
 
 def long_furnace() -> Scene:
