@@ -130,7 +130,8 @@ def _manifest(path: Path, value) -> Manifest:
     read = _Reader(path)
     root = read.members(value, "", {"format", "version", "scene", "effects", "margin", "sectors"}, partly=True)
     read.expect(root.get("format") == FORMAT, "format", repr(FORMAT), root.get("format"))
-    read.expect(root.get("version") == VERSION, "version", f"{VERSION}", root.get("version"))
+    version = read.whole(root.get("version"), "version", 1 << 31)
+    read.expect(version == VERSION, "version", f"{VERSION}", version)
     root = read.members(value, "", {"format", "version", "scene", "effects", "margin", "sectors"})
     scene, known = root["scene"], {effect.name.lower(): effect for effect in Effects}
     read.expect(_hexadecimal(scene, 16), "scene", "16 hexadecimal digits", scene)
@@ -187,7 +188,7 @@ def _check_file(manifest: Manifest, number: int, sector: Sector) -> None:
     except OSError:
         size = None
     if size is None:
-        raise FileError(f"{manifest.path}: {at}.file: expected a file {path}, which is missing")
+        raise FileError(f"{manifest.path}: {at}.file: {json.dumps(sector.file)} is missing")
     _expect(manifest.path, size == sector.bytes, f"{at}.bytes", f"{size}, the size of {sector.file}", sector.bytes)
 
 
@@ -239,6 +240,6 @@ def _same(path: Path, field: str, expected, got) -> None:
 
 def _expect(path: Path, condition: bool, field: str, expected, got) -> None:
     if not condition:
-        shown = got if isinstance(got, str) else json.dumps(got, default=str)
+        shown = json.dumps(got, default=str)  # escapes whatever is no plain text
         shown = shown if len(shown) <= 80 else f"{shown[:77]}..."
         raise FormatError(f"{path}: {field + ': ' if field else ''}expected {expected}, got {shown}")

@@ -38,7 +38,7 @@ def test_render_draws_with_the_light_of_a_world(path, tmp_path):
 
 
 LIES = {
-    "a missing file": (2, "sectors[1].file: expected a file", lambda path, file: file.unlink()),
+    "a missing file": (2, "sectors[1].file:", lambda path, file: file.unlink()),
     "another hash": (3, "sha256: expected", lambda path, file: file.write_bytes(file.read_bytes()[:-1] + b"\7")),
     "another version": (3, "version: expected 1, got 9", lambda path, file: edit(path, '"version": 1', '"version": 9')),
     "no JSON": (3, "expected JSON", lambda path, file: path.write_text("{")),

@@ -1,6 +1,7 @@
 """Manifests: what is written is read, and whatever lies is refused in one line."""
 
 import json
+from contextlib import suppress
 from pathlib import Path
 
 import gsgi_files
@@ -44,7 +45,7 @@ LIES = {
     "no manifest": (lambda _: [1], "expected an object, got [1]"),
     "another format": (lambda v: v.update(format=None), "format: expected 'gsgi world', got null"),
     "a member that is none": (lambda v: v.update(seed=1), "seed: expected no such member, got 1"),
-    "a member too few": (lambda v: v.pop("margin") and None, "margin: expected a value, got none"),
+    "a member too few": (lambda v: v.pop("margin") and None, 'margin: expected a value, got "none"'),
     "no sector": (lambda v: v.update(sectors=[]), "sectors: expected an array of 1 to 4096 values, got []"),
     "no margin": (lambda v: v.update(margin=0), "margin: expected more than 0, got 0.0"),
     "an unknown effect": (lambda v: v.update(effects=["fog"]), "effects: expected names of"),
@@ -57,10 +58,13 @@ LIES = {
     "a neighbour that is no sector": (sector(0, neighbours=[3]), "sectors[0].neighbours: expected a whole number"),
     "a number that is none": (
         sector(0, low=["a", 0, 0]),
-        "sectors[0].low: expected a finite number, at most 1e12, got a",
+        'sectors[0].low: expected a finite number, at most 1e12, got "a"',
     ),
     "an infinite number": (sector(0, low=[float("inf"), 0, 0]), "expected JSON: Infinity is no number of JSON"),
-    "a file elsewhere": (sector(0, file="../level.gsgi"), "sectors[0].file: expected a path inside its folder, got .."),
+    "a file elsewhere": (
+        sector(0, file="../level.gsgi"),
+        'sectors[0].file: expected a path inside its folder, got "../level',
+    ),
     "another size": (sector(2, bytes=7), "sectors[2].bytes: expected"),
 }
 
@@ -75,10 +79,32 @@ def test_a_manifest_that_lies_is_refused(path, change, message):
     assert len(text) < 300
 
 
+def test_text_that_would_break_a_line_is_escaped(path):
+    with pytest.raises(FormatError, match=r'sectors\[0\].file: expected a path inside its folder, got "\\ud800\\n"$'):
+        read_manifest(changed(path, sector(0, file="\ud800\n")))
+
+
+def test_no_damage_gives_another_error(path):
+    """Of single bytes, and of values in place of others."""
+    data, rng = path.read_bytes(), np.random.default_rng(5)
+    for _ in range(400):
+        damaged = bytearray(data)
+        for at in rng.integers(len(data), size=rng.integers(1, 4)):
+            damaged[at] = rng.choice(list(b'0x"[]{},:-.eE9\xff\n'))
+        path.write_bytes(bytes(damaged))
+        with suppress(FormatError, FileError):
+            read_manifest(path)
+    for name in ("format", "version", "scene", "effects", "margin", "sectors"):
+        for value in (None, True, 1e400, 10**30, [], {}, [[]], [{}], "", [None]):
+            path.write_bytes(data)
+            with suppress(FormatError, FileError):
+                read_manifest(changed(path, lambda v, name=name, value=value: v.update({name: value})))
+
+
 def test_a_missing_file_is_told_at_once(path):
     gone = path.parent / read_manifest(path).sectors[1].file
     gone.unlink()
-    with pytest.raises(FileError, match=r"sectors\[1\].file: expected a file .*, which is missing$"):
+    with pytest.raises(FileError, match=r'sectors\[1\].file: "level.1-.*.gsgi" is missing$'):
         read_manifest(path)
     with pytest.raises(FileError, match="cannot read"):
         read_manifest(path.with_name("none.gsgi.json"))
