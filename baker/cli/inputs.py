@@ -21,7 +21,6 @@ from gsgi.runtime.lighting import KEYS, Lighting, beside, light, read_lights
 from gsgi.runtime.scene import Scene
 
 if TYPE_CHECKING:
-    from gsgi.baker.plan import Plan
     from gsgi.baker.tasks.request import Request
     from gsgi.runtime.world.world import World
 
@@ -79,11 +78,6 @@ def _groups(options: argparse.Namespace) -> dict[str, tuple[str, ...]] | None:
     for name, pattern in getattr(options, "group", ()):
         groups[name] = (*groups.get(name, ()), pattern)
     return groups or None
-
-
-def plan_of(options: argparse.Namespace, progress: Progress, cache: Cache) -> "Plan":
-    """Make the plan for the scene, light and settings that the options name."""
-    return request_of(options, progress).plan(progress, cache)
 
 
 def request_of(options: argparse.Namespace, progress: Progress) -> "Request":

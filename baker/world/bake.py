@@ -14,7 +14,7 @@ import numpy as np
 from gsgi.baker import job
 from gsgi.baker.cache.code_version import code_version
 from gsgi.baker.cache.store import Cache, task_key
-from gsgi.baker.plan import make_tracer, plan_within
+from gsgi.baker.plan import Plan, make_tracer, plan_within
 from gsgi.baker.plan_table import summary
 from gsgi.baker.progress import Progress
 from gsgi.baker.report import peak_memory
@@ -71,19 +71,24 @@ class WorldBaker:
         if found := self._cache.get(key):
             progress.say("from the cache")
             return found["data"].tobytes(), json.loads(found["report"].tobytes()), True
-        start = time.perf_counter()
-        plan = self._plan(box, progress)
+        began = time.perf_counter(), time.process_time()
+        plan = self.plan(number, progress)
         progress.say(summary(plan))
         written = []
         report = job.run(plan, progress, lambda data, _: written.append(data), self._request.evaluate).as_dict()
         told = report["held_out"] and report["held_out"]["mean"]
         ssim = f", SSIM of the frame {told['final']['ssim']:.4f}" if told else ""
         progress.say(f"{report['gaussians']} Gaussians, {report['bytes']} bytes{ssim}")
-        text = json.dumps(report | {"seconds": round(time.perf_counter() - start, 3)}).encode()
+        took = (
+            round(now - then, 3) for now, then in zip((time.perf_counter(), time.process_time()), began, strict=True)
+        )
+        text = json.dumps(report | dict(zip(("seconds", "cpu_seconds"), took, strict=True))).encode()
         self._cache.put(key, {"data": np.frombuffer(written[0], np.uint8), "report": np.frombuffer(text, np.uint8)})
         return written[0], json.loads(text), False
 
-    def _plan(self, box: np.ndarray, progress: Progress):
+    def plan(self, number: int, progress: Progress) -> Plan:
+        """The plan of one sector."""
+        box = self.division.around(number)
         scene = replace(self.tracer.scene, cameras=_within(box, self.tracer.scene.cameras))
         path = _within(box, self._request.path)
         return plan_within(

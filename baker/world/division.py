@@ -23,10 +23,19 @@ FAR_SIGHTS, SEEN, LOOKS = 6.0, 512, 64
 
 
 class Division(NamedTuple):
-    """Boxes (N, 2, 3) float64, m, that tile what surfaces there are, and the `margin` (m) of their borders."""
+    """Boxes (N, 2, 3) float64, m, that tile what surfaces there are, and the `margin` (m) of their borders.
+
+    `area` (N,), m^2, is that of the surfaces in each.
+    """
 
     boxes: np.ndarray
     margin: float
+    area: np.ndarray
+
+    @property
+    def largest(self) -> int:
+        """The box with the most surface."""
+        return int(self.area.argmax())
 
     def around(self, number: int) -> np.ndarray:
         """The box of one sector with its borders, (2, 3)."""
@@ -50,9 +59,11 @@ def divide(triangles: Triangles, size: float) -> Division:
     cells = np.array(list(np.ndindex(*counts.astype(int))))
     boxes = np.stack([[axis[cells[:, k] + side] for k, axis in enumerate(planes)] for side in (0, 1)])
     boxes = boxes.transpose(2, 0, 1)
-    there = [triangles.within(box) is not None for box in boxes]
+    parts = (triangles.within(box) for box in boxes)
+    area = np.array([part.area if part else 0.0 for part in parts])
     edges, divided = (high - low) / counts, counts > 1
-    return Division(boxes[there], float(MARGIN * (edges[divided] if divided.any() else edges).min()))
+    margin = float(MARGIN * (edges[divided] if divided.any() else edges).min())
+    return Division(boxes[area > 0], margin, area[area > 0])
 
 
 def automatic_size(triangles: Triangles, seed: int) -> float:

@@ -38,9 +38,7 @@ def add(commands) -> None:
     parser.add_argument("--ray", metavar="auto|ADDRESS",
                         help="share the work among the nodes of this Ray cluster (extra `cluster`; see "
                         "docs/cluster.md)")  # fmt: skip
-    parser.add_argument("--sectors", metavar="SIZE|auto", type=_sectors,
-                        help="divide the scene into boxes with edges of at most SIZE m, bake each into a file of its "
-                        "own, and write a manifest of them (see docs/worlds.md)")  # fmt: skip
+    shared.add_sectors(parser)
     shared.add_cache(parser)
     shared.add_verbosity(parser)
     shared.add_json(parser, "print a report as JSON on stdout")
@@ -50,11 +48,6 @@ def _add_build(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("build", "For build tools; see samples/06_build_integration.")
     group.add_argument("--depfile", metavar="FILE", help="list the files that were read, as a rule for make and ninja")
     group.add_argument("--if-changed", action="store_true", help="do not rewrite a .gsgi file with the same bytes")
-
-
-def _sectors(text: str) -> float | str:
-    """argparse type: a size in m, or `auto`."""
-    return text if text == "auto" else shared.positive(text)
 
 
 def run(options: argparse.Namespace) -> None:
@@ -124,9 +117,13 @@ def _bake_sectors(options: argparse.Namespace) -> None:
     cache = open_cache(options, progress)
     request = request_of(options, progress)
     rules, done = _rules(options, request.scene, progress), []
-    size = None if options.sectors == "auto" else options.sectors
     report = bake_world(
-        request, size, Path(options.output), progress, cache, lambda data: done.append(_write(options, data, rules))
+        request,
+        shared.sector_size(options),
+        Path(options.output),
+        progress,
+        cache,
+        lambda data: done.append(_write(options, data, rules)),
     )
     cache.trim()
     ssim = ""

@@ -7,8 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scenes
-from small_tasks import SURFACE, make_small, see_little
+from repository import SCENES
+from small_tasks import SURFACE, TINY, make_small, see_little
 
+from gsgi.baker import estimate
 from gsgi.baker.cache.store import Cache
 from gsgi.baker.cli import main
 from gsgi.baker.progress import Progress
@@ -52,11 +54,16 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 def test_a_bake_in_sectors_is_resumed_and_its_manifest_comes_last(tmp_path, monkeypatch):
     whole, again, cache = tmp_path / "whole", tmp_path / "again", tmp_path / "other cache"
-    report = bake_hall(whole, tmp_path / "cache")
+    report = bake_hall(whole, tmp_path / "cache", evaluate=True)
     assert read_manifest(whole / "level.gsgi.json") == report.manifest
     assert [sector.neighbours for sector in report.manifest.sectors] == [(1,), (0,)]
     assert len(contents(whole)) == 3
     assert report.gaussians == sum(sector["gaussians"] for sector in report.as_dict()["sectors"]) > 8
+
+    number, view = report.worst
+    assert number in (0, 1)
+    assert view["final"]["psnr"] > 25  # of what lies in the sector
+    assert json.dumps(report.as_dict())
 
     baked = bake.WorldBaker._sector
 
@@ -101,14 +108,6 @@ def hall_is_even(world: World) -> None:
     assert np.abs(right - left).max() < 0.01 / 255
 
 
-def test_sectors_are_evaluated_where_they_have_light(tmp_path):
-    report = bake_hall(tmp_path / "level", tmp_path / "cache", evaluate=True)
-    number, view = report.worst
-    assert number in (0, 1)
-    assert view["final"]["psnr"] > 25
-    assert json.dumps(report.as_dict())
-
-
 REFUSED = {
     "level.gsgi": ([], "expected a name that ends in .json for the manifest of sectors"),
     ".gsgi.json": ([], "expected a name that ends in .json for the manifest of sectors"),
@@ -129,6 +128,16 @@ def test_what_cannot_be_had_in_sectors_is_refused(tmp_path, output, capsys):
     assert message in error
     assert error.count("\n") == 1
     assert not (tmp_path / output).exists()
+
+
+def test_a_plan_tells_how_the_scene_is_divided(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(estimate, "estimate", lambda plan: {"fit": 2.0})
+    flags = [*TINY, "--sectors", "10.5", "--cache", str(tmp_path), "--quiet", "--json"]
+    assert main.run(["plan", str(SCENES / "corridor.glb"), *flags]) == 0
+    rows = json.loads(capsys.readouterr().out)
+    assert (rows[0]["what"], rows[0]["decision"]) == ("sectors", "2")
+    assert "2 sectors of 3.44 x 2.64 x 10.1 m, which meet in borders of 0.84 m" in rows[0]["why"]
+    assert rows[-1]["why"].startswith("each of 2, on this machine")
 
 
 def test_cameras_belong_to_the_sector_in_which_they_stand():

@@ -22,6 +22,7 @@ def test_boxes_have_equal_edges_up_to_the_size_and_tile_the_scene():
     assert all(len(near) == 3 for near in neighbours(division.boxes))
     assert division.margin == pytest.approx(MARGIN * edges.min())
     assert len(divide(room, 5).boxes) == 1
+    np.testing.assert_allclose(division.area, 3, rtol=0.01)
 
 
 def test_boxes_without_a_surface_are_left_out():
@@ -30,6 +31,7 @@ def test_boxes_without_a_surface_are_left_out():
     assert len(division.boxes) == 26  # all of 27 but the middle one
     flat = divide(Triangles(Scene((scenes.floor(2.0),), (scenes.WHITE,))), 1.0)
     assert len(flat.boxes) == 25
+    assert flat.area[flat.largest] == flat.area.max()
     assert (flat.boxes[:, 1] > flat.boxes[:, 0]).all()
 
 
