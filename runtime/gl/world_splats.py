@@ -28,7 +28,7 @@ class WorldSplats(SurfaceSplats):
     ):  # fmt: skip
         self._world, self._origin = world, origin
         self._parts: dict[int, SurfacePart] = {}
-        self._balls: dict[int, tuple[np.ndarray, np.ndarray]] = {}  # around what each part lights
+        self._boxes, self._balls = {}, {}  # of the parts: `world.windows` from the origin, and a ball around each
         relief = relief and Effects.NORMAL_MAP in world.effects
         self._make_passes(ctx, Reading(splat_scale, encoding, True, box is not None, relief, sectors=True), box)
         self._points.set(sector_margin=world.manifest.margin)
@@ -43,10 +43,12 @@ class WorldSplats(SurfaceSplats):
 
     def _drawn(self, view: View) -> list[tuple[SurfacePart, Window]]:
         self._follow()
-        windows = {number: self._window(number) for number in self._parts}
+        resident = self._world.resident
+        windows = {number: Window(*box, resident[number].weight) for number, box in self._boxes.items()}
         self._tell(list(windows.values()))
-        seen = {number for number in self._parts if self._in_view(number, view)}
-        return [(self._parts[number], windows[number]) for number in seen if windows[number].weight > 0]
+        numbers, balls = list(windows), np.array(list(self._balls.values()), np.float32).reshape(-1, 4).T
+        seen = in_view(balls[:3], balls[3], view.pinhole, view.parallel)
+        return [(self._parts[n], windows[n]) for n in (numbers[i] for i in seen) if windows[n].weight > 0]
 
     def _tables(self) -> list[moderngl.Texture]:
         return [self._table]
@@ -56,18 +58,16 @@ class WorldSplats(SurfaceSplats):
         resident = self._world.resident
         for number in [number for number in self._parts if number not in resident]:
             self._parts.pop(number).release()
+            del self._boxes[number], self._balls[number]
         for number, sector in resident.items():
             if number not in self._parts:
-                bake = local_bake(sector.bake, self._origin)
-                self._parts[number] = SurfacePart(self.ctx, self._programs, bake, self._relief, sector=True)
-                self._balls[number] = self._ball(number)
+                bake, box = local_bake(sector.bake, self._origin), self._world.windows[number]
+                part = SurfacePart(self.ctx, self._programs, bake, self._relief, sector=True)
+                box = np.where(np.abs(box) < FAR, box - self._origin, box).astype(np.float32)
+                ball = _ball(part, box, self._world.manifest.margin)
+                self._parts[number], self._boxes[number], self._balls[number] = part, box, ball
                 self._set_floor(bake.blend.floor)
                 self._programs.set(sector_margin=self._world.manifest.margin)
-
-    def _window(self, number: int) -> Window:
-        box = self._world.windows[number]
-        local = np.where(np.abs(box) < FAR, box - self._origin, box)
-        return Window(*local.astype(np.float32), self._world.resident[number].weight)
 
     def _tell(self, windows: list[Window]) -> None:
         """Upload the windows, if they have changed."""
@@ -82,16 +82,11 @@ class WorldSplats(SurfaceSplats):
             self._rows = rows
         self._points.set(sector_count=len(windows))
 
-    def _in_view(self, number: int, view: View) -> bool:
-        centre, radius = self._balls[number]
-        return len(in_view(centre, radius, view.pinhole, view.parallel)) > 0
 
-    def _ball(self, number: int) -> tuple[np.ndarray, np.ndarray]:
-        """Centre (3, 1) and radius (1,) of a ball around all that a sector lights; the radius is NaN of nothing."""
-        levels, margin = self._parts[number].levels, self._world.manifest.margin
-        box = self._world.windows[number] - self._origin
-        low = np.min([(level.position - level.radius).min(axis=1, initial=np.inf) for level in levels], axis=0)
-        high = np.max([(level.position + level.radius).max(axis=1, initial=-np.inf) for level in levels], axis=0)
-        low, high = np.maximum(low, box[0] - margin), np.minimum(high, box[1] + margin)
-        radius = np.linalg.norm(high - low) / 2 if (low <= high).all() else np.nan
-        return ((low + high) / 2).astype(np.float32)[:, None], np.float32([radius])
+def _ball(part: SurfacePart, box: np.ndarray, margin: float) -> tuple[float, ...]:
+    """Centre and radius (4,) of a ball around all that a sector lights; the radius is NaN of nothing."""
+    low = np.min([(level.position - level.radius).min(axis=1, initial=np.inf) for level in part.levels], axis=0)
+    high = np.max([(level.position + level.radius).max(axis=1, initial=-np.inf) for level in part.levels], axis=0)
+    low, high = np.maximum(low, box[0] - margin), np.minimum(high, box[1] + margin)
+    radius = np.linalg.norm(high - low) / 2 if (low <= high).all() else np.nan
+    return *((low + high) / 2), radius
