@@ -1,7 +1,5 @@
 """B of a bake at any points, on the CPU: the `surface` operator without a picture."""
 
-from collections.abc import Callable, Sequence
-
 import numpy as np
 
 from .cell_lists import cell_lists
@@ -25,7 +23,6 @@ from .quaternions import rotation_matrices
 from .rebase import local_bake, origin_of_bake
 
 POINTS = 1 << 18  # read at once: memory beyond the result stays below 50 MB
-Window = Callable[[np.ndarray], np.ndarray]  # weights (N,) float32 of a part at points (N, 3), m
 CHUNK = 1 << 15  # pairs of a point and a Gaussian at once: their arrays take 4 MB
 
 
@@ -55,69 +52,31 @@ class Sampler:
         self._fine = _Level(bake.gaussians.clamped(), bake.blend, bake.blend.sharpness)
         self._coarse = _Level(bake.coarse.clamped(), bake.blend, 0)
 
-    @property
-    def blend(self) -> SurfaceBlend:
-        """How the Gaussians become light."""
-        return self._blend
-
     def sample(self, positions: np.ndarray, normals: np.ndarray) -> np.ndarray:
         """The same as the function `sample`."""
-        return read([(self, None)], positions, normals)
+        positions, normals = np.asarray(positions), np.asarray(normals)
+        if positions.ndim != 2 or positions.shape[1] != 3 or normals.shape != positions.shape:
+            raise ValueError(f"positions {positions.shape}, normals {normals.shape}: both must be (N, 3)")
+        blocks = [slice(begin, begin + POINTS) for begin in range(0, len(positions), POINTS)]
+        read = [self._read(positions[block], normals[block]) for block in blocks]
+        return np.concatenate(read) if read else np.zeros((0, 3), np.float32)
 
-    def _local(self, positions: np.ndarray) -> np.ndarray:
+    def _read(self, positions: np.ndarray, normals: np.ndarray) -> np.ndarray:
         with np.errstate(over="ignore", invalid="ignore"):
-            return (positions - self._origin).astype(np.float32)
-
-
-def read(parts: Sequence[tuple["Sampler", Window | None]], positions: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """B (N, 3) float32 as `sample` gives it, of parts that light different places and are read with the same blend.
-
-    The weights of each part's Gaussians are multiplied by what its window gives at the points (N, 3); without one by 1.
-    B is darkened where windows add up to less than 1.
-    """
-    positions, normals = np.asarray(positions), np.asarray(normals)
-    if positions.ndim != 2 or positions.shape[1] != 3 or normals.shape != positions.shape:
-        raise ValueError(f"positions {positions.shape}, normals {normals.shape}: both must be (N, 3)")
-    blocks = [slice(begin, begin + POINTS) for begin in range(0, len(positions), POINTS)]
-    light = [_read(parts, positions[block], normals[block]) for block in blocks]
-    return np.concatenate(light) if light else np.zeros((0, 3), np.float32)
-
-
-def _read(parts, positions: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    light = np.zeros((len(positions), 3), np.float32)
-    if not parts:
+            points = (positions - self._origin).astype(np.float32)
+            length = np.linalg.norm(normals.astype(np.float64), axis=1, keepdims=True)
+        used = np.isfinite(points).all(axis=1) & np.isfinite(length[:, 0]) & (length[:, 0] > 0)
+        points, normals = points[used], (normals[used] / length[used]).astype(np.float32)
+        sums = self._fine.sums(points, normals)
+        # SurfaceBlend: light of the coarse level fills the gap between the fine level's weight and the floor.
+        gap = np.maximum(np.float32(self._blend.floor) - sums[:, 3], 0)
+        thin = np.flatnonzero(gap > 0)
+        rest = self._coarse.sums(points[thin], normals[thin])
+        sums[thin, :3] += gap[thin, None] * _mean(rest)
+        sums[:, 3] += gap
+        light = np.zeros((len(positions), 3), np.float32)
+        light[used] = np.clip(_mean(sums), 0, HALF_MAX)
         return light
-    with np.errstate(over="ignore", invalid="ignore"):
-        length = np.linalg.norm(normals.astype(np.float64), axis=1, keepdims=True)
-    used = np.isfinite(length[:, 0]) & (length[:, 0] > 0)
-    for sampler, _ in parts:
-        used &= np.isfinite(sampler._local(positions)).all(axis=1)
-    positions, normals = positions[used], (normals[used] / length[used]).astype(np.float32)
-    windows = [_window(window, positions) for _, window in parts]
-    total = sum(windows)
-    sums = _summed("_fine", parts, windows, positions, normals)
-    # SurfaceBlend: light of the coarse level fills the gap between the fine level's weight and the floor.
-    gap = np.maximum(np.float32(parts[0][0].blend.floor) * total - sums[:, 3], 0)
-    thin = np.flatnonzero(gap > 0)
-    rest = _summed("_coarse", parts, [window[thin] for window in windows], positions[thin], normals[thin])
-    sums[thin, :3] += gap[thin, None] * _mean(rest)
-    sums[:, 3] += gap
-    light[used] = np.clip(np.minimum(total, 1)[:, None] * _mean(sums), 0, HALF_MAX)
-    return light
-
-
-def _window(window: Window | None, positions: np.ndarray) -> np.ndarray:
-    return np.ones(len(positions), np.float32) if window is None else window(positions)
-
-
-def _summed(level: str, parts, windows, positions: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """sum w c and sum w (N, 4) float32 of a level of all parts."""
-    sums = np.zeros((len(positions), 4), np.float32)
-    for (sampler, _), window in zip(parts, windows, strict=True):
-        here = np.flatnonzero(window > 0)
-        points = sampler._local(positions[here])
-        sums[here] += window[here, None] * getattr(sampler, level).sums(points, normals[here])
-    return sums
 
 
 def check_operator(bake: Bake) -> None:

@@ -15,17 +15,12 @@ layout(location = 0) out vec4 out_sums;  // sum w c, sum w
 void main() {
     ivec2 texel = ivec2(gl_FragCoord.xy);
     vec4 fine = texelFetch(fine_sums, texel, 0), coarse = vec4(0.0);
-    float enough = weight_floor;
-#if SECTORS
-    float there = texelFetch(surface_position, texel, 0).w;
-    enough *= there;
-#endif
 #if COARSE
-    if (fine.a < enough) coarse = texelFetch(coarse_sums, texel, 0);
+    if (fine.a < weight_floor) coarse = texelFetch(coarse_sums, texel, 0);
 #endif
     // A point without a surface or without a Gaussian has no weight.
-    out_sums = fine.a + coarse.a > 0.0 ? filled(fine, coarse, enough) : vec4(0.0);
+    out_sums = fine.a + coarse.a > 0.0 ? filled(fine, coarse, weight_floor) : vec4(0.0);
 #if SECTORS
-    out_sums.rgb *= min(there, 1.0);
+    out_sums.rgb *= texelFetch(surface_position, texel, 0).w;
 #endif
 }

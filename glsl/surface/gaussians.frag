@@ -13,7 +13,6 @@ uniform float cutoff;
 #if SECTORS
 uniform vec3 sector_low;
 uniform vec3 sector_high;
-uniform float sector_weight;
 uniform float sector_margin;  // m
 #endif
 
@@ -45,7 +44,7 @@ void main() {
     w *= facing(dot(n, v_normal), NORMAL_POWER);
 #endif
 #if SECTORS
-    w *= sector_weight * sector_window(x, sector_low, sector_high, sector_margin);
+    w *= sector_window(x, sector_low, sector_high, sector_margin) > 0.0 ? 1.0 : 0.0;  // others of its class are there
 #endif
     w = w > 0.0 ? w : 0.0;  // NaN fails the test
 #if RELIEF && NORMAL_POWER == 0

@@ -86,17 +86,12 @@ void main() {
     vec4 sum = upsampled(texel);
 #else
     vec4 fine = texelFetch(fine_sums, texel, 0), coarse = vec4(0.0);
-    float enough = weight_floor;
-#if SECTORS
-    float there = texelFetch(surface_position, texel, 0).w;
-    enough *= there;
-#endif
 #if COARSE
-    if (fine.a < enough) coarse = texelFetch(coarse_sums, texel, 0);
+    if (fine.a < weight_floor) coarse = texelFetch(coarse_sums, texel, 0);
 #endif
-    vec4 sum = filled(fine, coarse, enough);
+    vec4 sum = filled(fine, coarse, weight_floor);
 #if SECTORS
-    sum.rgb *= min(there, 1.0);
+    sum.rgb *= texelFetch(surface_position, texel, 0).w;
 #endif
 #endif
     vec3 light = sum.a > 0.0 ? sum.rgb / sum.a : vec3(0.0);

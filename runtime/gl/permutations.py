@@ -147,7 +147,7 @@ PASSES: dict[str, dict[str, Callable[[Any], int]]] = {
         "RELIEF": lambda level: level.relief,
         "SECTORS": lambda level: level.sectors,
     },
-    "surface/gap": {"SECTORS": lambda reading: reading.sectors},  # Reading; created if there is a coarse level
+    "surface/gap": {},  # created if there is a coarse level
     "surface/fill": {  # Reading; created if sums are upsampled
         "COARSE": lambda reading: reading.coarse,
         "SECTORS": lambda reading: reading.sectors,

@@ -18,11 +18,10 @@ OUTLINE_CORNERS = 8  # vertices of a strip; OUTLINE_CORNERS of glsl/lib/ellipsoi
 
 
 class Window(NamedTuple):
-    """Where a sector of a world has light: `low` and `high` (3,), m, as the pass sees the world, and its `weight`."""
+    """Where a sector of a world has light: `low` and `high` (3,), m, as the pass sees the world."""
 
     low: np.ndarray
     high: np.ndarray
-    weight: float
 
 
 class Programs:
@@ -80,7 +79,7 @@ class SurfaceLevel:
         self._index.orphan()
         self._index.write(index)
         if window:
-            set_uniforms(self._program, sector_low=window.low, sector_high=window.high, sector_weight=window.weight)
+            set_uniforms(self._program, sector_low=window.low, sector_high=window.high)
         level = self._data.shape, self._data.sh, targets.position, targets.plane, self._data.slope
         for unit, texture in enumerate((*level, targets.bend, self._data.relief)):
             if texture is not None:

@@ -18,6 +18,7 @@ from .view import View
 
 SCALES = 1, 2, 3, 4  # pixels of the frame per pixel of the target, along each axis
 
+Group = list[tuple[SurfacePart, Window | None]]  # parts that have no light at the same points, or one alone
 Box = tuple[np.ndarray, np.ndarray]  # lowest and highest corner (3,), world space, m
 
 
@@ -49,7 +50,7 @@ class SurfaceSplats:
         weight = ["surface_position"] if reading.sectors else []
         self._gap = None
         if reading.coarse:
-            self._gap = FullScreenPass(ctx, "surface/gap", ("fine_sums", *weight), **defines("surface/gap", reading))
+            self._gap = FullScreenPass(ctx, "surface/gap", ("fine_sums",))
         levels = "fine_sums", *(["coarse_sums"] if reading.coarse else []), *weight
         upsampled = "filled_sums", "surface_plane", "normal", "depth"
         self._fill = None
@@ -63,9 +64,9 @@ class SurfaceSplats:
             if each:
                 each.set(weight_floor=floor)
 
-    def _drawn(self, view: View) -> list[tuple[SurfacePart, Window | None]]:
-        """What has light in a view."""
-        return [(self._part, None)]
+    def _groups(self, view: View) -> list[tuple[int, Group]]:
+        """What has light in a view, group by group, each with a number: the light of all groups adds up."""
+        return [(0, [(self._part, None)])]
 
     @property
     def indirect(self) -> moderngl.Texture | None:
@@ -86,34 +87,45 @@ class SurfaceSplats:
             "world_from_view": view.world_from_host, **view.uniforms(), "size": targets.size, "corner": corner,
             **self._encoding.depth_uniforms(zero_to_one, view.shift), "z_to_clip": view.z_to_clip, "near": view.near,
         }  # fmt: skip
-        parts = self._drawn(view)
-        with measured(profile, "surface/points"):
-            self._write_depth()
-            bent = [mapped or normal] if self._relief else []
-            self._points.draw(targets.points, normal, depth, *bent, *self._tables(), **host)
+        groups = self._groups(view)
         self._programs.set(
             view_from_world=pinhole.view_from_world, near=view.near, parallel=view.parallel,
             **_pixel_uniforms(pinhole, targets.read_size, self.splat_scale),
         )  # fmt: skip
-        weight = [targets.position] if self._tables() else []
+        bent = [mapped or normal] if self._relief else []
+        for index, (number, parts) in enumerate(groups):
+            with measured(profile, "surface/points"):
+                self._write_depth()
+                self._points.draw(targets.points, normal, depth, *bent, *self._tables(), sector_class=number, **host)
+            self._read(view, parts, targets, profile)
+            with measured(profile, "surface/resolve"):
+                self._resolve_sums(targets, (normal, depth), host, added=index > 0)
+
+    def _read(self, view: View, parts: Group, targets: SurfaceTargets, profile: Profile | None) -> None:
+        """Fill the sums of both levels with those of `parts`."""
         with measured(profile, "surface/gaussians, fine") as cost:
             self._begin(targets.fine_sums)
             cost.quads += sum(part.fine.draw(view, targets, window) for part, window in parts)
         if self._gap:
             with measured(profile, "surface/gap"):
                 self._write_depth()
-                self._gap.draw(targets.gap, targets.fine, *weight)
+                self._gap.draw(targets.gap, targets.fine)
             with measured(profile, "surface/gaussians, coarse") as cost:
                 self._begin(targets.coarse_sums)
                 cost.quads += sum(part.coarse.draw(view, targets, window) for part, window in parts if part.coarse)
+
+    def _resolve_sums(self, targets: SurfaceTargets, surfaces: tuple, host: dict, added: bool) -> None:
+        """Turn sums into light, which replaces what `indirect` holds unless it is `added`."""
+        weight = [targets.position] if self._tables() else []
         levels = [targets.fine, *([targets.coarse] if targets.coarse else []), *weight]
-        with measured(profile, "surface/resolve"):
-            self.ctx.enable_only(moderngl.NOTHING)
-            if self._fill:
-                self._fill.draw(targets.filled_sums, *levels)
-                self._resolve.draw(targets.resolved, targets.filled, targets.plane, normal, depth, **host)
-            else:
-                self._resolve.draw(targets.resolved, *levels)
+        self.ctx.enable_only(moderngl.NOTHING)
+        if self._fill:
+            self._fill.draw(targets.filled_sums, *levels)
+            levels = targets.filled, targets.plane, *surfaces
+        if added:
+            self.ctx.enable_only(moderngl.BLEND)
+            self.ctx.blend_func = moderngl.ONE, moderngl.ONE
+        self._resolve.draw(targets.resolved, *levels, **(host if self._fill else {}))
 
     def points_read(self, gl: Functions, texels: np.ndarray, corner: tuple[int, int]) -> Points:
         """What the last draw() read. `texels` (H, W, 4) are those of the whole normal texture."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from gsgi.runtime.errors import FormatError
 from gsgi.runtime.gaussians import Bake, Effects, LightGroup, SurfaceBlend
-from gsgi.runtime.sampling import Sampler, read
+from gsgi.runtime.sampling import Sampler
 
 from .boxes import fading, windows
 from .loader import Loader, attempt
@@ -34,7 +34,7 @@ class Resident:
 
     @property
     def weight(self) -> float:
-        """Factor on the weights of its Gaussians."""
+        """Factor on its light."""
         return self.clock**POWER
 
     @cached_property
@@ -148,8 +148,17 @@ class World:
 
         It is read from the sectors in memory; the first time that a sector is read, this prepares it.
         """
-        parts = [(sector.sampler, partial(self._window, number)) for number, sector in self._resident.items()]
-        return read(parts, positions, normals)
+        positions, normals = np.asarray(positions), np.asarray(normals)
+        if positions.ndim != 2 or positions.shape[1] != 3 or normals.shape != positions.shape:
+            raise ValueError(f"positions {positions.shape}, normals {normals.shape}: both must be (N, 3)")
+        light, total = np.zeros((len(positions), 3), np.float32), np.zeros(len(positions), np.float32)
+        for number, sector in self._resident.items():
+            window = np.float32(sector.weight) * windows(self.windows[number], self.manifest.margin, positions)
+            here = np.flatnonzero(window > 0)
+            light[here] += window[here, None] * sector.sampler.sample(positions[here], normals[here])
+            total += np.nan_to_num(window)
+        # Around a box that is left out windows add up to more than 1.
+        return light / np.maximum(total, 1)[:, None]
 
     def close(self) -> None:
         """Free all sectors and end the thread. Calling it twice is harmless."""
@@ -163,10 +172,6 @@ class World:
 
     def __exit__(self, *_) -> None:
         self.close()
-
-    def _window(self, number: int, points: np.ndarray) -> np.ndarray:
-        weight = np.float32(self._resident[number].weight)
-        return weight * windows(self.windows[number], self.manifest.margin, points)
 
     def _wanted(self, eye: np.ndarray) -> list[int]:
         """The sectors that are to be in memory, the nearest first: as many as the budget holds."""

@@ -28,10 +28,10 @@ def world() -> list[dict]:
     """Cost per sector, memory, seams, and frames of a flight, for worlds of 1, 3 and 7 copies of two rooms.
 
     Borders cut through rooms: there is one sector more than copies. `sector_s` are the least and the most CPU seconds
-    of a sector; `memory_mb` the peak of the bake's process. `seam` is the largest change of B across a border, and
-    `elsewhere` across planes that are no borders, between points 1 mm apart, in 1/255 of the mean B. The flight has
-    room for two sectors. `update_ms` is the median and the most that World.update takes of the frame's thread,
-    `frame_ms` the median and the most of update and drawing together, with a software rasteriser.
+    of a sector; `memory_mb` the peak of the bake's process. `seam` is the largest change of B over 1 mm along surfaces,
+    in the strips where sectors meet, and `elsewhere` in others as wide, in 1/255 of the mean B. The flight has room for
+    two sectors. `update_ms` is the median and the most that World.update takes of the frame's thread, `frame_ms` the
+    median and the most of update and drawing together, with a software rasteriser.
     """
     with tempfile.TemporaryDirectory() as folder:
         return [_row(Path(folder), copies) for copies in COPIES]
@@ -82,27 +82,33 @@ def repeated(glb: bytes, copies: int) -> bytes:
 
 
 def _seams(scene: Path, manifest: Path) -> dict:
-    """The largest steps of B between points 1 mm apart on both sides of borders, and of planes that are none."""
+    """The largest steps of B over 1 mm along surfaces, at borders and in strips as wide that are none."""
     with gsgi.World(manifest) as world:
         world.settle()
+        triangles, margin = Triangles(gsgi.read_scene(scene)), world.manifest.margin
         borders = {float(x) for x in world.windows[:, :, 0].ravel() if abs(x) < FAR}
-        points = Triangles(gsgi.read_scene(scene)).draw(POINTS, np.random.default_rng(0))
-        mean = world.sample(points.position, points.normal).mean()
+        apart = 3 * margin, -3 * margin
+        mean = world.sample(*_points(triangles, -FAR, FAR)).mean()
         steps = [
-            max((_step(world, points, x + shift).max() for x in borders), default=0.0) for shift in (0.0, 0.37, -0.53)
+            max(_step(world, *_points(triangles, x + shift - margin, x + shift + margin)) for x in borders)
+            for shift in (0.0, *apart)
         ]
     return {"seam": round(255 * steps[0] / mean, 3), "elsewhere": round(255 * max(steps[1:]) / mean, 3)}
 
 
-def _step(world, points, x: float) -> np.ndarray:
-    """Change (N,) of B across the plane at `x`, on surfaces that it cuts: those whose normals lie in it."""
-    along = np.abs(points.normal[:, 0]) < 0.1
-    position, normal = points.position[along].astype(float), points.normal[along]
-    sides = []
-    for side in (-1, 1):
-        position[:, 0] = x + side * ACROSS / 2
-        sides.append(world.sample(position, normal))
-    return np.abs(sides[1] - sides[0]).max(axis=1)
+def _points(triangles: Triangles, low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
+    """Points on surfaces between planes at `low` and `high` m along x, with their normals."""
+    strip = triangles.within(np.array([[low, -FAR, -FAR], [high, FAR, FAR]]))
+    drawn = strip.draw(POINTS, np.random.default_rng(0))
+    return drawn.position.astype(float), drawn.normal
+
+
+def _step(world, position: np.ndarray, normal: np.ndarray) -> float:
+    """The largest change of B between points a step apart, on surfaces that go on along x."""
+    along = np.abs(normal[:, 0]) < 0.1
+    shift = ACROSS / 2 * np.eye(3)[0]
+    left, right = (world.sample(position[along] + sign * shift, normal[along]) for sign in (-1, 1))
+    return float(np.abs(right - left).max())
 
 
 def _flight(scene_file: Path, manifest: Path) -> dict:

@@ -73,7 +73,7 @@ gsgi_result gsgi__surface_create(gsgi_light* light) {
     for (int l = 0; l < 2; ++l)
         if (light->info.gaussian_count[l] > 0 && (result = create_level(light, l))) return result;
     if (has_coarse(light)) {
-        result = create_pass(light, "surface/gap", gsgi__shader_surface_gap_frag, "#define SECTORS 0\n", &light->gap);
+        result = create_pass(light, "surface/gap", gsgi__shader_surface_gap_frag, "", &light->gap);
         if (result) return result;
         gsgi__set_float(gl, &light->gap, "weight_floor", light->info.weight_floor);
     }

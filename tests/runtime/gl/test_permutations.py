@@ -74,7 +74,6 @@ SUBJECTS = {
         for g in of_degree(0, 1, 2, sloped=sloped)
     ]
     + [Level(g, SurfaceBlend(), False, relief, sectors=True) for g in of_degree(0, 2) for relief in BOTH],
-    "surface/gap": READINGS,
     "surface/fill": READINGS,
     "surface/resolve": READINGS,
     "surface/add_light": encodings(),

@@ -3,7 +3,7 @@
 import numpy as np
 import worlds
 
-from gsgi.runtime.world.boxes import fading, neighbours, overlap, windows
+from gsgi.runtime.world.boxes import classes, fading, neighbours, overlap, windows
 
 
 def total(boxes: np.ndarray, points: np.ndarray, margin: float = 0.3) -> np.ndarray:
@@ -24,6 +24,16 @@ def test_only_a_shared_volume_is_an_overlap():
     assert overlap(boxes) is None
     boxes[7, 0] -= 0.01
     assert overlap(boxes) == (0, 7)
+
+
+def test_no_two_sectors_of_a_class_have_light_at_the_same_point():
+    points = np.random.default_rng(4).uniform(-1, 9, (3000, 3)) * (1, 0.5, 1)
+    for boxes, most in ((worlds.cells(4, 1, 4), 4), (worlds.cells(3, 2, 3), 8), (worlds.cells(5, 1, 1), 2)):
+        found = classes(boxes, 0.3)
+        assert found.max() + 1 == most
+        lit = np.array([windows(box, 0.3, points) > 0 for box in fading(boxes, neighbours(boxes))])
+        inside = ((points > boxes.min(axis=(0, 1))) & (points < boxes.max(axis=(0, 1)))).all(axis=1)
+        assert max(lit[found == k][:, inside].sum(axis=0).max() for k in range(most)) == 1
 
 
 def test_weights_add_up_to_one_everywhere():

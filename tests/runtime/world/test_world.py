@@ -70,6 +70,20 @@ def test_within_a_border_light_lies_between_that_of_both_sectors(tmp_path):
         np.testing.assert_allclose(light, own[0] + across * (own[1] - own[0]), rtol=0.02)
 
 
+def test_across_a_border_light_changes_evenly_whatever_the_weights_are(tmp_path):
+    """Sums of both sectors, divided once, would jump where one weighs a thousand times as much as the other."""
+    boxes = worlds.cells(2, 1, 1)
+    bakes = [worlds.in_box(boxes[0], seed=1), gsgi_files.constant((3.0,) * 3)]
+    faint = [worlds.replace(level, opacity=level.opacity / 500) for level in (bakes[0].gaussians, bakes[0].coarse)]
+    bakes[0] = worlds.replace(bakes[0], gaussians=faint[0], coarse=faint[1])
+    with settled(worlds.write(tmp_path, bakes, boxes)) as world:
+        x = np.linspace(2 - worlds.MARGIN, 2 + worlds.MARGIN, 501)
+        line, up = np.stack([x, x * 0 + 1, x * 0 + 1], axis=1), np.tile([0.0, 1, 0], (501, 1))
+        own = [sample(world.manifest.read(number), line, up) for number in (0, 1)]
+        share = np.linspace(0, 1, 501)[:, None]
+        np.testing.assert_allclose(world.sample(line, up), (1 - share) * own[0] + share * own[1], rtol=1e-3, atol=1e-4)
+
+
 def test_a_world_of_one_sector_is_its_file(tmp_path):
     bake = worlds.in_box(worlds.cells(1, 1, 1)[0], seed=4)
     with settled(worlds.write(tmp_path, [bake], worlds.cells(1, 1, 1))) as world:
