@@ -1,6 +1,6 @@
 """Decide beforehand what a bake will do: only the effects, bounces, views and samples that the scene needs."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -152,7 +152,7 @@ class Plan:
     def sampler(self) -> Sampler:
         """Draws and traces the samples of `surface`."""
         dark = [name in self.dark for name in self.placement.fitted]
-        seen = SeenSurface(self.tracer, self.cameras, dark, self.placement.importance)
+        seen = SeenSurface(self.tracer, self.cameras, dark, self.placement.importance, self.triangles.box)
         return Sampler.gathering(self.tracer, seen, self.settings.bounces, self.settings.seed + 1, self.settings.error)
 
     def group_sampler(self, name: str) -> Sampler:
@@ -195,12 +195,30 @@ def make_plan(
     scene is too large, or its light groups cannot be; UsageError for light groups with `over`; and GsgiError if there
     is too little memory to begin. Too little to end gives a warning.
     """
+    tracer = make_tracer(scene, settings, cache)
+    return plan_within(tracer.scene, lambda: Triangles(tracer.scene), tracer, settings, progress, path)
+
+
+def make_tracer(scene: Scene, settings: Settings, cache: Cache) -> CachedTracer:
+    """The tracer of a scene without the effects that the settings leave out. Raises what `make_plan` does."""
+    return CachedTracer(as_baked(scene, settings), cache)
+
+
+def plan_within(
+    scene: Scene,
+    make_triangles: Callable[[], Triangles],
+    tracer: CachedTracer,
+    settings: Settings,
+    progress: Progress,
+    path: Mapping[str, Camera] | None = None,
+) -> Plan:
+    """Plan a bake of the light on triangles of the tracer's scene, which may be those within a box alone.
+
+    `scene` is the same one, perhaps with fewer cameras, and the other arguments are those of `make_plan`.
+    """
     there, asked = memory.available(), settings
-    scene = as_baked(scene, settings)
-    tracer = CachedTracer(scene, cache)
     with progress.stage("views") as advance:
-        triangles = Triangles(scene)
-        given = scene.cameras | dict(path or {})
+        triangles, given = make_triangles(), scene.cameras | dict(path or {})
         at_size = settings.size or PLACED_SIZE
         placement, found = place_once(tracer, triangles, given, at_size, settings.seed, settings.views)
         if found:

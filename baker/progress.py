@@ -59,7 +59,14 @@ class Progress:
         self._began = time.perf_counter()
         self.seconds: dict[str, float] = {}
         self.warnings: list[str] = []
-        self._display = display or Silent()
+        self._display, self._prefix = display or Silent(), ""
+        self._whole: Progress | None = None
+
+    def part(self, name: str) -> "Progress":
+        """The progress of a part of the work, whose lines begin with its name. What it keeps is kept here too."""
+        part = Progress(self._display)
+        part._prefix, part._whole = f"{self._prefix}{name}: ", self
+        return part
 
     @property
     def elapsed(self) -> float:
@@ -77,14 +84,24 @@ class Progress:
             bar.stop()
             raise
         seconds = time.perf_counter() - start
-        self.seconds[name] = self.seconds.get(name, 0.0) + seconds
+        self._took(name, seconds)
         bar.finish(seconds)
 
     def say(self, line: str) -> None:
         """Show one log line."""
-        self._display.say(line)
+        self._display.say(self._prefix + line)
 
     def warn(self, line: str) -> None:
         """Keep and show a warning. Everything that is left out is reported this way."""
-        self.warnings.append(line)
-        self._display.warn(line)
+        self._keep(self._prefix + line)
+        self._display.warn(self._prefix + line)
+
+    def _took(self, name: str, seconds: float) -> None:
+        self.seconds[name] = self.seconds.get(name, 0.0) + seconds
+        if self._whole:
+            self._whole._took(name, seconds)
+
+    def _keep(self, warning: str) -> None:
+        self.warnings.append(warning)
+        if self._whole:
+            self._whole._keep(warning)

@@ -5,11 +5,15 @@ Here it reflects that share of the light diffusely; docs/how-it-works.md says ho
 """
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .gaussians import Bake, Effects
 from .scene import Material, Scene
+
+if TYPE_CHECKING:
+    from .world.world import World
 
 METALLIC = 0.5  # a surface counts as metal from this value on
 
@@ -26,7 +30,7 @@ def lambertian(scene: Scene) -> Scene:
     return replace(scene, materials=tuple(_black(m, index in blends) for index, m in enumerate(scene.materials)))
 
 
-def as_baked(scene: Scene, bake: Bake | None) -> Scene:
+def as_baked(scene: Scene, bake: "Bake | World | None") -> Scene:
     """The scene with metals as they were when `bake` was made, since B belongs to those; without one as it is."""
     if bake is None:
         return scene

@@ -29,6 +29,11 @@ def origin_of_bake(bake: Bake) -> np.ndarray:
     return _middle_if_far(position.min(axis=0), position.max(axis=0)).astype(np.float32).astype(float)
 
 
+def origin_of_boxes(boxes: np.ndarray) -> np.ndarray:
+    """Same as `origin_of_bake` for boxes (N, 2, 3), m."""
+    return _middle_if_far(boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)).astype(np.float32).astype(float)
+
+
 def local_scene(scene: Scene, origin: np.ndarray) -> Scene:
     """The scene with meshes and lights relative to `origin` (3,); its cameras are unchanged."""
     meshes, blended = (

@@ -31,6 +31,7 @@ from benches.trace import trace
 from benches.triangles import triangles
 from benches.update import update
 from benches.web import web
+from benches.world import world
 from repository import ROOT
 
 from gsgi.runtime.atomic import check_writable, write_atomic
@@ -47,6 +48,7 @@ BENCHES = {
         error_time,
         cluster,
         update,
+        world,
         trace,
         scenes,
         *PASSES,

@@ -39,6 +39,15 @@ def make_small(put: Callable[[object, str, object], object] = setattr) -> None:
         put(module, name, value)
 
 
+def see_little(put: Callable[[object, str, object], object] = setattr) -> None:
+    """Few places from which views are chosen, by `put(module, name, value)`."""
+    for module, name, value in (
+        (placement, "SAMPLES", (512,)), (placement, "VALIDATION_SAMPLES", 512), (placement, "POINTS", 2048),
+        (viewpoints, "VIEWPOINTS", 48), (viewpoints, "MORE_VIEWPOINTS", 8), (importance, "EYES", 48),
+    ):  # fmt: skip
+        put(module, name, value)
+
+
 def run(command: str, *arguments: str, code: int = 0) -> None:
     """Run a command in this process; check its exit code."""
     assert main.run([command, *arguments, "--quiet"]) == code

@@ -56,14 +56,18 @@ def test_the_baker_imports_gl_modules_lazily_only(path):
 
 
 # A room of the baker imports rooms before it, and what lies in no room: the records that all pass around.
-ROOMS = "cache", "trace", "views", "fitting", "over", "surface", "evaluation", "update", "tasks", "cluster", "tradeoff"
+ROOMS = (
+    *("cache", "trace", "views", "fitting", "over", "surface", "evaluation", "update", "tasks", "cluster", "world"),
+    "tradeoff",
+)
 RECORDS = {"native", "progress", "settings"}
-# What rooms that bake import besides: the study whole bakes, the tasks what a bake is made of.
+# What rooms that bake import besides: the study and worlds whole bakes, the tasks what a bake is made of.
 WHOLE_BAKES = {
     "update": {"plan"},
     "tradeoff": {"plan", "bake"},
     "tasks": {"plan", "bake", "job", "estimate"},
     "cluster": {"plan"},
+    "world": {"plan", "plan_table", "job", "report"},
 }
 
 

@@ -1,7 +1,9 @@
 from .baker.settings import Settings as Settings
 from .baking import BakeReport as BakeReport
 from .baking import PlanReport as PlanReport
+from .baking import WorldReport as WorldReport
 from .baking import bake as bake
+from .baking import bake_world as bake_world
 from .baking import plan as plan
 from .runtime.camera import Camera as Camera
 from .runtime.camera import look_at as look_at
@@ -22,3 +24,4 @@ from .runtime.gltf.scene_file import read_scene as read_scene
 from .runtime.lighting import Lighting as Lighting
 from .runtime.sampling import Sampler as Sampler
 from .runtime.sampling import sample as sample
+from .runtime.world.world import World as World

@@ -27,12 +27,13 @@ def explained() -> Iterator[None]:
 with explained():
     from gsgi.baker.plan_table import Decision
     from gsgi.baker.report import BakeReport
+    from gsgi.baker.world.report import WorldReport
 
 if TYPE_CHECKING:
     from gsgi.baker.plan import Plan
     from gsgi.baker.progress import Progress
 
-__all__ = ["BakeReport", "PlanReport", "bake", "plan"]
+__all__ = ["BakeReport", "PlanReport", "WorldReport", "bake", "bake_world", "plan"]
 
 # Is called with the name of a stage and the share of it that is done, 0 to 1, as the work goes on.
 OnProgress = Callable[[str, float], None]
@@ -98,6 +99,40 @@ def bake(
 
 
 @explained()
+def bake_world(
+    scene: str | Path | Scene,
+    output: str | Path,
+    size: float | None = None,
+    *,
+    quality: str | None = None,
+    settings: Settings | None = None,
+    lighting: Lighting | None = None,
+    cameras: Mapping[str, Camera] | None = None,
+    cache: bool | str | Path = True,
+    evaluate: bool = True,
+    progress: OnProgress | None = None,
+) -> WorldReport:
+    """Bake a scene in sectors: a .gsgi file for each box with edges of at most `size` m, and a manifest of them.
+
+    size: None: as wide as the scene calls for. output: the manifest, a .json file; the files come beside it, and the
+    manifest last. The other arguments are those of `bake`. The same scene, settings and version give the same bytes,
+    and an interrupted bake goes on when the call is made again. Raises what `bake` raises, and UsageError for a
+    target loss, light groups, and the operator `over`, which cannot be had in sectors.
+    """
+    from gsgi.baker.tasks.request import Request
+    from gsgi.baker.world import bake as baking
+
+    output = Path(output)
+    baking.stem(output)
+    check_writable(output)
+    lit, settings, told = _asked(scene, quality, settings, lighting, progress)
+    request, kept = Request(lit, settings, dict(cameras or {}), str(scene), evaluate), _cache(cache)
+    report = baking.bake_world(request, size, output, told, kept, lambda data: write_atomic(output, data))
+    kept.trim()
+    return report
+
+
+@explained()
 def plan(
     scene: str | Path | Scene,
     *,
@@ -138,18 +173,32 @@ def _plan(
 ) -> "tuple[Plan, Progress]":
     from gsgi.baker import deadline
     from gsgi.baker.plan import make_plan
+
+    settings = replace(settings or Settings(), **({"quality": quality} if quality else {}))
+    if seconds is not None:
+        deadline.check(settings, seconds)
+    lit, settings, told = _asked(scene, None, settings, lighting, progress)
+    return make_plan(lit, settings, told, _cache(cache), cameras), told
+
+
+def _asked(
+    scene: str | Path | Scene,
+    quality: str | None,
+    settings: Settings | None,
+    lighting: Lighting | None,
+    progress: OnProgress | None,
+) -> "tuple[Scene, Settings, Progress]":
+    """The scene under its light, the settings, and the progress that has begun with reading the scene."""
     from gsgi.baker.progress import Progress
 
     settings = settings or Settings()
     settings = replace(settings, quality=quality or settings.quality)
-    if seconds is not None:
-        deadline.check(settings, seconds)
     told = Progress(_Callback(progress) if progress else None)
     with told.stage("scene"):
         lit = _lit(scene, lighting)
     for line in lit.warnings:
         told.warn(line)
-    return make_plan(lit, settings, told, _cache(cache), cameras), told
+    return lit, settings, told
 
 
 def _lit(scene: str | Path | Scene, lighting: Lighting | None) -> Scene:

@@ -21,8 +21,8 @@ from gsgi.runtime.lighting import KEYS, Lighting, beside, light, read_lights
 from gsgi.runtime.scene import Scene
 
 if TYPE_CHECKING:
-    from gsgi.baker.plan import Plan
     from gsgi.baker.tasks.request import Request
+    from gsgi.runtime.world.world import World
 
 WARNINGS = 4  # most of one kind that the log shows
 
@@ -78,11 +78,6 @@ def _groups(options: argparse.Namespace) -> dict[str, tuple[str, ...]] | None:
     for name, pattern in getattr(options, "group", ()):
         groups[name] = (*groups.get(name, ()), pattern)
     return groups or None
-
-
-def plan_of(options: argparse.Namespace, progress: Progress, cache: Cache) -> "Plan":
-    """Make the plan for the scene, light and settings that the options name."""
-    return request_of(options, progress).plan(progress, cache)
 
 
 def request_of(options: argparse.Namespace, progress: Progress) -> "Request":
@@ -192,20 +187,22 @@ def _scene_camera(scene: Scene, options: argparse.Namespace) -> Camera:
     return next(iter(placement.fitted.values()))
 
 
-def read_light(options: argparse.Namespace, scene: Scene, progress: Progress) -> Bake | None:
-    """Read the bake that --gi names; warn if it was made for other geometry."""
+def read_light(options: argparse.Namespace, scene: Scene, progress: Progress) -> "Bake | World | None":
+    """Read the bake, or the manifest of a world, that --gi names; warn if it was made for other geometry."""
     from gsgi.runtime.file.fingerprint import fingerprint
     from gsgi.runtime.file.reader import read_bake
+    from gsgi.runtime.world.manifest import SUFFIX
+    from gsgi.runtime.world.world import World
 
     if options.gi is None:
         return None
-    baked = read_bake(options.gi)
+    baked = World(options.gi) if options.gi.endswith(SUFFIX) else read_bake(options.gi)
     if baked.scene not in (0, fingerprint(scene)):
         progress.warn(f"{options.gi}: was baked for other geometry than {options.scene}; its light may not fit")
     return baked
 
 
-def read_weights(options: argparse.Namespace, baked: Bake | None) -> Factors:
+def read_weights(options: argparse.Namespace, baked: "Bake | World | None") -> Factors:
     """The weights of the bake's light groups that --weight gives. Raises UsageError."""
     if not options.weight:
         return {}

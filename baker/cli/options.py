@@ -176,6 +176,23 @@ def add_evaluate(parser: argparse.ArgumentParser) -> None:
                         help="skip the evaluation of the bake in held-out views")  # fmt: skip
 
 
+def add_sectors(parser: argparse.ArgumentParser) -> None:
+    """Add --sectors."""
+    parser.add_argument("--sectors", metavar="SIZE|auto", type=_sectors,
+                        help="divide the scene into boxes with edges of at most SIZE m, bake each into a file of its "
+                        "own, and write a manifest of them (see docs/worlds.md)")  # fmt: skip
+
+
+def _sectors(text: str) -> float | str:
+    """argparse type: a size in m, or `auto`."""
+    return text if text == "auto" else positive(text)
+
+
+def sector_size(options: argparse.Namespace) -> float | None:
+    """The size that --sectors gives, m; None where the scene decides it."""
+    return None if options.sectors == "auto" else options.sectors
+
+
 def add_request(parser: argparse.ArgumentParser) -> None:
     """Add everything that decides what a bake computes, and its cache."""
     add_scene(parser)
@@ -209,7 +226,11 @@ def add_camera(parser: argparse.ArgumentParser, default_size: str) -> None:
 
 def add_gi(parser: argparse.ArgumentParser) -> None:
     """Add --gi."""
-    parser.add_argument("--gi", metavar="FILE", help="baked light (.gsgi); without it, primary light only")
+    parser.add_argument(
+        "--gi",
+        metavar="FILE",
+        help="baked light: a .gsgi file, or the .json manifest of a world; without it, primary light only",
+    )
 
 
 def add_weights(parser: argparse.ArgumentParser) -> None:

@@ -1,7 +1,7 @@
 """How well a bake matches path tracing in views that were not fitted, and from the scene's own cameras."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -12,7 +12,7 @@ from gsgi.baker.fitting.target import Target
 from gsgi.baker.progress import Progress
 from gsgi.baker.trace.irradiance_cache import KnownLight
 from gsgi.baker.trace.reference import Reference
-from gsgi.baker.views.surface_points import Triangles
+from gsgi.baker.views.surface_points import Triangles, in_box
 from gsgi.runtime import constants
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.display import auto_exposure
@@ -235,8 +235,17 @@ def draw(baked: Bake, camera: Camera, reference: Reference) -> np.ndarray:
 
 
 def _traced(plan: "Plan", views: list[View], known, advance) -> dict[str, Reference]:
-    traced = {view.name: reference(plan, view, known, advance) for view in views}
+    traced = {view.name: _within(plan.triangles.box, reference(plan, view, known, advance)) for view in views}
     return {name: truth for name, truth in traced.items() if truth.valid.any()}
+
+
+def _within(box: np.ndarray | None, truth: Reference) -> Reference:
+    """The reference with B only in a box (2, 3), m: elsewhere it is that of other files."""
+    if box is None:
+        return truth
+    inside = in_box(box, truth.surface.position.reshape(-1, 3)).reshape(truth.valid.shape)
+    a, b = (half * inside[..., None] for half in (truth.indirect_a, truth.indirect_b))
+    return replace(truth, indirect_a=a, indirect_b=b, valid=truth.valid & inside)
 
 
 def _evaluated(

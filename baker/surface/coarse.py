@@ -63,7 +63,7 @@ def coarse_again(
     last = before
     if triangles:
         last, _ = Occlusion(samples, triangles, optimiser.blend, len(before)).cut(before)
-    return optimiser.solve(_everywhere_again(last, before), SOLVE_LAST, RIDGE)
+    return optimiser.solve(_everywhere_again(last, before), RIDGE)
 
 
 def coarse_optimiser(samples: SurfaceSamples, gaussians: Gaussians, blend: SurfaceBlend) -> SurfaceOptimiser:

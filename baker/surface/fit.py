@@ -131,7 +131,7 @@ def fit_again(
     relief = None if not samples.bumpy else np.zeros((len(before), 3, 3), np.float32)
     if (before.relief is None) != (relief is None):
         before = replace(before, relief=relief)
-    state = SurfaceState.fresh(optimiser.solve(before, SOLVE_AGAIN))
+    state = SurfaceState.fresh(optimiser.solve(before))
     state = changed(state, schedule.budget, optimiser, surface, np.random.default_rng(schedule.seed), occlusion)
     steps = round(AGAIN * schedule.iterations)
     for iteration in range(steps):

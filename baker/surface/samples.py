@@ -162,7 +162,7 @@ class Sampler:
         """A sampler whose paths end in light that others have traced before, each with a bounce less than the next."""
         known, rounds = None, known_rounds(bounces)
         for layers, fewer in zip(rounds, range(len(rounds), 0, -1), strict=True):
-            known = Known(cls(tracer, seen, bounces - fewer, seed + fewer, known), layers)
+            known = Known(cls(tracer, seen.around, bounces - fewer, seed + fewer, known), layers)
         return cls(tracer, seen, bounces, seed, known, error, mapped=True)
 
     def until(self, error: float) -> "Sampler":

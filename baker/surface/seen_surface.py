@@ -1,6 +1,7 @@
 """The surfaces that a bake's cameras see, from which it draws the points of its samples."""
 
 from collections.abc import Sequence
+from copy import copy
 from functools import cached_property
 from typing import NamedTuple
 
@@ -10,6 +11,7 @@ from gsgi.baker.cache.digest import digest
 from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.baker.trace.tracer import pixel_rays
 from gsgi.baker.views.importance import ImportanceField
+from gsgi.baker.views.surface_points import in_box
 from gsgi.baker.views.visibility import COS_MIN
 from gsgi.runtime.camera import Camera
 
@@ -23,6 +25,8 @@ FREE = 0.05, 0.95
 
 AREA_SHARE = 1 / 2  # of the samples go by area, so that no surface is left without; the rest by importance
 CONTRAST_SHARE = 1 / 2  # instead by importance and contrast, where the light's contrast is known
+OUTSIDE_SHARE = 1 / 2  # of the points from which light comes into a box; they go by area
+FREE_DRAWS = 32  # most times to draw points in a box from lines of sight that may pass beside it
 MASS = 1 / 4, 4  # range of the share of the samples around a point of importance, relative to the mean of all points
 FOOTPRINT_QUANTILE = 0.999  # larger pixel footprints are cut to this: at glancing angles they have no limit
 
@@ -31,6 +35,7 @@ class SeenSurface:
     """Surface points behind the diffuse pixels of cameras, found when they are first needed.
 
     Points drawn from it are as dense as `importance` is, or evenly spread over each camera's visible area without it.
+    With a box all of them lie in it.
     """
 
     def __init__(
@@ -39,19 +44,35 @@ class SeenSurface:
         cameras: Sequence[Camera],
         dark: Sequence[bool] = (),
         importance: ImportanceField | None = None,
+        box: np.ndarray | None = None,
     ):
-        """`dark` marks the cameras that see no light; if it is empty, all of them see light."""
-        self._tracer, self._cameras, self._importance = tracer, cameras, importance
+        """`dark` marks the cameras that see no light; if it is empty, all of them see light. `box` is (2, 3), m."""
+        self._tracer, self._cameras, self._importance, self._box = tracer, cameras, importance, box
         self._steps = [DARK_STEP if is_dark else 1 for is_dark in dark or [False] * len(cameras)]
-        self.digest = digest({"cameras": cameras, "steps": self._steps, "importance": importance})
+        self._outside, self._found = 0.0, []  # share of points outside the box; `_pixels`, which `around` shares
+        self.digest = digest({"cameras": cameras, "steps": self._steps, "importance": importance, "box": box})
+
+    @cached_property
+    def around(self) -> "SeenSurface":
+        """The same surfaces, and those outside the box that the cameras see too: light comes from all of them."""
+        if self._box is None:
+            return self
+        around = copy(self)
+        around._outside = OUTSIDE_SHARE
+        around.digest = digest({"inside": self.digest, "outside": OUTSIDE_SHARE})
+        return around
 
     def shares(self, contrast: Contrast | None = None) -> np.ndarray:
         """How many of the points that are drawn lie behind each pixel (P,): more where the light has `contrast`."""
         seen = self._pixels
-        varied = seen.share * contrast.around(seen.position, seen.normal) if contrast else seen.share
+        inside, outside = seen.inside * seen.share, ~seen.inside * seen.share
+        if self._outside and inside.any() and outside.any():
+            inside *= (1 - self._outside) / inside.sum()
+            inside += outside * self._outside / outside.sum()
+        varied = inside * contrast.around(seen.position, seen.normal) if contrast else inside
         if not varied.any():
-            return seen.share
-        return (1 - CONTRAST_SHARE) * seen.share + CONTRAST_SHARE * varied / varied.sum()
+            return inside
+        return (1 - CONTRAST_SHARE) * inside + CONTRAST_SHARE * varied / varied.sum()
 
     def surface(self, count: int, rng: np.random.Generator, shares: np.ndarray) -> tuple[np.ndarray, ...]:
         """Points on surfaces, stratified by `shares` (P,).
@@ -60,7 +81,7 @@ class SeenSurface:
         behind their pixels, so that no two are the same.
         """
         seen = self._pixels
-        if not len(seen.position):
+        if not shares.any():
             return _none()
         below = np.cumsum(shares, dtype=np.float64)
         at = (np.arange(count) + rng.random(count)) / count * below[-1]
@@ -102,19 +123,31 @@ class SeenSurface:
 
         The result is that of `surface`, with the camera and place from which the line of sight comes.
         """
-        seen = self._pixels
-        if not len(seen.position):
-            return _none()
-        index = rng.integers(len(seen.position), size=count)
-        way = rng.uniform(*FREE, (count, 1))
-        position = seen.viewpoint[index] + way * (seen.position[index] - seen.viewpoint[index])
-        normal = rng.normal(size=(count, 3))
+        seen, found = self._pixels, 0
+        parts, lines = [np.empty((0, 3))], [np.empty(0, np.int64)]
+        for _ in range(FREE_DRAWS if len(seen.position) else 0):
+            index = rng.integers(len(seen.position), size=count)
+            way = rng.uniform(*FREE, (count, 1))
+            position = seen.viewpoint[index] + way * (seen.position[index] - seen.viewpoint[index])
+            inside = np.ones(count, bool) if self._box is None else in_box(self._box, position)
+            parts.append(position[inside])
+            lines.append(index[inside])
+            found += len(parts[-1])
+            if found >= count:
+                break
+        position, index = np.concatenate(parts)[:count], np.concatenate(lines)[:count]
+        normal = rng.normal(size=position.shape)
         normal = (normal / np.linalg.norm(normal, axis=1, keepdims=True)).astype(np.float32)
         camera = seen.camera[index].astype(np.int32)
         return position.astype(np.float32), normal, normal, normal, camera, seen.middle(index)
 
-    @cached_property
+    @property
     def _pixels(self) -> "_Pixels":
+        if not self._found:
+            self._found.append(self._find())
+        return self._found[0]
+
+    def _find(self) -> "_Pixels":
         columns = []
         surfaces = self._tracer.tracer.surfaces(self._cameras, SIZE, SIZE)
         for number, (camera, step, surface) in enumerate(zip(self._cameras, self._steps, surfaces, strict=True)):
@@ -129,20 +162,24 @@ class SeenSurface:
             of = np.full(len(pixel), number), pixel
             columns.append([c[::step] for c in (position, normal, shading, geometric, eye, *of, area, upright)])
         *arrays, area, upright = (np.concatenate(column) for column in zip(*columns, strict=True))
+        inside = np.ones(len(area), bool) if self._box is None else in_box(self._box, arrays[0])
         if len(area):
             area = np.minimum(area, np.quantile(area, FOOTPRINT_QUANTILE))
+            share, least = area * inside, np.finfo(np.float64).tiny
             if self._importance is not None and len(self._importance.position):
-                looks = _looks(arrays[0], arrays[1], area * upright, self._importance)
-                looks /= max(looks.sum(), np.finfo(np.float64).tiny)
-                area = AREA_SHARE * area / area.sum() + (1 - AREA_SHARE) * looks
-            area /= area.sum()
-        return _Pixels(*arrays, area)
+                looks = _looks(arrays[0], arrays[1], share * upright, self._importance)
+                looks /= max(looks.sum(), least)
+                share = AREA_SHARE * share / max(share.sum(), least) + (1 - AREA_SHARE) * looks
+            share /= max(share.sum(), least)
+            area = np.where(inside, share, area / area.sum())
+        return _Pixels(*arrays, area, inside)
 
 
 class _Pixels(NamedTuple):
     """Surface points (P, 3) float32 behind the middles of pixels, with their normals and viewpoints.
 
-    `camera` and `pixel` (P,) int are their numbers, in rows from the top. `share` (P,) is that of the points to draw.
+    `camera` and `pixel` (P,) int are their numbers, in rows from the top. `share` (P,) is that of the points to draw
+    inside the box, or of those outside of it, and `inside` (P,) bool says which lie in it.
     """
 
     position: np.ndarray
@@ -153,6 +190,7 @@ class _Pixels(NamedTuple):
     camera: np.ndarray
     pixel: np.ndarray
     share: np.ndarray
+    inside: np.ndarray
 
     def middle(self, index: np.ndarray) -> np.ndarray:
         """The places (N, 2), px, of the middles of pixels `index` (N,) in their images."""

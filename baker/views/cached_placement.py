@@ -22,7 +22,7 @@ def place_once(
     tracer: CachedTracer, triangles: Triangles, given: dict[str, Camera], size: int, seed: int, count: int | None
 ) -> tuple[Placement, bool]:
     """The result of `place` for the `triangles` of the tracer's scene, and whether it was in the tracer's cache."""
-    inputs = {"names": list(given), "given": given, "size": size, "seed": seed, "count": count}
+    inputs = {"names": list(given), "given": given, "size": size, "seed": seed, "count": count, "box": triangles.box}
     key = tracer.key("placement", __name__, placed_by=code_version(__name__, PACKAGES), **inputs)
     if found := tracer.cache.get(key):
         return placement_of(found), True

@@ -1,5 +1,6 @@
 """Points spread evenly over a scene's surfaces, and ray casting against its triangles (both by Open3D)."""
 
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -8,6 +9,8 @@ import numpy as np
 from gsgi.baker.trace.planes import ROUNDING, onto_planes, planes
 from gsgi.runtime.errors import SceneError
 from gsgi.runtime.scene import Scene
+
+from .clipping import clipped
 
 # Random points per point that is kept: Yuksel 2015 finds no gain beyond five.
 OVERSAMPLING = 5
@@ -80,7 +83,8 @@ class Triangles:
         # Area of each lit triangle, m^2, 0 of the others, and their cumulative sum.
         areas = (mesh.areas() if i in lit else np.zeros(len(mesh.triangle)) for i, mesh in enumerate(scene.meshes))
         self._area = np.concatenate(list(areas))
-        self._area_below = np.cumsum(self._area)
+        self._lit, self._area_below = self._area > 0, np.cumsum(self._area)
+        self._part: _Part | None = None
         if not self.area > 0:
             raise SceneError("the scene has no surface: every triangle has area 0")
         corners = np.array([bound for i in lit for bound in scene.meshes[i].bounds()])
@@ -88,6 +92,27 @@ class Triangles:
         self._inaccuracy = planes(self._position, self._triangle)[:, 1].max(initial=np.float32(LEAST))
         self._rays = o3d.t.geometry.RaycastingScene()
         self._rays.add_triangles(o3d.core.Tensor(self._position), o3d.core.Tensor(self._triangle))
+
+    def within(self, box: np.ndarray) -> "Triangles | None":
+        """The surfaces inside a box (2, 3), m: points are drawn and seen there alone. None if there are none.
+
+        Rays meet all triangles, and both objects share the tree.
+        """
+        lit = np.flatnonzero(self._lit)
+        corners, of = clipped(self._position[self._triangle[lit]], box)
+        area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
+        if not area.sum() > 0:
+            return None
+        part = copy(self)
+        part._part = _Part(np.asarray(box, np.float64), corners, lit[of])
+        part._area, part._area_below = area, np.cumsum(area)
+        part.low, part.high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+        return part
+
+    @property
+    def box(self) -> np.ndarray | None:
+        """The box (2, 3), m, of `within`; None for all surfaces."""
+        return self._part and self._part.box
 
     @property
     def area(self) -> float:
@@ -110,19 +135,21 @@ class Triangles:
     def draw(self, count: int, rng: np.random.Generator) -> SurfacePoints:
         """`count` random points, each representing the same area, stratified in the order of the triangles."""
         at = (np.arange(count) + rng.random(count)) / count * self.area
-        index = np.minimum(np.searchsorted(self._area_below, at, side="right"), len(self._triangle) - 1)
+        index = np.minimum(np.searchsorted(self._area_below, at, side="right"), len(self._area) - 1)
         return self._inside(index, rng)
 
     def _inside(self, index: np.ndarray, rng: np.random.Generator) -> SurfacePoints:
-        """A random point in each of the triangles `index` (N,)."""
+        """A random point in each of the triangles `index` (N,), or of the parts inside the box."""
         count = len(index)
-        a, b, c = self._position[self._triangle[index]].transpose(1, 0, 2).astype(np.float64)
+        part, triangle = self._part, index if self._part is None else self._part.triangle[index]
+        corners = self._position[self._triangle[index]] if part is None else part.corners[index]
+        a, b, c = corners.transpose(1, 0, 2).astype(np.float64)
         root, v = np.sqrt(rng.random((count, 1))), rng.random((count, 1))
         position = a + root * (1 - v) * (b - a) + root * v * (c - a)
         cross = np.cross(b - a, c - a)
         normal = cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), np.finfo(np.float64).tiny)
         return SurfacePoints(
-            position.astype(np.float32), normal.astype(np.float32), self.double_sided[index], self.material[index]
+            position.astype(np.float32), normal.astype(np.float32), self.double_sided[triangle], self.material[triangle]
         )
 
     def draw_by_size(self, count: int, rng: np.random.Generator) -> SurfacePoints:
@@ -145,10 +172,11 @@ class Triangles:
         """What rays (N, 3) meet of lit surfaces, with normals towards the origin, without backs that no one sees."""
         hits = self.hits(origin, direction)
         double = self.double_sided[hits.triangle]
-        lit = np.flatnonzero((hits.triangle >= 0) & (self._area[hits.triangle] > 0) & (~hits.back | double))
+        lit = np.flatnonzero((hits.triangle >= 0) & self._lit[hits.triangle] & (~hits.back | double))
         hits = Hits(*(column[lit] for column in hits))
         position = self.met(origin[lit], direction[lit], hits)
-        return SurfacePoints(position, hits.normal, double[lit], self.material[hits.triangle])
+        points = SurfacePoints(position, hits.normal, double[lit], self.material[hits.triangle])
+        return points if self._part is None else points[in_box(self._part.box, position)]
 
     def lifted(self, position: np.ndarray, normal: np.ndarray) -> np.ndarray:
         """Positions (N, 3) float32, m, a little off the surface along normals (N, 3): rays from them do not hit it."""
@@ -183,6 +211,19 @@ class Triangles:
         import open3d as o3d
 
         return self._rays.compute_distance(o3d.core.Tensor(position.astype(np.float32))).numpy()
+
+
+class _Part(NamedTuple):
+    """What lies inside a `box` (2, 3): parts of triangles, their corners (P, 3, 3), and whose parts (P,) they are."""
+
+    box: np.ndarray
+    corners: np.ndarray
+    triangle: np.ndarray
+
+
+def in_box(box: np.ndarray, position: np.ndarray) -> np.ndarray:
+    """Whether (N,) bool points (N, 3) lie in a box (2, 3)."""
+    return ((position >= box[0]) & (position <= box[1])).all(axis=1)
 
 
 def _lit_meshes(scene: Scene) -> list[int]:

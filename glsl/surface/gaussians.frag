@@ -1,6 +1,7 @@
 // Weight and weighted light of one Gaussian at the surface point of one pixel. Blended ONE, ONE.
 #include "lib/normal_map.glsl"
 #include "lib/sh.glsl"
+#include "surface/sector.glsl"
 #include "surface/weight.glsl"
 
 uniform highp sampler2D surface_position;
@@ -9,6 +10,11 @@ uniform highp sampler2D surface_plane;
 uniform highp sampler2D surface_bend;
 #endif
 uniform float cutoff;
+#if SECTORS
+uniform vec3 sector_low;
+uniform vec3 sector_high;
+uniform float sector_margin;  // m
+#endif
 
 flat in vec4 v_center;
 flat in mat3 v_whiten;
@@ -36,6 +42,9 @@ void main() {
     float w = v_center.w * falloff(e, cutoff);
 #if NORMAL_POWER > 0
     w *= facing(dot(n, v_normal), NORMAL_POWER);
+#endif
+#if SECTORS
+    w *= sector_window(x, sector_low, sector_high, sector_margin) > 0.0 ? 1.0 : 0.0;  // others of its class are there
 #endif
     w = w > 0.0 ? w : 0.0;  // NaN fails the test
 #if RELIEF && NORMAL_POWER == 0

@@ -2,6 +2,7 @@
 // SPLAT_SCALE pixels that it covers in the host's textures.
 #include "lib/camera.glsl"
 #include "surface/host.glsl"
+#include "surface/sector.glsl"
 
 uniform highp sampler2D normal;
 uniform highp sampler2D depth;
@@ -24,7 +25,14 @@ uniform vec3 box_low;
 uniform vec3 box_high;
 #endif
 
-layout(location = 0) out vec4 out_position;  // world space, m
+#if SECTORS
+uniform highp sampler2D sectors;  // a row for each: lowest corner and weight, highest corner and class
+uniform int sector_count;
+uniform int sector_class;  // of those that are read now
+uniform float sector_margin;  // m
+#endif
+
+layout(location = 0) out vec4 out_position;  // world space, m; with SECTORS the weight of the one that is read, else 1
 layout(location = 1) out vec4 out_plane;     // tangent plane: unit normal n, world space; -n . position; 0: no surface
 #if RELIEF
 layout(location = 2) out vec4 out_bend;      // mapped minus interpolated normal, world space
@@ -72,6 +80,17 @@ void main() {
     float view_depth = depth_at(texel);
     out_position = vec4(world_from_fragment(vec2(texel) + 0.5, view_depth, axis, world_from_offset, parallel), 1.0);
     bool seen = view_depth > 0.0;
+#if SECTORS
+    float own = 0.0, total = 0.0;
+    for (int i = 0; i < sector_count; ++i) {
+        vec4 low = texelFetch(sectors, ivec2(0, i), 0), high = texelFetch(sectors, ivec2(1, i), 0);
+        float weight = low.w * sector_window(out_position.xyz, low.xyz, high.xyz, sector_margin);
+        total += weight;
+        own += int(high.w) == sector_class ? weight : 0.0;
+    }
+    out_position.w = own / max(total, 1.0);  // around a box that is left out windows add up to more than 1
+    seen = seen && own > 0.0;
+#endif
 #if BOX
     seen = seen && all(greaterThanEqual(out_position.xyz, box_low)) && all(lessThanEqual(out_position.xyz, box_high));
 #endif

@@ -25,6 +25,9 @@ uniform highp sampler2D fine_sums;
 #if COARSE
 uniform highp sampler2D coarse_sums;
 #endif
+#if SECTORS
+uniform highp sampler2D surface_position;
+#endif
 uniform float weight_floor;
 #endif
 
@@ -87,6 +90,9 @@ void main() {
     if (fine.a < weight_floor) coarse = texelFetch(coarse_sums, texel, 0);
 #endif
     vec4 sum = filled(fine, coarse, weight_floor);
+#if SECTORS
+    sum.rgb *= texelFetch(surface_position, texel, 0).w;
+#endif
 #endif
     vec3 light = sum.a > 0.0 ? sum.rgb / sum.a : vec3(0.0);
     out_indirect = vec4(clamp(light, 0.0, HALF_MAX), 1.0);

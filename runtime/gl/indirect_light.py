@@ -10,7 +10,8 @@ import numpy as np
 
 from gsgi.runtime.gaussians import Bake, OverBlend
 from gsgi.runtime.light_groups import Factors, Weights, factors_of, weighted
-from gsgi.runtime.rebase import local_bake, origin_of_bake
+from gsgi.runtime.rebase import local_bake, origin_of_bake, origin_of_boxes
+from gsgi.runtime.world.world import World
 
 from .fullscreen import FullScreenPass
 from .gl_state import UNITS, HostState
@@ -31,6 +32,7 @@ from .profile import Profile
 from .splat import Splats
 from .surface_splat import SCALES, Box, SurfaceSplats
 from .view import View
+from .world_splats import WorldSplats
 
 DEFAULT_SCALE = 2
 
@@ -46,6 +48,8 @@ class IndirectLight:
     of OpenGL 4.6 is found as it was left, whether it was set through moderngl or not. With `keep_state` False draw()
     and add() leave it changed, for a host that sets all state in each pass.
 
+    The light of a `World` is that of the sectors in memory at each draw().
+
     `encoding` says how the host's textures are encoded. A file of the `surface` operator is read once per `splat_scale`
     x `splat_scale` pixels (1 to 4) and upsampled along surfaces. It lights nothing outside `box`, which is two corners
     (3,), world space, m; the box is meant for files of one room each. With `relief` light follows normal maps, if the
@@ -55,24 +59,30 @@ class IndirectLight:
     """
 
     def __init__(
-        self, ctx: moderngl.Context, bake: Bake, encoding: Encoding = OURS, splat_scale: int = DEFAULT_SCALE,
+        self, ctx: moderngl.Context, bake: Bake | World, encoding: Encoding = OURS, splat_scale: int = DEFAULT_SCALE,
         box: Box | None = None, keep_state: bool = True, relief: bool = True,
     ):  # fmt: skip
         if splat_scale not in SCALES:
             raise ValueError(f"splat_scale: {splat_scale!r} is none of {', '.join(map(str, SCALES))}")
         self.ctx, self.encoding, self._keep_state = ctx, encoding, keep_state
-        self._origin = origin_of_bake(bake)
-        self._bake = bake = local_bake(bake, self._origin)
+        if isinstance(bake, World):
+            self._origin = origin_of_boxes(bake.manifest.boxes)
+        else:
+            self._origin = origin_of_bake(bake)
+            bake = local_bake(bake, self._origin)
+        self._bake = bake
         self._weights: Factors = factors_of(bake, {})
         self._state: HostState | None = HostState(ctx)  # None after release()
         self._formats: WeakKeyDictionary[moderngl.Texture, Format] = WeakKeyDictionary()
         self._corner, self._size, self._view = (0, 0), None, None  # of the last draw()
         with self._state.kept():
             self._sampler = ctx.sampler(filter=(moderngl.NEAREST, moderngl.NEAREST), compare_func="")
-            if isinstance(bake.blend, OverBlend):
+            local_box = None if box is None else tuple(np.asarray(corner) - self._origin for corner in box)
+            if isinstance(bake, World):
+                self._splats = WorldSplats(ctx, bake, self._origin, int(splat_scale), encoding, local_box, relief)
+            elif isinstance(bake.blend, OverBlend):
                 self._splats = Splats(ctx, bake)
             else:
-                local_box = None if box is None else tuple(np.asarray(corner) - self._origin for corner in box)
                 self._splats = SurfaceSplats(
                     ctx, bake, int(splat_scale), encoding, local_box, relief and bake.gaussians.bumpy
                 )

@@ -29,19 +29,23 @@ class Triangles(NamedTuple):
 
 
 class Level(NamedTuple):
-    """One level of Gaussians of the `surface` operator. `relief`: whether light follows normal maps."""
+    """One level of Gaussians of the `surface` operator.
+
+    `relief`: whether light follows normal maps; `sectors`: whether it is the light of one sector among others.
+    """
 
     gaussians: Gaussians
     blend: SurfaceBlend
     coarse: bool
     relief: bool = False
+    sectors: bool = False
 
 
 class Reading(NamedTuple):
     """How the `surface` operator reads Gaussians.
 
     `coarse`: whether there is a coarse level; `boxed`: whether only surfaces in a box are lit; `relief`:
-    whether light follows normal maps.
+    whether light follows normal maps; `sectors`: whether several sectors have light.
     """
 
     splat_scale: int
@@ -49,6 +53,7 @@ class Reading(NamedTuple):
     coarse: bool
     boxed: bool
     relief: bool = False
+    sectors: bool = False
 
 
 class Primitive(NamedTuple):
@@ -132,6 +137,7 @@ PASSES: dict[str, dict[str, Callable[[Any], int]]] = {
         "SPLAT_SCALE": lambda reading: reading.splat_scale,
         "BOX": lambda reading: reading.boxed,
         "RELIEF": lambda reading: reading.relief,
+        "SECTORS": lambda reading: reading.sectors,
         **_HOST,
     },
     "surface/gaussians": {  # Level
@@ -139,12 +145,17 @@ PASSES: dict[str, dict[str, Callable[[Any], int]]] = {
         "NORMAL_POWER": lambda level: 0 if level.coarse else level.blend.sharpness,
         "SLOPED": lambda level: level.gaussians.sloped,
         "RELIEF": lambda level: level.relief,
+        "SECTORS": lambda level: level.sectors,
     },
     "surface/gap": {},  # created if there is a coarse level
-    "surface/fill": {"COARSE": lambda reading: reading.coarse},  # Reading; created if sums are upsampled
+    "surface/fill": {  # Reading; created if sums are upsampled
+        "COARSE": lambda reading: reading.coarse,
+        "SECTORS": lambda reading: reading.sectors,
+    },
     "surface/resolve": {  # Reading
         "SPLAT_SCALE": lambda reading: reading.splat_scale,
         "COARSE": lambda reading: reading.coarse and reading.splat_scale == 1,
+        "SECTORS": lambda reading: reading.sectors and reading.splat_scale == 1,
         **_HOST,
     },
     "surface/add_light": {"ALBEDO_SRGB": lambda encoding: encoding.albedo_defines()["ALBEDO_SRGB"]},  # Encoding

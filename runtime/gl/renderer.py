@@ -13,6 +13,7 @@ from gsgi.runtime.light_groups import Factors, Weights, dimmed_lights, factor_on
 from gsgi.runtime.metals import as_baked, lambertian
 from gsgi.runtime.rebase import local_bake, local_camera, local_scene, origin_of
 from gsgi.runtime.scene import Scene
+from gsgi.runtime.world.world import World
 
 from .background import Background
 from .blended import Blended
@@ -33,16 +34,22 @@ class DeferredRenderer:
 
     Only what the scene needs is created: without a bake there are no splats and no composite, without lights no
     shadows, without an environment no background. Of partly transparent surfaces four are blended per pixel, lit by
-    primary light and, with a bake of the `surface` operator, by B at each; their shadows are those of what stands in
-    for them in the bake, solid where it lets light through: that light is in B. Metals reflect as in the bake, if there
-    is one. A bake of the `surface` operator is read once per `splat_scale` x `splat_scale` pixels (1 to 4) and
-    upsampled; a bake of `over` is always drawn at full resolution. The framebuffer, blending, depth test and culling of
-    `ctx` are left changed. Raises ValueError for another `splat_scale`, and UnsupportedError for textures, Gaussians or
-    a size that the driver cannot hold. Its methods raise RuntimeError after release().
+    primary light and, with a bake of the `surface` operator, but not with a `World`, by B at each; their shadows are
+    those of what stands in for them in the bake, solid where it lets light through: that light is in B. Metals reflect
+    as in the bake, if there is one. A bake of the `surface` operator is read once per `splat_scale` x `splat_scale`
+    pixels (1 to 4) and upsampled; a bake of `over` is always drawn at full resolution. The framebuffer, blending, depth
+    test and culling of `ctx` are left changed. Raises ValueError for another `splat_scale`, and UnsupportedError for
+    textures, Gaussians or a size that the driver cannot hold. Its methods raise RuntimeError after release().
     """
 
     def __init__(
-        self, ctx: moderngl.Context, scene: Scene, bake: Bake | None, width: int, height: int, splat_scale: int = 1
+        self,
+        ctx: moderngl.Context,
+        scene: Scene,
+        bake: Bake | World | None,
+        width: int,
+        height: int,
+        splat_scale: int = 1,
     ):
         self._ctx, self._origin = ctx, origin_of(scene)
         _check_size(ctx, width, height)
@@ -61,7 +68,7 @@ class DeferredRenderer:
             self.splats = IndirectLight(ctx, bake, splat_scale=splat_scale, relief=self._bent)
         if scene.blended:
             self._blended_geometry = Geometry(ctx, replace(scene, meshes=scene.blended))
-            if bake is not None and isinstance(bake.blend, SurfaceBlend):
+            if isinstance(bake, Bake) and isinstance(bake.blend, SurfaceBlend):
                 local = local_bake(bake, self._origin)
                 if not self._bent:
                     local = replace(local, gaussians=replace(local.gaussians, relief=None))

@@ -4,23 +4,21 @@ import moderngl
 import numpy as np
 
 from gsgi.runtime.camera import Pinhole
-from gsgi.runtime.gaussians import Bake, Gaussians, SurfaceBlend
+from gsgi.runtime.gaussians import Bake
 
-from .cull import in_view
 from .fullscreen import FullScreenPass
-from .gaussian_textures import GaussianTextures
 from .gl_functions import Functions
 from .host_contents import Points, floats
 from .host_textures import OURS, Encoding
-from .permutations import Level, Reading, defines
+from .permutations import Reading, defines
 from .profile import Profile, measured
-from .shader import program, set_uniforms
+from .surface_level import Programs, SurfacePart, Window
 from .surface_targets import SurfaceTargets
 from .view import View
 
-OUTLINE_CORNERS = 8  # vertices of a strip; OUTLINE_CORNERS of glsl/lib/ellipsoid.glsl
 SCALES = 1, 2, 3, 4  # pixels of the frame per pixel of the target, along each axis
 
+Group = list[tuple[SurfacePart, Window | None]]  # parts that have no light at the same points, or one alone
 Box = tuple[np.ndarray, np.ndarray]  # lowest and highest corner (3,), world space, m
 
 
@@ -29,36 +27,46 @@ class SurfaceSplats:
 
     They are read once per `splat_scale` x `splat_scale` pixels, and their sums are upsampled along the surfaces.
     Surfaces outside `box` receive no light. With `relief`, which the bake must have, the light follows normal maps.
-    Raises UnsupportedError for more Gaussians than the driver's textures can
-    hold.
+    Raises UnsupportedError for more Gaussians than the driver's textures can hold.
     """
 
     def __init__(
         self, ctx: moderngl.Context, bake: Bake, splat_scale: int, encoding: Encoding = OURS,
         box: Box | None = None, relief: bool = False,
     ):  # fmt: skip
-        assert splat_scale in SCALES, splat_scale
-        self.ctx, self.splat_scale, self._coarse_too = ctx, splat_scale, len(bake.coarse) > 0
+        self._make_passes(ctx, Reading(splat_scale, encoding, len(bake.coarse) > 0, box is not None, relief), box)
+        self._part = SurfacePart(ctx, self._programs, bake, relief)
+        self._set_floor(bake.blend.floor)
+
+    def _make_passes(self, ctx: moderngl.Context, reading: Reading, box: Box | None) -> None:
+        assert reading.splat_scale in SCALES, reading
+        self.ctx, self.splat_scale, self._coarse_too = ctx, reading.splat_scale, reading.coarse
         self.targets: SurfaceTargets | None = None
-        self.box, self._encoding, self._relief = box, encoding, relief
-        blend, reading = bake.blend, Reading(splat_scale, encoding, self._coarse_too, box is not None, relief)
-        read = "normal", "depth", *(["mapped"] if relief else [])
+        self.box, self._encoding, self._relief, self._programs = box, reading.encoding, reading.relief, Programs(ctx)
+        read = "normal", "depth", *(["mapped"] if reading.relief else []), *(["sectors"] if reading.sectors else [])
         self._points = FullScreenPass(ctx, "surface/points", read, **defines("surface/points", reading))
         if box is not None:
             self._points.set(box_low=box[0], box_high=box[1])
-        self._fine = _Level(ctx, bake.gaussians, blend, coarse=False, relief=relief)
-        self._coarse = _Level(ctx, bake.coarse, blend, coarse=True, relief=relief) if self._coarse_too else None
-        self._gap = FullScreenPass(ctx, "surface/gap", ("fine_sums",)) if self._coarse_too else None
-        levels = "fine_sums", "coarse_sums"
+        weight = ["surface_position"] if reading.sectors else []
+        self._gap = None
+        if reading.coarse:
+            self._gap = FullScreenPass(ctx, "surface/gap", ("fine_sums",))
+        levels = "fine_sums", *(["coarse_sums"] if reading.coarse else []), *weight
         upsampled = "filled_sums", "surface_plane", "normal", "depth"
         self._fill = None
-        if splat_scale > 1:
+        if reading.splat_scale > 1:
             self._fill = FullScreenPass(ctx, "surface/fill", levels, **defines("surface/fill", reading))
         textures = upsampled if self._fill else levels
         self._resolve = FullScreenPass(ctx, "surface/resolve", textures, **defines("surface/resolve", reading))
-        for part in (self._gap, self._fill, self._resolve):
-            if part:
-                part.set(weight_floor=blend.floor)
+
+    def _set_floor(self, floor: float) -> None:
+        for each in (self._gap, self._fill, self._resolve):
+            if each:
+                each.set(weight_floor=floor)
+
+    def _groups(self, view: View) -> list[tuple[int, Group]]:
+        """What has light in a view, group by group, each with a number: the light of all groups adds up."""
+        return [(0, [(self._part, None)])]
 
     @property
     def indirect(self) -> moderngl.Texture | None:
@@ -79,32 +87,45 @@ class SurfaceSplats:
             "world_from_view": view.world_from_host, **view.uniforms(), "size": targets.size, "corner": corner,
             **self._encoding.depth_uniforms(zero_to_one, view.shift), "z_to_clip": view.z_to_clip, "near": view.near,
         }  # fmt: skip
-        with measured(profile, "surface/points"):
-            self._write_depth()
-            bent = [mapped or normal] if self._relief else []
-            self._points.draw(targets.points, normal, depth, *bent, **host)
-        frame = {
-            "view_from_world": pinhole.view_from_world,
-            "near": view.near,
-            "parallel": view.parallel,
+        groups = self._groups(view)
+        self._programs.set(
+            view_from_world=pinhole.view_from_world, near=view.near, parallel=view.parallel,
             **_pixel_uniforms(pinhole, targets.read_size, self.splat_scale),
-        }
+        )  # fmt: skip
+        bent = [mapped or normal] if self._relief else []
+        for index, (number, parts) in enumerate(groups):
+            with measured(profile, "surface/points"):
+                self._write_depth()
+                self._points.draw(targets.points, normal, depth, *bent, *self._tables(), sector_class=number, **host)
+            self._read(view, parts, targets, profile)
+            with measured(profile, "surface/resolve"):
+                self._resolve_sums(targets, (normal, depth), host, added=index > 0)
+
+    def _read(self, view: View, parts: Group, targets: SurfaceTargets, profile: Profile | None) -> None:
+        """Fill the sums of both levels with those of `parts`."""
         with measured(profile, "surface/gaussians, fine") as cost:
-            cost.quads += self._fine.draw(view, frame, targets, targets.fine_sums)
-        if self._coarse:
+            self._begin(targets.fine_sums)
+            cost.quads += sum(part.fine.draw(view, targets, window) for part, window in parts)
+        if self._gap:
             with measured(profile, "surface/gap"):
                 self._write_depth()
                 self._gap.draw(targets.gap, targets.fine)
             with measured(profile, "surface/gaussians, coarse") as cost:
-                cost.quads += self._coarse.draw(view, frame, targets, targets.coarse_sums)
-        levels = [targets.fine, *([targets.coarse] if targets.coarse else [])]
-        with measured(profile, "surface/resolve"):
-            self.ctx.enable_only(moderngl.NOTHING)
-            if self._fill:
-                self._fill.draw(targets.filled_sums, *levels)
-                self._resolve.draw(targets.resolved, targets.filled, targets.plane, normal, depth, **host)
-            else:
-                self._resolve.draw(targets.resolved, *levels)
+                self._begin(targets.coarse_sums)
+                cost.quads += sum(part.coarse.draw(view, targets, window) for part, window in parts if part.coarse)
+
+    def _resolve_sums(self, targets: SurfaceTargets, surfaces: tuple, host: dict, added: bool) -> None:
+        """Turn sums into light, which replaces what `indirect` holds unless it is `added`."""
+        weight = [targets.position] if self._tables() else []
+        levels = [targets.fine, *([targets.coarse] if targets.coarse else []), *weight]
+        self.ctx.enable_only(moderngl.NOTHING)
+        if self._fill:
+            self._fill.draw(targets.filled_sums, *levels)
+            levels = targets.filled, targets.plane, *surfaces
+        if added:
+            self.ctx.enable_only(moderngl.BLEND)
+            self.ctx.blend_func = moderngl.ONE, moderngl.ONE
+        self._resolve.draw(targets.resolved, *levels, **(host if self._fill else {}))
 
     def points_read(self, gl: Functions, texels: np.ndarray, corner: tuple[int, int]) -> Points:
         """What the last draw() read. `texels` (H, W, 4) are those of the whole normal texture."""
@@ -120,15 +141,29 @@ class SurfaceSplats:
 
     def recolour(self, bake: Bake) -> None:
         """Upload the light of a bake with the same shapes."""
-        self._fine.recolour(bake.gaussians)
-        if self._coarse:
-            self._coarse.recolour(bake.coarse)
+        self._part.recolour(bake)
 
     def release(self) -> None:
         """Free the GPU memory."""
-        for resource in (self._points, self._fine, self._gap, self._coarse, self._fill, self._resolve, self.targets):
+        self._part.release()
+        self._release_passes()
+
+    def _release_passes(self) -> None:
+        for resource in (self._points, self._gap, self._fill, self._resolve, self.targets, self._programs):
             if resource is not None:
                 resource.release()
+
+    def _tables(self) -> list[moderngl.Texture]:
+        """Textures that tell `surface/points` of sectors; none for a single bake."""
+        return []
+
+    def _begin(self, sums: moderngl.Framebuffer) -> None:
+        """Clear `sums`, and let Gaussians add to them where they pass the depth test."""
+        sums.use()
+        sums.clear()
+        self.ctx.enable_only(moderngl.BLEND | moderngl.DEPTH_TEST)
+        self.ctx.blend_func = moderngl.ONE, moderngl.ONE
+        self.ctx.depth_func = "<"
 
     def _write_depth(self) -> None:
         """Let every fragment write its depth. Without the depth test no depth is written."""
@@ -143,58 +178,6 @@ class SurfaceSplats:
                 self.targets.release()
             self.targets = SurfaceTargets(self.ctx, size, self.splat_scale, self._coarse_too, self._relief)
         return self.targets
-
-
-class _Level:
-    """One level of Gaussians. Those of the coarse level face every direction."""
-
-    def __init__(self, ctx: moderngl.Context, gaussians: Gaussians, blend: SurfaceBlend, coarse: bool, relief: bool):
-        self.ctx, self._relief = ctx, relief
-        self.position = np.ascontiguousarray(gaussians.position.T)
-        self.radius = np.float32(blend.radius) * gaussians.scale.max(axis=1)
-        self._data = GaussianTextures(ctx, gaussians, relief and not coarse)
-        self._index = ctx.buffer(reserve=max(4 * len(gaussians), 4), dynamic=True)
-        self._program = program(
-            ctx, "surface/gaussians", **defines("surface/gaussians", Level(gaussians, blend, coarse, relief))
-        )
-        set_uniforms(
-            self._program, shape_data=0, sh_data=1, surface_position=2, surface_plane=3, radius=blend.radius,
-            cutoff=blend.cutoff,
-        )  # fmt: skip
-        if gaussians.sloped:
-            set_uniforms(self._program, slope_data=4)
-        if relief:
-            set_uniforms(self._program, surface_bend=5, **({} if coarse else {"relief_data": 6}))
-        self._outlines = ctx.vertex_array(self._program, [(self._index, "1u4/i", "index")])
-
-    def draw(self, view: View, frame: dict, targets: SurfaceTargets, sums: moderngl.Framebuffer) -> int:
-        """Fill `sums` with sum w c and sum w where its depth test lets Gaussians pass; return the number drawn."""
-        sums.use()
-        sums.clear()
-        index = in_view(self.position, self.radius, view.pinhole, view.parallel)
-        if not len(index):
-            return 0
-        self.ctx.enable_only(moderngl.BLEND | moderngl.DEPTH_TEST)
-        self.ctx.blend_func = moderngl.ONE, moderngl.ONE
-        self.ctx.depth_func = "<"
-        self._index.orphan()
-        self._index.write(index)
-        set_uniforms(self._program, **frame)
-        level = self._data.shape, self._data.sh, targets.position, targets.plane, self._data.slope
-        for unit, texture in enumerate((*level, targets.bend, self._data.relief)):
-            if texture is not None:
-                texture.use(unit)
-        self._outlines.render(moderngl.TRIANGLE_STRIP, vertices=OUTLINE_CORNERS, instances=len(index))
-        return len(index)
-
-    def recolour(self, gaussians: Gaussians) -> None:
-        """Upload the light of Gaussians of the same shapes."""
-        self._data.recolour(gaussians)
-
-    def release(self) -> None:
-        """Free the GPU memory."""
-        for resource in (self._outlines, self._program, self._index, self._data):
-            resource.release()
 
 
 def _pixel_uniforms(pinhole: Pinhole, size: tuple[int, int], splat_scale: int) -> dict:

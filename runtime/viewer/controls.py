@@ -32,12 +32,13 @@ Esc           quit"""
 class Controls:
     """State that the keys change. `exposure` 0 means that the next picture determines it.
 
-    `baked`: whether there is baked light to show; `scalable`: whether it can be read at a lower resolution; `groups`:
-    the names of its light groups, of which those in `off` are off.
+    `baked`: whether there is baked light to show; `whole`: whether all of it is in one file; `scalable`: whether it can
+    be read at a lower resolution; `groups`: the names of its light groups, of which those in `off` are off.
     """
 
     baked: bool = True
     scalable: bool = True
+    whole: bool = True
     groups: tuple[str, ...] = ()
     off: set[str] = field(default_factory=set)
     exposure: float = 0.0
@@ -57,6 +58,8 @@ class Controls:
         elif key in VIEWS:
             if not self.baked and VIEWS[key] in ("indirect", "ellipsoids"):
                 return "no baked light to show: gsgi view SCENE --gi FILE"
+            if not self.whole and VIEWS[key] == "ellipsoids":
+                return "the Gaussians of a world are in many files: view one of them"
             self.view = VIEWS[key]
         elif key in GROUPS:
             return self._switch(GROUPS.index(key))

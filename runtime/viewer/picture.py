@@ -12,6 +12,7 @@ from gsgi.runtime.gl.permutations import defines
 from gsgi.runtime.gl.profile import Profile
 from gsgi.runtime.gl.renderer import DeferredRenderer, pixels
 from gsgi.runtime.scene import Scene
+from gsgi.runtime.world.world import World
 
 from .ellipsoids import Ellipsoids
 
@@ -19,7 +20,7 @@ from .ellipsoids import Ellipsoids
 class Picture:
     """Draws frames of `size` (width, height) px as `gsgi render` does. The views are those of controls.VIEWS."""
 
-    def __init__(self, ctx: moderngl.Context, scene: Scene, bake: Bake | None, size: tuple[int, int]):
+    def __init__(self, ctx: moderngl.Context, scene: Scene, bake: Bake | World | None, size: tuple[int, int]):
         self.ctx, self.size, self.splat_scale, self._off = ctx, size, 1, frozenset()
         self._bake, self._view = bake, "final"
         self._renderer = DeferredRenderer(ctx, scene, bake, *size)

@@ -5,11 +5,12 @@ from collections.abc import Callable
 
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.display import auto_exposure, to_uint8, tone_map
-from gsgi.runtime.errors import FileError, UnsupportedError
+from gsgi.runtime.errors import FileError, GsgiError, UnsupportedError
 from gsgi.runtime.gaussians import Bake
 from gsgi.runtime.gl.profile import PassCost, Profile
 from gsgi.runtime.light_groups import group_names
 from gsgi.runtime.scene import Scene
+from gsgi.runtime.world.world import World
 
 from .controls import HELP, KEYS, Controls
 from .cost_table import cost_table
@@ -28,11 +29,11 @@ class Viewer:
 
     `name` is that of the scene, for the title and the names of pictures. `say` receives lines for the user. With
     `exposure` None, the log-average of the first picture becomes mid-grey. Raises UnsupportedError without
-    moderngl-window, a display or OpenGL 3.3.
+    moderngl-window, a display or OpenGL 3.3. The sectors of a `World` follow the camera.
     """
 
     def __init__(
-        self, scene: Scene, bake: Bake | None, camera: Camera, size: tuple[int, int], name: str,
+        self, scene: Scene, bake: Bake | World | None, camera: Camera, size: tuple[int, int], name: str,
         say: Callable[[str], None], exposure: float | None = None,
     ):  # fmt: skip
         self.window = _open(size)
@@ -41,7 +42,11 @@ class Viewer:
         self.picture = Picture(self.window.ctx, scene, bake, self.window.buffer_size)
         self.overlay = Overlay(self.window.ctx)
         groups = group_names(bake) if bake else ()
-        self.controls = Controls(bake is not None, self.picture.scalable, groups, exposure=exposure or 0.0)
+        self._world = bake if isinstance(bake, World) else None
+        if self._world:
+            self._world.settle(camera.position)
+        whole, exposed = self._world is None, exposure or 0.0
+        self.controls = Controls(bake is not None, self.picture.scalable, whole, groups, exposure=exposed)
         self._keys = {getattr(self.window.keys, _KEY_NAMES.get(key, key)): key for key in KEYS}
         self._costs: list[tuple[PassCost, ...]] | None = None
         self._table, self._shown = "", 0.0  # of costs, and the time (s) at which it was made
@@ -54,8 +59,9 @@ class Viewer:
         last = time.perf_counter()
         while not (self.window.is_closing or self.controls.closing):
             now = time.perf_counter()
-            self.fly.move(self.controls.direction, min(now - last, LONGEST_STEP), self.controls.fast)
-            last = now
+            passed, last = min(now - last, LONGEST_STEP), now
+            self.fly.move(self.controls.direction, passed, self.controls.fast)
+            self._follow(passed)
             self.frame()
             self.window.swap_buffers()  # handles events too
         self._say(self.fly.flags())
@@ -83,8 +89,18 @@ class Viewer:
         self.overlay.draw(window.fbo, picture.size)
         self._write_title()
 
+    def _follow(self, seconds: float) -> None:
+        """Let the sectors of a world follow the camera."""
+        if self._world:
+            try:
+                self._world.update(self.fly.camera.position, seconds)
+            except GsgiError as error:
+                self._say(str(error))
+
     def release(self) -> None:
         """Free the GPU memory and close the window."""
+        if self._world:
+            self._world.close()
         self.picture.release()
         self.overlay.release()
         self.window.close()

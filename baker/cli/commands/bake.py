@@ -22,6 +22,7 @@ def add(commands) -> None:
         "  gsgi bake room.glb -o room.gsgi --seconds 60                         # the best one in about a minute\n"
         "  gsgi bake edited.glb -o edited.gsgi --update room.gsgi               # only what an edit has changed\n"
         "  gsgi bake room.glb -o room.gsgi --ray auto                           # on all nodes of a Ray cluster\n"
+        "  gsgi bake level.glb -o level.gsgi.json --sectors 32                  # boxes of 32 m, a file each\n"
         "  gsgi bake room.glb -o room.gsgi --quiet --json > room.json           # with a report as JSON\n"
         "  gsgi bake room.glb -o room.gsgi --quiet --depfile room.gsgi.d        # in a Makefile: -include room.gsgi.d\n"
         "  gsgi bake room.glb -o room.gsgi --quiet --depfile room.gsgi.d --if-changed   # in ninja, with restat = 1",
@@ -29,7 +30,8 @@ def add(commands) -> None:
     shared.add_scene(parser)
     shared.add_light(parser)
     shared.add_groups(parser)
-    parser.add_argument("-o", "--output", metavar="FILE", required=True, help="the .gsgi file to write")
+    parser.add_argument("-o", "--output", metavar="FILE", required=True,
+                        help="the .gsgi file to write; with --sectors the manifest, a .json file")  # fmt: skip
     parser.add_argument("--update", metavar="FILE",
                         help="the .gsgi file of this scene before an edit: keep what the cache has of its bake and the "
                         "edit has not changed")  # fmt: skip
@@ -40,6 +42,7 @@ def add(commands) -> None:
     parser.add_argument("--ray", metavar="auto|ADDRESS",
                         help="share the work among the nodes of this Ray cluster (extra `cluster`; see "
                         "docs/cluster.md)")  # fmt: skip
+    shared.add_sectors(parser)
     shared.add_cache(parser)
     shared.add_verbosity(parser)
     shared.add_json(parser, "print a report as JSON on stdout")
@@ -62,10 +65,12 @@ def run(options: argparse.Namespace) -> None:
     from gsgi.baker.plan_table import summary
     from gsgi.baker.progress import Progress
     from gsgi.baker.views.coverage import coverage_summary
-    from gsgi.runtime.atomic import write_together
     from gsgi.runtime.errors import TargetError
 
     _check_outputs(options)
+    if options.sectors:
+        _bake_sectors(options)
+        return
     if options.preview:
         make_folder(options.preview)
     console = Console(options.quiet)
@@ -73,7 +78,7 @@ def run(options: argparse.Namespace) -> None:
     cache = open_cache(options, progress)
     request = request_of(options, progress)
     plan, tally = _plan(options, request, cache, progress)
-    rules = _rules(options, plan, progress)
+    rules = _rules(options, plan.scene, progress)
     for line in coverage_summary(plan.placement.coverage):
         progress.say(line)
     if options.seconds is None:
@@ -81,10 +86,7 @@ def run(options: argparse.Namespace) -> None:
     done = []
 
     def write(data: bytes, gaussians: int) -> None:
-        same = options.if_changed and _holds(options.output, data)
-        write_together(({} if same else {options.output: data}) | rules)
-        verb = "unchanged" if same else "wrote"
-        done.append(f"{verb} {options.output}: {gaussians} Gaussians, {len(data)} bytes")
+        done.append(f"{_write(options, data, rules)}: {gaussians} Gaussians, {len(data)} bytes")
         progress.say(done[-1])
 
     report = job.run(plan, progress, write, options.evaluate, options.preview, options.seconds)
@@ -106,6 +108,47 @@ def run(options: argparse.Namespace) -> None:
     missed = [text for text in (report.missed, _oversize(options, report)) if text]
     if missed:
         raise TargetError(f"{options.output}: {'; '.join(missed)}")
+
+
+def _bake_sectors(options: argparse.Namespace) -> None:
+    """Bake the scene in sectors, and write their files and the manifest."""
+    from gsgi.baker.cli.console import Console
+    from gsgi.baker.cli.inputs import open_cache, request_of
+    from gsgi.baker.cli.json_output import print_json
+    from gsgi.baker.progress import Progress
+    from gsgi.baker.world.bake import bake_world
+
+    console = Console(options.quiet)
+    progress = Progress(console)
+    cache = open_cache(options, progress)
+    request = request_of(options, progress)
+    rules, done = _rules(options, request.scene, progress), []
+    report = bake_world(
+        request,
+        shared.sector_size(options),
+        Path(options.output),
+        progress,
+        cache,
+        lambda data: done.append(_write(options, data, rules)),
+    )
+    cache.trim()
+    ssim = ""
+    if report.worst:
+        number, view = report.worst
+        ssim = f"; worst view: {view['name']} of sector {number + 1}, SSIM of the frame {view['final']['ssim']:.4f}"
+    files = f"{len(report.sectors)} sectors, {report.gaussians} Gaussians, {report.bytes} bytes"
+    console.close(f"{done[-1]}: {files}, {sum(report.seconds.values()):.0f} s{ssim}")
+    if options.json:
+        print_json(report.as_dict())
+
+
+def _write(options: argparse.Namespace, data: bytes, rules: dict[str, bytes]) -> str:
+    """Write the output and the dependency file; what was done, as text."""
+    from gsgi.runtime.atomic import write_together
+
+    same = options.if_changed and _holds(options.output, data)
+    write_together(({} if same else {options.output: data}) | rules)
+    return f"{'unchanged' if same else 'wrote'} {options.output}"
 
 
 def _oversize(options: argparse.Namespace, report) -> str | None:
@@ -159,6 +202,8 @@ def _check_outputs(options: argparse.Namespace) -> None:
         check_writable(options.depfile)
     if options.update:
         _check_update(options)
+    if options.sectors:
+        _check_sectors(options)
     if options.ray and options.preview:
         raise UsageError("--preview: shows the fit while it runs, which is on another machine with --ray")
     if not options.evaluate and (options.preview or options.target_loss is not None):
@@ -176,19 +221,30 @@ def _check_update(options: argparse.Namespace) -> None:
             raise UsageError(f"--update: cannot be given with --{name}, which decides anew what is kept of a bake")
 
 
-def _rules(options: argparse.Namespace, plan, progress) -> dict[str, bytes]:
+def _check_sectors(options: argparse.Namespace) -> None:
+    """Refuse options that cannot be had with --sectors."""
+    from gsgi.baker.world.bake import stem
+    from gsgi.runtime.errors import UsageError
+
+    stem(Path(options.output))
+    for flag in ("--ray", "--update", "--preview", "--target-bytes", "--target-loss", "--seconds"):
+        if getattr(options, flag[2:].replace("-", "_")) is not None:
+            raise UsageError(f"{flag}: cannot be had with --sectors")
+
+
+def _rules(options: argparse.Namespace, scene, progress) -> dict[str, bytes]:
     """Name and bytes of the dependency file, if one is asked for. Raises UsageError."""
     from gsgi.baker.cli.depfile import depfile, nameable
     from gsgi.runtime.errors import UsageError
 
     if not options.depfile:
         return {}
-    if Path(options.depfile).resolve() in {Path(file).resolve() for file in (options.output, *plan.scene.files)}:
+    if Path(options.depfile).resolve() in {Path(file).resolve() for file in (options.output, *scene.files)}:
         raise UsageError(f"{options.depfile}: the dependency file would overwrite another file of this bake")
-    for file in plan.scene.files:
+    for file in scene.files:
         if not nameable(file):
             progress.warn(f"{file}: build tools cannot read this file name: changes of the file go unnoticed")
-    return {options.depfile: depfile(options.output, plan.scene.files)}
+    return {options.depfile: depfile(options.output, scene.files)}
 
 
 def _holds(path: str, data: bytes) -> bool:

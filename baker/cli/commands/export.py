@@ -104,6 +104,7 @@ def _write_web(options: argparse.Namespace) -> None:
     from gsgi.baker.cli.inputs import choose_camera, read_light, read_scene
     from gsgi.baker.progress import Progress
     from gsgi.runtime.errors import UnsupportedError
+    from gsgi.runtime.gaussians import Bake
     from gsgi.runtime.web.folder import check_folder, replacing_folder
     from gsgi.runtime.web.page import write_page
 
@@ -113,6 +114,8 @@ def _write_web(options: argparse.Namespace) -> None:
     with progress.stage("scene"):
         scene = read_scene(options, progress)
         baked = read_light(options, scene, progress)
+        if not isinstance(baked, Bake):
+            raise UnsupportedError(f"{options.gi}: a page shows one .gsgi file, and no world")
         anywhere = {"camera": None, "eye": None, "target": None, "fov": None, "size": (1280, 720)}
         cameras = scene.cameras or {"view": choose_camera(scene, argparse.Namespace(scene=options.scene, **anywhere))}
     with progress.stage("page"), replacing_folder(options.web) as folder:

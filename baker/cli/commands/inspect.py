@@ -1,4 +1,4 @@
-"""`gsgi inspect`: what a .gsgi file holds."""
+"""`gsgi inspect`: what a .gsgi file holds, or a world."""
 
 import argparse
 from pathlib import Path
@@ -12,10 +12,10 @@ def add(commands) -> None:
         commands,
         "inspect",
         run,
-        "Show what a .gsgi file holds.",
-        "  gsgi inspect room.gsgi\n  gsgi inspect room.gsgi --json",
+        "Show what a .gsgi file holds, or a world, all of whose files are checked.",
+        "  gsgi inspect room.gsgi\n  gsgi inspect room.gsgi --json\n  gsgi inspect level.gsgi.json",
     )
-    parser.add_argument("file", metavar="FILE", help="a .gsgi file")
+    parser.add_argument("file", metavar="FILE", help="a .gsgi file, or the .json manifest of a world")
     shared.add_json(parser)
 
 
@@ -23,8 +23,12 @@ def run(options: argparse.Namespace) -> None:
     """Print the facts, one per line or as JSON."""
     from gsgi.baker.cli.json_output import print_json
     from gsgi.runtime.file.reader import read_bake
+    from gsgi.runtime.world.manifest import SUFFIX, read_manifest
 
-    facts = _facts(read_bake(options.file), Path(options.file).read_bytes())
+    if options.file.endswith(SUFFIX):
+        facts = _world_facts(read_manifest(options.file))
+    else:
+        facts = _facts(read_bake(options.file), Path(options.file).read_bytes())
     if options.json:
         print_json(facts)
         return
@@ -57,6 +61,26 @@ def _facts(baked, data: bytes) -> dict:
     if baked.coarse is not None:
         facts |= {f"coarse_{name}": value for name, value in _level(baked.coarse).items()}
     return facts
+
+
+def _world_facts(manifest) -> dict:
+    """The facts of a world. Every file is read, and its hash compared."""
+    from gsgi.runtime.gaussians import Effects
+    from gsgi.runtime.world.manifest import VERSION
+
+    bakes = [manifest.read(number) for number in range(len(manifest.sectors))]
+    return {
+        "version": VERSION,
+        "sectors": len(bakes),
+        "bytes": sum(sector.bytes for sector in manifest.sectors),
+        "memory": sum(sector.memory for sector in manifest.sectors),
+        "effects": [effect.name.lower() for effect in Effects if effect in manifest.effects],
+        "scene": f"{manifest.scene:016x}" if manifest.scene else None,
+        "margin": manifest.margin,
+        "gaussians": sum(len(bake.gaussians) for bake in bakes),
+        "coarse_gaussians": sum(len(bake.coarse) for bake in bakes),
+        "bounds": [manifest.boxes[:, 0].min(axis=0).tolist(), manifest.boxes[:, 1].max(axis=0).tolist()],
+    }
 
 
 def _level(gaussians) -> dict:

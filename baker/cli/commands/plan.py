@@ -15,12 +15,14 @@ def add(commands) -> None:
         "  gsgi plan room.glb\n"
         "  gsgi plan room.glb --env sky.hdr --json > plan.json\n"
         "  gsgi plan room.glb --seconds 60                    # what a bake of a minute would do\n"
+        "  gsgi plan level.glb --sectors 32                   # how a world is divided\n"
         "  gsgi plan room.glb --bounces 2 --ignore emissive   # see what the flags of a bake change",
     )
     shared.add_scene(parser)
     shared.add_light(parser)
     shared.add_groups(parser)
     shared.add_settings(parser)
+    shared.add_sectors(parser)
     shared.add_cache(parser)
     shared.add_verbosity(parser)
     shared.add_json(parser, "print the plan as JSON on stdout")
@@ -29,7 +31,7 @@ def add(commands) -> None:
 def run(options: argparse.Namespace) -> None:
     """Make the plan, time a sample of the work, and print both."""
     from gsgi.baker.cli.console import Console
-    from gsgi.baker.cli.inputs import open_cache, plan_of
+    from gsgi.baker.cli.inputs import open_cache, request_of
     from gsgi.baker.cli.json_output import print_json
     from gsgi.baker.deadline import in_time
     from gsgi.baker.estimate import estimate
@@ -38,13 +40,27 @@ def run(options: argparse.Namespace) -> None:
     from gsgi.baker.views.coverage import coverage_summary
 
     progress = Progress(Console(options.quiet))
-    plan = plan_of(options, progress, open_cache(options, progress))
+    request, cache = request_of(options, progress), open_cache(options, progress)
+    if options.sectors:
+        from gsgi.baker.world.bake import WorldBaker, told
+
+        world = WorldBaker(request, shared.sector_size(options), progress, cache)
+        count, number = len(world.division.boxes), world.division.largest
+        example = f"{told(world.division)}; what follows is the plan of number {number + 1}, with the most surface"
+        plan, first = world.plan(number, progress), [Decision("sectors", f"{count}", example)]
+    else:
+        count, first, plan = 1, [], request.plan(progress, cache)
     if options.seconds is not None:
         plan = in_time(plan, options.seconds, progress)
     with progress.stage("estimate"):
         seconds = estimate(plan)
     stages = ", ".join(f"{stage} {value:.0f} s" for stage, value in seconds.items())
-    rows = [*decisions(plan), Decision("time", f"{sum(seconds.values()):.0f} s", f"on this machine: {stages}")]
+    each = f"each of {count}, " if options.sectors else ""
+    rows = [
+        *first,
+        *decisions(plan),
+        Decision("time", f"{sum(seconds.values()):.0f} s", f"{each}on this machine: {stages}"),
+    ]
     if options.json:
         print_json([row._asdict() for row in rows])
         return

@@ -16,6 +16,7 @@ def add(commands) -> None:
         "  gsgi render room.glb --gi room.gsgi -o b.exr --layer indirect --camera kitchen --size 1280x720\n"
         "  gsgi render room.glb --gi room.gsgi -o room.png --eye 0,1.6,3 --target 0,1,0 --fov 50\n"
         "  gsgi render room.glb --gi room.gsgi -o room.png --weight lamps=0.2 --weight sky=1,0.8,0.6\n"
+        "  gsgi render level.glb --gi level.gsgi.json -o level.png --eye 0,1.6,3 --target 0,1,0  # a world of sectors\n"
         "  gsgi render room.glb --gi room.gsgi -o room.png --profile",
     )
     shared.add_scene(parser)
@@ -43,6 +44,7 @@ def run(options: argparse.Namespace) -> None:
     from gsgi.runtime.errors import UsageError
     from gsgi.runtime.gl.headless import costs, draw
     from gsgi.runtime.image import check_image_path
+    from gsgi.runtime.world.world import World
 
     check_image_path(options.output)
     check_writable(options.output)
@@ -58,6 +60,8 @@ def run(options: argparse.Namespace) -> None:
         baked = read_light(options, scene, progress)
         weights = read_weights(options, baked)
         camera = choose_camera(scene, options)
+        if isinstance(baked, World):
+            baked.settle(camera.position)
     progress.say(memory)
     frame = scene, baked, camera, *options.size, options.backend, options.device
     with progress.stage("draw"):

@@ -17,6 +17,7 @@ def add(commands) -> None:
         "  gsgi view room.glb --gi room.gsgi\n"
         "  gsgi view room.glb --gi room.gsgi --camera kitchen --size 1920x1080\n"
         "  gsgi view room.glb --eye 0,1.6,3 --target 0,1,0        # the flags that F prints\n"
+        "  gsgi view level.glb --gi level.gsgi.json               # sectors of a world follow the camera\n"
         f"  gsgi view room.glb --sun 140,35\n\nkeys:\n{keys}",
     )
     shared.add_scene(parser)

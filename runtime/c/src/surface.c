@@ -26,6 +26,7 @@ static gsgi_result create_pass(gsgi_light* light, const char* name, const char* 
 static void reading_defines(const gsgi_light* light, char defines[DEFINES_MAX]) {
     const gsgi_light_options* o = &light->options;
     snprintf(defines, DEFINES_MAX,
+             "#define SECTORS 0\n"
              "#define RELIEF %d\n#define SPLAT_SCALE %d\n#define BOX %d\n#define COARSE %d\n#define DEPTH_BUFFER %d\n"
              "#define NORMAL_OCTAHEDRAL %d\n#define NORMAL_OCTAHEDRAL_UNSIGNED %d\n#define NORMAL_UNSIGNED %d\n"
              "#define NORMAL_VIEW_SPACE %d\n",
@@ -41,7 +42,7 @@ static gsgi_result create_level(gsgi_light* light, int l) {
     char defines[DEFINES_MAX];
     snprintf(defines, sizeof defines,
              "#define SH_DEGREE %u\n#define NORMAL_POWER %u\n#define SLOPED %d\n"
-             "#define RELIEF %d\n",
+             "#define RELIEF %d\n#define SECTORS 0\n",
              info->sh_degree[l], l == GSGI_FINE ? info->sharpness : 0u, info->sloped[l], light->relief);
     gsgi__program* program = &light->levels[l].program;
     gsgi_result result =

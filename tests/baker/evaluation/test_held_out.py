@@ -224,6 +224,17 @@ def test_the_cameras_of_the_scene_are_reported_beside_the_mean(baked, truths):
     assert evaluate(front, CAMERAS, baked, back).worst.final.ssim <= evaluation.mean.final.ssim
 
 
+def test_in_a_sector_only_its_own_light_is_compared(truths):
+    truth, box = truths["front"], np.array([[-9.0, -9, -9], [0, 9, 9]])
+    within = held_out._within(box, truth)
+    left = truth.surface.position[..., 0] <= 0
+    np.testing.assert_array_equal(within.valid, truth.valid & left)
+    assert within.valid.any()
+    assert not within.indirect[~left].any()
+    np.testing.assert_array_equal(within.indirect[left], truth.indirect[left])
+    assert held_out._within(None, truth) is truth
+
+
 def test_the_first_cameras_of_a_scene_are_traced(truths):
     seeds = []
 
@@ -237,6 +248,7 @@ def test_the_first_cameras_of_a_scene_are_traced(truths):
         placement=SimpleNamespace(held_out=CAMERAS),
         scene=Scene((), (), cameras=own),
         settings=SimpleNamespace(seed=0),
+        triangles=SimpleNamespace(box=None),
         known_paths=0,
     )
     assert list(held_out.scene_references(plan, None, print)) == list(own)[: held_out.SCENE_VIEWS]
@@ -251,7 +263,8 @@ def test_views_without_a_b_are_no_part_of_the_evaluation(truths):
     light = SimpleNamespace(reference=lambda *_: next(found))
     placement, settings = SimpleNamespace(held_out=CAMERAS), SimpleNamespace(seed=0)
     scene = Scene((), ())
-    plan = SimpleNamespace(tracer=light, placement=placement, settings=settings, scene=scene, known_paths=0)
+    made = {"triangles": SimpleNamespace(box=None), "known_paths": 0}
+    plan = SimpleNamespace(tracer=light, placement=placement, settings=settings, scene=scene, **made)
     assert list(held_out.references(plan, None, print)) == ["front"]
 
 

@@ -40,3 +40,18 @@ def test_a_place_that_shows_no_surface_gets_the_middle_of_its_pixel(tmp_path):
     position, *_ = seen.surface(COUNT, np.random.default_rng(0), seen.shares())
     assert (np.abs(position[:, [0, 2]]) <= 0.05 + 1e-6).all()
     assert np.abs(position[:, 1]).max() < 1e-6
+
+
+def test_within_a_box_all_points_lie_in_it_and_light_comes_from_around_it(tmp_path):
+    box = np.array([[-2.0, -2, -2], [0, 2, 2]])
+    tracer = CachedTracer(scenes.furnace(), Cache(tmp_path))
+    seen = SeenSurface(tracer, [scenes.inside_camera()], box=box)
+    rng = np.random.default_rng(0)
+    for position in (seen.surface(4096, rng, seen.shares())[0], seen.free(4096, rng)[0]):
+        assert len(position) == 4096
+        assert (position[:, 0] < 0.05).all()  # a pixel is that wide
+    around = seen.around
+    assert around.digest != seen.digest
+    position = around.surface(4096, rng, around.shares())[0]
+    assert abs((position[:, 0] < 0).mean() - 0.5) < 0.02
+    assert SeenSurface(tracer, [scenes.inside_camera()]).around.digest != around.digest

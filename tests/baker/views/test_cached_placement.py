@@ -1,6 +1,7 @@
 """Views as a cached task: placed once, found again to the bit, and placed anew when anything changes."""
 
 from dataclasses import asdict, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -40,7 +41,8 @@ def placed(monkeypatch) -> list[int]:
 
 def run(cache: Cache, **changes) -> tuple[Placement, bool]:
     settings = SETTINGS | changes
-    return place_once(CachedTracer(settings.pop("scene"), cache), None, **settings)
+    triangles = SimpleNamespace(box=settings.pop("box", None))
+    return place_once(CachedTracer(settings.pop("scene"), cache), triangles, **settings)
 
 
 def test_views_are_placed_once_and_found_again_to_the_bit(tmp_path, placed):
@@ -62,6 +64,7 @@ def test_views_are_placed_once_and_found_again_to_the_bit(tmp_path, placed):
         {"size": 65},
         {"seed": 4},
         {"count": 5},
+        {"box": np.array([[-1.0, -1, -1], [0, 1, 1]])},
     ],
 )
 def test_whatever_views_depend_on_places_them_anew(tmp_path, placed, change):

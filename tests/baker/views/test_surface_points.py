@@ -69,3 +69,28 @@ def test_rays_tell_front_from_back():
         triangles.blocked(np.array([[0.1, 2, 0], [0.1, 2, 0]]), np.array([[0.1, 1, 0], [0.1, -1, 0]])), [False, True]
     )
     assert triangles.clearance(np.array([[0.1, 2, 0]])) == pytest.approx(2)
+
+
+def test_within_a_box_points_are_drawn_and_seen_there_alone(room):
+    box = np.array([[-0.5, -2, -2], [0.25, 0.5, 2]])
+    part = room.within(box)
+    # Of floor, ceiling (outside), front, back: the parts between both planes.
+    assert part.area == pytest.approx(0.75 * 2 + 2 * 0.75 * 1.5, rel=1e-6)
+    np.testing.assert_allclose([part.low, part.high], [[-0.5, -1, -1], [0.25, 0.5, 1]], atol=1e-6)
+    rng = np.random.default_rng(0)
+    drawn = part.draw(3000, rng), part.draw_by_size(3000, rng)
+    origin = np.zeros((3000, 3))
+    direction = rng.normal(size=(3000, 3))
+    for points in (*drawn, part.seen(origin, direction)):
+        assert (points.position >= box[0] - 1e-6).all()
+        assert (points.position <= box[1] + 1e-6).all()
+        np.testing.assert_allclose(np.abs(points.position).max(axis=1), 1, atol=1e-6)
+        assert ((points.position * points.normal).sum(axis=1) < 0).all()
+    on_floor = (drawn[0].normal[:, 1] > 0.5).mean()
+    assert on_floor == pytest.approx(1.5 / part.area, abs=0.01)
+    np.testing.assert_array_equal(part.hits(origin, direction).triangle, room.hits(origin, direction).triangle)
+
+
+def test_within_a_box_without_a_surface_there_are_no_triangles(room):
+    assert room.within(np.array([[-0.5] * 3, [0.5] * 3])) is None
+    assert room.within(np.array([[2.0] * 3, [3.0] * 3])) is None

@@ -60,6 +60,7 @@ def of_degree(*degrees: int, sloped: bool = False) -> list:
 
 READINGS = [Reading(*each) for each in itertools.product(SCALES, encodings(), BOTH, BOTH)]
 READINGS += [Reading(2, encoding, True, True, relief=True) for encoding in encodings()]
+READINGS += [Reading(scale, Encoding(), True, False, sectors=True) for scale in (1, 2)]
 SUBJECTS = {
     "frame/gbuffer": triangles(),
     "frame/background": BOTH,
@@ -71,7 +72,8 @@ SUBJECTS = {
         Level(g, SurfaceBlend(sharpness=sharpness), coarse, relief)
         for sloped, sharpness, coarse, relief in itertools.product(BOTH, (1, 2, 4), BOTH, BOTH)
         for g in of_degree(0, 1, 2, sloped=sloped)
-    ],
+    ]
+    + [Level(g, SurfaceBlend(), False, relief, sectors=True) for g in of_degree(0, 2) for relief in BOTH],
     "surface/fill": READINGS,
     "surface/resolve": READINGS,
     "surface/add_light": encodings(),

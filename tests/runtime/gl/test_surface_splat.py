@@ -8,13 +8,13 @@ import pytest
 import scenes
 from surface_frames import BLEND, CAMERA, NAMES, SIZE, UP, draw, nothing, one, room, seen_points, surface_gaussians
 
-import gsgi.runtime.gl.surface_splat
+import gsgi.runtime.gl.surface_level
 from gsgi.runtime.camera import look_at
 from gsgi.runtime.constants import GLSL_FOLDER
 from gsgi.runtime.gaussians import Bake, Gaussians, SurfaceBlend
 from gsgi.runtime.gl.profile import Profile
 from gsgi.runtime.gl.renderer import DeferredRenderer
-from gsgi.runtime.gl.surface_splat import OUTLINE_CORNERS
+from gsgi.runtime.gl.surface_level import OUTLINE_CORNERS
 from gsgi.runtime.gl.view import View
 from gsgi.runtime.scene import Mesh, Scene, Texture, TextureSlot
 
@@ -98,8 +98,10 @@ def outline_fragments(gl, gaussian, margin) -> int:
     renderer.render(HIGH)
     view = View.of_camera(HIGH, size).moved(renderer.splats._origin)
     frame = {"view_from_world": view.pinhole.view_from_world, "near": HIGH.znear, "margin": margin}
+    splats._programs.set(**frame)
     with profile.measure("outline"):
-        splats._fine.draw(view, frame, splats.targets, splats.targets.fine_sums)
+        splats._begin(splats.targets.fine_sums)
+        splats._part.fine.draw(view, splats.targets)
     renderer.release()
     return profile.passes[0].fragments
 
@@ -135,7 +137,7 @@ def test_culling_never_shows(gl, monkeypatch):
     gaussians = replace(gaussians, position=gaussians.position * np.float32(1.6))
     seen = draw(gl, gaussians)[0]
     everything = np.arange(2000, dtype=np.uint32)
-    monkeypatch.setattr(gsgi.runtime.gl.surface_splat, "in_view", lambda *_: everything)
+    monkeypatch.setattr(gsgi.runtime.gl.surface_level, "in_view", lambda *_: everything)
     assert np.array_equal(seen, draw(gl, gaussians)[0])
 
 
@@ -179,7 +181,7 @@ def test_a_bake_without_coarse_gaussians_has_neither_their_target_nor_their_pass
         renderer = DeferredRenderer(gl, FLOOR, Bake(one(), BLEND, coarse=coarse), 8, 8)
         renderer.render(CAMERA)
         splats = renderer.splats._splats
-        parts = splats._coarse, splats._gap, splats.targets.coarse, splats.targets.coarse_sums
+        parts = splats._part.coarse, splats._gap, splats.targets.coarse, splats.targets.coarse_sums
         assert [part is not None for part in parts] == [made] * 4
         renderer.release()
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scenes
+import worlds
 from frames import bake, full_scene, surface_bake
 from repository import SCENES, TESTS
 from viewer_script import STATUS
@@ -34,14 +35,18 @@ SIZE = 160, 120
 
 @pytest.fixture(scope="module")
 def bakes(tmp_path_factory) -> dict[str, Path]:
-    """A rough bake of the Cornell box for each operator."""
+    """A rough bake of the Cornell box for each operator, and a world of two halves."""
     folder, points = tmp_path_factory.mktemp("bakes"), Triangles(read_gltf(CORNELL)).sample(400, 0)
     light = (0.5 + 0.5 * points.position / np.abs(points.position).max()).astype(np.float32)
     fine = from_surface(points.position, points.normal, light, 0)
     made = {"surface": Bake(fine, SurfaceBlend(), coarse=fine), "over": Bake(fine, OverBlend(near=0.01))}
     for name, baked in made.items():
         (folder / f"{name}.gsgi").write_bytes(codec.encode(baked))
-    return {name: folder / f"{name}.gsgi" for name in made}
+    low, high = read_gltf(CORNELL).bounds()
+    middle = np.array([(low[0] + high[0]) / 2, low[1], low[2]])
+    halves = np.array([[low, [middle[0], *high[1:]]], [middle, high]], float)
+    world = worlds.write(folder, [made["surface"]] * 2, halves, margin=0.02)
+    return {name: folder / f"{name}.gsgi" for name in made} | {"world": world}
 
 
 def gsgi_view(*arguments, script: str | None = None, **options) -> subprocess.CompletedProcess:
@@ -50,7 +55,7 @@ def gsgi_view(*arguments, script: str | None = None, **options) -> subprocess.Co
     return subprocess.run(command, capture_output=True, text=True, timeout=300, **options)
 
 
-@pytest.mark.parametrize("light", ["surface", "over", None])
+@pytest.mark.parametrize("light", ["surface", "over", "world", None])
 def test_a_window_shows_what_render_writes(display, bakes, light, tmp_path, gl, current_again):
     """A user's session (viewer_script.py), whose pictures are `gsgi render`'s, byte for byte."""
     gi = ["--gi", str(bakes[light])] if light else []
@@ -68,9 +73,11 @@ def test_a_window_shows_what_render_writes(display, bakes, light, tmp_path, gl, 
         difference = np.abs(255 * read_image(picture) - shown[layer])[STATUS:]
         assert difference.max() <= 1.01, layer  # the driver's rounding
     assert main.run(["render", str(CORNELL), *gi, "-o", str(tmp_path / "r.png"), "--size", "200x90"]) == 0
-    last = tmp_path / f"cornell-{len(layers) + bool(light) + 1:03}.png"
+    ellipsoids = light in ("surface", "over")
+    assert ("in many files" in run.stderr) == (light == "world")
+    last = tmp_path / f"cornell-{len(layers) + ellipsoids + 1:03}.png"
     assert last.read_bytes() == (tmp_path / "r.png").read_bytes()
-    assert not (tmp_path / f"cornell-{len(layers) + bool(light) + 2:03}.png").exists()
+    assert not (tmp_path / f"cornell-{len(layers) + ellipsoids + 2:03}.png").exists()
     assert "Esc           quit" in run.stderr
     pressed, leaving = (line for line in run.stderr.splitlines() if line.startswith("--eye "))
     assert pressed == leaving == run.stderr.splitlines()[-1]

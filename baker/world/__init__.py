@@ -1,0 +1,1 @@
+"""Bakes of worlds in sectors, each with a file of its own."""

@@ -1,0 +1,77 @@
+"""Divide a scene into boxes, each of which is baked by itself."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from gsgi.baker.views.free_space import FreeSpace
+from gsgi.baker.views.surface_points import Triangles
+from gsgi.baker.views.visibility import sides
+from gsgi.runtime.errors import UsageError
+from gsgi.runtime.vectors import sphere
+from gsgi.runtime.world.manifest import SECTORS_MOST
+
+# Half the width of the strip along a border in which both sectors have light, relative to the shortest edge of a box
+# along which there are borders.
+# Its samples are traced twice; in narrower strips, the difference between two fits is a steeper step.
+MARGIN = 1 / 24
+BEYOND = 1e-3  # of the scene's diagonal, by which boxes go beyond the surfaces, so that flat scenes have boxes too
+
+# A sector is so many times as wide as people see far: several rooms, or some blocks of a street, which light each
+# other. SEEN is the number of surface points before which people stand to measure this.
+FAR_SIGHTS, SEEN, LOOKS = 6.0, 512, 64
+
+
+class Division(NamedTuple):
+    """Boxes (N, 2, 3) float64, m, that tile what surfaces there are, and the `margin` (m) of their borders.
+
+    `area` (N,), m^2, is that of the surfaces in each.
+    """
+
+    boxes: np.ndarray
+    margin: float
+    area: np.ndarray
+
+    @property
+    def largest(self) -> int:
+        """The box with the most surface."""
+        return int(self.area.argmax())
+
+    def around(self, number: int) -> np.ndarray:
+        """The box of one sector with its borders, (2, 3)."""
+        return self.boxes[number] + np.array([[-self.margin], [self.margin]])
+
+
+def divide(triangles: Triangles, size: float) -> Division:
+    """Divide surfaces into boxes of equal edges of at most `size` m; boxes without a surface are left out.
+
+    Raises UsageError for too many.
+    """
+    beyond = BEYOND * triangles.diagonal
+    low, high = (corner.astype(np.float64) for corner in (triangles.low - beyond, triangles.high + beyond))
+    with np.errstate(over="ignore", divide="ignore"):
+        counts = np.maximum(np.ceil((high - low) / size - 1e-6), 1)
+    if not counts.prod() <= SECTORS_MOST:
+        raise UsageError(
+            f"--sectors {size:g}: makes {counts.prod():.0f} sectors, and a world has at most {SECTORS_MOST}"
+        )
+    planes = [np.linspace(a, b, int(n) + 1) for a, b, n in zip(low, high, counts, strict=True)]
+    cells = np.array(list(np.ndindex(*counts.astype(int))))
+    boxes = np.stack([[axis[cells[:, k] + side] for k, axis in enumerate(planes)] for side in (0, 1)])
+    boxes = boxes.transpose(2, 0, 1)
+    parts = (triangles.within(box) for box in boxes)
+    area = np.array([part.area if part else 0.0 for part in parts])
+    edges, divided = (high - low) / counts, counts > 1
+    margin = float(MARGIN * (edges[divided] if divided.any() else edges).min())
+    return Division(boxes[area > 0], margin, area[area > 0])
+
+
+def automatic_size(triangles: Triangles, seed: int) -> float:
+    """Edge of boxes, m: FAR_SIGHTS times the median distance to what people see."""
+    rng = np.random.default_rng(seed)
+    even = sides(triangles.draw(SEEN, rng))
+    viewpoints = FreeSpace(triangles, [], even.points, rng).draw(even.points, triangles.diagonal, rng, must=True)
+    directions = sphere(LOOKS)
+    hits = triangles.hits(np.repeat(viewpoints, LOOKS, axis=0), np.tile(directions, (len(viewpoints), 1)))
+    met = hits.distance[np.isfinite(hits.distance)]
+    return FAR_SIGHTS * float(np.median(met)) if len(met) else triangles.diagonal
