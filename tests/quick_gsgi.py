@@ -9,8 +9,7 @@ from types import SimpleNamespace
 
 from gsgi_files import constant
 
-import gsgi.baker.job  # noqa: F401  takes names from modules below, before they are replaced
-from gsgi.baker import bake, plan_table
+from gsgi.baker import bake, job, plan_table
 from gsgi.baker.cli.main import run
 from gsgi.baker.tasks import request
 from gsgi.baker.views import coverage
@@ -21,17 +20,20 @@ def main(log: str, *arguments: str) -> int:
     """Run the command with these arguments and return its exit code."""
 
     def make_plan(scene, *_) -> SimpleNamespace:
-        settings = SimpleNamespace(target_loss=None)
+        settings, tracer = SimpleNamespace(target_loss=None), SimpleNamespace(cache=None)
         placement = SimpleNamespace(coverage=None, held_out={})
-        return SimpleNamespace(scene=scene, placement=placement, settings=settings)
+        return SimpleNamespace(scene=scene, placement=placement, settings=settings, tracer=tracer)
 
     def baked(made, *_) -> SimpleNamespace:
         with open(log, "a", encoding="utf-8") as file:
             file.write(made.scene.files[0].stem + "\n")
         light = sum((texture.pixels[..., :3].mean(axis=(0, 1)) for texture in made.scene.textures), start=1)
-        return SimpleNamespace(data=codec.encode(constant(light)), attempt=SimpleNamespace(count=2, loss=None))
+        return SimpleNamespace(
+            data=codec.encode(constant(light)), attempt=SimpleNamespace(count=2, budget=2, loss=None)
+        )
 
     request.make_plan, bake.bake = make_plan, baked
+    job.BakeRecord = SimpleNamespace(of=lambda *_: SimpleNamespace(keep=lambda *_: None))
     coverage.coverage_summary, plan_table.summary = (lambda _: []), (lambda _: "")
     return run([*arguments, "--quiet", "--no-evaluate", "--cache", str(Path(log).parent / "cache")])
 
