@@ -19,7 +19,7 @@ from gsgi.baker.cluster.node import Member
 from gsgi.baker.tasks import request
 
 os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
-pytest.importorskip("ray", reason="no Ray: pip install 'gsgi[cluster]'")
+pytest.importorskip("ray.cluster_utils", reason="no Ray: pip install 'gsgi[cluster]'")
 
 from ray.cluster_utils import Cluster
 

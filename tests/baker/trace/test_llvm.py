@@ -32,7 +32,7 @@ def test_old_versions_are_never_tried(monkeypatch):
 @pytest.mark.parametrize(("answer", "expected"), [("3.0", True), ("2.0", False)])
 def test_a_slow_machine_is_told_and_waited_for(monkeypatch, caplog, answer, expected):
     monkeypatch.setattr(llvm, "SLOW", 0.01)
-    monkeypatch.setattr(llvm, "_PROBE", f"print({answer})")
+    monkeypatch.setattr(llvm, "_PROBE", f"import time; time.sleep(0.2); print({answer})")
     assert llvm.works(Path("/lib/libLLVM-19.so")) is expected
     (message,) = caplog.messages
     assert message == "this machine is slow: /lib/libLLVM-19.so has not compiled a kernel yet; waiting on"
