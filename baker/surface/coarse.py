@@ -18,8 +18,8 @@ from .state import SurfaceState
 CANDIDATES = 16  # points in free space per Gaussian, from which an evenly spread subset is chosen
 WIDTH = 0.6  # standard deviation, relative to the mean distance to the three nearest
 
-# Step sizes of the shapes, as in fit.RATES; the colours are solved for every SOLVE_STEPS steps by a
-# few iterations, and at the end.
+# Step sizes of the shapes, as in fit.RATES; the colours are solved for every SOLVE_STEPS steps, by few iterations,
+# and at the end.
 RATES = {"place": 0.06, "turn": 0.04, "log_scale": 0.06, "logit_opacity": 0.05, "colour": 0.0, "slope": 0.0}
 RATE_END = 0.1
 STEPS, SOLVE_STEPS, SOLVE_ITERATIONS = 60, 6, 6
@@ -49,21 +49,28 @@ def coarse_level(
         falling = RATE_END ** (step / STEPS)
         state, _ = optimiser.step(state, {name: falling * rate for name, rate in RATES.items()}, step + 1)
         state = replace(state, gaussians=_everywhere_again(state.gaussians, gaussians))
-    last = state.gaussians
-    if triangles:
-        last, _ = Occlusion(samples, triangles, optimiser.blend, count).cut(last)
-    return optimiser.solve(_everywhere_again(last, gaussians), RIDGE)
+    return _lit(state.gaussians, samples, optimiser, triangles, count)
 
 
 def coarse_again(
     samples: SurfaceSamples, before: Gaussians, blend: SurfaceBlend, triangles: Triangles | None = None
 ) -> Gaussians:
     """The coarse level `before` an edit with the light of other `samples`, cut where occluders are now."""
-    optimiser = coarse_optimiser(samples, before, blend)
-    last = before
+    return _lit(before, samples, coarse_optimiser(samples, before, blend), triangles, len(before))
+
+
+def _lit(
+    gaussians: Gaussians,
+    samples: SurfaceSamples,
+    optimiser: SurfaceOptimiser,
+    triangles: Triangles | None,
+    count: int,
+) -> Gaussians:
+    """The at most `count` Gaussians, all but the first cut at occluders, with the light of samples."""
+    cut = gaussians
     if triangles:
-        last, _ = Occlusion(samples, triangles, optimiser.blend, len(before)).cut(before)
-    return optimiser.solve(_everywhere_again(last, before), RIDGE)
+        cut, _ = Occlusion(samples, triangles, optimiser.blend, count).cut(gaussians)
+    return optimiser.solve(_everywhere_again(cut, gaussians), RIDGE)
 
 
 def coarse_optimiser(samples: SurfaceSamples, gaussians: Gaussians, blend: SurfaceBlend) -> SurfaceOptimiser:

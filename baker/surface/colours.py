@@ -119,7 +119,7 @@ def _bounded(sh: np.ndarray) -> np.ndarray:
 
 
 def conjugate_gradients(apply, right: np.ndarray, x: np.ndarray, preconditioner: np.ndarray, iterations: int = MOST):
-    """x (N, C) after at most `iterations` steps towards apply(x) = right; but LEAST if the residual is small."""
+    """x (N, C) after LEAST to `iterations` steps towards apply(x) = right: no more once the residual is small."""
     residual = right - apply(x)
     z = preconditioner * residual
     direction, norm = z, _dot(residual, z)

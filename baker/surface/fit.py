@@ -74,17 +74,12 @@ def fit_surface(
     and, for a gradient, the Gaussian.
     """
     rng = np.random.default_rng(schedule.seed)
-    samples, occlusion, around = joined([surface, free]), None, None
-    if triangles:
-        occlusion = Occlusion(surface, triangles, blend, schedule.budget)
-        around = seen_light(surface, free, triangles)
-    optimiser = SurfaceOptimiser(samples, coarse, blend, around)
+    samples = joined([surface, free])
+    optimiser, occlusion = _tools(surface, free, samples, coarse, blend, schedule.budget, triangles)
     if checkpoint and (arrays := checkpoint.load()):
         run = from_arrays(_Run, arrays)
     else:
-        first = start(surface, round(START_SHARE * schedule.budget), rng)
-        if samples.bumpy:
-            first = replace(first, relief=np.zeros((len(first), 3, 3), np.float32))
+        first = _as_bumpy_as(samples, start(surface, round(START_SHARE * schedule.budget), rng))
         if occlusion:
             first, _ = cut_where_better(first, optimiser, occlusion)
         run = _Run(SurfaceState.fresh(optimiser.solve(first)), 0)
@@ -95,13 +90,7 @@ def fit_surface(
             limit = count_after(round(START_SHARE * schedule.budget), schedule.budget, changes[iteration])
             rng = np.random.default_rng([schedule.seed, iteration])
             state = changed(state, limit, optimiser, surface, rng, occlusion)
-        falling = RATE_END ** (iteration / schedule.iterations)
-        try:
-            state, loss = optimiser.step(state, {name: falling * rate for name, rate in RATES.items()}, iteration + 1)
-        except FloatingPointError as broken:
-            raise FloatingPointError(f"{broken} at iteration {iteration}") from broken
-        if monitor:
-            monitor(iteration + 1, loss, lambda gaussians=state.gaussians: gaussians)
+        state = _stepped(state, optimiser, RATE_END ** (iteration / schedule.iterations), iteration, monitor)
         if checkpoint and (iteration + 1) % LIST_STEPS == 0 and checkpoint.due():
             checkpoint.save(to_arrays(_Run(state, iteration + 1)))
     return finished(state.gaussians, optimiser, occlusion)
@@ -123,23 +112,51 @@ def fit_again(
     Those that hardly any sample sees now make room for others where the light is badly fitted. A share AGAIN of the
     schedule's steps follows. It takes too little time for a checkpoint. The rest is as in `fit_surface`.
     """
-    samples, occlusion, around = joined([surface, free]), None, None
-    if triangles:
-        occlusion = Occlusion(surface, triangles, blend, schedule.budget)
-        around = seen_light(surface, free, triangles)
-    optimiser = SurfaceOptimiser(samples, coarse, blend, around)
-    relief = None if not samples.bumpy else np.zeros((len(before), 3, 3), np.float32)
-    if (before.relief is None) != (relief is None):
-        before = replace(before, relief=relief)
-    state = SurfaceState.fresh(optimiser.solve(before))
+    samples = joined([surface, free])
+    optimiser, occlusion = _tools(surface, free, samples, coarse, blend, schedule.budget, triangles)
+    state = SurfaceState.fresh(optimiser.solve(_as_bumpy_as(samples, before)))
     state = changed(state, schedule.budget, optimiser, surface, np.random.default_rng(schedule.seed), occlusion)
     steps = round(AGAIN * schedule.iterations)
     for iteration in range(steps):
         falling = AGAIN_RATE * (RATE_END / AGAIN_RATE) ** (iteration / steps)
-        state, loss = optimiser.step(state, {name: falling * rate for name, rate in RATES.items()}, iteration + 1)
-        if monitor:
-            monitor(iteration + 1, loss, lambda gaussians=state.gaussians: gaussians)
+        state = _stepped(state, optimiser, falling, iteration, monitor)
     return finished(state.gaussians, optimiser, occlusion)
+
+
+def _tools(
+    surface: SurfaceSamples,
+    free: SurfaceSamples,
+    samples: SurfaceSamples,
+    coarse: Gaussians,
+    blend: SurfaceBlend,
+    budget: int,
+    triangles: Triangles | None,
+) -> tuple[SurfaceOptimiser, Occlusion | None]:
+    """What steps Gaussians against the `samples`, those of `surface` and `free`, and what cuts them at occluders."""
+    if not triangles:
+        return SurfaceOptimiser(samples, coarse, blend), None
+    occlusion = Occlusion(surface, triangles, blend, budget)
+    return SurfaceOptimiser(samples, coarse, blend, seen_light(surface, free, triangles)), occlusion
+
+
+def _as_bumpy_as(samples: SurfaceSamples, gaussians: Gaussians) -> Gaussians:
+    """The Gaussians, with relief if normal maps bend the samples' normals, and else without; new relief is flat."""
+    if samples.bumpy == gaussians.bumpy:
+        return gaussians
+    return replace(gaussians, relief=np.zeros((len(gaussians), 3, 3), np.float32) if samples.bumpy else None)
+
+
+def _stepped(
+    state: SurfaceState, optimiser: SurfaceOptimiser, falling: float, iteration: int, monitor: Monitor | None
+) -> SurfaceState:
+    """The state after a step at `falling` times the RATES. Raises FloatingPointError with the number of the step."""
+    try:
+        state, loss = optimiser.step(state, {name: falling * rate for name, rate in RATES.items()}, iteration + 1)
+    except FloatingPointError as broken:
+        raise FloatingPointError(f"{broken} at iteration {iteration}") from broken
+    if monitor:
+        monitor(iteration + 1, loss, lambda gaussians=state.gaussians: gaussians)
+    return state
 
 
 def finished(gaussians: Gaussians, optimiser: SurfaceOptimiser, occlusion: Occlusion | None) -> Gaussians:

@@ -14,7 +14,7 @@ from gsgi.baker.over.fit import Schedule
 from gsgi.baker.over.initialise import spacing
 from gsgi.baker.over.rasterise import set_thread_count
 from gsgi.baker.surface import fit as fitting
-from gsgi.baker.surface.fit import fit_surface
+from gsgi.baker.surface.fit import fit_again, fit_surface
 from gsgi.baker.surface.lookup import look_up
 from gsgi.baker.surface.optimiser import SurfaceOptimiser
 from gsgi.baker.surface.samples import SurfaceSamples
@@ -348,3 +348,19 @@ def test_small_things_that_the_start_missed_get_gaussians_that_lie_on_them():
     on_board = added.position[:, 1] > 0.25
     assert on_board.sum() >= 8
     assert added.scale[on_board].max() < 0.2  # m: as small as the board
+
+
+def test_after_an_edit_light_follows_normal_maps_where_there_are_any_now():
+    """Of light that leans to +x and samples that were flat before, and the other way round."""
+    points, rng = corner(4000), np.random.default_rng(1)
+    flat = samples_of(field(*points), *points)
+    lean = np.where(rng.random((4000, 1)) < 0.5, np.float32([0.4, 0, 0]), 0).astype(np.float32)
+    mapped = (points[1] + lean) / np.linalg.norm(points[1] + lean, axis=1, keepdims=True)
+    light = flat.indirect * (1 + mapped[:, :1] - points[1][:, :1])
+    bent = replace(samples_of(light, *points), mapped=mapped.astype(np.float32))
+    course = Schedule(40, 20)
+    before = {False: fit(course, samples=flat), True: fit(course, samples=bent)}
+    for now in (flat, bent):
+        after = fit_again(now, now[:0], NOBODY, BLEND, course, before[not now.bumpy])
+        assert after.bumpy == now.bumpy
+    assert np.abs(after.relief).max() > 0.1
