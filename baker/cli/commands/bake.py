@@ -215,10 +215,8 @@ def _check_update(options: argparse.Namespace) -> None:
     """Refuse options that decide anew what an update takes from the earlier bake."""
     from gsgi.runtime.errors import UsageError
 
-    for flag in "ray", "target_loss", "target_bytes", "seconds":
-        if getattr(options, flag) is not None:
-            name = flag.replace("_", "-")
-            raise UsageError(f"--update: cannot be given with --{name}, which decides anew what is kept of a bake")
+    for flag in _given(options, "--ray", "--target-loss", "--target-bytes", "--seconds"):
+        raise UsageError(f"--update: cannot be given with {flag}, which decides anew what is kept of a bake")
 
 
 def _check_sectors(options: argparse.Namespace) -> None:
@@ -227,9 +225,13 @@ def _check_sectors(options: argparse.Namespace) -> None:
     from gsgi.runtime.errors import UsageError
 
     stem(Path(options.output))
-    for flag in ("--ray", "--update", "--preview", "--target-bytes", "--target-loss", "--seconds"):
-        if getattr(options, flag[2:].replace("-", "_")) is not None:
-            raise UsageError(f"{flag}: cannot be had with --sectors")
+    for flag in _given(options, "--ray", "--update", "--preview", "--target-bytes", "--target-loss", "--seconds"):
+        raise UsageError(f"{flag}: cannot be had with --sectors")
+
+
+def _given(options: argparse.Namespace, *flags: str) -> list[str]:
+    """Those of the flags that were given."""
+    return [flag for flag in flags if getattr(options, flag[2:].replace("-", "_")) is not None]
 
 
 def _rules(options: argparse.Namespace, scene, progress) -> dict[str, bytes]:
