@@ -21,7 +21,7 @@ class ForgottenError(GsgiError):
 
 
 @dataclass(frozen=True)
-class KeptChunk:
+class KeptChunk(Points):
     """The P points of a chunk, and B there.
 
     indirect_a and indirect_b (P, 3) float32 are both halves of B, NaN where it has none. first_a and first_b (P, 3)
@@ -31,12 +31,6 @@ class KeptChunk:
     `tally.FATES`; 0 in a chunk that no update has touched. invalid is the number of paths that gave no finite number.
     """
 
-    position: np.ndarray
-    normal: np.ndarray
-    shading_normal: np.ndarray
-    geometric_normal: np.ndarray
-    camera: np.ndarray
-    place: np.ndarray
     indirect_a: np.ndarray
     indirect_b: np.ndarray
     first_a: np.ndarray
