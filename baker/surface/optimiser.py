@@ -27,6 +27,7 @@ LIST_STEPS, MARGIN, EXACT = 10, 1.1, 1.001
 BETA_1, BETA_2, EPSILON = 0.9, 0.98, 1e-20
 
 MODEL = 0.1  # error of the best fit, relative to the light around a sample: noise below it costs no weight
+ADAPTS = 3.0  # times brighter than the light around a sample is what eyes there adapt to instead
 SIZE_COST = 0.05  # of its own error, for a Gaussian e times as long on one axis: prefers the smaller of equal fits
 LOGIT_MAX = 5.0  # magnitude, of the opacity
 
@@ -45,7 +46,10 @@ class SurfaceOptimiser:
 
     The importance is 1 / (level^2 + (noise / MODEL)^2), with the level and noise of the light around each sample (see
     local_light): an error counts relative to what eyes there adapt to, and noisy samples count less. A squared error
-    in linear light has its minimum at the mean of noisy samples. A gradient counts only
+    in linear light has its minimum at the mean of noisy samples. Where the Gaussians are more than ADAPTS times as
+    bright as the level, the level is taken from them, so that no error counts for more than ADAPTS^2: a bright floor
+    that reaches a black void beneath would outweigh all else a million times, and solutions would not converge. That
+    depends on no single sample, whose noise it would take for an error. A gradient counts only
     where both halves of the samples' paths agree on its sign (after the AND-mask of Parascandolo et al. 2020), so that
     noise alone moves nothing. Deterministic for any number of threads.
 
@@ -68,7 +72,7 @@ class SurfaceOptimiser:
         self._coarse = coarse_light(bent, coarse, blend)
         self.blend = blend
         self._level, self._relative_noise = around.level, around.noise / around.level
-        self._importance = 1 / (np.square(around.level) + np.square(around.noise / np.float32(MODEL)))
+        self._variance = np.square(around.noise / np.float32(MODEL))
         self._listed, self._margin = 0, 0.0
         self._noise: np.ndarray | None = None
         self._unit: np.ndarray | None = None
@@ -77,8 +81,9 @@ class SurfaceOptimiser:
     def solve(self, gaussians: Gaussians, ridge: float = colours.RIDGE, iterations: int = colours.MOST) -> Gaussians:
         """Set colours and slopes, then relief if there is any, to the least-squares solution for the shapes."""
         self._list(gaussians)
-        base = filling(self._field.read(gaussians), self._coarse, self.blend)
-        samples = self._light, self._importance, self._relative_noise
+        fine = self._field.read(gaussians)
+        base = filling(fine, self._coarse, self.blend)
+        samples = self._light, self._importance(self._reading(fine).light), self._relative_noise
         sh, slope = colours.solve(self._field, gaussians, base, *samples, ridge, iterations)
         solved = replace(gaussians, sh=sh, slope=slope)
         return self._with_relief(solved) if gaussians.bumpy else solved
@@ -86,7 +91,7 @@ class SurfaceOptimiser:
     def _with_relief(self, gaussians: Gaussians) -> Gaussians:
         reading = self._read(gaussians)
         residual = self._bent[2] - reading.light
-        weights = reading.inverse, self._importance
+        weights = reading.inverse, self._importance(reading.light)
         found = relief.solve(self._field, gaussians, self._bend, residual, *weights)
         return replace(gaussians, relief=found)
 
@@ -199,12 +204,17 @@ class SurfaceOptimiser:
     def _derivatives(self, gaussians: Gaussians, reading: _Reading) -> tuple[np.ndarray, float]:
         """The derivatives (N, 15) (see FIELD_DERIVATIVES), and the loss."""
         residual = reading.light - self._light
-        loss = self._importance * _channels(np.square(residual))
+        loss = self._importance(reading.light) * _channels(np.square(residual))
         return self._backward(gaussians, reading, residual), float(loss.sum(dtype=np.float64)) / max(len(loss), 1)
+
+    def _importance(self, light: np.ndarray) -> np.ndarray:
+        """The importance (S,) float32 of errors at the samples, read as light (S, 3)."""
+        level = np.maximum(self._level, np.abs(_channels(light)) / np.float32(3 * ADAPTS))
+        return 1 / (np.square(level) + self._variance)
 
     def _error(self, light: np.ndarray) -> np.ndarray:
         """Noise-free error (S,) of light (S, 3), which is below 0 where the noise of both halves happens to agree."""
-        return self._importance * _channels((light - self._a) * (light - self._b))
+        return self._importance(light) * _channels((light - self._a) * (light - self._b))
 
     def _gradient_noise(self, gaussians: Gaussians, reading: _Reading) -> np.ndarray:
         """Absolute half difference (N, 15) of the halves' gradients: their signs agree where the gradient is larger."""
@@ -212,7 +222,8 @@ class SurfaceOptimiser:
 
     def _backward(self, gaussians: Gaussians, reading: _Reading, residual: np.ndarray) -> np.ndarray:
         """The derivatives (N, 15) of the loss with residuals (S, 3)."""
-        by_light = np.float32(2 / max(len(residual), 1)) * self._importance[:, None] * residual
+        importance = self._importance(reading.light)
+        by_light = np.float32(2 / max(len(residual), 1)) * importance[:, None] * residual
         return self._field.backward(gaussians, reading.yielding, by_light, reading.inverse)
 
 
