@@ -3,12 +3,13 @@
 import argparse
 import os
 import re
+import select
 import signal
 import sys
 import threading
-import time
 from typing import NoReturn
 
+from gsgi.baker.interrupts import SIGNALS
 from gsgi.runtime.atomic import discard_unfinished
 from gsgi.runtime.errors import GsgiError
 
@@ -17,28 +18,33 @@ from .console import tell
 from .options import EXIT_CODES
 
 FAILED, INTERRUPTED = 4, 130
-PATIENCE = 1.0  # s after Ctrl-C until the process ends without the main thread's help
+ENDED = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}  # the exit code is 128 and the signal's number
+PATIENCE = 1.0  # s after Ctrl-C or SIGTERM until the process ends without the main thread's help
 
 # What libraries say, in errors of many types, where there is not enough memory.
 OUT_OF_MEMORY = ("failed to map segment", "cannot allocate", "unable to allocate", "bad_alloc", "out of memory")
 
-# Grows with each Ctrl-C. A library can turn the interrupt into its own error, as Open3D's import does, or lose it, as
+# The signals that have interrupted the command. A library can turn the interrupt into its own error, or lose it, as
 # numpy.dtype does.
-_interrupts: list[bool] = []
+_interrupts: list[int] = []
+_ending = threading.Lock()
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line and exit with its code."""
     _open_streams()
-    signal.signal(signal.SIGINT, _interrupt)
+    for number in SIGNALS:
+        signal.signal(number, _interrupt)
     threading.Thread(target=_end_when_interrupted, args=(_signals(),), daemon=True).start()
     try:
         code = run(arguments)
     except Exception:
         sys.excepthook(*sys.exc_info())
         code = FAILED
+    except KeyboardInterrupt:
+        code = INTERRUPTED  # as the command ended
     if _interrupts:
-        _end()
+        _end(_interrupts[0])
     sys.exit(code)
 
 
@@ -50,9 +56,11 @@ def _open_streams() -> None:
         getattr(sys, name).reconfigure(errors="backslashreplace")
 
 
-def _interrupt(*_) -> NoReturn:
-    _interrupts.append(True)
-    raise KeyboardInterrupt
+def _interrupt(number: int, _) -> None:
+    """Raise once: what follows would meet the command as it ends, which `_end_when_interrupted` sees to anyway."""
+    _interrupts.append(number)
+    if len(_interrupts) == 1:
+        raise KeyboardInterrupt
 
 
 def _signals() -> int:
@@ -64,18 +72,22 @@ def _signals() -> int:
 
 
 def _end_when_interrupted(signals: int) -> None:
-    """End the process PATIENCE after Ctrl-C, because the main thread notices it only between calls into libraries."""
-    while signal.SIGINT not in os.read(signals, 1):
+    """End the process PATIENCE after a signal, because the main thread notices it only between calls into libraries.
+
+    Another signal ends it at once.
+    """
+    while (first := os.read(signals, 1)[0]) not in SIGNALS:
         pass
-    time.sleep(PATIENCE)
-    _end()
+    select.select([signals], [], [], PATIENCE)
+    _end(first)
 
 
-def _end() -> NoReturn:
-    """Exit as interrupted without the interpreter's shutdown, which can turn the exit code into a death by SIGINT."""
+def _end(number: int) -> NoReturn:
+    """Exit as a signal asks, without the interpreter's shutdown, which can turn the exit code into a death by it."""
+    _ending.acquire()  # for good: two threads may come here, and one line is enough
     discard_unfinished()
-    tell("gsgi: interrupted")
-    os._exit(INTERRUPTED)
+    tell(f"gsgi: {ENDED[number]}")
+    os._exit(128 + number)
 
 
 def run(arguments: list[str] | None = None) -> int:

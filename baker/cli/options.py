@@ -9,7 +9,8 @@ from gsgi.runtime.layers import LAYERS
 
 EXIT_CODES = """\
 exit codes: 0 ok, 1 wrong command line, 2 file cannot be read or written, 3 invalid input, 4 failure while running,
-            5 not supported here, 6 target not met (the best file is written), 130 interrupted"""
+            5 not supported here, 6 target not met (the best file is written),
+            130 interrupted by Ctrl-C, 143 by SIGTERM"""
 
 FARTHEST = 1e9  # m; the size of the largest scenes
 

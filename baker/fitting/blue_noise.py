@@ -5,6 +5,8 @@ A subset is a random, almost maximal Poisson-disk set (Cook 1986; Gamito and Mad
 
 import numpy as np
 
+from gsgi.baker.neighbours import Neighbours
+
 CANDIDATES = 5  # random points per point that is kept (Yuksel 2015 finds no gain beyond five)
 AROUND = 24  # nearest other points, whose distance tells the density
 NEIGHBOURS = 3  # a point's spacing is the mean distance to these
@@ -46,11 +48,9 @@ def levelled(position: np.ndarray) -> np.ndarray:
     Where points lie four times as far apart as most, or sixteen times, and so on, they are scaled and moved away from
     the others, so that a subset that `thin` makes of the result is dense where the points are.
     """
-    from scipy.spatial import cKDTree
-
     if len(position) < 2:
         return np.column_stack([position, np.zeros(len(position))])
-    distance, _ = cKDTree(position).query(position, k=min(AROUND + 1, len(position)), workers=-1)
+    distance, _ = Neighbours(position).nearest(position, AROUND + 1)
     around = np.maximum(distance[:, -1], np.finfo(np.float32).tiny)
     power = np.log2(around) / 2
     common = np.angle(np.exp(2j * np.pi * power).mean()) / (2 * np.pi)  # of most points: no border lies among them

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gsgi.baker.neighbours import Neighbours
 from gsgi.baker.trace.local_light import local_light
 from gsgi.baker.trace.point_order import by_side, nearest
 
@@ -25,15 +26,11 @@ class Contrast:
     @staticmethod
     def of(position: np.ndarray, normal: np.ndarray, a: np.ndarray, b: np.ndarray) -> "Contrast":
         """The contrast of both halves (S, 3) of B: products of their differences have no noise on average."""
-        from scipy.spatial import cKDTree
-
         level = local_light(position, normal, a, b).level
         bright_a, bright_b = (half.mean(axis=1) for half in (a, b))
         of_sample, contrast = (np.zeros(len(position), np.float32) for _ in range(2))
         for _, here in by_side(normal):
-            number = min(NEIGHBOURS + 1, len(here))
-            _, near = cKDTree(position[here]).query(position[here], k=number, workers=-1)
-            near = here[near.reshape(len(here), number)]
+            near = here[Neighbours(position[here]).nearest(position[here], NEIGHBOURS + 1)[1]]
             changes = (bright[near] - bright[here, None] for bright in (bright_a, bright_b))
             of_sample[here] = np.prod(list(changes), axis=0).mean(axis=1) / np.square(level[here])
             contrast[here] = np.sqrt(np.clip(of_sample[near].mean(axis=1), 0, MOST**2))

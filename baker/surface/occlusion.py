@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gsgi.baker.fitting.rotations import axes
+from gsgi.baker.neighbours import Neighbours
 from gsgi.baker.trace.local_light import FAINT, LocalLight, blocks, local_light, nearby_light
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.display import luminance
@@ -78,8 +79,6 @@ class Occlusion:
 
     def __init__(self, samples: SurfaceSamples, triangles: Triangles, blend: SurfaceBlend, count: int):
         """For up to `count` Gaussians that are read with `blend`. Without sharpness they reach all normals."""
-        from scipy.spatial import cKDTree
-
         self._blend, self._triangles, self._facing = blend, triangles, blend.sharpness > 0
         samples = samples[np.square(samples.bend).sum(axis=1) < BENT**2] if samples.bumpy else samples
         some = np.arange(0, len(samples), max(len(samples) // ((FLAT if self._facing else ROUND) * max(count, 1)), 1))
@@ -87,7 +86,7 @@ class Occlusion:
         self._position, self._normal = some.position, some.normal
         self._lifted = triangles.lifted(some.position, some.normal)
         self._light = _seen_mean(some, triangles, luminance(some.indirect), self._facing)
-        self._tree = cKDTree(some.position)
+        self._neighbours = Neighbours(some.position)
 
     def cut(self, gaussians: Gaussians) -> tuple[Gaussians, np.ndarray]:
         """The Gaussians, cut where they would carry light across an occluder, and which (N,) bool were."""
@@ -104,9 +103,8 @@ class Occlusion:
 
     def _homes(self, gaussians: Gaussians) -> np.ndarray:
         """The sample (N,) at the centre of each Gaussian: among those near it, that at which it weighs most."""
-        count = min(NEIGHBOURS, len(self._position))
-        near = self._tree.query(gaussians.position, k=count, workers=-1)[1].reshape(len(gaussians), -1)
-        of = np.repeat(np.arange(len(gaussians)), count)
+        _, near = self._neighbours.nearest(gaussians.position, NEIGHBOURS)
+        of = np.repeat(np.arange(len(gaussians)), near.shape[1])
         away = np.square(_offset(gaussians, of, self._position[near.ravel()])).sum(axis=1)
         away[~self._faced(gaussians, of, near.ravel())] = np.inf
         return near[np.arange(len(gaussians)), away.reshape(near.shape).argmin(axis=1)]
@@ -126,7 +124,7 @@ class Occlusion:
         """The same for AT_ONCE Gaussians from index `first`."""
         block = slice(first, first + AT_ONCE)
         reach = MARGIN * self._blend.radius * gaussians.scale[block].max(axis=1)
-        near = self._tree.query_ball_point(gaussians.position[block], reach, workers=-1)
+        near = self._neighbours.within(gaussians.position[block], reach)
         of = first + np.repeat(np.arange(len(near)), [len(found) for found in near])
         sample = np.concatenate([np.asarray(found, np.int64) for found in near])
         here, there = self._light[home[of]], self._light[sample]
@@ -187,12 +185,9 @@ def _offset(gaussians: Gaussians, of: np.ndarray, point: np.ndarray) -> np.ndarr
 
 def _seen_mean(samples: SurfaceSamples, triangles: Triangles, light: np.ndarray, facing: bool) -> np.ndarray:
     """Light (S,) averaged over the nearest samples that each sees; with `facing`, only if they face the same way."""
-    from scipy.spatial import cKDTree
-
     if not len(light):
         return light
-    _, near = cKDTree(samples.position).query(samples.position, k=min(NEIGHBOURS, len(light)), workers=-1)
-    near = near.reshape(len(light), -1)
+    _, near = Neighbours(samples.position).nearest(samples.position, NEIGHBOURS)
     own, other = np.repeat(np.arange(len(light)), near.shape[1]), near.ravel()
     lifted = triangles.lifted(samples.position, samples.normal)
     counts = ~triangles.blocked(lifted[own], lifted[other])

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gsgi.baker.neighbours import Neighbours
+
 from .point_order import signed_axis
 
 LEAST, MOST = 3, 32  # samples in a cell: with fewer its light is unknown, with more it is too wide for so dense samples
@@ -146,14 +148,11 @@ def _grid(position: np.ndarray) -> tuple[np.ndarray, float, int]:
 
     There are two sizes of cells for each density of samples: of the finer most hold more than LEAST.
     """
-    from scipy.spatial import cKDTree
-
     if not len(position):
         return np.zeros(3), 1.0, 1
     low = position.min(axis=0).astype(np.float64)
     some = position[:: max(len(position) // MEASURED, 1)]
-    distance, _ = cKDTree(position).query(some, k=min(NEAR + 1, len(position)), workers=-1)
-    distance = distance.reshape(len(some), -1)[:, -1]
+    distance = Neighbours(position).nearest(some, NEAR + 1)[0][:, -1]
     dense, median, sparse = np.maximum(ACROSS * np.quantile(distance, (DENSE, 0.5, SPARSE)), SMALLEST)
     finer, wider = (round(float(np.log2(ratio))) for ratio in (median / dense, sparse / median))
     size, levels = float(median) / 2**finer, min(finer + wider + 2, LEVELS_MOST)

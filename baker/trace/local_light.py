@@ -8,6 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gsgi.baker.neighbours import Neighbours
+
 from .point_order import coherent
 
 BLOCK = 32  # points, neighbours in coherent order, whose mean light is what eyes adapt to
@@ -53,14 +55,11 @@ def local_light(position: np.ndarray, normal: np.ndarray, a: np.ndarray, b: np.n
 
 def nearby_light(position: np.ndarray, light: np.ndarray) -> np.ndarray:
     """The mean of `light` (S,) near points (S, 3), m, whichever way they face and whatever is between; (S,) float32."""
-    from scipy.spatial import cKDTree
-
     if not len(position):
         return np.empty(0, np.float32)
     some = slice(None, None, ONE_IN)
-    tree = cKDTree(position[some])
-    _, near = tree.query(position, k=min(NEARBY, tree.n), workers=-1)
-    return light[some][near.reshape(len(position), -1)].mean(axis=1, dtype=np.float64).astype(np.float32)
+    _, near = Neighbours(position[some]).nearest(position, NEARBY)
+    return light[some][near].mean(axis=1, dtype=np.float64).astype(np.float32)
 
 
 def blocks(position: np.ndarray, normal: np.ndarray) -> np.ndarray:
@@ -72,9 +71,6 @@ def blocks(position: np.ndarray, normal: np.ndarray) -> np.ndarray:
 
 def _near(position: np.ndarray, normal: np.ndarray) -> np.ndarray:
     """Indices (B, NEIGHBOURS) of the blocks nearest to each by place (B, 3) and mean normal (B, 3)."""
-    from scipy.spatial import cKDTree
-
     diagonal = float(np.linalg.norm(np.ptp(position, axis=0))) or 1.0
-    tree = cKDTree(np.concatenate([position, TURN * diagonal * normal], axis=1))
-    _, near = tree.query(tree.data, k=min(NEIGHBOURS, len(position)), workers=-1)
-    return near.reshape(len(position), -1)
+    placed = np.concatenate([position, TURN * diagonal * normal], axis=1)
+    return Neighbours(placed).nearest(placed, NEIGHBOURS)[1]

@@ -5,6 +5,8 @@ import sys
 
 import numpy as np
 
+from gsgi.baker.interrupts import uninterrupted
+
 from . import llvm
 
 
@@ -13,8 +15,14 @@ def load_mitsuba():
     ours = "mitsuba" not in sys.modules
     if ours:
         llvm.select()
-        if "DRJIT_CACHE_DIR" not in os.environ:
-            _import_drjit_in_silence()
+    with uninterrupted():
+        return _loaded(ours)
+
+
+def _loaded(ours: bool):
+    """The module, after `llvm.select` where it is `ours` to load. Interrupted, it could not be loaded again."""
+    if ours and "DRJIT_CACHE_DIR" not in os.environ:
+        _import_drjit_in_silence()
     import mitsuba as mi
 
     if mi.variant() is None:

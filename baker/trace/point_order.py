@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from gsgi.baker.neighbours import Neighbours
 from gsgi.runtime.morton import morton_codes
 
 BITS = 20  # per coordinate: half a metre in 500 km
@@ -35,11 +36,9 @@ def nearest(known: tuple[np.ndarray, np.ndarray], asked: tuple[np.ndarray, np.nd
 
     Both are positions (S, 3) and (N, 3), m, and normals. At least one point must be known.
     """
-    from scipy.spatial import cKDTree
-
     index = np.empty(len(asked[0]), np.int64)
     there = dict(by_side(known[1]))
     for side, here in by_side(asked[1]):
         some = there.get(side, np.arange(len(known[0])))
-        index[here] = some[cKDTree(known[0][some]).query(asked[0][here], workers=-1)[1]]
+        index[here] = some[Neighbours(known[0][some]).nearest(asked[0][here], 1)[1][:, 0]]
     return index

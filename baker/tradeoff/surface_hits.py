@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from gsgi.baker.views.surface_points import load_open3d
+
 LIFT = 1e-4  # of the mesh's diagonal; rays start so far above their surface
 
 
@@ -9,7 +11,7 @@ class SurfaceHits:
     """A mesh of triangles (F, 3) over positions (V, 3) float32, m."""
 
     def __init__(self, position: np.ndarray, triangle: np.ndarray):
-        import open3d as o3d
+        o3d = load_open3d()
 
         self._lift = np.float32(LIFT * np.linalg.norm(np.ptp(position, axis=0)))
         self._rays = o3d.t.geometry.RaycastingScene()
@@ -30,7 +32,7 @@ class SurfaceHits:
         Returns which rays hit, (N,) bool; and of those the triangle (M,) int64, the weights of its corners (M, 3)
         float64, and whether its back was hit (M,) bool.
         """
-        import open3d as o3d
+        o3d = load_open3d()
 
         rays = np.concatenate([origin, direction], axis=1).astype(np.float32)
         hits = self._rays.cast_rays(o3d.core.Tensor(rays))

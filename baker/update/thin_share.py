@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gsgi.baker.neighbours import Neighbours
 from gsgi.baker.trace.point_order import by_side
 
 SHARE = 16  # one point in so many is traced again
@@ -60,8 +61,6 @@ class ThinShare:
 
     def judge(self, position: np.ndarray, normal: np.ndarray) -> Verdict:
         """What is known of points (N, 3), m, with unit normals (N, 3)."""
-        from scipy.spatial import cKDTree
-
         count = len(position)
         change, same = np.full(count, np.inf), np.zeros(count, bool)
         shifts = np.zeros((2, count, 3), np.float32)
@@ -72,9 +71,7 @@ class ThinShare:
             if side not in there:
                 continue
             known = there[side]
-            number = min(SMOOTHED, len(known))
-            _, near = cKDTree(self.position[known]).query(position[here], k=number, workers=-1)
-            near = known[near.reshape(len(here), number)]
+            near = known[Neighbours(self.position[known]).nearest(position[here], SMOOTHED)[1]]
             asked = near[:, :ASKED]
             same[here] = untouched[asked].all(axis=1)
             relative = (changes[:, asked] / self.level[asked][None, :, :, None]).mean(axis=2)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gsgi.baker.neighbours import Neighbours
 from gsgi.baker.trace.point_order import by_side, nearest
 from gsgi.runtime.camera import Camera
 
@@ -44,15 +45,13 @@ class ImportanceField:
     @staticmethod
     def of(points: SurfacePoints) -> "ImportanceField":
         """The field of random points that people see, by their nearest neighbours (Loftsgaarden, Quesenberry 1965)."""
-        from scipy.spatial import cKDTree
-
         count = len(points)
         density = np.ones(count, np.float32)
         for _, here in by_side(points.normal):
             number = min(NEIGHBOURS, len(here) - 1)
             if number:
                 position = points.position[here]
-                distance, _ = cKDTree(position).query(position, k=number + 1, workers=-1)
+                distance, _ = Neighbours(position).nearest(position, number + 1)
                 radius = np.maximum(distance[:, -1], np.finfo(np.float32).tiny)
                 density[here] = number / (count * np.pi * radius**2)
         return ImportanceField(points.position, points.normal, density, np.ones(count, np.float32))

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gsgi.baker.interrupts import uninterrupted
 from gsgi.baker.trace.planes import ROUNDING, onto_planes, planes
 from gsgi.runtime.errors import SceneError
 from gsgi.runtime.scene import Scene
@@ -53,6 +54,13 @@ class Hits(NamedTuple):
     normal: np.ndarray
 
 
+def load_open3d():
+    """The module `open3d`. The first call takes about a second; interrupted, it could not be loaded again."""
+    with uninterrupted():
+        import open3d
+    return open3d
+
+
 class Triangles:
     """All triangles of a scene for sampling and ray casting. Alpha-tested holes count as solid here.
 
@@ -63,7 +71,7 @@ class Triangles:
 
     def __init__(self, scene: Scene):
         """Raises SceneError if all triangles have area 0, or if the scene is too large."""
-        import open3d as o3d
+        o3d = load_open3d()
 
         if not (size := scene.diagonal()) <= SIZE_MAX:
             raise SceneError(f"the scene is {size:.3g} m across: expected at most {SIZE_MAX:.0e} m")
@@ -185,7 +193,7 @@ class Triangles:
 
     def hits(self, origin: np.ndarray, direction: np.ndarray) -> Hits:
         """First hits of rays from `origin` (N, 3) along `direction` (N, 3)."""
-        import open3d as o3d
+        o3d = load_open3d()
 
         rays = np.concatenate([origin, direction], axis=1).astype(np.float32)
         answer = self._rays.cast_rays(o3d.core.Tensor(rays))
@@ -201,14 +209,14 @@ class Triangles:
 
     def blocked(self, origin: np.ndarray, target: np.ndarray) -> np.ndarray:
         """Whether (N,) bool a triangle, seen from either side, lies between `origin` (N, 3) and `target` (N, 3)."""
-        import open3d as o3d
+        o3d = load_open3d()
 
         rays = np.concatenate([origin, target - origin], axis=1).astype(np.float32)
         return self._rays.test_occlusions(o3d.core.Tensor(rays), tnear=0.0, tfar=1.0).numpy()
 
     def clearance(self, position: np.ndarray) -> np.ndarray:
         """Distance (N,) float32, m, from points (N, 3) to the nearest triangle."""
-        import open3d as o3d
+        o3d = load_open3d()
 
         return self._rays.compute_distance(o3d.core.Tensor(position.astype(np.float32))).numpy()
 
@@ -234,7 +242,7 @@ def _lit_meshes(scene: Scene) -> list[int]:
 
 def _eliminate(position: np.ndarray, count: int, area: float) -> np.ndarray:
     """Indices (count,) of the points (N, 3) to keep, evenly spaced, on a surface of `area` (m^2)."""
-    import open3d as o3d
+    o3d = load_open3d()
 
     # Open3D needs a mesh, but uses only its area when it is given points. The colours carry the indices.
     corners = np.sqrt(2 * area) * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float64)

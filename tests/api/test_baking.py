@@ -1,6 +1,7 @@
 """Baking from Python: the same file as the command line's, a report, progress, and errors that say what is wrong."""
 
 import json
+import signal
 from dataclasses import replace
 
 import pytest
@@ -77,6 +78,22 @@ def test_progress_is_told_stage_by_stage(cache, capsys):
         assert done[-1] == 1.0
         assert done == sorted(done)
     assert capsys.readouterr() == ("", "")
+
+
+def test_an_interrupted_bake_raises_and_the_same_call_goes_on(report, tmp_path):
+    seen = []
+
+    def interrupt(stage: str, share: float) -> None:
+        seen.append(stage)
+        if (stage, share) == ("fit", 0.0) and seen.count("fit") == 1:
+            signal.raise_signal(signal.SIGINT)
+
+    arguments = {"settings": SMALL, "cache": tmp_path / "cache", "evaluate": False, "progress": interrupt}
+    with pytest.raises(KeyboardInterrupt):
+        gsgi.bake(CORNELL, tmp_path / "x.gsgi", **arguments)
+    assert [path.name for path in tmp_path.iterdir()] == ["cache"]
+    assert gsgi.bake(CORNELL, tmp_path / "x.gsgi", **arguments).data == report.data
+    assert (tmp_path / "x.gsgi").read_bytes() == report.data
 
 
 def test_without_an_evaluation_the_bytes_are_the_same(report, cache):

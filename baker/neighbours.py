@@ -1,0 +1,32 @@
+"""The points that are nearest to others."""
+
+import numpy as np
+
+from .interrupts import uninterrupted
+
+
+class Neighbours:
+    """Points (S, D) among which those near others are found, on all cores.
+
+    The threads of `cKDTree` do not hold the tree that they search. An exception that a signal raises meanwhile would
+    free it under them.
+    """
+
+    def __init__(self, position: np.ndarray):
+        from scipy.spatial import cKDTree
+
+        self._tree = cKDTree(position)
+
+    def nearest(self, position: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+        """Distances (N, K) and indices (N, K) of the nearest points of each of N others, nearest first.
+
+        K is `count`, or S where there are fewer.
+        """
+        with uninterrupted():
+            found = self._tree.query(position, k=min(count, self._tree.n), workers=-1)
+        return tuple(column.reshape(len(position), -1) for column in found)
+
+    def within(self, position: np.ndarray, reach: np.ndarray) -> np.ndarray:
+        """A list of the indices of all points within `reach` (N,) of each of N others: (N,) objects."""
+        with uninterrupted():
+            return self._tree.query_ball_point(position, reach, workers=-1)
