@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -34,6 +35,9 @@ from .surface.seen_surface import SeenSurface
 from .surface_detail import gaussians_for
 from .trace import pilot
 
+if TYPE_CHECKING:
+    from .update.tally import Tally
+
 # Share of the scene's diagonal; Gaussians closer to the camera plane than this are not drawn. At most NEARBY times what
 # people see counts: a room may stand on 100 km of ground.
 NEAR = 2e-3
@@ -64,7 +68,7 @@ class Plan:
     No field of `settings` is None, except `target_loss` if none is asked for; `asked` are those that were asked for.
     `lost` is the share of the picture that further bounces would add; None if it was not measured. `dark` has the names
     of the fitted views that see no light. `start` is a bake of the scene before an edit, from which the fit goes on;
-    None: it begins anew.
+    None: it begins anew. `kept` counts what its bake keeps of that one.
     """
 
     scene: Scene
@@ -77,6 +81,7 @@ class Plan:
     dark: frozenset[str]
     asked: Settings | None = None
     start: Bake | None = None
+    kept: "Tally | None" = None
 
     @property
     def sampling(self) -> Sampling:

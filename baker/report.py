@@ -100,6 +100,7 @@ class BakeReport:
             "coverage": [round(share, 4) for share in coverage.seen],
             "texel_limit": coverage.texel_limit,
             "hidden_area": sum(hidden.area for hidden in coverage.hidden),
+            **({"kept": plan.kept.as_dict()} if plan.kept else {}),
             "planned_memory": plan.memory,
             "peak_memory": self.peak_memory,
             "stages": [{"stage": name, "seconds": round(value, 3)} for name, value in self.seconds.items()],

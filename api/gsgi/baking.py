@@ -65,6 +65,7 @@ def bake(
     cache: bool | str | Path = True,
     evaluate: bool = True,
     seconds: float | None = None,
+    update: str | Path | None = None,
     progress: OnProgress | None = None,
 ) -> BakeReport:
     """Trace the indirect light of a scene, fit Gaussians to it, and write them to `output`.
@@ -76,16 +77,18 @@ def bake(
     "draft", "medium" or "high", in place of that of the `settings`. lighting: light that the file lacks; None: that of
     room.lights.toml beside room.glb. cameras: further cameras to fit, by name. cache: whether finished work is kept in
     the default folder, or a folder for it. evaluate: trace held-out views and compare the bake with them. seconds: make
-    the best bake that ends in about so much time on this machine; `report.deadline` says with which settings.
+    the best bake that ends in about so much time on this machine; `report.deadline` says with which settings. update:
+    the .gsgi file of this scene before an edit: what the cache has of its bake is kept where the edit has not changed
+    the light, and `report.plan.kept` counts it; None, with a warning, where all is baked.
 
-    Raises FileError, SceneError, UnsupportedError, UsageError where `seconds` and the settings contradict each other,
-    and TargetError where `settings.target_loss` was not met: then the best file is written.
+    Raises FileError, SceneError, UnsupportedError, UsageError where arguments and settings contradict each other, and
+    TargetError where `settings.target_loss` was not met: then the best file is written.
     """
     from gsgi.baker import job
 
     if output is not None:
         check_writable(output)
-    made, told = _plan(scene, quality, settings, lighting, cameras, cache, progress, seconds)
+    made, told = _plan(scene, quality, settings, lighting, cameras, cache, progress, seconds, update)
 
     def write(data: bytes, gaussians: int) -> None:
         if output is not None:
@@ -170,15 +173,21 @@ def _plan(
     cache: bool | str | Path,
     progress: OnProgress | None,
     seconds: float | None,
+    update: str | Path | None = None,
 ) -> "tuple[Plan, Progress]":
     from gsgi.baker import deadline
     from gsgi.baker.plan import make_plan
+    from gsgi.baker.update import plan as updating
 
     settings = replace(settings or Settings(), **({"quality": quality} if quality else {}))
     if seconds is not None:
         deadline.check(settings, seconds)
+    if update is not None:
+        updating.check(settings, seconds)
     lit, settings, told = _asked(scene, None, settings, lighting, progress)
-    return make_plan(lit, settings, told, _cache(cache), cameras), told
+    asked = lit, settings, told, _cache(cache), cameras or {}
+    after = updating.updated_plan(Path(update), *asked) if update is not None else None
+    return after or make_plan(*asked), told
 
 
 def _asked(

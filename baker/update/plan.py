@@ -1,5 +1,8 @@
 """Plan the bake of a scene after an edit: with the views and settings of its earlier bake, and what that has traced."""
 
+from collections.abc import Mapping
+from pathlib import Path
+
 from gsgi.baker.cache.store import Cache
 from gsgi.baker.plan import Plan, as_baked
 from gsgi.baker.progress import Progress
@@ -7,7 +10,9 @@ from gsgi.baker.settings import Settings
 from gsgi.baker.surface.seen_surface import SeenSurface
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.camera import Camera
+from gsgi.runtime.errors import UsageError
 from gsgi.runtime.file import codec
+from gsgi.runtime.files import read_file
 from gsgi.runtime.scene import Scene
 
 from .parts import Part, changes, kept_share, parts
@@ -19,17 +24,34 @@ from .tally import Tally
 LEAST_KEPT = 0.5  # of the surface: views that were placed for less than this of a scene are not those to see it from
 
 
-class NothingToKeepError(Exception):
+class _NothingToKeepError(Exception):
     """Why a bake is of no use to another one, in part of a sentence."""
 
 
-def updated_plan(
-    scene: Scene, settings: Settings, path: dict[str, Camera], file: bytes, cache: Cache, progress: Progress
-) -> tuple[Plan, Tally]:
-    """The plan of a bake that keeps what it can of the one whose .gsgi file has these bytes, and what it will count.
+def check(settings: Settings, seconds: float | None) -> None:
+    """Raise UsageError for what decides anew what an update takes from the earlier bake."""
+    for name, value in (("seconds", seconds), ("a target loss", settings.target_loss)):
+        if value is not None:
+            raise UsageError(f"update: cannot be had with {name}, which decides anew what is kept of a bake")
 
-    Raises NothingToKeepError, FormatError for a file that cannot be read, and what `make_plan` raises.
+
+def updated_plan(
+    file: Path, scene: Scene, settings: Settings, progress: Progress, cache: Cache, path: Mapping[str, Camera]
+) -> Plan | None:
+    """The plan of a bake that keeps what it can of the one that made a .gsgi file; None, with a warning, if nothing.
+
+    The other arguments are those of `make_plan`. Raises its errors, and FileError or FormatError for the file.
     """
+    try:
+        return _updated(read_file(file), scene, settings, progress, cache, path)
+    except _NothingToKeepError as reason:
+        progress.warn(f"{file}: {reason}; baking all of it")
+        return None
+
+
+def _updated(
+    file: bytes, scene: Scene, settings: Settings, progress: Progress, cache: Cache, path: Mapping[str, Camera]
+) -> Plan:
     start = codec.decode(file)
     scene = as_baked(scene, settings)
     record = BakeRecord.find(cache, file)
@@ -41,33 +63,33 @@ def updated_plan(
     tracer = UpdatedTracer(scene, cache, record.references, record.lights, tally)
     with progress.stage("views"):
         triangles = Triangles(scene)
-    made = record.placement, record.pilot, record.lost, record.dark, settings, start
+    made = record.placement, record.pilot, record.lost, record.dark, settings, start, tally
     plan = Plan(scene, record.settings, triangles, tracer, *made)
     dark = [name in plan.dark for name in plan.placement.fitted]
     seen = SeenSurface(tracer, plan.cameras, dark, plan.placement.importance)
     asked = plan.settings.bounces, plan.settings.seed + 1
     vars(plan)["sampler"] = UpdatedSampler.gathering(tracer, seen, *asked, record.samplers, tally)
-    return plan, tally
+    return plan
 
 
 def _check(record: BakeRecord | None, scene: Scene, settings: Settings, path, now: list[Part], cache: Cache) -> None:
-    """Raise NothingToKeepError if the bake of a record is of no use to that of a scene."""
+    """Raise _NothingToKeepError if the bake of a record is of no use to that of a scene."""
     if record is None:
-        raise NothingToKeepError(f"the cache {cache.folder} knows nothing of its bake")
+        raise _NothingToKeepError(f"the cache {cache.folder} knows nothing of its bake")
     if record.code != code():
-        raise NothingToKeepError("another version of gsgi, or of what it calls, has baked it")
+        raise _NothingToKeepError("another version of gsgi, or of what it calls, has baked it")
     if differ := other_settings(record.asked, settings):
-        raise NothingToKeepError(f"it was baked with other settings: {'; '.join(differ)}")
+        raise _NothingToKeepError(f"it was baked with other settings: {'; '.join(differ)}")
     if settings.operator != "surface":
-        raise NothingToKeepError("only bakes with the operator surface can be updated")
+        raise _NothingToKeepError("only bakes with the operator surface can be updated")
     if scene.groups:
-        raise NothingToKeepError("bakes with light groups cannot be updated")
+        raise _NothingToKeepError("bakes with light groups cannot be updated")
     if any(not _same(camera, record.placement.fitted.get(name)) for name, camera in path.items()):
-        raise NothingToKeepError("it was baked with another camera path")
+        raise _NothingToKeepError("it was baked with another camera path")
     if (share := kept_share(record.parts, now)) < LEAST_KEPT:
-        raise NothingToKeepError(f"it is of another scene, or nearly: {share:.0%} of the surface is as it was")
+        raise _NothingToKeepError(f"it is of another scene, or nearly: {share:.0%} of the surface is as it was")
     if not all(map(cache.holds, record.entries)):
-        raise NothingToKeepError(f"the cache {cache.folder} no longer holds its samples")
+        raise _NothingToKeepError(f"the cache {cache.folder} no longer holds its samples")
 
 
 def _same(camera: Camera, other: Camera | None) -> bool:

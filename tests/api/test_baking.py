@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 from command_flags import flags
+from edits import edit, recoloured
 from repository import SCENES
 from small_tasks import place_quickly
 
@@ -94,6 +95,44 @@ def test_an_interrupted_bake_raises_and_the_same_call_goes_on(report, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["cache"]
     assert gsgi.bake(CORNELL, tmp_path / "x.gsgi", **arguments).data == report.data
     assert (tmp_path / "x.gsgi").read_bytes() == report.data
+
+
+@pytest.fixture
+def before(report, tmp_path):
+    """The file of the report, to be updated."""
+    path = tmp_path / "before.gsgi"
+    path.write_bytes(report.data)
+    return path
+
+
+def test_an_update_makes_the_file_of_the_command_line_and_counts_what_it_keeps(before, cache, tmp_path, capsys):
+    scene = edit(CORNELL, tmp_path / "edited", recoloured(0, (0.6, 0.7, 0.5)))
+    arguments = {"settings": SMALL, "cache": cache, "evaluate": False}
+    report = gsgi.bake(scene, update=before, **arguments)
+    assert report.warnings == ()
+    kept = report.as_dict()["kept"]["samples"]
+    assert kept["new"] == kept["gone"] == 0 < sum(kept.values())
+    assert report.plan.kept.lines()
+    output = tmp_path / "new.gsgi"
+    where = ["-o", str(output), *FLAGS, "--cache", str(cache), "-q", "--json", "--no-evaluate"]
+    assert run(["bake", str(scene), "--update", str(before), *where]) == 0
+    assert output.read_bytes() == report.data
+    assert json.loads(capsys.readouterr().out)["kept"]["samples"] == kept
+
+
+def test_an_update_that_can_keep_nothing_warns_and_bakes(report, before, cache, tmp_path):
+    again = gsgi.bake(CORNELL, settings=SMALL, cache=tmp_path / "empty", evaluate=False, update=before)
+    assert again.data == report.data
+    assert again.plan.kept is None
+    assert "kept" not in again.as_dict()
+    (line,) = again.warnings
+    assert "knows nothing of its bake; baking all of it" in line
+    with pytest.raises(gsgi.UsageError, match="update: cannot be had with seconds"):
+        gsgi.bake(CORNELL, settings=gsgi.Settings(), cache=cache, update=before, seconds=10)
+    with pytest.raises(gsgi.UsageError, match="update: cannot be had with a target loss"):
+        gsgi.bake(CORNELL, settings=replace(SMALL, target_loss=0.1), cache=cache, update=before)
+    with pytest.raises(gsgi.FileError, match=r"no\.gsgi"):
+        gsgi.bake(CORNELL, settings=SMALL, cache=cache, update=tmp_path / "no.gsgi")
 
 
 def test_without_an_evaluation_the_bytes_are_the_same(report, cache):

@@ -77,7 +77,7 @@ def run(options: argparse.Namespace) -> None:
     progress = Progress(console)
     cache = open_cache(options, progress)
     request = request_of(options, progress)
-    plan, tally = _plan(options, request, cache, progress)
+    plan = _plan(options, request, cache, progress)
     rules = _rules(options, plan.scene, progress)
     for line in coverage_summary(plan.placement.coverage):
         progress.say(line)
@@ -91,7 +91,7 @@ def run(options: argparse.Namespace) -> None:
 
     report = job.run(plan, progress, write, options.evaluate, options.preview, options.seconds)
     cache.trim()
-    for line in tally.lines() if tally else ():
+    for line in plan.kept.lines() if plan.kept else ():
         progress.say(line)
     if report.evaluation:
         for line in evaluation_summary(report.evaluation):
@@ -104,7 +104,7 @@ def run(options: argparse.Namespace) -> None:
         console.close(f"{done[-1]}, {sum(report.seconds.values()):.0f} s{ssim}")
     if options.json:
         asked = {} if options.target_bytes is None else {"target_bytes": options.target_bytes}
-        print_json(report.as_dict() | asked | ({"kept": tally.as_dict()} if tally else {}))
+        print_json(report.as_dict() | asked)
     missed = [text for text in (report.missed, _oversize(options, report)) if text]
     if missed:
         raise TargetError(f"{options.output}: {'; '.join(missed)}")
@@ -164,19 +164,14 @@ def _oversize(options: argparse.Namespace, report) -> str | None:
 
 
 def _plan(options: argparse.Namespace, request, cache, progress):
-    """The plan of a bake, and the tally of what it keeps of an earlier one; None if it keeps nothing."""
-    from gsgi.baker.update.plan import NothingToKeepError, updated_plan
-    from gsgi.runtime.files import read_file
+    """The plan of a bake: on a cluster, after an edit, or of all of it."""
+    from gsgi.baker.update.plan import updated_plan
 
     if options.ray:
-        return _on_cluster(options.ray, request, cache, progress), None
-    if options.update:
-        file = read_file(Path(options.update))
-        try:
-            return updated_plan(request.scene, request.settings, request.path, file, cache, progress)
-        except NothingToKeepError as reason:
-            progress.warn(f"{options.update}: {reason}; baking all of it")
-    return request.plan(progress, cache), None
+        return _on_cluster(options.ray, request, cache, progress)
+    asked = request.scene, request.settings, progress, cache, request.path
+    after = updated_plan(Path(options.update), *asked) if options.update else None
+    return after or request.plan(progress, cache)
 
 
 def _on_cluster(address: str, request, cache, progress):
