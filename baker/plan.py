@@ -21,7 +21,7 @@ from gsgi.runtime.camera import Camera
 from gsgi.runtime.errors import SceneError, UsageError
 from gsgi.runtime.file import codec
 from gsgi.runtime.gaussians import Bake, Effects, OverBlend, SurfaceBlend
-from gsgi.runtime.light_groups import check_groups, lit_by, lit_groups
+from gsgi.runtime.light_groups import check_groups, lit_groups
 from gsgi.runtime.scene import Scene
 
 from . import memory
@@ -162,7 +162,12 @@ class Plan:
 
     def group_sampler(self, name: str) -> Sampler:
         """Traces the light of one light group at the points that `sampler` draws, once that is prepared."""
-        return self.sampler.lit_by(self.tracer.lit_by(lit_by(self.scene, name)))
+        return self.sampler.lit_by(self.tracer.lit_by(name))
+
+    @cached_property
+    def group_entries(self) -> dict[str, tuple[list[dict[str, list[str]]], str]]:
+        """By the name of a light group that has been traced: what the cache has of it, as `BakeRecord` names it."""
+        return {}
 
     def spending(self, budget: int, error: float, iterations: int) -> "Plan":
         """The plan with other costs of a bake with `surface`. Light that is known already is not traced again."""

@@ -9,7 +9,7 @@ import numpy as np
 from gsgi.baker.trace.reference import Reference
 from gsgi.baker.trace.tracer import Sampling
 from gsgi.runtime.gaussians import Bake
-from gsgi.runtime.light_groups import group_names, lit_by, weighted
+from gsgi.runtime.light_groups import group_names, weighted
 
 if TYPE_CHECKING:
     from gsgi.baker.plan import Plan
@@ -70,7 +70,7 @@ def trace(plan: "Plan", references: Mapping[str, Reference], name: str) -> None:
 
 def _traced(plan: "Plan", pixels: _Pixels, name: str) -> list[np.ndarray]:
     """Two halves (P, 3) of B of the group `name` alone, by whole paths."""
-    tracer, seed = plan.tracer.lit_by(lit_by(plan.scene, name)), plan.settings.seed + SEED
+    tracer, seed = plan.tracer.lit_by(name), plan.settings.seed + SEED
     return [
         tracer.at_points(
             pixels.position, pixels.shading, Sampling(SAMPLES), half, geometric_normal=pixels.geometric

@@ -86,6 +86,7 @@ class SurfaceFits:
         ) as advance:
             sampler.prepare(advance)
             surface, free = self._traced(sampler, layers, advance)
+            plan.group_entries[name] = [each.entries for each in sampler.chain], sampler.lights_key
             task = surface, free, free[: round(FREE_SHARE * len(surface))], gaussians, coarse, plan.blend
             code = code_version("gsgi.baker.surface.group_light", FIT_PACKAGES)
             key = task_key("group", code=code, scene=plan.tracer.scene_digest, task=task)

@@ -208,6 +208,11 @@ class Sampler:
         """The samplers of those rounds, and then this one."""
         return (*(known.sampler for known in self.rounds), self)
 
+    @property
+    def lights_key(self) -> str:
+        """The key of what was learned about the lights."""
+        return self._tracer.lights_key
+
     def surface(self, layers: list[int], advance: Callable[..., None]) -> SurfaceSamples:
         """Samples on the surfaces that the cameras see, spread over each camera's visible area by importance.
 

@@ -12,6 +12,7 @@ from gsgi.baker.cache.digest import scene_digest
 from gsgi.baker.cache.records import from_arrays, to_arrays
 from gsgi.baker.cache.store import Cache, task_key
 from gsgi.runtime.camera import Camera
+from gsgi.runtime.light_groups import lit_by
 from gsgi.runtime.scene import Scene
 
 from . import reference
@@ -48,9 +49,9 @@ class CachedTracer:
         self.scene, self.cache, self._whole = scene, cache, whole
         self.references: dict[int, str] = {}  # keys of what the cache has of each reference, by its seed
 
-    def lit_by(self, scene: Scene) -> "CachedTracer":
-        """A tracer of B in `scene`, which is this one's with fewer lights."""
-        return CachedTracer(scene, self.cache, self)
+    def lit_by(self, group: str) -> "CachedTracer":
+        """A tracer of the light of one of the scene's light groups."""
+        return CachedTracer(lit_by(self.scene, group), self.cache, self)
 
     def at_points(
         self, position, normal, sampling: Sampling, seed: int, advance=None, known: IrradianceCache | None = None,

@@ -13,6 +13,7 @@ from gsgi.runtime.camera import Camera
 from gsgi.runtime.errors import UsageError
 from gsgi.runtime.file import codec
 from gsgi.runtime.files import read_file
+from gsgi.runtime.light_groups import lit_groups
 from gsgi.runtime.scene import Scene
 
 from .parts import Part, changes, kept_share, parts
@@ -60,7 +61,7 @@ def _updated(
     for line in changes(record.parts, now) or ["changed: nothing that light depends on"]:
         progress.say(line)
     tally = Tally()
-    tracer = UpdatedTracer(scene, cache, record.references, record.lights, tally)
+    tracer = UpdatedTracer(scene, cache, record, tally)
     with progress.stage("views"):
         triangles = Triangles(scene)
     made = record.placement, record.pilot, record.lost, record.dark, settings, start, tally
@@ -82,8 +83,10 @@ def _check(record: BakeRecord | None, scene: Scene, settings: Settings, path, no
         raise _NothingToKeepError(f"it was baked with other settings: {'; '.join(differ)}")
     if settings.operator != "surface":
         raise _NothingToKeepError("only bakes with the operator surface can be updated")
-    if scene.groups:
-        raise _NothingToKeepError("bakes with light groups cannot be updated")
+    groups = lit_groups(scene) if scene.groups else []
+    if groups and set(groups) != set(record.groups):
+        before = ", ".join(record.groups) or "none"
+        raise _NothingToKeepError(f"it was baked with other light groups: {before}, now {', '.join(groups)}")
     if any(not _same(camera, record.placement.fitted.get(name)) for name, camera in path.items()):
         raise _NothingToKeepError("it was baked with another camera path")
     if (share := kept_share(record.parts, now)) < LEAST_KEPT:

@@ -31,7 +31,7 @@ class BakeRecord:
     `code` is the version of the code that traced it; `parts` are those of its scene; `asked` are the settings that were
     asked for, and `settings` those that were followed. `samplers` has the keys of what the cache has of each sampler:
     those of the known light, in order, and the last. `references` has those of the references, by seed, and
-    `lights` is that of what was learned about lights.
+    `lights` is that of what was learned about lights. `groups` has samplers and lights of each light group, by name.
     """
 
     code: str
@@ -45,6 +45,7 @@ class BakeRecord:
     samplers: list[dict[str, list[str]]] = field(default_factory=list)
     references: dict[int, str] = field(default_factory=dict)
     lights: str = ""
+    groups: dict[str, tuple[list[dict[str, list[str]]], str]] = field(default_factory=dict)
 
     @staticmethod
     def of(plan: "Plan", budget: int) -> "BakeRecord":
@@ -53,7 +54,8 @@ class BakeRecord:
         made = code(), parts(plan.scene), plan.asked or settings, settings
         found = plan.placement, plan.pilot, plan.lost, plan.dark
         samplers = [] if settings.operator != "surface" else [each.entries for each in plan.sampler.chain]
-        return BakeRecord(*made, *found, samplers, plan.tracer.references, plan.tracer.lights_key)
+        traced = samplers, plan.tracer.references, plan.tracer.lights_key, plan.group_entries
+        return BakeRecord(*made, *found, *traced)
 
     def keep(self, cache: Cache, file: bytes) -> None:
         """Keep the record in a cache, for a file with these bytes.
@@ -75,6 +77,7 @@ class BakeRecord:
             "samplers": self.samplers,
             "references": list(references.items()),
             "lights": self.lights,
+            "groups": list(self.groups.items()),
         }
         arrays = {f"placement.{name}": value for name, value in placement_arrays(self.placement).items()}
         arrays |= {f"pilot.{name}": getattr(pilot, name) for name in PILOT}
@@ -106,12 +109,19 @@ class BakeRecord:
             rest["samplers"],
             dict(rest["references"]),
             rest["lights"],
+            {name: (samplers, lights) for name, (samplers, lights) in rest.get("groups", [])},  # none in older ones
         )
+
+    def of_group(self, name: str) -> "BakeRecord":
+        """The record as if the light of one light group were all."""
+        samplers, lights = self.groups[name]
+        return replace(self, samplers=samplers, lights=lights, references={}, groups={})
 
     @property
     def entries(self) -> list[str]:
         """The keys of all that an update needs from the cache, but for references, which can be traced again."""
-        return [key for sampler in self.samplers for keys in sampler.values() for key in keys]
+        samplers = [*self.samplers, *(sampler for chain, _ in self.groups.values() for sampler in chain)]
+        return [key for sampler in samplers for keys in sampler.values() for key in keys]
 
 
 def other_settings(before: Settings, after: Settings) -> list[str]:

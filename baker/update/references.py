@@ -13,8 +13,10 @@ from gsgi.baker.trace.local_light import local_light
 from gsgi.baker.trace.reference import Reference
 from gsgi.baker.trace.tracer import Sampling, Surface, Tracer
 from gsgi.runtime.camera import Camera
+from gsgi.runtime.light_groups import lit_by
 from gsgi.runtime.scene import Scene
 
+from .record import BakeRecord
 from .tally import AGAIN, GONE, NEW, SAME, SHIFTED, Tally
 from .thin_share import CHANGED, SHARE, ThinShare
 
@@ -28,10 +30,17 @@ EDGE = round(SHARE**0.5)  # px: one pixel of a square of so many is traced again
 class UpdatedTracer(CachedTracer):
     """Traces a scene after an edit. What a reference shows besides B is exact; B is kept as that of samples is."""
 
-    def __init__(self, scene: Scene, cache: Cache, before: dict[int, str], lights: str, tally: Tally):
-        """`before` has the keys of earlier references in the cache, by seed; `lights` is that of what was learned."""
-        super().__init__(scene, cache)
-        self._before, self._lights, self._tally = before, lights, tally
+    def __init__(
+        self, scene: Scene, cache: Cache, record: BakeRecord, tally: Tally, whole: "UpdatedTracer | None" = None
+    ):
+        """`record` is that of the earlier bake; `whole` traces the same scene with more lights."""
+        super().__init__(scene, cache, whole)
+        self._record, self._tally = record, tally
+        self._before, self._lights, self.samplers = record.references, record.lights, record.samplers
+
+    def lit_by(self, group: str) -> "UpdatedTracer":
+        """A tracer of the light of one light group, which the earlier bake had too."""
+        return UpdatedTracer(lit_by(self.scene, group), self.cache, self._record.of_group(group), Tally(), self)
 
     @property
     def lights_key(self) -> str:

@@ -16,6 +16,7 @@ from gsgi.baker.trace.local_light import local_light
 from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling
 
 from .kept import REVISED, KeptChunk, kept_cells
+from .references import UpdatedTracer
 from .tally import AGAIN, GONE, NEW, PART, SAME, SHIFTED, Tally
 from .thin_share import CHANGED, LARGE, SHARE, ThinShare
 
@@ -55,6 +56,16 @@ class UpdatedSampler:
             sampling = Sampling(PASS_SAMPLES, bounces - fewer)
             known = cls(tracer, seen, entries, sampling, seed + fewer, tally, known, mapped=not fewer)
         return known
+
+    def lit_by(self, tracer: UpdatedTracer) -> "UpdatedSampler":
+        """A sampler of the light of one light group, whose points have the same places."""
+        asked = self._sampling.bounces, self._seed
+        return UpdatedSampler.gathering(tracer, self._seen, *asked, tracer.samplers, Tally())
+
+    @property
+    def lights_key(self) -> str:
+        """The key of what was learned about the lights."""
+        return self._tracer.lights_key
 
     @property
     def prepared(self) -> bool:

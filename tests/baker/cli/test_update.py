@@ -4,14 +4,17 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from edits import edit, moved, recoloured
 from repository import SCENES
 from small_tasks import SURFACE, make_small
+from traced_paths import counted
 
 from gsgi.baker.cli import main
 from gsgi.baker.update import record
 from gsgi.runtime.file import codec
+from gsgi.runtime.gaussians import Bake
 
 FURNACE = SCENES / "furnace.glb"
 FLAGS = SURFACE[1:]
@@ -70,7 +73,7 @@ def test_where_nothing_can_be_kept_one_line_says_why(folder, capsys, monkeypatch
         raise KeyboardInterrupt
 
     assert "with other settings: budget 8, now 9" in why("--budget", "9")
-    assert "cannot be updated" in why("--group", "sky=environment")
+    assert "with other light groups: none, now base, sky" in why("--group", "sky=environment")
     elsewhere = edit(FURNACE, folder / "elsewhere", moved({"furnace", "box", "room", "walls"}, (9.0, 0.0, 0.0)))
     assert "of another scene" in why(scene=elsewhere)
     monkeypatch.setattr(record, "code", lambda: "another")
@@ -78,6 +81,36 @@ def test_where_nothing_can_be_kept_one_line_says_why(folder, capsys, monkeypatch
     assert "another version of gsgi" in why()
     monkeypatch.undo()
     assert "knows nothing of its bake" in why("--cache", str(folder / "empty"))
+
+
+def test_light_groups_are_kept_and_follow_an_edit(tmp_path, monkeypatch):
+    make_small(monkeypatch.setattr)
+    scene = edit(SCENES / "cornell.glb", tmp_path / "edited", recoloured(0, (0.2, 0.5, 0.9)))
+    light = ["--group", "lamp=ceiling*", "--no-evaluate", "--quiet"]
+    paths = counted(monkeypatch)
+
+    def bake(scene: Path, name: str, cache: str, *more: str) -> tuple[Bake, int]:
+        """The bake, and how many paths it has traced."""
+        paths.clear()
+        file = tmp_path / f"{name}.gsgi"
+        where = ["-o", str(file), "--cache", str(tmp_path / cache)]
+        assert main.run(["bake", str(scene), *FLAGS, *light, *where, *more]) == 0
+        return codec.decode(file.read_bytes()), sum(paths)
+
+    old, whole = bake(SCENES / "cornell.glb", "old", "cache")
+    update = "--update", str(tmp_path / "old.gsgi")
+    _, thin = bake(SCENES / "cornell.glb", "same", "cache", *update)
+    assert 0 < thin < whole / 8
+    new, _ = bake(scene, "new", "cache", *update)
+    full, _ = bake(scene, "full", "other")
+    for before, updated, truth in zip(old.groups, new.groups, full.groups, strict=True):
+        assert before.name == updated.name == truth.name
+        a, b, c = (group.coarse_sh[:, 0].mean(axis=0) for group in (before, updated, truth))
+        assert np.abs(a / c - 1).max() > 0.2
+        np.testing.assert_allclose(b, c, rtol=0.1)
+    again, few = bake(scene, "again", "cache", "--update", str(tmp_path / "new.gsgi"))  # an update of an update
+    assert 0 < few < whole / 8
+    assert [group.name for group in again.groups] == ["base", "lamp"]
 
 
 def test_what_decides_anew_what_to_trace_is_refused(folder, capsys):

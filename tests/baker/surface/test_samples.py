@@ -1,7 +1,5 @@
 """Where the `surface` operator is fitted: on what cameras see, by area, in two halves that are independent."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import scenes
@@ -24,7 +22,6 @@ from gsgi.baker.trace import cached_tracer
 from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.baker.trace.tracer import BOUNCES_MAX, Tracer
 from gsgi.runtime.camera import Camera, look_at
-from gsgi.runtime.light_groups import lit_by
 from gsgi.runtime.scene import Environment, Material, Scene
 
 CHUNK = 4096
@@ -341,12 +338,13 @@ def test_other_light_is_traced_at_the_same_points(tmp_path, traced):
     """Also those by which known light is found. A dim sky does not lack the paths that only it needs."""
     sky, cache = Environment(np.full((1, 1, 3), 1e-3, np.float32)), Cache(tmp_path)
     glow = Material("glow", (0.5, 0.5, 0.5, 1.0), emission=(10.0, 10.0, 10.0))
-    room = Scene((*scenes.box()[1:], scenes.floor(0.2, -0.5, 1)), (scenes.WHITE, glow), environment=sky)
+    meshes, groups = (*scenes.box()[1:], scenes.floor(0.2, -0.5, 1)), {"sky": ("environment",)}
+    room = Scene(meshes, (scenes.WHITE, glow), environment=sky, groups=groups)
     light = CachedTracer(room, cache)
     seen = SeenSurface(light, [scenes.inside_camera()])
     whole = Sampler.gathering(light, seen, BOUNCES, 0, error=0.02)
     whole.prepare(ignore)
-    apart = whole.lit_by(light.lit_by(lit_by(replace(room, groups={"sky": ("environment",)}), "sky")))
+    apart = whole.lit_by(light.lit_by("sky"))
     assert not apart.prepared
     apart.prepare(ignore)
     every, dim = (one.surface([8], ignore) for one in (whole, apart))
@@ -359,7 +357,7 @@ def test_other_light_is_traced_at_the_same_points(tmp_path, traced):
     traced.clear()
     again = Sampler.gathering(CachedTracer(room, cache), seen, BOUNCES, 0, error=0.02)
     again.prepare(ignore)
-    again = again.lit_by(light.lit_by(lit_by(replace(room, groups={"sky": ("environment",)}), "sky")))
+    again = again.lit_by(light.lit_by("sky"))
     again.prepare(ignore)
     assert_same(again.surface([8], ignore), dim)
     assert not traced
