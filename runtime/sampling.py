@@ -107,14 +107,14 @@ class _Level:
 
     def __init__(self, gaussians: Gaussians, blend: SurfaceBlend, sharpness: int):
         self._lists, self._cutoff, self._sharpness = cell_lists(gaussians, blend.radius), blend.cutoff, sharpness
+        self._first, self._entry = self._lists.first.astype(np.intp), self._lists.entry.astype(np.intp)
         rotation, k = rotation_matrices(gaussians.rotation), gaussians.sh.shape[1]
         whiten = (rotation / gaussians.scale[:, None, :]).reshape(-1, 9)
         bound = HALF_MAX / SH_C0
         sh = np.clip(gaussians.sh, -bound, bound).reshape(len(gaussians), 3 * k)
-        # A row of N numbers each: 3 of the centre and 9 that whiten; the normal; the coefficients; the slopes.
-        self._shape = np.ascontiguousarray(np.concatenate([gaussians.position, whiten], axis=1).T)
-        self._normal, self._sh = np.ascontiguousarray(rotation[:, :, 2].T), np.ascontiguousarray(sh.T)
-        self._opacity = np.minimum(gaussians.opacity, 1)
+        self._shape = _packed(np.concatenate([gaussians.position, whiten], axis=1))
+        self._facing = _packed(np.concatenate([rotation[:, :, 2], np.minimum(gaussians.opacity, 1)[:, None]], axis=1))
+        self._sh = np.ascontiguousarray(sh.T)
         self._slope = np.ascontiguousarray(np.clip(gaussians.slope, -1, 1).T) if gaussians.sloped else None
         relief = np.clip(gaussians.relief, -HALF_MAX, HALF_MAX).reshape(len(gaussians), 3 * gaussians.relief.shape[1])
         self._bent_sh = np.concatenate([self._sh, relief.T]) if gaussians.bumpy else None
@@ -136,52 +136,65 @@ class _Level:
 
     def _add(self, result, index, node, points, normals, bend) -> None:
         """Add to `result` what the lists of `node` (M,) give at the points `index` (M,)."""
-        begin = self._lists.first[node]
-        count = self._lists.first[node + 1] - begin
-        index, begin, count = index[count > 0], begin[count > 0], count[count > 0]
+        begin = self._first.take(node)
+        count = self._first.take(node + 1) - begin
+        listed = np.flatnonzero(count)
+        index, begin, count = index.take(listed), begin.take(listed), count.take(listed)
         end = np.cumsum(count)
         at = 0
         while at < len(index):
             done = end[at - 1] if at else 0
             to = max(int(np.searchsorted(end, done + CHUNK, side="right")), at + 1)
-            starts = end[at:to] - count[at:to] - done
+            starts, some = end[at:to] - count[at:to] - done, index[at:to]
             pair = np.arange(end[to - 1] - done) + np.repeat(begin[at:to] - starts, count[at:to])
-            point = np.repeat(np.arange(at, to), count[at:to])
-            given = points, normals, bend, index[at:to]
-            result[index[at:to]] += self._read(self._lists.entry[pair], point - at, *given)
+            given = [None if each is None else each.take(some, axis=0) for each in (points, normals, bend)]
+            result[some] += self._read(self._entry.take(pair), starts, count[at:to], *given)
             at = to
 
-    def _read(self, gaussian, point, points, normals, bend, index) -> np.ndarray:
-        """Sums (M, 4) over pairs of a Gaussian (P,) and a point (P,), which `index` (M,) finds among all."""
-        points, normals = points[index].T, normals[index]
-        # Rows of numbers for all pairs: numpy gathers and adds them several times as fast as columns.
-        shape = self._shape.take(gaussian, axis=1)
+    def _read(self, gaussian, starts, count, points, normals, bend) -> np.ndarray:
+        """Sums (M, 4) at points (M, 3), each over `count` (M,) of the Gaussians (P,), from `starts` (M,) on."""
         with np.errstate(over="ignore", invalid="ignore"):
-            x, y, z = points.take(point, axis=1) - shape[:3]
-            e = x * shape[3:6] + y * shape[6:9] + z * shape[9:]
-            weight = np.exp(-0.5 * (e * e).sum(axis=0)) - np.float32(self._cutoff)
+            mean_x, mean_y, mean_z, *whiten = _gathered(self._shape, gaussian)
+            px, py, pz = (np.repeat(column, count) for column in points.T)
+            x, y, z = px - mean_x, py - mean_y, pz - mean_z
+            e, f, g = (x * whiten[k] + y * whiten[3 + k] + z * whiten[6 + k] for k in range(3))
+            weight = np.exp(-0.5 * (e * e + f * f + g * g)) - np.float32(self._cutoff)
         reached = np.flatnonzero(weight > 0)
-        gaussian, point = gaussian.take(reached), point.take(reached)
-        weight = weight.take(reached) * self._opacity.take(gaussian)
+        starts = np.searchsorted(reached, starts)
+        count = np.diff(starts, append=len(reached))
+        gaussian = gaussian.take(reached)
+        mean_nx, mean_ny, mean_nz, opacity = _gathered(self._facing, gaussian)
+        weight = weight.take(reached) * opacity
         if self._sharpness:
-            cosine = (normals.T.take(point, axis=1) * self._normal.take(gaussian, axis=1)).sum(axis=0)
-            weight *= np.maximum(cosine, 0) ** self._sharpness
+            nx, ny, nz = (np.repeat(column, count) for column in normals.T)
+            weight *= np.maximum(nx * mean_nx + ny * mean_ny + nz * mean_nz, 0) ** self._sharpness
         light = self._sh if bend is None else self._bent_sh
         rows = np.empty((len(light) + 1, len(weight)), np.float32)
         rows[:-1], rows[-1] = light.take(gaussian, axis=1), 1
         if self._slope is not None:
-            rows[:3] *= 1 + (self._slope.take(gaussian, axis=1) * e[:2].take(reached, axis=1)).sum(axis=0)
+            slope = self._slope.take(gaussian, axis=1)
+            rows[:3] *= 1 + slope[0] * e.take(reached) + slope[1] * f.take(reached)
         rows *= weight
-        sums = np.zeros((len(rows), len(index)), np.float32)
-        if len(point):
-            first = np.flatnonzero(np.diff(point, prepend=-1))
-            sums[:, point[first]] = np.add.reduceat(rows, first, axis=1)
-        coefficients = sums[:-1].reshape(-1, 3, len(index))
+        sums = np.zeros((len(rows), len(points)), np.float32)
+        if len(reached):
+            some = np.flatnonzero(count)
+            sums[:, some] = np.add.reduceat(rows, starts[some], axis=1)
+        coefficients = sums[:-1].reshape(-1, 3, len(points))
         basis = sh_basis(normals, len(self._sh) // 3)
         if bend is not None:
-            basis = np.concatenate([basis, bend[index]], axis=1)
-        light = np.einsum("mk,kcm->mc", basis, coefficients)
-        return np.concatenate([light, sums[-1:].T], axis=1)
+            basis = np.concatenate([basis, bend], axis=1)
+        light = (basis.T[:, None] * coefficients).sum(axis=0)
+        return np.concatenate([light, sums[-1:]]).T
+
+
+def _packed(table: np.ndarray) -> list[np.ndarray]:
+    """Columns of a table (N, C) in fours: numpy gathers a row of four numbers in the time of one."""
+    return [np.ascontiguousarray(table[:, k : k + 4]) for k in range(0, table.shape[1], 4)]
+
+
+def _gathered(packs: list[np.ndarray], index: np.ndarray) -> list[np.ndarray]:
+    """The columns of a packed table at rows `index` (P,), each (P,)."""
+    return [column for pack in packs for column in pack.take(index, axis=0).T]
 
 
 def _unit(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -194,8 +207,11 @@ def _unit(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def sh_basis(direction: np.ndarray, count: int) -> np.ndarray:
     """Values (N, count) of the SH basis in unit directions (N, 3), as lib/sh.glsl has it."""
     x, y, z = direction.T
+    constant = np.full_like(x, SH_C0)
+    if count == 1:
+        return constant[:, None]
     functions = [
-        np.full_like(x, SH_C0),
+        constant,
         -SH_C1 * y, SH_C1 * z, -SH_C1 * x,
         SH_C2_0 * x * y, -SH_C2_0 * y * z, SH_C2_1 * (2 * z * z - x * x - y * y), -SH_C2_0 * x * z,
         SH_C2_2 * (x * x - y * y),
