@@ -1,6 +1,8 @@
-"""Frames of Panda3D with baked light, drawn in a process of its own: panda3d_frames.py GI HALF_GI OVER_GI OUT [CONFIG].
+"""Frames of Panda3D with baked light, drawn in a process of its own:
 
-GI belongs to the Cornell box; HALF_GI holds the same light everywhere. OUT gets the frames, (H, W, 3) float32, row 0 on
+    panda3d_frames.py GI HALF_GI OVER_GI BUMPY_GI OUT [CONFIG]
+
+GI and BUMPY_GI belong to the Cornell box; HALF_GI holds the same light everywhere. OUT gets the frames, (H, W, 3) float32, row 0 on
 top, and the messages of errors, by name. CONFIG: lines for Panda3D, parted by semicolons.
 """
 
@@ -14,6 +16,13 @@ from panda3d.core import (
     Camera,
     CardMaker,
     FrameBufferProperties,
+    Geom,
+    GeomEnums,
+    GeomNode,
+    GeomTristrips,
+    GeomVertexArrayFormat,
+    GeomVertexData,
+    GeomVertexFormat,
     GraphicsEngine,
     GraphicsOutput,
     GraphicsPipe,
@@ -24,6 +33,7 @@ from panda3d.core import (
     NodePath,
     OrthographicLens,
     Texture,
+    TextureStage,
     TransparencyAttrib,
     WindowProperties,
     load_prc_file_data,
@@ -37,6 +47,8 @@ SIZE, LARGER = (96, 80), (150, 60)
 FOV_Y = 39.3076  # degrees, of the file's first camera
 SCENE = SAMPLES / "scenes" / "cornell.glb"
 WIDTH = 0.5  # m, of the view of the orthographic lens
+BACK = 0.558  # m, from the origin to the square on the back wall
+TEXEL = 60, 170, 210  # of the normal map
 
 
 def output(size: tuple[int, int], bits: int, first: GraphicsOutput | None = None) -> GraphicsOutput:
@@ -91,6 +103,32 @@ def card(host: Host) -> NodePath:
     return result
 
 
+def bumpy_card(host: Host) -> NodePath:
+    """A white square on the back wall, with a normal map of one texel."""
+    columns = GeomVertexArrayFormat()
+    for name, count, kind in (("vertex", 3, "point"), ("normal", 3, "normal"), ("tangent", 4, "vector"),
+                              ("texcoord", 2, "texcoord")):  # fmt: skip
+        columns.add_column(name, count, GeomEnums.NT_float32, getattr(GeomEnums, f"C_{kind}"))
+    corners = [(x, 0, z, 0, -1, 0, 1, 0, 0, 1, x, z) for x in (-0.2, 0.2) for z in (0.2, -0.2)]
+    data = GeomVertexData("card", GeomVertexFormat.register_format(GeomVertexFormat(columns)), GeomEnums.UH_static)
+    data.unclean_set_num_rows(4)
+    data.modify_array_handle(0).copy_data_from(np.float32(corners).tobytes())
+    strip = GeomTristrips(GeomEnums.UH_static)
+    strip.add_next_vertices(4)
+    geom = Geom(data)
+    geom.add_primitive(strip)
+    node = GeomNode("card")
+    node.add_geom(geom)
+    result = host.root.attach_new_node(node)
+    result.set_pos(0, BACK, 0.273)
+    texture, stage = Texture(), TextureStage("normal")
+    texture.setup_2d_texture(1, 1, Texture.T_unsigned_byte, Texture.F_rgb)
+    texture.set_ram_image(bytes(TEXEL[::-1]))  # blue first
+    stage.mode = TextureStage.M_normal
+    result.set_texture(stage, texture)
+    return result
+
+
 def difference(host: Host, light: BakedLight) -> np.ndarray:
     """What an attached light adds to the next frame."""
     lit = host.draw()
@@ -112,7 +150,7 @@ def added(host: Host, gi: str, y_up: bool = False) -> np.ndarray:
     return lit - before
 
 
-def frames(first: GraphicsOutput, gi: str, half_gi: str) -> dict[str, np.ndarray]:
+def frames(first: GraphicsOutput, gi: str, half_gi: str, bumpy_gi: str) -> dict[str, np.ndarray]:
     """Light that was added to frames, by what is special about them."""
     host = Host(first)
     result = {"plain": added(host, gi)}
@@ -159,6 +197,13 @@ def frames(first: GraphicsOutput, gi: str, half_gi: str) -> dict[str, np.ndarray
     result["own reader"] = added(host, gi, y_up=True)
 
     host = Host(first)
+    bumpy = bumpy_card(host)
+    result["bumpy"] = added(host, bumpy_gi)
+    bumpy.set_two_sided(True)
+    bumpy.set_h(180)
+    result["bumpy behind"] = added(host, bumpy_gi)
+
+    host = Host(first)
     result["bare"] = added(host, half_gi)
     pane = card(host)
     result["pane"] = added(host, half_gi)
@@ -201,7 +246,7 @@ def errors(first: GraphicsOutput, gi: str, over_gi: str) -> dict[str, str]:
 
 
 if __name__ == "__main__":
-    *files, out, config = [*sys.argv[1:], ""][:5]
+    *files, out, config = [*sys.argv[1:], ""][:6]
     load_prc_file_data("", "\n".join(["load-display p3headlessgl", *config.split(";")]))
     context = output((1, 1), 8)
-    np.savez(out, **frames(context, *files[:2]), **errors(context, files[0], files[2]))
+    np.savez(out, **frames(context, *files[:2], files[3]), **errors(context, files[0], files[2]))

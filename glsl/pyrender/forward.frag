@@ -2,6 +2,7 @@
 #include "pyrender/metallic_roughness.glsl"
 #include "lib/srgb.glsl"
 #include "lib/texture.glsl"
+#include "pyrender/bent_normal.glsl"
 #if LOOKUP
 #include "lib/seen_normal.glsl"
 #include "surface/gsgi_indirect.glsl"
@@ -71,14 +72,8 @@ vec3 shading_normal(vec3 v) {
 #if !NORMAL
     return v;
 #elif NORMAL_TEXTURE
-    // Schüler 2013, "Normal Mapping Without Precomputed Tangents"
-    vec3 n = normalize(v_normal);
-    vec3 position_dx = dFdx(v_position), position_dy = dFdy(v_position);
-    vec2 uv_dx = dFdx(v_uv), uv_dy = dFdy(v_uv);
-    vec3 t = (uv_dy.y * position_dx - uv_dx.y * position_dy) / (uv_dx.x * uv_dy.y - uv_dy.x * uv_dx.y);
-    t = normalize(t - n * dot(n, t));
     vec3 texel = texture(normal_texture, mirrored(v_uv, normal_mirror)).xyz;
-    return normalize(mat3(t, normalize(cross(n, t)), n) * (2.0 * texel - 1.0));
+    return bent_normal(normalize(v_normal), v_position, v_uv, texel);
 #else
     return normalize(v_normal);
 #endif
@@ -129,7 +124,7 @@ vec3 primary_light(Surface surface, vec3 n, vec3 v) {
 #define SAME_DEPTH 0.01
 
 // B of the fragment's surface. If the pixel's centre shows another surface, use the neighbour nearest in depth.
-vec3 indirect_light() {
+vec3 indirect_light(vec3 shading) {
     ivec2 centre = ivec2(gl_FragCoord.xy), last = textureSize(surface_depth, 0) - 1, best = centre;
     float off = abs(texelFetch(surface_depth, centre, 0).r - v_depth);
     if (off > SAME_DEPTH * v_depth) {
@@ -147,19 +142,24 @@ vec3 indirect_light() {
 #elif LOOKUP
 uniform vec3 ahead;  // direction of parallel rays, world space; 0 if they come from the eye
 
-vec3 indirect_light() {
+vec3 indirect_light(vec3 shading) {
 #if NORMAL
     vec3 interpolated = v_normal;
 #else
     vec3 interpolated = vec3(0.0);
 #endif
     vec3 toward = dot(ahead, ahead) > 0.0 ? ahead : v_position - eye;
-    return gsgi_indirect(v_position, seen_normal(v_position, toward, interpolated));
+    vec3 seen = seen_normal(v_position, toward, interpolated);
+#if NORMAL_TEXTURE
+    return gsgi_indirect(v_position, seen, dot(seen, interpolated) < 0.0 ? -shading : shading);
+#else
+    return gsgi_indirect(v_position, seen);
+#endif
 }
 #endif
 
 vec3 lit_color(vec3 base) {
-    vec3 v = normalize(eye - v_position);
+    vec3 v = normalize(eye - v_position), shading = shading_normal(v);
     float metal = metallic, rough = roughness, occlusion = 1.0;
     vec3 glow = emission;
 #if TEXTURES
@@ -173,9 +173,9 @@ vec3 lit_color(vec3 base) {
     rough = clamp(rough, DIELECTRIC, 1.0);
     Surface surface = Surface(
         base * (1.0 - DIELECTRIC) * (1.0 - metal), mix(vec3(DIELECTRIC), base, metal), rough);
-    vec3 color = occlusion * (primary_light(surface, shading_normal(v), v) + base * ambient);
+    vec3 color = occlusion * (primary_light(surface, shading, v) + base * ambient);
 #if INDIRECT || LOOKUP
-    color += base * (1.0 - black_metal * metal) * indirect_light();
+    color += base * (1.0 - black_metal * metal) * indirect_light(shading);
 #endif
     return color + glow * emission;  // pyrender applies the factor twice
 }

@@ -13,6 +13,10 @@ out float v_depth;  // -z in view space, m
 in vec3 normal;
 out vec3 v_normal;
 #endif
+#if NORMAL_TEXTURE
+in vec2 uv;
+out vec2 v_uv;
+#endif
 
 void main() {
     mat4 world_from_instance = world_from_node * node_from_instance;
@@ -23,5 +27,8 @@ void main() {
     v_depth = -view.z;
 #if NORMAL
     v_normal = transpose(inverse(mat3(world_from_instance))) * normal;
+#endif
+#if NORMAL_TEXTURE
+    v_uv = uv;
 #endif
 }

@@ -60,7 +60,8 @@ class Primitive(NamedTuple):
     """A primitive of a pyrender scene.
 
     `slots`: names of the textures that it shows. `lights`, `shadows` and `indirect` say what lights it if it is `lit`.
-    `lookup`: it reads B by itself from a bake with these counts (see `lookup_defines`).
+    `lookup`: it reads B by itself from a bake with these counts (see `lookup_defines`). `relief`: whether B that others
+    read for it follows normal maps.
     """
 
     slots: Collection[str]
@@ -71,6 +72,7 @@ class Primitive(NamedTuple):
     shadows: bool = False
     indirect: bool = False
     lookup: tuple[int, int, int] | None = None
+    relief: bool = False
 
 
 def sampled(material: Material) -> dict[str, TextureSlot]:
@@ -194,7 +196,11 @@ PASSES: dict[str, dict[str, Callable[[Any], int]]] = {
         **{name: lambda p, name=name: _lookup_define(name, p.lookup) for name in lookup_defines(0, 0, 0)},
     },
     "pyrender/silhouette": {},
-    "pyrender/visible": {"NORMAL": lambda p: p.normals},  # Primitive
+    "pyrender/visible": {  # Primitive
+        "NORMAL": lambda p: p.normals,
+        "NORMAL_TEXTURE": lambda p: p.relief and "normal" in p.slots,
+        "RELIEF": lambda p: p.relief,
+    },
 }
 
 

@@ -109,7 +109,7 @@ class FrameRenderer:
                 raise UnsupportedError("an OrthographicCamera needs a bake of the `surface` operator")
             self._indirect = self._indirect or BakedLight(self.ctx, self._bake)
             self._indirect.weights = self.weights
-            self._indirect.draw(lens, items, self._primitives, flags)
+            self._indirect.draw(lens, items, self._primitives, self._textures, flags)
         return FrameLight(
             scene.ambient_light, placed, [maps.get(id(light)) for light in placed],
             self._shadow_maps.maps if maps else None, self._indirect,

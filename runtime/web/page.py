@@ -18,8 +18,7 @@ from gsgi.runtime.scene import Camera, Environment, Light, Material, Mesh, Scene
 
 JS = Path(__file__).parents[1] / "js"
 PAGE = "index.html", "page.js", "scene.js", "fly.js", "shaders.js", "three.js", "three.LICENSE"
-MODULES = "three.js", "worker.js", "prepare.js", "decode.js", "groups.js", "integers.js", "level.js", "lookup.js"
-MODULES += "cell_lists.js", "shaders.js", "tables.js", "weights.js"
+MODULES = tuple(sorted({path.name for path in JS.glob("*.js")} - {"index.js"}))
 DESCRIPTION, DATA, LIGHT, ENVIRONMENT = "scene.json", "scene.bin", "light.gsgi", "environment.bin"
 GENERATOR = "gsgi"  # in the description of every page of ours
 LOSSLESS_TEXELS = 256 * 256  # larger opaque images become JPEG files, which take a tenth of the bytes

@@ -3,13 +3,14 @@
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from gsgi_files import constant
 from repository import ROOT, SAMPLES
-from surface_cases import grouped
+from surface_cases import grouped, with_relief
 
 import gsgi
 from gsgi.baker.over.initialise import from_surface
@@ -20,7 +21,7 @@ from gsgi.runtime.gl.renderer import DeferredRenderer
 
 pytest.importorskip("panda3d", reason="the extra `panda3d` is not installed")
 pytest.importorskip("gltf", reason="the extra `panda3d` is not installed")
-from panda3d_frames import LARGER, SCENE, SIZE, WIDTH
+from panda3d_frames import BACK, FOV_Y, LARGER, SCENE, SIZE, TEXEL, WIDTH
 
 HALF = 0.5
 # The oldest context that Panda3D asks for, and one of the core profile.
@@ -37,11 +38,12 @@ def cornell_bake() -> Bake:
 
 
 BAKE = cornell_bake()
+BUMPY = with_relief(replace(BAKE, groups=()))
 
 
 def run_frames(folder: Path, config: str, **environment: str) -> subprocess.CompletedProcess:
     """Run panda3d_frames.py with files in `folder`."""
-    files = {"cornell": BAKE, "half": constant([HALF] * 3), "over": constant([HALF] * 3, "over")}
+    files = {"cornell": BAKE, "half": constant([HALF] * 3), "over": constant([HALF] * 3, "over"), "bumpy": BUMPY}
     for name, bake in files.items():
         (folder / name).write_bytes(codec.encode(bake))
     script = ROOT / "tests" / "panda3d_frames.py"
@@ -124,6 +126,21 @@ def test_an_orthographic_lens(drawn):
     inside = np.abs(x[0]) < 0.27
     assert inside.mean() > 0.9
     np.testing.assert_allclose(drawn["orthographic"][:5, inside], expected[:, inside], atol=2e-3)
+
+
+@pytest.mark.parametrize(("name", "side"), [("bumpy", 1), ("bumpy behind", -1)])
+def test_light_follows_normal_maps(drawn, name, side):
+    """The square on the back wall, from before, and turned round: then the normal is flipped to the side that is seen."""
+    (width, height), bake = SIZE, codec.decode(codec.encode(BUMPY))
+    step = 2 * np.tan(np.radians(FOV_Y / 2)) * (BACK + 0.8) / height
+    x, y = np.meshgrid((np.arange(width) + 0.5 - width / 2) * step, (height / 2 - np.arange(height) - 0.5) * step)
+    position = np.stack([x, y + 0.273, np.full_like(x, -BACK)], axis=-1).reshape(-1, 3)
+    bent = (np.array(TEXEL) / 127.5 - 1) * [1, side, 1]
+    plane, mapped = (np.broadcast_to(np.float32(n), position.shape) for n in ([0, 0, 1], bent))
+    light, flat = (gsgi.sample(bake, position, plane, mapped=each).reshape(height, width, 3) for each in (mapped, plane))
+    inside = (np.abs(x) < 0.18) & (y > 0.1) & (y < 0.18)  # above the blocks
+    assert np.abs(light - flat)[inside].mean() > 0.05
+    np.testing.assert_allclose(drawn[name][inside], light[inside], rtol=2e-3, atol=2e-3)
 
 
 def test_what_is_blended_has_light_and_dims_what_is_behind(drawn):

@@ -7,7 +7,7 @@ import pytest
 from gsgi_files import constant, surface_example
 from pyrender_scenes import SIZE, blended, cameras, empty, from_behind, material, points, quad, solids, translation
 from scipy.ndimage import binary_erosion
-from surface_cases import grouped
+from surface_cases import grouped, with_relief
 
 import gsgi
 from gsgi.runtime.camera import Camera
@@ -194,6 +194,28 @@ def test_an_orthographic_camera_sees_the_light_at_its_points(pyrender, draw, alp
     expected = 255 * alpha * np.clip(light * color[:3], 0, 1) ** (1 / 2.2)  # pyrender blends after its curve
     inside = (np.abs(x) < 0.7) & (np.abs(y) < 0.7)
     assert expected[inside].mean() > 40
+    assert (np.abs(drawn - expected).max(axis=-1)[inside] > 2).mean() < 0.02
+
+
+@pytest.mark.parametrize("alpha", [1.0, 0.5])
+@pytest.mark.parametrize("side", [1, -1], ids=["front", "back"])
+def test_light_follows_normal_maps(pyrender, draw, alpha, side):
+    """A square with a normal map that fills the view: each pixel is a known point with a known normal."""
+    bake, texel = with_relief(surface_example(count=400, degree=1)), np.array([60, 170, 210], np.uint8)
+    camera = pyrender.OrthographicCamera(0.75, 0.75 * SIZE[1] / SIZE[0], znear=0.1)
+    scene = empty(camera, eye=(1e-9, 0, 2 * side), ambient_light=np.zeros(3), bg_color=np.zeros(3))
+    mode = "BLEND" if alpha < 1 else "OPAQUE"
+    bumps = np.broadcast_to(texel, (4, 4, 3))
+    scene.add(quad(material=material((0.3, 0.3, 0.3, alpha), alphaMode=mode, doubleSided=True, normalTexture=bumps)))
+    drawn = draw(scene, bake)
+    x, y = (0.75 * (2 * (np.arange(n) + 0.5) / SIZE[0] - n / SIZE[0]) for n in SIZE)
+    x, y = np.meshgrid(side * x, -y)
+    at = np.stack([x, y, np.zeros_like(x)], axis=-1).reshape(-1, 3)
+    plane, bent = (np.broadcast_to(side * np.array(n), at.shape) for n in ([0.0, 0, 1], texel / 127.5 - 1))
+    mapped, flat = (gsgi.sample(bake, at, plane, mapped=each).reshape(*x.shape, 3) for each in (bent, plane))
+    inside = (np.abs(x) < 0.7) & (np.abs(y) < 0.7)
+    expected, unbent = (255 * alpha * np.clip(0.3 * light, 0, 1) ** (1 / 2.2) for light in (mapped, flat))
+    assert np.abs(expected - unbent)[inside].mean() > 10 * alpha
     assert (np.abs(drawn - expected).max(axis=-1)[inside] > 2).mean() < 0.02
 
 

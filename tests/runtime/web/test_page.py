@@ -2,6 +2,7 @@
 
 import base64
 import json
+import re
 from dataclasses import replace
 from urllib.parse import urlencode
 
@@ -14,7 +15,7 @@ from browser import visit
 from frames import full_scene
 from javascript import JS
 from repository import TESTS
-from surface_cases import grouped
+from surface_cases import grouped, with_relief
 from surface_frames import surface_gaussians
 
 from gsgi.runtime.display import to_uint8, tone_map
@@ -49,7 +50,7 @@ def made(tmp_path_factory):
     scene = full_scene()
     scene = replace(scene, lights=(replace(scene.lights[0], name="lamp 1"), *scene.lights[1:]))
     fine = surface_gaussians(Scene(scene.meshes, scene.materials), 800)
-    bake = grouped(Bake(fine, SurfaceBlend(), coarse=oracle.random_gaussians(30, 2, seed=1)))
+    bake = with_relief(grouped(Bake(fine, SurfaceBlend(), coarse=oracle.random_gaussians(30, 2, seed=1))))
     data = codec.encode(bake)
     folder = tmp_path_factory.mktemp("site")
     write_page(folder, scene, codec.decode(data), data, {"inside": scenes.inside_camera()}, "room <1>")
@@ -148,6 +149,9 @@ def test_the_page_holds_all_that_it_loads(made):
         (made[2] / name).read_text() for name in files if name.endswith((".html", ".js")) and name != "three.js"
     )
     assert "https://" not in text
+    for name in MODULES:
+        imported = re.findall(r"""(?:from |import\()"\./(.+?)\"""", (made[2] / "gsgi" / name).read_text())
+        assert {f"gsgi/{other}" for other in imported} <= files
     description = json.loads((made[2] / "scene.json").read_text())
     loaded = [description["data"], description["light"], description["environment"]["file"]]
     loaded += [image["file"] for image in description["images"]]
