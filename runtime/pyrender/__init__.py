@@ -7,7 +7,8 @@
 
 Colours are those of pyrender 0.1.45: its metallic-roughness surfaces, ambient light, shadow maps, four samples per
 pixel, and `pow(1 / 2.2)`. With `gi`, `base colour * B` is added before that curve, of which metals get nothing if the
-bake has them black. `renderer.weights` dims the light groups of a bake. Other differences:
+bake has them black; it follows normal maps where the bake says how. `renderer.weights` dims the light groups of a bake.
+Other differences:
 
 - Depth of an OrthographicCamera is in metres along the view axis; pyrender reads its depth buffer as perspective.
 - Shadows do not need `np.infty`, which numpy 2 lacks, and SHADOWS_ALL works if the scene has no point light.

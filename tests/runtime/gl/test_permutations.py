@@ -85,7 +85,7 @@ SUBJECTS = {
     "tradeoff/probes": BOTH,
     "tradeoff/vertex_light": triangles(),
     "pyrender/forward": primitives(),
-    "pyrender/visible": primitives(),
+    "pyrender/visible": [look._replace(relief=relief) for look in primitives() for relief in BOTH],
 }
 CASES = sorted({(name, *defines(name, subject).items()) for name in PASSES for subject in SUBJECTS.get(name, [None])})
 

@@ -5,15 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from browser import visit
-from gsgi_files import constant, example
+from gsgi_files import constant, example, surface_example
 from javascript import JS
 from repository import TESTS
+from surface_cases import with_relief
 from surface_frames import nothing, one
 
+import gsgi
 from gsgi.runtime.file import codec
 from gsgi.runtime.gaussians import Bake, LightGroup, SurfaceBlend
 
 PAGES = TESTS / "runtime" / "js" / "pages"
+TEXEL = 60, 170, 210  # of the normal map in pages/materials.js
+BUMPY = with_relief(surface_example())
 EVEN, OTHER = np.array([0.5, 0.25, 0.125]), np.array([0.125, 0.5, 0.25])
 
 
@@ -28,7 +32,7 @@ def found(tmp_path_factory):
         for (name, patterns), each in zip((("base", ()), ("lamps", ("lamp*",))), part, strict=True)
     ]
     both = replace(constant(EVEN + OTHER), groups=tuple(groups))
-    files = {"groups": both, "even": constant(EVEN), "other": constant(OTHER), "spot": spot, "over": example(3)}
+    files = {"groups": both, "even": constant(EVEN), "other": constant(OTHER), "spot": spot, "over": example(3), "bumpy": BUMPY}
     for name, bake in files.items():
         (folder / f"{name}.gsgi").write_bytes(codec.encode(bake))
     (folder / "damaged.gsgi").write_bytes(codec.encode(files["even"])[:-1])
@@ -93,6 +97,17 @@ def test_light_groups_are_weighed(found):
     np.testing.assert_allclose(cloned, EVEN + OTHER / 4, rtol=half_step)
     assert found["weights"] == [{"base": 0.25, "lamps": 1}] * 2
     assert found["unknown"] == 'RangeError: the bake has no light group "lamp": it has base, lamps'
+
+
+@pytest.mark.parametrize(("number", "side"), [(0, 1), (1, -1)])
+def test_light_follows_normal_maps(found, number, side):
+    """As it does in Python, at the point that the page reads."""
+    beside = np.tan(np.radians(20)) * 2 / 4 / 2  # half a pixel of the page's 8
+    at, plane = np.array([[0.1 + beside, 0.2 + beside, 0]]), np.array([[0.0, 0, 1]])
+    bent = (np.array([TEXEL]) / 127.5 - 1) * [1, side, 1]
+    light, flat = (gsgi.sample(codec.decode(codec.encode(BUMPY)), at, plane, mapped=n)[0] for n in (bent, plane))
+    assert np.abs(light - flat).max() > 0.05
+    np.testing.assert_allclose(found["bumpy"][number], light, rtol=2e-3)
 
 
 def test_files_are_decoded_in_a_worker_where_there_is_one(found):

@@ -8,6 +8,8 @@ const target = new THREE.WebGLRenderTarget(8, 8, { type: THREE.FloatType });
 const camera = new THREE.PerspectiveCamera(40, 1, 0.1, 10);
 camera.position.set(0.1, 0.2, 2);
 
+const TEXEL = [60, 170, 210];
+
 /** Radiance in the middle of the picture. */
 function shown(scene) {
     renderer.setRenderTarget(target);
@@ -149,6 +151,14 @@ await post(async () => {
     } catch (error) {
         found.unknown = `${error}`;
     }
+
+    // Light follows normal maps, on both sides of a material.
+    const texel = new THREE.DataTexture(new Uint8Array([...TEXEL, 255]), 1, 1), relief = await load("bumpy.gsgi");
+    texel.needsUpdate = true;
+    found.bumpy = [plane, plane.clone().rotateY(Math.PI)].map((geometry) => {
+        const look = { normalMap: texel, side: THREE.DoubleSide };
+        return shown(sceneOf(new THREE.Mesh(geometry, new THREE.MeshLambertMaterial(look)), relief));
+    });
 
     found.errors = [];
     for (const name of ["over.gsgi", "damaged.gsgi", "missing.gsgi"])
