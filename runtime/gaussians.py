@@ -164,3 +164,9 @@ class Bake:
     scene: int = 0
     coarse: Gaussians | None = None
     groups: tuple[LightGroup, ...] = ()
+
+
+def check_bake(bake) -> None:
+    """Raise TypeError, which says how to get one, for what is no Bake, such as the path of a file."""
+    if not isinstance(bake, Bake):
+        raise TypeError(f"bake: {bake!r:.99} is no Bake: gsgi.read_bake(path) reads one")

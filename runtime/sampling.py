@@ -17,7 +17,7 @@ from .constants import (
     SH_C3_4,
 )
 from .errors import UnsupportedError
-from .gaussians import Bake, Gaussians, SurfaceBlend
+from .gaussians import Bake, Gaussians, SurfaceBlend, check_bake
 from .light_groups import Weights, weighted
 from .quaternions import rotation_matrices
 from .rebase import local_bake, origin_of_bake
@@ -97,7 +97,8 @@ class Sampler:
 
 
 def check_operator(bake: Bake) -> None:
-    """Raise UnsupportedError for a bake whose light cannot be read at single points."""
+    """Raise UnsupportedError for a bake whose light cannot be read at single points, TypeError for what is no bake."""
+    check_bake(bake)
     if not isinstance(bake.blend, SurfaceBlend):
         raise UnsupportedError("the bake has the `over` operator: only light of `surface` can be read at single points")
 

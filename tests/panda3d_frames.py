@@ -2,8 +2,8 @@
 
     panda3d_frames.py GI HALF_GI OVER_GI BUMPY_GI OUT [CONFIG]
 
-GI and BUMPY_GI belong to the Cornell box; HALF_GI holds the same light everywhere. OUT gets the frames, (H, W, 3) float32, row 0 on
-top, and the messages of errors, by name. CONFIG: lines for Panda3D, parted by semicolons.
+GI and BUMPY_GI belong to the Cornell box; HALF_GI holds the same light everywhere. OUT gets the frames, (H, W, 3)
+float32, row 0 on top, and the messages of errors, by name. CONFIG: lines for Panda3D, parted by semicolons.
 """
 
 import sys

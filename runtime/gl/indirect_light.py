@@ -8,7 +8,7 @@ from weakref import WeakKeyDictionary
 import moderngl
 import numpy as np
 
-from gsgi.runtime.gaussians import Bake, OverBlend
+from gsgi.runtime.gaussians import Bake, OverBlend, check_bake
 from gsgi.runtime.light_groups import Factors, Weights, factors_of, weighted
 from gsgi.runtime.rebase import local_bake, origin_of_bake, origin_of_boxes
 from gsgi.runtime.world.world import World
@@ -53,9 +53,9 @@ class IndirectLight:
     `encoding` says how the host's textures are encoded. A file of the `surface` operator is read once per `splat_scale`
     x `splat_scale` pixels (1 to 4) and upsampled along surfaces. It lights nothing outside `box`, which is two corners
     (3,), world space, m; the box is meant for files of one room each. With `relief` light follows normal maps, if the
-    file says how (`mapped` of draw()). A file of the `over` operator is drawn at full
-    resolution, and its light ends where its Gaussians end. Raises ValueError for an unknown encoding or scale, and
-    UnsupportedError for more Gaussians than the driver's textures can hold.
+    file says how (`mapped` of draw()). A file of the `over` operator is drawn at full resolution, and its light ends
+    where its Gaussians end. Raises ValueError for an unknown encoding or scale and for a box that is none, TypeError
+    for what is no bake, and UnsupportedError for more Gaussians than the driver's textures can hold.
     """
 
     def __init__(
@@ -64,10 +64,13 @@ class IndirectLight:
     ):  # fmt: skip
         if splat_scale not in SCALES:
             raise ValueError(f"splat_scale: {splat_scale!r} is none of {', '.join(map(str, SCALES))}")
+        if box is not None and not (np.shape(box) == (2, 3) and np.less_equal(*box).all()):
+            raise ValueError(f"box: {box!r} is not the lowest and the highest corner, three numbers each")
         self.ctx, self.encoding, self._keep_state = ctx, encoding, keep_state
         if isinstance(bake, World):
             self._origin = origin_of_boxes(bake.manifest.boxes)
         else:
+            check_bake(bake)
             self._origin = origin_of_bake(bake)
             bake = local_bake(bake, self._origin)
         self._bake = bake

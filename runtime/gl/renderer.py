@@ -7,7 +7,7 @@ import numpy as np
 
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.errors import UnsupportedError
-from gsgi.runtime.gaussians import Bake, SurfaceBlend
+from gsgi.runtime.gaussians import Bake, SurfaceBlend, check_bake
 from gsgi.runtime.layers import LAYERS
 from gsgi.runtime.light_groups import Factors, Weights, dimmed_lights, factor_on, factors_of, patterns_of
 from gsgi.runtime.metals import as_baked, lambertian
@@ -53,6 +53,8 @@ class DeferredRenderer:
     ):
         self._ctx, self._origin = ctx, origin_of(scene)
         _check_size(ctx, width, height)
+        if not isinstance(bake, World | None):
+            check_bake(bake)
         self._splat_scale = self._next_splat_scale = _checked(splat_scale)
         self._released = False
         if self._origin.any():

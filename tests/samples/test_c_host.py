@@ -87,7 +87,7 @@ def test_what_the_driver_lacks_is_named(host, tmp_path):
 def test_a_file_that_is_none_is_one_line(host, tmp_path):
     run = subprocess.run([host, SAMPLE / "host.c", tmp_path / "frame.ppm"], capture_output=True, text=True)
     assert run.returncode == 1
-    assert run.stderr == "gsgi: byte 0 (magic): expected b'GSGI', got 47\n"
+    assert run.stderr == "gsgi: byte 0 (magic): expected b'GSGI', got another: is it a .gsgi file?\n"
 
 
 def test_a_host_needs_few_lines_of_gsgi():

@@ -234,7 +234,9 @@ gsgi__section gsgi__section_after(const uint8_t* data, size_t at, const char* ta
 gsgi_result gsgi__check_file(const gsgi__header* h, const uint8_t* data, size_t size, gsgi__sections* sections,
                              const gsgi_callbacks* callbacks) {
     gsgi_result result = GSGI_OK;
-    EXPECT(memcmp(data, "GSGI", 4) == 0, 0, "magic", "b'GSGI'", data[0]);
+    if (memcmp(data, "GSGI", 4) != 0)
+        return gsgi__fail(callbacks, GSGI_INVALID_FILE,
+                          "byte 0 (magic): expected b'GSGI', got another: is it a .gsgi file?");
     EXPECT(h->version == FORMAT_VERSION, 4, "version", "5", h->version);
     EXPECT(h->header_bytes == GSGI_HEADER_BYTES, 6, "header_bytes", "88", h->header_bytes);
     if ((result = check_counts(h, callbacks))) return result;

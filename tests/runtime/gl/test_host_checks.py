@@ -6,10 +6,14 @@ from types import SimpleNamespace
 import moderngl
 import numpy as np
 import pytest
+import scenes
 from host import CAMERA, SIZE, Host, bake, call, pixels, projection, texture
 
+import gsgi
 from gsgi.runtime.gl.host_textures import Encoding
 from gsgi.runtime.gl.indirect_light import IndirectLight
+from gsgi.runtime.gl.indirect_lookup import IndirectLookup
+from gsgi.runtime.gl.renderer import DeferredRenderer
 
 HALF = SIZE[0] // 2, SIZE[1] // 2
 
@@ -188,3 +192,22 @@ def test_use_out_of_order_is_named(gl, ready):
     ):
         with pytest.raises(RuntimeError, match="released"):
             use()
+
+
+def test_a_path_is_no_bake(gl):
+    """Which IndirectLight, the look-up, the renderer and points on the CPU say alike."""
+    makes = (
+        lambda path: IndirectLight(gl, path),
+        lambda path: IndirectLookup(gl, path),
+        lambda path: DeferredRenderer(gl, scenes.furnace(), path, 8, 8),
+        lambda path: gsgi.sample(path, np.zeros((1, 3)), np.ones((1, 3))),
+    )
+    for make in makes:
+        with pytest.raises(TypeError, match=r"^bake: 'room.gsgi' is no Bake: gsgi.read_bake\(path\) reads one"):
+            make("room.gsgi")
+
+
+@pytest.mark.parametrize("box", [(0, 1), ((0, 0), (1, 1)), ((1, 1, 1), (0, 0, 0)), ((0, 0, np.nan), (1, 1, 1))])
+def test_corners_of_a_box_that_are_none(gl, box):
+    with pytest.raises(ValueError, match=r"^box: .* is not the lowest and the highest corner"):
+        IndirectLight(gl, bake(), box=box)

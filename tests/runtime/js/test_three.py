@@ -32,7 +32,8 @@ def found(tmp_path_factory):
         for (name, patterns), each in zip((("base", ()), ("lamps", ("lamp*",))), part, strict=True)
     ]
     both = replace(constant(EVEN + OTHER), groups=tuple(groups))
-    files = {"groups": both, "even": constant(EVEN), "other": constant(OTHER), "spot": spot, "over": example(3), "bumpy": BUMPY}
+    files = {"groups": both, "even": constant(EVEN), "other": constant(OTHER), "spot": spot, "over": example(3)}
+    files["bumpy"] = BUMPY
     for name, bake in files.items():
         (folder / f"{name}.gsgi").write_bytes(codec.encode(bake))
     (folder / "damaged.gsgi").write_bytes(codec.encode(files["even"])[:-1])

@@ -130,14 +130,14 @@ def test_an_orthographic_lens(drawn):
 
 @pytest.mark.parametrize(("name", "side"), [("bumpy", 1), ("bumpy behind", -1)])
 def test_light_follows_normal_maps(drawn, name, side):
-    """The square on the back wall, from before, and turned round: then the normal is flipped to the side that is seen."""
+    """The square on the back wall, and turned round: then the normal is flipped to the side that is seen."""
     (width, height), bake = SIZE, codec.decode(codec.encode(BUMPY))
     step = 2 * np.tan(np.radians(FOV_Y / 2)) * (BACK + 0.8) / height
     x, y = np.meshgrid((np.arange(width) + 0.5 - width / 2) * step, (height / 2 - np.arange(height) - 0.5) * step)
     position = np.stack([x, y + 0.273, np.full_like(x, -BACK)], axis=-1).reshape(-1, 3)
     bent = (np.array(TEXEL) / 127.5 - 1) * [1, side, 1]
     plane, mapped = (np.broadcast_to(np.float32(n), position.shape) for n in ([0, 0, 1], bent))
-    light, flat = (gsgi.sample(bake, position, plane, mapped=each).reshape(height, width, 3) for each in (mapped, plane))
+    light, flat = (gsgi.sample(bake, position, plane, mapped=n).reshape(height, width, 3) for n in (mapped, plane))
     inside = (np.abs(x) < 0.18) & (y > 0.1) & (y < 0.18)  # above the blocks
     assert np.abs(light - flat)[inside].mean() > 0.05
     np.testing.assert_allclose(drawn[name][inside], light[inside], rtol=2e-3, atol=2e-3)
