@@ -23,7 +23,7 @@ class CachedLight:
 
     def look_up(self, p, n, distance, active):
         """B at points with unit normals, and whether it is known there to who sees them from a `distance`, m."""
-        light, searching = mi.Color3f(UNKNOWN), active
+        light, searching = mi.Color3f(UNKNOWN), mi.Bool(active)
         for level in range(self._levels):
             searching &= distance >= AWAY * self._size * 2**level
             there, found = self._look_up(p, n, level, searching)

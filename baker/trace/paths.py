@@ -128,18 +128,20 @@ def _paths(tracer, cells, known, key, first, start, start_n, start_ng, samples, 
 
     The points of a path are lifted off their surfaces.
     """
-    p, n, ng, distance = mi.Point3f(start), mi.Normal3f(start_n), mi.Normal3f(start_ng), mi.Float(0)
+    p, n, ng = mi.Point3f(start), mi.Normal3f(start_n), mi.Normal3f(start_ng)
     throughput, light = mi.Color3f(1), mi.Color3f(0)
     total, squared, invalid = mi.Color3f(0), mi.Float(0), mi.UInt32(0)
     sample, bounce = mi.UInt32(first), mi.UInt32(0)
     active = (dr.squared_norm(start_n) > 0) & (samples > 0)
+    start_cell = _cell(cells, start, start_n, active)
+    cell = mi.UInt32(start_cell)
+    # A round goes from a vertex to the light known at the next, so that most gathering paths take one: with the look-up
+    # at its beginning they took two, each with half of the rays.
     while active:
         draws = Draws(key, sample, bounce)
-        cell = mi.UInt32(0) if cells is None else cells.find(p, n, active)
-        arriving, open_ended = _arriving_at_vertex(tracer, known, draws, cell, p, n, ng, distance, bounce, active)
-        light += throughput * arriving
+        light += throughput * _emitted_to_vertex(tracer, draws, cell, p, n, ng, bounce, active)
         light_there, alive, p, n, ng, distance, reflectance = _next_vertex(
-            tracer, draws, cell, p, n, ng, bounce < bounces, open_ended
+            tracer, draws, cell, p, n, ng, bounce < bounces, active
         )
         light += throughput * light_there
         throughput *= reflectance
@@ -148,9 +150,13 @@ def _paths(tracer, cells, known, key, first, start, start_n, start_ng, samples, 
         alive &= (draws.one(ROULETTE) < survival) & (dr.max(throughput) > 0)
         throughput *= dr.select(survival > 0, dr.rcp(survival), 0)
         bounce += 1
+        cell = _cell(cells, p, n, alive)
+        draws = Draws(key, sample, bounce)
+        arriving, goes_on = _known_or_punctual(tracer, known, draws, cell, p, n, ng, distance, alive)
+        light += dr.select(alive, throughput * arriving, 0)
 
         # Count a path that ends, and start the next one at the point.
-        ends = active & ~alive
+        ends = active & ~goes_on
         mean = (light.x + light.y + light.z) * (1 / 3)
         counts = ends & dr.isfinite(mean)
         total += dr.select(counts, light, 0)
@@ -160,27 +166,52 @@ def _paths(tracer, cells, known, key, first, start, start_n, start_ng, samples, 
         bounce = dr.select(ends, mi.UInt32(0), bounce)
         throughput, light = dr.select(ends, 1, throughput), dr.select(ends, 0, light)
         p, n, ng = dr.select(ends, start, p), dr.select(ends, start_n, n), dr.select(ends, start_ng, ng)
+        cell = dr.select(ends, start_cell, cell)
         active &= sample < first + samples
     return total, squared, invalid
 
 
-def _arriving_at_vertex(tracer, known, draws, cell, p, n, ng, distance, bounce, active):
-    """Light at a vertex, over pi, and where the path goes on: B where it is known, else an estimate of direct light."""
-    light, open_ended = mi.Color3f(0), active
-    if known is not None:
-        light, found = known.look_up(p, n, distance, active & (bounce > 0))
-        open_ended = active & ~found
-    if tracer.lights.count > 0:
-        # The engine computes the direct light of punctual lights, so the point itself (bounce 0) gets none here, and
-        # the B of other points has none. Both have what filtering surfaces let through.
-        index, probability = tracer.lights.choice.choose(draws.one(LIGHT), draws.rest(LIGHT), cell)
-        light += punctual_light(tracer, p, n, ng, index, active & (bounce > 0), open_ended) / probability
+def _cell(cells, p, n, active):
+    """The cell of the learned lights at a vertex; 0 where there is nothing to choose."""
+    return mi.UInt32(0) if cells is None else cells.find(p, n, active)
+
+
+def _emitted_to_vertex(tracer, draws, cell, p, n, ng, bounce, active):
+    """An estimate of the light at a vertex straight from emitters and the environment, over pi.
+
+    The engine computes the direct light of punctual lights, so the point itself (bounce 0) gets none of it, but for
+    what filtering surfaces let through.
+    """
+    light = mi.Color3f(0)
+    if tracer.lights.count > 0 and tracer.filtering is not None:
+        light += _chosen_punctual_light(tracer, draws, cell, p, n, ng, mi.Bool(False), active & (bounce == 0))
     if tracer.emitters.count > 0:
         index, probability = tracer.emitters.choice.choose(draws.one(EMITTER), draws.rest(EMITTER), cell)
-        light += emitter_light(tracer, draws, index, probability, p, n, ng, open_ended)
+        light += emitter_light(tracer, draws, index, probability, p, n, ng, active)
     if tracer.environment is not None and tracer.environment.samples_light:
-        light += _sample_environment(tracer, draws, p, n, ng, open_ended)
-    return light, open_ended
+        light += _sample_environment(tracer, draws, p, n, ng, active)
+    return light
+
+
+def _known_or_punctual(tracer, known, draws, cell, p, n, ng, distance, active):
+    """What B lacks at a vertex beyond the point, over pi: light of punctual lights, and B itself where it is known.
+
+    Also whether the path goes on, where it is not.
+    """
+    light, goes_on = mi.Color3f(0), active
+    if known is not None:
+        light, found = known.look_up(p, n, distance, active)
+        goes_on = active & ~found
+    if tracer.lights.count > 0:
+        # The B of other points has none of it either, but for what filtering surfaces let through.
+        light += _chosen_punctual_light(tracer, draws, cell, p, n, ng, active, goes_on)
+    return light, goes_on
+
+
+def _chosen_punctual_light(tracer, draws, cell, p, n, ng, active, filtered):
+    """The `punctual_light` of all lights, estimated by that of one."""
+    index, probability = tracer.lights.choice.choose(draws.one(LIGHT), draws.rest(LIGHT), cell)
+    return punctual_light(tracer, p, n, ng, index, active, filtered) / probability
 
 
 def _next_vertex(tracer, draws, cell, p, n, ng, reflects, active):
