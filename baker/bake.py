@@ -60,7 +60,7 @@ class Baker:
         self.fits = _fits(plan, progress)
         tone_scale = self.fits.tone_scale
         self.held_out = HeldOutLoss(references, plan.placement.held_out, tone_scale) if references else None
-        self._baked: dict[int, Bake] = {}  # by the budget
+        self.baked: dict[int, Bake] = {}  # before it is encoded, by the budget
 
     def best(self) -> BakeResult:
         settings = self.plan.settings
@@ -77,9 +77,9 @@ class Baker:
     def attempt(self, budget: int) -> Attempt:
         """Fit with this budget, encode the result, and measure it as a reader decodes it."""
         fit = self.fits.fit(budget, self._monitor)
-        self._baked[budget] = self._bake(fit.gaussians, fit.coarse)
+        self.baked[budget] = self._bake(fit.gaussians, fit.coarse)
         with self.progress.stage("encode"):
-            data = codec.encode(self._baked[budget])
+            data = codec.encode(self.baked[budget])
         read = codec.decode(data)
         loss, psnr = self.held_out.of(read) if self.held_out else (None, None)
         count = len(read.gaussians) + len(read.coarse or ())
@@ -93,14 +93,14 @@ class Baker:
 
     def light_group(self, name: str, budget: int) -> LightGroup:
         """The light of one light group on the Gaussians of the attempt with this budget."""
-        whole = self._baked[budget]
+        whole = self.baked[budget]
         return self.fits.light_group(name, budget, whole.gaussians, whole.coarse)
 
     def _in_groups(self, attempt: Attempt) -> Attempt:
         """The attempt with the light of the scene's light groups in its file."""
         groups = tuple(self.light_group(name, attempt.budget) for name in self.plan.groups)
         with self.progress.stage("encode"):
-            data = codec.encode(replace(self._baked[attempt.budget], groups=groups))
+            data = codec.encode(replace(self.baked[attempt.budget], groups=groups))
         self.progress.say(f"  {len(groups)} light groups: {len(data) - len(attempt.data)} bytes")
         return replace(attempt, data=data)
 

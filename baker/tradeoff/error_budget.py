@@ -9,12 +9,9 @@ import numpy as np
 from gsgi.baker.evaluation import held_out
 from gsgi.baker.evaluation.comparison import compare_frame, compare_indirect
 from gsgi.baker.evaluation.metrics import mean_psnr
-from gsgi.baker.evaluation.monitor import FitMonitor
-from gsgi.baker.progress import Progress
-from gsgi.baker.surface.fits import SurfaceFits
-from gsgi.runtime.file import codec
-from gsgi.runtime.gaussians import Bake, Gaussians
+from gsgi.runtime.gaussians import Bake
 
+from .gaussians import SURFACE
 from .ground import Ground
 from .study import MAGNIFIED, Entry
 
@@ -42,57 +39,43 @@ class Part:
 
 def error_budget(ground: Ground, entries: Sequence[Entry], ctx: "moderngl.Context") -> dict | None:
     """The budget as data for the report; None without entries of the method `surface` around the default budget."""
-    ours = [entry for entry in entries if entry.method.name == "surface"]
-    default = next((e for e in ours if e.value == ground.plan.settings.budget and e.scale == 1), None)
+    ours = [entry for entry in entries if entry.method.name == SURFACE.name]
+    default = next((e for e in ours if e.value == ground.plan.settings.budget and e.paths == e.scale == 1), None)
     if default is None:
         return None
-    parts = [*_of_the_fit(ground), *_of_entries(default, ours), _of_shadows(ground, ctx)]
+    parts = [*_of_entries(default, ours), *_of_the_file(ground, default), _of_shadows(ground, ctx)]
     return {"about": ABOUT, "parts": [asdict(part) for part in parts]}
 
 
-def _of_the_fit(ground: Ground) -> list[Part]:
-    """Tracing noise, quantisation and the coarse level."""
-    settings = ground.plan.settings
-    as_is, seconds = _fitted(ground, settings.samples, settings.error)
-    twice, longer = _fitted(ground, 2 * settings.samples, settings.error / np.sqrt(2))
-    data = codec.encode(as_is)
-    written = codec.decode(data)
+def _of_the_file(ground: Ground, default: Entry) -> list[Part]:
+    """Quantisation and the coarse level."""
+    baked, _ = ground.bake(SURFACE, default.value)
+    written = baked.bake
     dark = replace(written.coarse, opacity=np.zeros_like(written.coarse.opacity))
-    before, finer, quieter, fine_only = (
-        _score(ground, bake) for bake in (written, as_is, twice, replace(written, coarse=dark))
+    before, exact, fine_only = (_score(ground, bake) for bake in (written, baked.exact, replace(written, coarse=dark)))
+    floats = sum(
+        sum(getattr(level, name).nbytes for name in level.__dataclass_fields__) for level in (baked.fine, baked.coarse)
     )
-    floats = sum(sum(getattr(level, name).nbytes for name in level.__dataclass_fields__) for level in _levels(as_is))
+    cost = f"{floats / default.file_bytes:.1f} times the bytes"
     return [
-        Part("tracing noise", "twice the paths", *before, *quieter, f"{longer - seconds:.0f} s more of tracing"),
-        Part("quantisation", "floats in place of bytes", *before, *finer, f"{floats / len(data):.1f} times the bytes"),
+        Part("quantisation", "floats in place of bytes", *before, *exact, cost),
         Part("no coarse level", "it is there", *fine_only, *before, f"{len(written.coarse)} Gaussians"),
     ]
 
 
-def _fitted(ground: Ground, samples: int, error: float) -> tuple[Bake, float]:
-    """The default bake with so many paths, before it is written, and the seconds of its tracing."""
-    settings = replace(ground.plan.settings, samples=samples, error=error)
-    plan = replace(ground.plan, settings=settings)
-    progress = Progress(ground.display)
-
-    def bake(fine: Gaussians, coarse: Gaussians | None) -> Bake:
-        return Bake(fine, plan.blend, ground.tone_scale, coarse=coarse)
-
-    fit = SurfaceFits(plan, progress).fit(
-        settings.budget,
-        lambda advance, coarse: FitMonitor(advance, None, lambda fine: bake(fine, coarse), settings.iterations, None),
-    )
-    return bake(fit.gaussians, fit.coarse), progress.seconds["irradiance"]
-
-
 def _of_entries(default: Entry, ours: Sequence[Entry]) -> list[Part]:
-    """The number of Gaussians, and the resolution of the pass."""
-    parts = []
-    larger = min((e for e in ours if e.scale == 1 and e.value > default.value), key=lambda e: e.value, default=None)
+    """Tracing noise, the number of Gaussians, and the resolution of the pass."""
+    parts, full = [], [entry for entry in ours if entry.scale == 1]
+    longer = max((e for e in full if e.paths > 1), key=lambda e: e.paths, default=None)
+    if longer is not None:
+        cost = f"{longer.bake_seconds - default.bake_seconds:.0f} s of bake"
+        limit = f"{longer.paths:g} times the paths"
+        parts.append(Part("tracing noise", limit, *_of_mean(default), *_of_mean(longer), cost))
+    larger = min((e for e in full if e.value > default.value), key=lambda e: e.value, default=None)
     if larger is not None:
-        longer = larger.bake_seconds - default.bake_seconds
+        more = larger.bake_seconds - default.bake_seconds
         cost = (
-            f"{larger.file_bytes - default.file_bytes} bytes, {longer:.0f} s of bake, "
+            f"{larger.file_bytes - default.file_bytes} bytes, {more:.0f} s of bake, "
             f"{larger.more_ms - default.more_ms:.1f} ms of a frame more"
         )
         limit = f"{larger.value / default.value:g} times as many"
@@ -137,7 +120,3 @@ def _mean(found) -> tuple[float, float]:
 
 def _of_mean(entry: Entry) -> tuple[float, float]:
     return entry.mean.ssim, entry.mean.psnr
-
-
-def _levels(bake: Bake) -> list[Gaussians]:
-    return [bake.gaussians, bake.coarse]

@@ -5,8 +5,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gsgi.baker.cache.store import Cache
-from gsgi.baker.plan import make_plan
 from gsgi.baker.progress import Progress
 from gsgi.runtime.file import codec
 from gsgi.runtime.gaussians import Bake, Gaussians, OverBlend
@@ -23,6 +21,7 @@ FACTORS_QUICK = 1 / 16, 1 / 4, 1, 4
 FACTORS_OVER = 1 / 8, 1 / 2, 2, 8  # of the budget of a draft, which has 1,200 Gaussians in a Cornell box
 FACTORS_OVER_QUICK = 1 / 4, 1
 FEWEST = 16
+PATHS = 1 / 16, 1 / 4, 2  # times the paths of the default bake
 TEXEL_BYTES = 16  # RGBA32F
 SHAPE_TEXELS = 3
 
@@ -64,13 +63,29 @@ class BakedGaussians:
         return GaussianLight(frame, self.bake, scale)
 
 
-def bake_surface(ground: Ground, value: float, progress: Progress) -> BakedGaussians:
+@dataclass(frozen=True)
+class BakedSurface(BakedGaussians):
+    """The same with both levels as they were before they were encoded."""
+
+    fine: Gaussians
+    coarse: Gaussians
+
+    @property
+    def exact(self) -> Bake:
+        """What the file would hold if it held floats."""
+        return replace(self.bake, gaussians=self.fine, coarse=self.coarse)
+
+
+def bake_surface(ground: Ground, value: float, progress: Progress) -> BakedSurface:
     """Bake with a budget of `value` Gaussians, as `gsgi bake --budget` does."""
-    from gsgi.baker.bake import bake
+    from gsgi.baker.bake import Baker
 
     plan = replace(ground.plan, settings=replace(ground.plan.settings, budget=int(value)))
     progress.seconds.update(ground.plan_seconds)
-    return BakedGaussians(np.frombuffer(bake(plan, progress).data, np.uint8))
+    baker = Baker(plan, progress)
+    data = np.frombuffer(baker.best().data, np.uint8)
+    exact = baker.baked[plan.settings.budget]
+    return BakedSurface(data, exact.gaussians, exact.coarse)
 
 
 def bake_over(ground: Ground, value: float, progress: Progress) -> BakedGaussians:
@@ -79,7 +94,8 @@ def bake_over(ground: Ground, value: float, progress: Progress) -> BakedGaussian
 
     quality = "draft" if ground.quick else "medium"
     settings = replace(ground.settings, operator="over", quality=quality, budget=int(value))
-    plan = make_plan(ground.scene, settings, progress, Cache())
+    plan, seconds = ground.planned(settings)
+    progress.seconds.update(seconds)
     return BakedGaussians(np.frombuffer(bake(plan, progress).data, np.uint8))
 
 
@@ -104,8 +120,8 @@ def _gpu_bytes(level: Gaussians) -> int:
 
 SURFACE = Method(
     "surface", "Gaussians, read at surfaces", "this project",
-    "What `gsgi bake` makes, with the budget as its only flag.", "Gaussians", BakedGaussians, surface_budgets,
-    bake_surface, scales=(1, 2, 4), in_space=True,
+    "What `gsgi bake` makes, with the budget as its only flag.", "Gaussians", BakedSurface, surface_budgets,
+    bake_surface, scales=(1, 2, 4), paths=PATHS, in_space=True,
 )  # fmt: skip
 OVER = Method(
     "over", "Gaussians, blended", "Zubatov et al.; Kerbl et al. 2023",

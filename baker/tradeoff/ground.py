@@ -1,6 +1,7 @@
 """The ground on which all methods stand: one scene, one tracer, the same cameras and references."""
 
 from collections.abc import Callable, Mapping
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
@@ -10,18 +11,19 @@ import numpy as np
 from gsgi.baker.cache.records import from_arrays, to_arrays
 from gsgi.baker.cache.store import Cache
 from gsgi.baker.evaluation import held_out
-from gsgi.baker.plan import make_plan
+from gsgi.baker.plan import Plan, as_baked, plan_within
 from gsgi.baker.progress import Display, Progress
 from gsgi.baker.settings import Settings
-from gsgi.baker.surface.samples import Sampler, known_paths
+from gsgi.baker.surface.samples import Sampler
 from gsgi.baker.surface.seen_surface import SeenSurface
-from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.baker.trace.irradiance_cache import IrradianceCache, KnownLight
 from gsgi.baker.trace.reference import Reference
 from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling
+from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.scene import Scene
 
+from .cold_tracer import ColdProgress, ColdTracer
 from .method import Answer, Method
 
 PATHS = 1024  # per texel: as many as a sample of ours takes at most
@@ -42,26 +44,40 @@ class FreeLight:
 class Ground:
     """A scene to study.
 
-    What a method bakes is traced with an empty cache, so that its seconds are those of a first bake; finished answers
-    are kept in `cache` together with them. `views` limits the held-out cameras.
+    The seconds of all stages are those of a bake with an empty cache. What was traced and finished answers are kept in
+    `cache` together with them. `views` limits the held-out cameras.
     """
 
     def __init__(self, scene: Scene, settings: Settings, cache: Cache, display: Display, quick: bool, views: int):
         self.settings, self.quick, self.display, self.cache = settings, quick, display, cache
-        progress = Progress(display)
-        self.plan = make_plan(scene, settings, progress, Cache())
-        self.plan_seconds = {name: progress.seconds[name] for name in ("views", "plan")}
-        self.scene = self.plan.scene
-        self.cached = CachedTracer(self.scene, cache)
-        self.cold = self.plan.tracer
+        self.cold = ColdTracer(as_baked(scene, settings), cache)
+        self.scene = self.cold.scene
+        self.plan, self.plan_seconds = self.planned(settings)
         self.cameras: Mapping[str, Camera] = dict(islice(self.plan.placement.held_out.items(), views))
         self._kept: dict[str, tuple[object, dict[str, float]]] = {}
+
+    def planned(self, settings: Settings) -> tuple[Plan, dict[str, float]]:
+        """The plan of a bake with these settings, and the seconds of its stages."""
+        progress = self.progress()
+        plan = plan_within(self.scene, lambda: Triangles(self.scene), self.cold, settings, progress)
+        return plan, progress.seconds
+
+    def with_paths(self, factor: float) -> "Ground":
+        """The same ground, but that bakes of ours trace `factor` times the paths: noise goes with their root."""
+        other, settings = copy(self), self.plan.settings
+        samples, error = max(round(factor * settings.samples), 1), float(f"{settings.error * factor**-0.5:.3g}")
+        other.plan = replace(self.plan, settings=replace(settings, samples=samples, error=error))
+        return other
+
+    def progress(self) -> Progress:
+        """The progress of a bake whose cache is empty."""
+        return ColdProgress(self.display, self.cold)
 
     @cached_property
     def references(self) -> dict[str, Reference]:
         """References of the held-out cameras that tell something, by name, traced once."""
         placement = replace(self.plan.placement, held_out=dict(self.cameras))
-        plan = replace(self.plan, tracer=self.cached, placement=placement)
+        plan = replace(self.plan, placement=placement)
         progress = Progress(self.display)
         known = held_out.known_light(plan, progress)
         with progress.stage("references", 2 * len(self.cameras) * held_out.SIZE**2, "points") as advance:
@@ -113,7 +129,7 @@ class Ground:
         They end in gathered light, as those of our own samples do, unless there are so few that it would take longer.
         """
         known = None
-        if len(position) * paths > GATHERING_PAYS * known_paths(self.plan.settings.bounces):
+        if self.plan.known_paths and len(position) * paths > GATHERING_PAYS * self.plan.known_paths:
             known, seconds = self.gathered()
             progress.seconds.update(seconds)
         half = Sampling(-(-paths // (2 * PASS_SAMPLES)) * PASS_SAMPLES, self.plan.settings.bounces)
@@ -126,14 +142,14 @@ class Ground:
         self, stage: str, kind: type, compute: Callable[[Progress], object], module: str = __name__, **inputs
     ) -> tuple[object, dict[str, float]]:
         """The record of type `kind` under its inputs, computed once and kept with the seconds of its stages."""
-        key = self.cached.key(stage, module, **inputs)
+        key = self.cold.key(stage, module, **inputs)
         if key not in self._kept:
             found = self.cache.get(key)
             if found:
                 seconds = dict(zip(found.pop("stages").tolist(), found.pop("seconds").tolist(), strict=True))
                 record = from_arrays(kind, found)
             else:
-                progress = Progress(self.display)
+                progress = self.progress()
                 record, seconds = compute(progress), progress.seconds
                 times = {"stages": np.array(list(seconds), "U32"), "seconds": np.array(list(seconds.values()), float)}
                 self.cache.put(key, to_arrays(record) | times)

@@ -55,7 +55,8 @@ class Method(NamedTuple):
     `name` is that of the command line, `title` that of the report; `source` is the paper, and `built` says in one
     sentence how it is built here. `swept` names the setting with its unit, and `settings(ground)` lists its values.
     `bake(ground, value, progress)` makes an `answer`, each stage timed by the progress. `scales` are the resolutions of
-    its pass: 2 reads the light once per 2 x 2 pixels. `in_space` says whether it lights objects that move.
+    its pass: 2 reads the light once per 2 x 2 pixels. `paths` are further numbers of paths, relative to the default's,
+    with which the default budget is baked too. `in_space` says whether it lights objects that move.
     """
 
     name: str
@@ -67,6 +68,7 @@ class Method(NamedTuple):
     settings: "Callable[[Ground], Sequence[float]]"
     bake: "Callable[[Ground, float, Progress], Answer]"
     scales: tuple[int, ...] = (1,)
+    paths: tuple[float, ...] = ()
     in_space: bool = False
 
     @property

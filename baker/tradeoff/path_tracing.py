@@ -66,12 +66,20 @@ def denoise_frames(ground: Ground, value: float, progress: Progress) -> TracedIm
         denoise.denoise(image, reference.surface.normal, reference.valid)
         for image, reference in zip(noisy.images, references, strict=True)
     ]
-    ms = _denoiser_ms(references[0].surface.normal) * noisy.images[0, ..., 0].size
-    return TracedImages(np.stack(images), noisy.ms + ms)
+    normal = references[0].surface.normal
+    denoiser, _ = ground.timed("denoiser", Denoiser, lambda progress: _timed_denoiser(normal), __name__)
+    return TracedImages(np.stack(images), noisy.ms + denoiser.ms_per_pixel * normal[..., 0].size)
 
 
-def _denoiser_ms(normal: np.ndarray) -> float:
-    """Milliseconds of the denoiser for a pixel of a frame of TILES x TILES views (H, W, 3); fastest of three runs."""
+@dataclass(frozen=True)
+class Denoiser:
+    """What the denoiser takes for a pixel of a frame, ms."""
+
+    ms_per_pixel: float
+
+
+def _timed_denoiser(normal: np.ndarray) -> Denoiser:
+    """Its time for a frame of TILES x TILES views with these normals (H, W, 3): the fastest of three runs."""
     import mitsuba_oidn
 
     guide = np.ascontiguousarray(np.tile(normal, (TILES, TILES, 1)), np.float32)
@@ -80,7 +88,7 @@ def _denoiser_ms(normal: np.ndarray) -> float:
         start = time.perf_counter()
         mitsuba_oidn.denoise(white, white, guide, hdr=True, clean_aux=True, input_scale=1.0)
         taken.append(1e3 * (time.perf_counter() - start))
-    return min(taken[1:]) / guide[..., 0].size
+    return Denoiser(min(taken[1:]) / guide[..., 0].size)
 
 
 def samples(ground: Ground) -> list[float]:

@@ -1,13 +1,16 @@
 """The files of a study: a page that opens without a network, its data, and its plots."""
 
 import json
+import re
 from pathlib import Path
 
 from gsgi.runtime.atomic import write_together
 from gsgi.runtime.errors import FileError, FormatError
 
+from . import plots as plotted
+from . import time_plot
+from .drawing import png, svg
 from .pictures import pictures
-from .plots import colour_of, png, shapes, svg
 from .ranking import COSTS
 from .study import Study
 from .tables import SCHEMA, as_dict, rows
@@ -16,27 +19,30 @@ PAGE, DATA = "report.html", "study.json"
 TEMPLATE = Path(__file__).with_name("report.html")
 
 
-def write(study: Study, folder: Path, scene: str, command: str) -> dict:
-    """Write all files of a study to a folder that exists, and return its data. Raises FileError."""
-    data = as_dict(study, scene, command)
-    plots = {cost: shapes(data, cost) for cost in COSTS}
-    drawn = {cost: svg(parts) for cost, parts in plots.items()}
+def write(study: Study, folder: Path, scene: str, command: str, bake: str) -> dict:
+    """Write all files of a study to a folder that exists, and return its data. Raises FileError.
+
+    `command` made the study of `scene`, and `bake` is the command of a bake without its settings.
+    """
+    data = as_dict(study, scene, command, bake)
+    plots = {f"error-{cost.replace('_', '-')}": (plotted.shapes(data, cost), plotted.HEIGHT) for cost in COSTS}
+    if parts := time_plot.shapes(data):
+        plots["time"] = parts, time_plot.height(data)
+    drawn = {name: svg(*plot) for name, plot in plots.items()}
     files = {PAGE: page(data, pictures(study), drawn).encode(), DATA: (json.dumps(data, indent=1) + "\n").encode()}
     files["study.csv"] = rows(data).encode()
-    for cost, parts in plots.items():
-        name = f"error-{cost.replace('_', '-')}"
-        files |= {f"{name}.svg": drawn[cost].encode(), f"{name}.png": png(parts)}
+    for name, plot in plots.items():
+        files |= {f"{name}.svg": drawn[name].encode(), f"{name}.png": png(*plot)}
     write_together({folder / name: content for name, content in files.items()})
     return data
 
 
 def page(data: dict, images: dict, plots: dict[str, str]) -> str:
-    """The page, with everything that it shows inside."""
-    colours = {method["name"]: colour_of(method["name"]) for method in data["methods"]}
+    """The page, with everything that it shows inside. `plots` are those as SVG, by the names of their files."""
+    colours = {method["name"]: plotted.colour_of(method["name"]) for method in data["methods"]}
     embedded = {"study": data, "pictures": images, "colours": colours}
     text = TEMPLATE.read_text(encoding="utf-8")
-    for cost, drawn in plots.items():
-        text = text.replace(f"<!-- plot {cost} -->", drawn)
+    text = re.sub("<!-- plot (.*) -->", lambda found: plots.get(found[1], ""), text)
     # "</script>" in a name must not end the script that holds it.
     return text.replace('"the data"', json.dumps(embedded).replace("</", "<\\/"))
 
@@ -44,6 +50,10 @@ def page(data: dict, images: dict, plots: dict[str, str]) -> str:
 def read(folder: Path) -> dict:
     """The data of a study in a folder. Raises FileError, and FormatError for what is no study of this version."""
     path = folder / DATA
+    if folder.is_file():
+        raise FileError(f"{folder}: expected the folder of a study; `gsgi tradeoff {folder} -o DIR` makes one")
+    if several := sorted(str(each.parent) for each in folder.glob(f"*/{DATA}") if not path.exists()):
+        raise FileError(f"{folder}: a study of several scenes; expected one of {', '.join(several)}")
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:

@@ -4,6 +4,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,14 +35,16 @@ ROUNDS, ROUNDS_QUICK = 9, 5
 class Entry:
     """One method with one setting at one resolution of its pass.
 
-    `seconds` are of each stage of a bake with an empty cache. `free_error` is relative; None if the method has no
-    answer for objects that move, or traces them like all others. Milliseconds are the median and the 95th percentile
-    over the cameras: of the whole frame, and of what it takes more than the frame without indirect light. `images`
-    (V, H, W, 3) float32 is B in the views.
+    `paths` is their number relative to that of the default; it is 1 but for bakes of ours. `seconds` are of each stage
+    of a bake with an empty cache. `free_error` is relative; None if the method has no answer for objects that move, or
+    traces them like all others. Milliseconds are the median and the 95th percentile over the cameras: of the whole
+    frame, and of what it takes more than the frame without indirect light. `images` (V, H, W, 3) float32 is B in the
+    views.
     """
 
     method: Method
     value: float
+    paths: float
     scale: int
     file_bytes: int
     gpu_bytes: int
@@ -73,6 +76,8 @@ class Entry:
     def label(self) -> str:
         """The setting in words."""
         words = f"{self.value:g} {self.method.swept}" if self.method.swept else ""
+        words += f", {Fraction(self.paths)} of the paths" if self.paths < 1 else ""
+        words += f", {self.paths:g} times the paths" if self.paths > 1 else ""
         return f"{words}, 1/{self.scale} resolution" if self.scale > 1 else words
 
 
@@ -95,6 +100,7 @@ class Study:
 class _Baked:
     method: Method
     value: float
+    paths: float
     answer: Answer | TracedImages
     seconds: dict[str, float]
 
@@ -125,14 +131,21 @@ def run(ground: Ground, methods: Sequence[Method], size: tuple[int, int]) -> Stu
 
 def _bake_all(ground: Ground, methods: Sequence[Method]) -> Iterator[_Baked]:
     """Bake what is not in the cache; say how far it is, and how long the rest may take."""
-    tasks = [(method, value) for method in methods for value in method.settings(ground)]
+    tasks = [task for method in methods for task in _tasks(ground, method)]
     start = time.perf_counter()
-    for done, (method, value) in enumerate(tasks):
+    for done, (method, value, paths) in enumerate(tasks):
         left = (time.perf_counter() - start) / done * (len(tasks) - done) if done else 0.0
         rest = f"; about {left / 60:.0f} min left" if left > 60 else ""
         setting = f", {value:g} {method.swept}" if method.swept else ""
+        setting += f", {paths:g} times the paths" if paths != 1 else ""
         Progress(ground.display).say(f"{done + 1}/{len(tasks)} {method.title}{setting}{rest}")
-        yield _Baked(method, value, *ground.bake(method, value))
+        yield _Baked(method, value, paths, *ground.with_paths(paths).bake(method, value))
+
+
+def _tasks(ground: Ground, method: Method) -> list[tuple[Method, float, float]]:
+    """The method with each of its settings, and with the default budget and other numbers of paths."""
+    swept = [(method, value, 1.0) for value in method.settings(ground)]
+    return swept + [(method, float(ground.plan.settings.budget), paths) for paths in method.paths]
 
 
 def _drawn(ground: Ground, baked: Sequence[_Baked], ctx: "moderngl.Context") -> list[tuple[_Baked, int, np.ndarray]]:
@@ -142,7 +155,7 @@ def _drawn(ground: Ground, baked: Sequence[_Baked], ctx: "moderngl.Context") -> 
     progress = Progress(ground.display)
     with _frame(ground, ctx, (edge, edge)) as frame, progress.stage("views", len(baked), "settings") as advance:
         for each in baked:
-            for scale in each.method.scales:
+            for scale in each.method.scales if each.paths == 1 else each.method.scales[:1]:
                 try:
                     drawn.append((each, scale, _images(ground, each.answer, frame, scale)))
                 except UnsupportedError as error:
@@ -201,11 +214,11 @@ def _entry(
     )
     numbers = [float(f(ms)) for ms in (frame, more) for f in (np.median, lambda x: np.percentile(x, 95))]
     sizes = each.answer.file_bytes, each.answer.gpu_bytes
-    return Entry(each.method, each.value, scale, *sizes, each.seconds, views, free, *numbers, images)
+    return Entry(each.method, each.value, each.paths, scale, *sizes, each.seconds, views, free, *numbers, images)
 
 
 def _key(each: _Baked, scale: int) -> str:
-    return f"{each.method.name} {each.value:g} {scale}"
+    return f"{each.method.name} {each.value:g} {each.paths:g} {scale}"
 
 
 @contextmanager

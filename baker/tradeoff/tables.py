@@ -9,19 +9,23 @@ import subprocess
 from importlib.metadata import version
 from pathlib import Path
 
+from .ground import Ground
 from .ranking import COSTS, GOALS, cheapest, dominated
 from .study import Entry, Study
 
-SCHEMA = 1  # changes with every change of a key's meaning; new keys do not count
+SCHEMA = 2  # changes with every change of a key's meaning; new keys do not count
 
 DIGITS = 5  # significant digits of numbers that were measured
 
 
-def as_dict(study: Study, scene: str, command: str) -> dict:
-    """The study as numbers, strings, lists and dictionaries. `scene` and `command` are for people to read."""
+def as_dict(study: Study, scene: str, command: str, bake: str) -> dict:
+    """The study as numbers, strings, lists and dictionaries.
+
+    `scene` and `command` are for people to read; `bake` is the command of a bake without its settings.
+    """
     ground = study.ground
     methods = {entry.method.name: entry.method for entry in study.entries}
-    entries = [_entry(entry, scene) for entry in study.entries]
+    entries = [_entry(entry) | {"command": _command(ground, entry, bake)} for entry in study.entries]
     for cost in COSTS:
         for entry, is_dominated in zip(entries, dominated(entries, cost), strict=True):
             entry["dominated"][cost] = is_dominated
@@ -50,11 +54,13 @@ def as_dict(study: Study, scene: str, command: str) -> dict:
 
 
 def rows(study: dict) -> str:
-    """One line of CSV per entry of `as_dict`: its numbers and the means over the views."""
+    """One line of CSV per entry of `as_dict`: its numbers, the means over the views, and the seconds of each stage."""
+    stages = list(dict.fromkeys(name for entry in study["entries"] for name in entry["seconds"]))
     lines = [
         {name: value for name, value in entry.items() if not isinstance(value, dict | list)}
         | entry["mean"]
         | {"worst_view_ssim": min(view["ssim"] for view in entry["views"])}
+        | {f"seconds_{name.replace(' ', '_')}": entry["seconds"].get(name, 0.0) for name in stages}
         for entry in study["entries"]
     ]
     out = io.StringIO()
@@ -88,16 +94,27 @@ def _processor() -> str:
     return next(named, platform.processor() or platform.machine())
 
 
-def _entry(entry: Entry, scene: str) -> dict:
+def _command(ground: Ground, entry: Entry, bake: str) -> str:
+    """The command that makes an entry; "" if none does."""
+    if entry.method.name not in ("surface", "over"):
+        return ""
+    flags = [f"--operator {entry.method.name}"] if entry.method.name == "over" else []
+    if entry.method.name == "over" and ground.quick:
+        flags.append("--quality draft")
+    flags.append(f"--budget {entry.value:g}")
+    if entry.paths != 1:
+        settings = ground.with_paths(entry.paths).plan.settings
+        flags.append(f"--samples {settings.samples} --error {settings.error:g}")
+    return " ".join([bake, *flags])
+
+
+def _entry(entry: Entry) -> dict:
     mean = {name: _round(value) for name, value in dataclasses.asdict(entry.mean).items() if name != "name"}
     views = [{name: _round(value) for name, value in dataclasses.asdict(view).items()} for view in entry.views]
-    command = f"gsgi bake {scene} -o out.gsgi"
-    if entry.method.name == "over":
-        command += " --operator over"
-    ours = entry.method.name in ("surface", "over")
     return {
         "method": entry.method.name,
         "value": entry.value,
+        "paths": entry.paths,
         "scale": entry.scale,
         "label": entry.label,
         "file_bytes": entry.file_bytes,
@@ -109,7 +126,6 @@ def _entry(entry: Entry, scene: str) -> dict:
         "more_ms_p95": _round(entry.more_ms_p95),
         "free_error": _round(entry.free_error),
         "worst_view": entry.worst.name,
-        "command": f"{command} --budget {entry.value:g}" if ours else "",
         "seconds": {name: _round(value) for name, value in entry.seconds.items()},
         "mean": mean,
         "views": views,

@@ -44,12 +44,13 @@ def run(options: argparse.Namespace) -> None:
     if options.json:
         print_json(entry | {"reason": reason})
         return
+    frame = f"{study['frame']['width']} x {study['frame']['height']} px"
     print(entry["command"])
-    scale = "" if entry["scale"] == 1 else f"; draw it with splat_scale={entry['scale']}"
+    if entry["scale"] > 1:
+        print(f"draw it with splat_scale={entry['scale']}: the light is read at 1/{entry['scale']} of the resolution")
     print(
-        f"{reason}: SSIM of B {entry['mean']['ssim']:.4f}, {entry['file_bytes']} bytes, {entry['more_ms']:.3g} ms of "
-        f"light in a frame of {study['frame']['width']} x {study['frame']['height']} px, "
-        f"{entry['bake_seconds']:.3g} s of bake{scale}"
+        f"{reason}: SSIM of B {entry['mean']['ssim']:.4f} (ceiling {study['ceiling']:.4f}), {entry['file_bytes']:,} "
+        f"bytes, {entry['more_ms']:.3g} ms of light in a frame of {frame}, {entry['bake_seconds']:.3g} s of bake"
     )
 
 

@@ -2,6 +2,7 @@
 
 import argparse
 import shlex
+from collections.abc import Sequence
 from pathlib import Path
 
 from gsgi.baker.cli import options as shared
@@ -73,6 +74,7 @@ def _study(options: argparse.Namespace, folder: Path, methods: list, cache, cons
     from gsgi.baker.tradeoff.ground import Ground
     from gsgi.baker.tradeoff.ranking import GOALS
     from gsgi.runtime.errors import SceneError
+    from gsgi.runtime.lighting import KEYS
 
     scene = read_scene(options, progress)
     try:
@@ -80,7 +82,11 @@ def _study(options: argparse.Namespace, folder: Path, methods: list, cache, cons
         found = study.run(ground, methods, options.size)
     except SceneError as error:
         raise SceneError(f"{options.scene}: {error}") from error
-    data = report.write(found, folder, Path(options.scene).name, _command(options))
+    scene_flags = _flags(options, ("lights", *KEYS, "transparent", "limit"))
+    command = ["gsgi", "tradeoff", Path(options.scene).name, *scene_flags, *_flags(options, ("methods",))]
+    command += ["--quick"] * options.quick + ["--size", "x".join(map(str, options.size))]
+    bake = ["gsgi", "bake", options.scene, *scene_flags, "-o", f"{Path(options.scene).stem}.gsgi"]
+    data = report.write(found, folder, Path(options.scene).name, shlex.join(command), shlex.join(bake))
     for goal in GOALS:
         places = data["ranking"][str(goal)]
         names = ", ".join(dict.fromkeys(data["entries"][i]["method"] for i in places))
@@ -116,11 +122,15 @@ def _methods(names: str | None) -> list:
     return [known[name] for name in dict.fromkeys(wanted)]
 
 
-def _command(options: argparse.Namespace) -> str:
-    """The command line that made the study, for its footer: what decides its result."""
-    parts = ["gsgi", "tradeoff", Path(options.scene).name]
-    for flag, value in (("--methods", options.methods), ("--env", options.env), ("--sun", options.sun)):
-        if value is not None:
-            parts += [flag, value if isinstance(value, str) else ",".join(f"{x:g}" for x in value)]
-    parts += ["--quick"] * options.quick + ["--size", "x".join(map(str, options.size))]
-    return shlex.join(parts)
+def _flags(options: argparse.Namespace, keys: Sequence[str]) -> list[str]:
+    """The flags with these keys that are set to something else than their defaults, as they are written."""
+    parts = []
+    for key in keys:
+        value = getattr(options, key, None)
+        if value is None or (key, value) == ("transparent", "filter"):
+            continue
+        for each in value if key == "limit" else [value]:
+            numbers = (each,) if isinstance(each, float) else each
+            text = each if isinstance(each, str) else ",".join(f"{x:g}" for x in numbers)
+            parts += [f"--{key.replace('_', '-')}", text]
+    return parts

@@ -3,7 +3,7 @@
 import pytest
 from repository import SCENES
 
-from gsgi.baker.cache.store import Cache
+from gsgi.baker.cache.store import MemoryCache
 from gsgi.baker.evaluation import held_out
 from gsgi.baker.progress import Silent
 from gsgi.baker.settings import Settings
@@ -31,4 +31,4 @@ def patched():
 def ground(patched) -> grounds.Ground:
     """The ground of all tests."""
     scene = read_gltf(SCENES / "cornell.glb")
-    return grounds.Ground(scene, SETTINGS, Cache(), Silent(), quick=True, views=4)
+    return grounds.Ground(scene, SETTINGS, MemoryCache(), Silent(), quick=True, views=4)

@@ -1,5 +1,9 @@
 """The error budget: each cause of the default bake's error alone."""
 
+import csv
+import io
+import re
+
 import pytest
 
 from gsgi.baker.evaluation.metrics import psnr
@@ -14,7 +18,7 @@ def made(ground):
         patch.setattr(budget, "FREE_PER_GAUSSIAN", 64)
         patch.setattr(gaussians, "FACTORS_QUICK", (1, 4))
         patch.setattr(study, "ROUNDS_QUICK", 1)
-        yield study.run(ground, [gaussians.SURFACE], (96, 64))
+        yield study.run(ground, [gaussians.SURFACE._replace(paths=(2.0,))], (96, 64))
 
 
 @pytest.fixture(scope="module")
@@ -24,8 +28,8 @@ def parts(made) -> dict[str, dict]:
 
 def test_every_cause_is_there(parts):
     assert list(parts) == [
-        "tracing noise", "quantisation", "no coarse level", "number of Gaussians", "1/2 resolution of the pass",
-        "1/4 resolution of the pass", "shadow maps of primary light",
+        "tracing noise", "number of Gaussians", "1/2 resolution of the pass", "1/4 resolution of the pass",
+        "quantisation", "no coarse level", "shadow maps of primary light",
     ]  # fmt: skip
 
 
@@ -48,9 +52,47 @@ def test_exact_shadows_and_exact_indirect_light_are_the_reference(parts):
     assert shadows["psnr"] < shadows["psnr_without"] <= psnr(0)
 
 
-def test_the_page_shows_it(made, tmp_path):
-    data = report.write(made, tmp_path, "cornell.glb", "")
+@pytest.fixture(scope="module")
+def written(made, tmp_path_factory):
+    """The folder of the study's files, and its data."""
+    folder = tmp_path_factory.mktemp("study")
+    return folder, report.write(made, folder, "cornell.glb", "", "gsgi bake cornell.glb -o cornell.gsgi")
+
+
+def test_the_page_shows_it(made, written):
+    _, data = written
     assert [part["part"] for part in data["error_budget"]["parts"]] == [
         part["part"] for part in made.error_budget["parts"]
     ]
-    assert all(entry["command"].startswith("gsgi bake cornell.glb") for entry in data["entries"])
+
+
+def test_commands_bake_what_was_measured(written, ground):
+    _, data = written
+    full = {entry["paths"]: entry["command"] for entry in data["entries"] if entry["value"] == 64}
+    assert full[1] == "gsgi bake cornell.glb -o cornell.gsgi --budget 64"
+    assert full[2] == f"{full[1]} --samples {2 * ground.plan.settings.samples} --error 0.0354"
+
+
+def test_the_time_of_each_stage_is_shown_against_the_error(written):
+    folder, data = written
+    page, plot = ((folder / name).read_text() for name in (report.PAGE, "time.svg"))
+    assert plot.strip() in page
+    ours = [i for i, entry in enumerate(data["entries"]) if entry["scale"] == 1]
+    assert [data["entries"][i]["label"] for i in ours] == [
+        "64 Gaussians", "256 Gaussians", "64 Gaussians, 2 times the paths",
+    ]  # fmt: skip
+    dots = [int(place) for place in re.findall(r'data-entry="(\d+)"', plot)]
+    assert sorted(dots) == sorted([*ours, 0])  # the default bake is on both curves
+    for i in ours:
+        entry = data["entries"][i]
+        assert set(entry["seconds"]) == {"views", "plan", "known light", "irradiance", "fit", "encode"}
+        assert f"{entry['bake_seconds']:.3g} s, SSIM {entry['mean']['ssim']:.4f}" in plot
+    rows = list(csv.DictReader(io.StringIO((folder / "study.csv").read_text())))
+    for row, entry in zip(rows, data["entries"], strict=True):
+        assert float(row["seconds_known_light"]) == entry["seconds"]["known light"]
+
+
+def test_light_that_was_kept_counts_with_the_seconds_that_it_took(made):
+    """Bakes of all budgets end in the same known light, which is traced for the first of them."""
+    known = {entry.seconds["known light"] for entry in made.entries}
+    assert max(known) < 1.2 * min(known) + 0.2

@@ -5,15 +5,17 @@ import json
 import pytest
 
 from gsgi.baker.cli import main
-from gsgi.baker.tradeoff.ranking import Wish, cheapest, dominated, recommended
+from gsgi.baker.tradeoff.ranking import Wish, cheapest, compared, dominated, recommended
 from gsgi.baker.tradeoff.report import DATA
 from gsgi.baker.tradeoff.tables import SCHEMA
 
 
-def entry(method: str, value: float, ssim: float, ms: float, size: int, seconds: float, scale: int = 1) -> dict:
+def entry(
+    method: str, value: float, ssim: float, ms: float, size: int, seconds: float, scale: int = 1, paths: float = 1.0
+) -> dict:
     return {
-        "method": method, "value": value, "scale": scale, "label": f"{value:g} Gaussians", "mean": {"ssim": ssim},
-        "frame_ms": 10 + ms, "more_ms": ms, "file_bytes": size, "bake_seconds": seconds,
+        "method": method, "value": value, "paths": paths, "scale": scale, "label": f"{value:g} Gaussians",
+        "mean": {"ssim": ssim}, "frame_ms": 10 + ms, "more_ms": ms, "file_bytes": size, "bake_seconds": seconds,
         "command": f"gsgi bake room.glb -o out.gsgi --budget {value:g}",
     }  # fmt: skip
 
@@ -50,6 +52,16 @@ def test_what_costs_nothing_dominates_nothing_that_costs():
     assert dominated([*ENTRIES, *free], "frame_ms")[6:] == [True, False]
 
 
+def test_other_numbers_of_paths_count_for_the_seconds_of_a_bake_alone():
+    entries = [*ENTRIES, entry("surface", 400, 0.98, 2, 7990, 15, paths=0.25)]
+    assert compared(entries, "file_bytes") == list(range(len(ENTRIES)))
+    assert cheapest(entries, 0.95) == cheapest(ENTRIES, 0.95)
+    assert dominated(entries, "file_bytes")[: len(ENTRIES)] == dominated(ENTRIES, "file_bytes")
+    assert dominated(entries, "bake_seconds") == [False, True, True, False, False, True, False]
+    assert recommended(entries, Wish(ssim=0.96))[0] is ENTRIES[2]
+    assert recommended(entries, Wish(ssim=0.96, seconds=15))[0] is entries[-1]
+
+
 def test_the_most_accurate_within_limits_is_recommended():
     assert recommended(ENTRIES, Wish(ms=2.5, bytes=10_000))[0] is ENTRIES[2]
     assert recommended(ENTRIES, Wish(ms=0.7))[0] is ENTRIES[1]
@@ -70,7 +82,9 @@ def test_nothing_is_recommended_if_nothing_keeps_the_limits():
 
 @pytest.fixture
 def folder(tmp_path):
-    data = {"schema": SCHEMA, "frame": {"width": 8, "height": 6}, "entries": ENTRIES}
+    tmp_path = tmp_path / "study"
+    tmp_path.mkdir()
+    data = {"schema": SCHEMA, "ceiling": 0.995, "frame": {"width": 8, "height": 6}, "entries": ENTRIES}
     (tmp_path / DATA).write_text(json.dumps(data))
     return tmp_path
 
@@ -79,7 +93,9 @@ def test_the_command_prints_what_to_run(folder, capsys):
     assert main.run(["recommend", str(folder), "--max-bytes", "10k", "--max-ms", "2"]) == 0
     command, reason = capsys.readouterr().out.splitlines()
     assert command == "gsgi bake room.glb -o out.gsgi --budget 400"
-    assert "SSIM of B 0.9700, 8000 bytes" in reason
+    assert "SSIM of B 0.9700 (ceiling 0.9950), 8,000 bytes" in reason
+    assert main.run(["recommend", str(folder), "--max-ms", "0.7"]) == 0
+    assert "splat_scale=2" in capsys.readouterr().out
     assert main.run(["recommend", str(folder), "--max-ms", "0.7", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["scale"] == 2
 
@@ -112,6 +128,14 @@ def test_a_folder_without_a_study_is_refused(tmp_path, capsys, content, code, li
     error = capsys.readouterr().err
     assert str(tmp_path / DATA) in error
     assert line in error
+
+
+def test_a_scene_and_a_study_of_several_are_told_what_to_give(folder, capsys):
+    (folder.parent / "room.glb").touch()
+    assert main.run(["recommend", str(folder.parent / "room.glb"), "--max-ms", "1"]) == 2
+    assert "gsgi tradeoff" in capsys.readouterr().err
+    assert main.run(["recommend", str(folder.parent), "--max-ms", "1"]) == 2
+    assert f"expected one of {folder}" in capsys.readouterr().err
 
 
 def test_an_unknown_method_is_refused_before_any_work(tmp_path, capsys):

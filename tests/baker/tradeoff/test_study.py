@@ -12,9 +12,9 @@ import pytest
 from browser import find_browser
 
 from gsgi.baker.cache.store import Cache
-from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.baker.tradeoff import ambient, lightmap, none, path_tracing, report, study
-from gsgi.baker.tradeoff.plots import WIDTH, png, shapes
+from gsgi.baker.tradeoff.drawing import WIDTH, png
+from gsgi.baker.tradeoff.plots import HEIGHT, shapes
 
 METHODS = lightmap.PLAIN, ambient.METHOD, path_tracing.DENOISED, none.METHOD
 
@@ -34,7 +34,7 @@ def made(few_settings, ground, tmp_path_factory):
     """A study, its folder, and its data."""
     folder = tmp_path_factory.mktemp("study")
     found = study.run(ground, METHODS, (96, 64))
-    return found, folder, report.write(found, folder, "cornell </script>.glb", "gsgi tradeoff cornell.glb")
+    return found, folder, report.write(found, folder, "cornell </script>.glb", "gsgi tradeoff cornell.glb", "gsgi bake")
 
 
 def test_the_data_is_what_was_measured(made):
@@ -96,7 +96,7 @@ def test_plots_are_files_too(made):
         with Image.open(folder / f"error-{cost}.png") as image:
             assert image.width == 2 * WIDTH
             assert len(image.getcolors(1 << 20)) > 20
-    assert png(shapes(data, "frame_ms")) == (folder / "error-frame-ms.png").read_bytes()
+    assert png(shapes(data, "frame_ms"), HEIGHT) == (folder / "error-frame-ms.png").read_bytes()
 
 
 def test_a_browser_shows_the_page(made, tmp_path):
@@ -120,7 +120,7 @@ def test_a_browser_shows_the_page(made, tmp_path):
 def fresh(ground, cache: Cache):
     """The ground as a new process makes it, with what the cache holds."""
     made = copy.copy(ground)
-    made.cache, made.cached, made._kept = cache, CachedTracer(ground.scene, cache), {}
+    made.cache, made._kept = cache, {}
     return made
 
 
