@@ -15,6 +15,7 @@ from gsgi.baker.progress import Progress
 from gsgi.runtime.errors import SceneError, UnsupportedError
 
 from .ground import Ground
+from .leaks import DarkPoints, dark_points
 from .measure import ViewScore, free_error, mean_score, score
 from .method import Answer, Method
 from .path_tracing import TracedImages
@@ -28,7 +29,8 @@ if TYPE_CHECKING:
 # Pixels of a drawn frame along each pixel of a reference. It is odd, so that one of them has the reference's pixel
 # centre for its own; passes of lower resolution then leave out as little of a surface as they do at a screen's size.
 MAGNIFIED = 5
-ROUNDS, ROUNDS_QUICK = 9, 5
+ROUNDS, ROUNDS_QUICK = 9, 3
+EVERY_QUICK = 2  # frames of one camera in this many are timed
 
 
 @dataclass(frozen=True)
@@ -123,7 +125,8 @@ def run(ground: Ground, methods: Sequence[Method], size: tuple[int, int]) -> Stu
         driver = renderer_string(ctx)
         entries = _drawn(ground, baked, ctx)
         times = _timed(ground, entries, ctx, size)
-        finished = tuple(_entry(ground, *entry, times, size) for entry in entries)
+        dark = _dark_points(ground, baked)
+        finished = tuple(_entry(ground, *entry, times, size, dark) for entry in entries)
         budget = error_budget(ground, finished, ctx)
     ceilings = {name: indirect_ceiling(reference) for name, reference in references.items()}
     return Study(ground, finished, ceilings, driver, size, budget)
@@ -181,7 +184,7 @@ def _timed(ground: Ground, drawn, ctx: "moderngl.Context", size: tuple[int, int]
     """Times of the frames of each method's settings, by `_key`, and of the frame without indirect light."""
     from .gl.timing import frame_times
 
-    cameras = [ground.cameras[name] for name in ground.references]
+    cameras = [ground.cameras[name] for name in ground.references][:: EVERY_QUICK if ground.quick else 1]
     rounds = ROUNDS_QUICK if ground.quick else ROUNDS
     with _frame(ground, ctx, size) as frame:
         passes = {}
@@ -196,21 +199,30 @@ def _timed(ground: Ground, drawn, ctx: "moderngl.Context", size: tuple[int, int]
     return times
 
 
+def _dark_points(ground: Ground, baked: Sequence[_Baked]) -> Sequence[DarkPoints | None]:
+    """Those of each reference; None in a study without our default bake."""
+    budget = ground.plan.settings.budget
+    ours = (each for each in baked if each.method.name == "surface" and each.value == budget and each.paths == 1)
+    default = next(ours, None)
+    return dark_points(ground, default.answer.bake) if default else [None] * len(ground.references)
+
+
 def _entry(
-    ground: Ground, each: _Baked, scale: int, images: np.ndarray, times: "dict[str, FrameTimes]", size: tuple[int, int]
-) -> Entry:
+    ground: Ground, each: _Baked, scale: int, images: np.ndarray, times: "dict[str, FrameTimes]", size: tuple[int, int],
+    dark: Sequence[DarkPoints | None],
+) -> Entry:  # fmt: skip
     from .gl.timing import BASE
 
     frame, more = times.get(_key(each, scale), times[BASE])
     free = None
     if isinstance(each.answer, TracedImages):
         more = each.answer.ms_per_pixel * size[0] * size[1]
-        frame = times[BASE].frame + more
+        frame = np.median(times[BASE].frame) + more
     elif each.method.in_space:
         free = free_error(each.answer, ground.free_light)
     views = tuple(
-        score(name, image, reference, ground.tone_scale)
-        for image, (name, reference) in zip(images, ground.references.items(), strict=True)
+        score(name, image, reference, ground.tone_scale, points)
+        for image, (name, reference), points in zip(images, ground.references.items(), dark, strict=True)
     )
     numbers = [float(f(ms)) for ms in (frame, more) for f in (np.median, lambda x: np.percentile(x, 95))]
     sizes = each.answer.file_bytes, each.answer.gpu_bytes

@@ -55,7 +55,7 @@ def _curves(study: dict) -> Iterator[NamedTuple]:
             if above:
                 yield Text((left + 7, top - 6), f"{entry['value']:,.0f}", colour, size=11)
             else:
-                yield Text((left, top + 18), f"× {_factor(entry['paths'])}", colour, "middle", 11)
+                yield Text((left, top + 18), _factor(entry["paths"]), colour, "middle", 11)
         row = TOP + (10 if above else 52)
         yield Box((RIGHT + 18, row - 9), (RIGHT + 28, row + 1), colour)
         yield Text((RIGHT + 34, row), name, INK)
