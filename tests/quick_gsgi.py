@@ -22,7 +22,7 @@ def main(log: str, *arguments: str) -> int:
     def make_plan(scene, *_) -> SimpleNamespace:
         settings, tracer = SimpleNamespace(target_loss=None), SimpleNamespace(cache=None)
         placement = SimpleNamespace(coverage=None, held_out={})
-        return SimpleNamespace(scene=scene, placement=placement, settings=settings, tracer=tracer)
+        return SimpleNamespace(scene=scene, placement=placement, settings=settings, tracer=tracer, kept=None)
 
     def baked(made, *_) -> SimpleNamespace:
         with open(log, "a", encoding="utf-8") as file:

@@ -16,6 +16,7 @@ from gsgi.baker.evaluation.summary import summary
 from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.baker.trace.reference import Reference
 from gsgi.runtime.gaussians import LightGroup
+from gsgi.runtime.light_groups import lit_by
 from gsgi.runtime.scene import Light, Scene
 
 VIEWS, PIXELS = 3, 4000
@@ -58,10 +59,10 @@ def test_each_group_is_compared_with_its_own_lights():
     lights = [Light("point", np.float64(color), at, down, name=name) for name, color in (("lamp", WARM), ("x", COLD))]
     scene = Scene((), (), lights=tuple(lights), groups={"lamps": ("lamp",)})
 
-    def tracer(lit: Scene):
-        color = sum((light.color for light in lit.lights), np.zeros(3))
+    def tracer(group: str):
+        color = sum((light.color for light in lit_by(scene, group).lights), np.zeros(3))
         traced = lambda position, *_, **__: SimpleNamespace(mean=np.float32(color + 0 * position))  # noqa: E731
-        return SimpleNamespace(lit_by=tracer, at_points=traced)
+        return SimpleNamespace(at_points=traced)
 
     nowhere = np.zeros((16, 16, 3), np.float32)
     normals = np.broadcast_to(np.float32([0, 0, 1]), nowhere.shape)
@@ -74,7 +75,7 @@ def test_each_group_is_compared_with_its_own_lights():
         part = constant(light)
         groups.append(LightGroup(name, patterns, part.gaussians.sh, part.gaussians.slope, part.coarse.sh))
     baked = replace(constant(WARM + COLD), groups=tuple(groups))
-    plan = SimpleNamespace(settings=SimpleNamespace(seed=1), scene=scene, tracer=tracer(scene))
+    plan = SimpleNamespace(settings=SimpleNamespace(seed=1), scene=scene, tracer=SimpleNamespace(lit_by=tracer))
     base, lamps = measure(plan, {"view": reference}, baked)
     assert (base.name, lamps.name) == ("base", "lamps")
     assert base.error < 1e-3
