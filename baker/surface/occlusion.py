@@ -13,13 +13,12 @@ from gsgi.baker.fitting.rotations import axes
 from gsgi.baker.neighbours import Neighbours
 from gsgi.baker.trace.local_light import FAINT, LocalLight, blocks, local_light, nearby_light
 from gsgi.baker.views.surface_points import Triangles
-from gsgi.runtime.display import luminance
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
 
 from .colours import bounded_slope
 from .samples import SurfaceSamples, joined
 
-FACTOR = 8.0  # light differs across an occluder if it does by this factor
+FACTOR = 8.0  # light differs across an occluder if it does by this factor, or in one channel by as much
 VARIES = 0.5  # standard deviation of the light of neighbours, relative to its mean
 SIGNIFICANT = 3.0  # standard deviations of the noise, by which a sample is darker than its neighbours
 BLACK = 2.0  # times the level to which eyes adapt at least: less light is as good as none
@@ -85,7 +84,7 @@ class Occlusion:
         some = samples[np.union1d(some, np.flatnonzero(_around(samples)[1])) if self._facing else some]
         self._position, self._normal = some.position, some.normal
         self._lifted = triangles.lifted(some.position, some.normal)
-        self._light = _seen_mean(some, triangles, luminance(some.indirect), self._facing)
+        self._light = _seen_mean(some, triangles, some.indirect, self._facing)
         self._neighbours = Neighbours(some.position)
 
     def cut(self, gaussians: Gaussians) -> tuple[Gaussians, np.ndarray]:
@@ -127,8 +126,7 @@ class Occlusion:
         near = self._neighbours.within(gaussians.position[block], reach)
         of = first + np.repeat(np.arange(len(near)), [len(found) for found in near])
         sample = np.concatenate([np.asarray(found, np.int64) for found in near])
-        here, there = self._light[home[of]], self._light[sample]
-        differ = np.maximum(here, there) > FACTOR * np.minimum(here, there)
+        differ = _differ(self._light[home[of]], self._light[sample])
         return of[differ], sample[differ]
 
     def _across(self, gaussians: Gaussians, home: np.ndarray, of: np.ndarray, sample: np.ndarray) -> "_Across":
@@ -183,8 +181,14 @@ def _offset(gaussians: Gaussians, of: np.ndarray, point: np.ndarray) -> np.ndarr
     return np.einsum("pji,pj->pi", frame[of], point - gaussians.position[of]) / gaussians.scale[of]
 
 
+def _differ(here: np.ndarray, there: np.ndarray) -> np.ndarray:
+    """Whether (P,) bool two lights (P, 3) differ by FACTOR: a red one and a blue one of the same brightness may."""
+    darker = np.minimum(here.mean(axis=1), there.mean(axis=1))
+    return np.abs(here - there).max(axis=1) > (FACTOR - 1) * darker
+
+
 def _seen_mean(samples: SurfaceSamples, triangles: Triangles, light: np.ndarray, facing: bool) -> np.ndarray:
-    """Light (S,) averaged over the nearest samples that each sees; with `facing`, only if they face the same way."""
+    """Light (S, ...) averaged over the nearest samples that each sees; with `facing`, if they face the same way."""
     if not len(light):
         return light
     _, near = Neighbours(samples.position).nearest(samples.position, NEIGHBOURS)
@@ -194,7 +198,8 @@ def _seen_mean(samples: SurfaceSamples, triangles: Triangles, light: np.ndarray,
     if facing:
         counts &= (samples.normal[own] * samples.normal[other]).sum(axis=1) > 0
     counts = (counts | (own == other)).reshape(near.shape)
-    return (light[near] * counts).sum(axis=1) / np.maximum(counts.sum(axis=1), 1)
+    shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
+    return np.einsum("sk,sk...->s...", shares, light[near])
 
 
 def _cut_flat(gaussians: Gaussians, found: _Across) -> Gaussians:

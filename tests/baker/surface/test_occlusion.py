@@ -79,6 +79,21 @@ def test_a_bright_gaussian_ends_at_the_wall_and_stays_long_beside_it(turn):
     assert beside > 0.7 * max(weight(one, -0.1, z=z) for z in (-0.2, 0.2))
 
 
+def test_red_light_ends_where_a_wall_parts_it_from_a_dimmer_blue():
+    """The red one has less than three times the luminance of the blue one."""
+    samples, one = on_floor(), gaussian((-0.1, 0, 0))
+
+    def cut(red: float) -> tuple[Gaussians, np.ndarray]:
+        colours = np.float32([[red, 0.1, 0.1], [0.1, 1, 1]])
+        light = colours[(samples.position[:, 0] >= 0).astype(int)]
+        return Occlusion(replace(samples, indirect_a=light, indirect_b=light), TRIANGLES, BLEND, 50).cut(one)
+
+    ended, which = cut(10.0)
+    assert which.all()
+    assert weight(ended, 0.004) == 0
+    assert not cut(3.0)[1].any()
+
+
 def test_a_cut_keeps_the_gradient_of_the_light_in_metres():
     one = replace(gaussian((-0.1, 0, 0)), slope=np.float32([[0.2, 0.1]]))
     cut, _ = Occlusion(on_floor(), TRIANGLES, BLEND, 50).cut(one)
