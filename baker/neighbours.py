@@ -25,8 +25,3 @@ class Neighbours:
         with uninterrupted():
             found = self._tree.query(position, k=min(count, self._tree.n), workers=-1)
         return tuple(column.reshape(len(position), -1) for column in found)
-
-    def within(self, position: np.ndarray, reach: np.ndarray) -> np.ndarray:
-        """A list of the indices of all points within `reach` (N,) of each of N others: (N,) objects."""
-        with uninterrupted():
-            return self._tree.query_ball_point(position, reach, workers=-1)

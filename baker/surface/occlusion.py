@@ -10,15 +10,18 @@ from typing import NamedTuple
 import numpy as np
 
 from gsgi.baker.fitting.rotations import axes
+from gsgi.baker.native import kernels
 from gsgi.baker.neighbours import Neighbours
 from gsgi.baker.trace.local_light import FAINT, LocalLight, blocks, local_light, nearby_light
+from gsgi.baker.trace.point_order import coherent
 from gsgi.baker.views.surface_points import Triangles
+from gsgi.runtime.display import luminance
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
 
 from .colours import bounded_slope
 from .samples import SurfaceSamples, joined
 
-FACTOR = 8.0  # light differs across an occluder if it does by this factor, or in one channel by as much
+FACTOR = 8.0  # light differs across an occluder if it does by this factor
 VARIES = 0.5  # standard deviation of the light of neighbours, relative to its mean
 SIGNIFICANT = 3.0  # standard deviations of the noise, by which a sample is darker than its neighbours
 BLACK = 2.0  # times the level to which eyes adapt at least: less light is as good as none
@@ -30,7 +33,6 @@ BENT = 0.2  # a normal map that bends a normal by more changes light as an occlu
 
 CLEAR = 1.02  # radii of a Gaussian that its centre lies off an occluder after a cut
 MARGIN = 1.3  # samples a little beyond a Gaussian tell of occluders just within it
-AT_ONCE = 1 << 12  # Gaussians; bounds memory
 FLAT, ROUND = 8, 128  # samples per Gaussian that are looked at on surfaces, beside those where light varies; in space
 CUTS = 4  # most cuts of a Gaussian, each on one of its sides
 STEPS = 12  # of the search for the nearest point of a convex hull
@@ -82,21 +84,23 @@ class Occlusion:
         samples = samples[np.square(samples.bend).sum(axis=1) < BENT**2] if samples.bumpy else samples
         some = np.arange(0, len(samples), max(len(samples) // ((FLAT if self._facing else ROUND) * max(count, 1)), 1))
         some = samples[np.union1d(some, np.flatnonzero(_around(samples)[1])) if self._facing else some]
+        some = some[coherent(some.position, some.normal)]
         self._position, self._normal = some.position, some.normal
         self._lifted = triangles.lifted(some.position, some.normal)
-        self._light = _seen_mean(some, triangles, some.indirect, self._facing)
+        self._light = _seen_mean(some, triangles, luminance(some.indirect), self._facing).astype(np.float32)
         self._neighbours = Neighbours(some.position)
+        self._field = kernels.FieldFloat(some.position, some.normal)
 
     def cut(self, gaussians: Gaussians) -> tuple[Gaussians, np.ndarray]:
         """The Gaussians, cut where they would carry light across an occluder, and which (N,) bool were."""
         if not (len(gaussians) and len(self._position)):
             return gaussians, np.zeros(len(gaussians), bool)
         home = self._homes(gaussians)
-        pairs = self._near_other_light(gaussians, home)
-        found = self._across(gaussians, home, *pairs)
+        found = self._across(gaussians, home, np.arange(len(gaussians)))
         if self._facing:
-            gaussians = _turned(gaussians, self._normal[home], np.unique(found.of))
-            found = self._across(gaussians, home, *pairs)
+            turned = np.unique(found.of)
+            gaussians = _turned(gaussians, self._normal[home], turned)
+            found = self._across(gaussians, home, turned)
         cut = _cut_flat(gaussians, found) if self._facing else _cut_round(gaussians, found)
         return cut, np.isin(np.arange(len(gaussians)), found.of)
 
@@ -114,26 +118,15 @@ class Occlusion:
             return np.ones(len(of), bool)
         return (axes(gaussians.rotation)[of, :, 2] * self._normal[sample]).sum(axis=1) > 0
 
-    def _near_other_light(self, gaussians: Gaussians, home: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Pairs (P,) of a Gaussian and a sample around it whose light differs from that at home."""
-        parts = [self._near(gaussians, home, i) for i in range(0, len(gaussians), AT_ONCE)]
-        return tuple(np.concatenate(column) for column in zip(*parts, strict=True))
-
-    def _near(self, gaussians: Gaussians, home: np.ndarray, first: int) -> tuple[np.ndarray, np.ndarray]:
-        """The same for AT_ONCE Gaussians from index `first`."""
-        block = slice(first, first + AT_ONCE)
-        reach = MARGIN * self._blend.radius * gaussians.scale[block].max(axis=1)
-        near = self._neighbours.within(gaussians.position[block], reach)
-        of = first + np.repeat(np.arange(len(near)), [len(found) for found in near])
-        sample = np.concatenate([np.asarray(found, np.int64) for found in near])
-        differ = _differ(self._light[home[of]], self._light[sample])
-        return of[differ], sample[differ]
-
-    def _across(self, gaussians: Gaussians, home: np.ndarray, of: np.ndarray, sample: np.ndarray) -> "_Across":
-        """Those of the pairs (P,) between which an occluder lies."""
-        away = np.square(_offset(gaussians, of, self._position[sample])).sum(axis=1)
-        reached = (away < (MARGIN * self._blend.radius) ** 2) & self._faced(gaussians, of, sample)
-        of, sample = of[reached], sample[reached]
+    def _across(self, gaussians: Gaussians, home: np.ndarray, which: np.ndarray) -> "_Across":
+        """For the Gaussians `which` (M,): samples that they reach whose light differs from that at home, behind an
+        occluder."""
+        some = Gaussians(*(column[which] for column in vars(gaussians).values()))
+        here = self._light[home[which]]
+        other = self._light, here / FACTOR, FACTOR * here
+        of, sample = self._field.reached(some, self._blend.cutoff, MARGIN, *other)
+        faced = self._faced(some, of, sample)
+        of, sample = which[of[faced]], sample[faced]
         start = self._lifted[sample]
         way = self._lifted[home[of]] - start
         share = self._triangles.hits(start, way).distance
@@ -181,14 +174,8 @@ def _offset(gaussians: Gaussians, of: np.ndarray, point: np.ndarray) -> np.ndarr
     return np.einsum("pji,pj->pi", frame[of], point - gaussians.position[of]) / gaussians.scale[of]
 
 
-def _differ(here: np.ndarray, there: np.ndarray) -> np.ndarray:
-    """Whether (P,) bool two lights (P, 3) differ by FACTOR: a red one and a blue one of the same brightness may."""
-    darker = np.minimum(here.mean(axis=1), there.mean(axis=1))
-    return np.abs(here - there).max(axis=1) > (FACTOR - 1) * darker
-
-
 def _seen_mean(samples: SurfaceSamples, triangles: Triangles, light: np.ndarray, facing: bool) -> np.ndarray:
-    """Light (S, ...) averaged over the nearest samples that each sees; with `facing`, if they face the same way."""
+    """Light (S,) averaged over the nearest samples that each sees; with `facing`, only if they face the same way."""
     if not len(light):
         return light
     _, near = Neighbours(samples.position).nearest(samples.position, NEIGHBOURS)
@@ -198,8 +185,7 @@ def _seen_mean(samples: SurfaceSamples, triangles: Triangles, light: np.ndarray,
     if facing:
         counts &= (samples.normal[own] * samples.normal[other]).sum(axis=1) > 0
     counts = (counts | (own == other)).reshape(near.shape)
-    shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
-    return np.einsum("sk,sk...->s...", shares, light[near])
+    return (light[near] * counts).sum(axis=1) / np.maximum(counts.sum(axis=1), 1)
 
 
 def _cut_flat(gaussians: Gaussians, found: _Across) -> Gaussians:

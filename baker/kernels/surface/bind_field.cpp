@@ -56,6 +56,14 @@ static FieldArrays<Real> listed(const Field<Real>& field, const GaussianInput<Re
     return arrays;
 }
 
+static FieldBlend checked(double cutoff, int sharpness, double margin)
+{
+    require(cutoff > 0 && cutoff < 1, "cutoff must lie between 0 and 1");
+    require(sharpness >= 0, "sharpness must not be negative");
+    require(margin >= 1, "margin must be at least 1");
+    return {cutoff, sharpness};
+}
+
 template <class Real> static void bind_precision(nb::module_& m, const char* name)
 {
     using Vectors = Input<Real, -1, 3>;
@@ -74,11 +82,9 @@ template <class Real> static void bind_precision(nb::module_& m, const char* nam
             [](Field<Real>& self, nb::handle gaussians, double cutoff, int sharpness, double margin) {
                 const GaussianInput<Real> input(gaussians);
                 const auto arrays = input.arrays();
-                require(cutoff > 0 && cutoff < 1, "cutoff must lie between 0 and 1");
-                require(sharpness >= 0, "sharpness must not be negative");
-                require(margin >= 1, "margin must be at least 1");
+                const FieldBlend blend = checked(cutoff, sharpness, margin);
                 nb::gil_scoped_release unlocked;
-                self.list(arrays, {cutoff, sharpness}, margin);
+                self.list(arrays, blend, margin);
             },
             "gaussians"_a, "cutoff"_a, "sharpness"_a, "margin"_a, "List the Gaussians that reach the points.")
         .def(
@@ -99,6 +105,32 @@ template <class Real> static void bind_precision(nb::module_& m, const char* nam
             "Return sum w c and sum w at the points, (S, 4). Slopes are relative to `tint` (N, 3), by "
             "default the "
             "constant coefficients.")
+        .def(
+            "reached",
+            [](Field<Real>& self, nb::handle gaussians, double cutoff, double margin, Values values,
+                Values low, Values high) {
+                const GaussianInput<Real> input(gaussians);
+                const auto arrays = input.arrays();
+                const FieldBlend blend = checked(cutoff, 0, margin);
+                require(values.shape(0) == self.count(), "one value per point is needed");
+                require(low.shape(0) == arrays.count && high.shape(0) == arrays.count,
+                    "low and high must have one value per Gaussian");
+                std::vector<ReachedPoint> found;
+                {
+                    nb::gil_scoped_release unlocked;
+                    found = self.reached(arrays, blend, margin, values.data(), low.data(), high.data());
+                }
+                auto gaussian = allocate<int64_t>({found.size()}), point = allocate<int64_t>({found.size()});
+                for (size_t i = 0; i < found.size(); ++i)
+                    gaussian.data()[i] = found[i].gaussian, point.data()[i] = found[i].point;
+                return nb::make_tuple(gaussian, point);
+            },
+            "gaussians"_a, "cutoff"_a, "margin"_a, "values"_a.noconvert(), "low"_a.noconvert(),
+            "high"_a.noconvert(),
+            "Return the indices (P,) of Gaussians, which ascend, and of points that they would reach if they "
+            "were "
+            "`margin` times as large and faced every way, and whose `values` (S,) lie below `low` or above "
+            "`high` (N,).")
         .def(
             "backward",
             [](Field<Real>& self, nb::handle gaussians, Vectors light, Vectors by_light,

@@ -1,6 +1,7 @@
 #include "surface/field.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 #include "dispatch.h"
@@ -92,12 +93,14 @@ Field<Real>::Field(size_t count, const Real* position, const Real* normal)
     }
 }
 
-// Calls visit(block), in ascending order, for the blocks that a Gaussian `margin` times as large would reach.
+// Calls visit(block, lanes), in ascending order, for the blocks that a Gaussian `margin` times as large would
+// reach, with the lanes that it would reach there as bits.
 template <class Real>
 template <class Visit>
 void Field<Real>::visit_touched(
-    const PreparedGaussian<Real>& gaussian, double radius, double margin, Visit&& visit) const
+    const PreparedGaussian<Real>& gaussian, const FieldBlend& blend, double margin, Visit&& visit) const
 {
+    const double radius = std::sqrt(-2 * std::log(blend.cutoff));
     double low[3], high[3];
     for (int axis = 0; axis < 3; ++axis) {
         double square = 0;
@@ -116,8 +119,8 @@ void Field<Real>::visit_touched(
                 continue;
             if (level > 0)
                 self(self, level - 1, FAN * i, std::min(FAN * (i + 1), levels[level - 1].size()));
-            else if (field_kernels<Real>().touches(gaussian, blocks[i], blend, margin))
-                visit(i);
+            else if (const uint32_t lanes = field_kernels<Real>().touches(gaussian, blocks[i], blend, margin))
+                visit(i, lanes);
         }
     };
     descend(descend, levels.size() - 1, 0, levels.back().size());
@@ -137,15 +140,14 @@ void Field<Real>::list(const FieldArrays<Real>& gaussians, const FieldBlend& ope
 {
     blend = operation;
     prepare(gaussians);
-    const double radius = std::sqrt(-2 * std::log(blend.cutoff));
     first_entry.assign(gaussians.count + 1, 0);
     std::vector<std::vector<uint32_t>> touched((gaussians.count + GAUSSIAN_GRAIN - 1) / GAUSSIAN_GRAIN);
     parallel_for(gaussians.count, GAUSSIAN_GRAIN, [&](size_t begin, size_t end) {
         std::vector<uint32_t>& found = touched[begin / GAUSSIAN_GRAIN];
         for (size_t i = begin; i < end; ++i) {
             const size_t before = found.size();
-            visit_touched(
-                prepared_gaussians.get()[i], radius, margin, [&](size_t b) { found.push_back(uint32_t(b)); });
+            visit_touched(prepared_gaussians.get()[i], blend, margin,
+                [&](size_t b, uint32_t) { found.push_back(uint32_t(b)); });
             first_entry[i + 1] = found.size() - before;
         }
     });
@@ -165,6 +167,28 @@ void Field<Real>::list(const FieldArrays<Real>& gaussians, const FieldBlend& ope
     for (size_t i = 0; i < gaussians.count; ++i)
         for (size_t entry = first_entry[i]; entry < first_entry[i + 1]; ++entry)
             entries[next[block_of[entry]]++] = {uint32_t(i), uint32_t(entry)};
+}
+
+template <class Real>
+std::vector<ReachedPoint> Field<Real>::reached(const FieldArrays<Real>& gaussians,
+    const FieldBlend& operation, double margin, const Real* values, const Real* low, const Real* high)
+{
+    prepare(gaussians);
+    std::vector<std::vector<ReachedPoint>> parts((gaussians.count + GAUSSIAN_GRAIN - 1) / GAUSSIAN_GRAIN);
+    parallel_for(gaussians.count, GAUSSIAN_GRAIN, [&](size_t begin, size_t end) {
+        for (size_t i = begin; i < end; ++i)
+            visit_touched(prepared_gaussians.get()[i], operation, margin, [&](size_t block, uint32_t lanes) {
+                for (; lanes; lanes &= lanes - 1) {
+                    const size_t point = block * FIELD_LANES + std::countr_zero(lanes);
+                    if (values[point] < low[i] || values[point] > high[i])
+                        parts[begin / GAUSSIAN_GRAIN].push_back({uint32_t(i), uint32_t(point)});
+                }
+            });
+    });
+    std::vector<ReachedPoint> all;
+    for (const std::vector<ReachedPoint>& part : parts)
+        all.insert(all.end(), part.begin(), part.end());
+    return all;
 }
 
 // Calls body(reading, first point, number of points) for all blocks.

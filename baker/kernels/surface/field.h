@@ -19,6 +19,12 @@ public:
     // sums (count, 4): sum w c and sum w of the listed Gaussians, which may have moved a little since.
     void read(const FieldArrays<Real>& gaussians, Real* sums);
 
+    // The pairs of a Gaussian and a point that it would reach if it were `margin` times as large, by Gaussian
+    // and then by point: those where the point's value (count,) lies below `low` or above `high` (N,) of the
+    // Gaussian.
+    std::vector<ReachedPoint> reached(const FieldArrays<Real>& gaussians, const FieldBlend& blend,
+        double margin, const Real* values, const Real* low, const Real* high);
+
     // derivatives (N, FIELD_DERIVATIVES), from the light (count, 3) and 1 / sum w (count,) that follow from
     // `read`, and dloss / dlight (count, 3).
     void backward(const FieldArrays<Real>& gaussians, const Real* light, const Real* by_light,
@@ -36,7 +42,7 @@ public:
 private:
     template <class Visit>
     void visit_touched(
-        const PreparedGaussian<Real>& gaussian, double radius, double margin, Visit&& visit) const;
+        const PreparedGaussian<Real>& gaussian, const FieldBlend& blend, double margin, Visit&& visit) const;
     template <class Body> void for_each_block(const FieldArrays<Real>& gaussians, Body&& body);
     void prepare(const FieldArrays<Real>& gaussians);
     void sum_entries(size_t gaussians, size_t columns, Real* to) const;

@@ -66,8 +66,8 @@ template <class Real> struct Weighed {
 };
 
 template <class Real>
-bool touches(const PreparedGaussian<Real>& gaussian, const PointBlock<Real>& block, const FieldBlend& blend,
-    double margin)
+uint32_t touches(const PreparedGaussian<Real>& gaussian, const PointBlock<Real>& block,
+    const FieldBlend& blend, double margin)
 {
     using L = Points<Real>;
     const PointLanes<Real> at(block);
@@ -76,7 +76,7 @@ bool touches(const PreparedGaussian<Real>& gaussian, const PointBlock<Real>& blo
         s = Real(s / margin);
     const Weighed<Real> w(larger, at, blend);
     const auto is_point = L(0) < at.nx * at.nx + at.ny * at.ny + at.nz * at.nz;
-    return bits_of(is_point & (L(0) < w.falloff) & (L(0) < w.n_dot_n)) != 0;
+    return bits_of(is_point & (L(0) < w.falloff) & (L(0) < w.n_dot_n));
 }
 
 // K spherical harmonics of the normals, as in over/sh.h.

@@ -64,6 +64,12 @@ struct ListEntry {
     uint32_t entry;
 };
 
+// A Gaussian, and a point that it reaches.
+struct ReachedPoint {
+    uint32_t gaussian;
+    uint32_t point;
+};
+
 // A block of points and the Gaussians to read there.
 template <class Real> struct BlockReading {
     const PointBlock<Real>* points;
@@ -76,8 +82,10 @@ template <class Real> struct BlockReading {
 };
 
 template <class Real> struct FieldKernels {
-    // Whether a Gaussian would have any weight at a point of a block if it were `margin` times as large.
-    bool (*touches)(const PreparedGaussian<Real>&, const PointBlock<Real>&, const FieldBlend&, double margin);
+    // The lanes, as bits, of a block's points at which a Gaussian would have any weight if it were `margin`
+    // times as large.
+    uint32_t (*touches)(
+        const PreparedGaussian<Real>&, const PointBlock<Real>&, const FieldBlend&, double margin);
     // Writes sums (lanes, 4) of w c and w.
     void (*read)(const BlockReading<Real>&, Real* sums);
     // Writes derivatives[entry] (FIELD_DERIVATIVES) from B and dloss / dB (lanes, 3) and 1 / sum w (lanes,).

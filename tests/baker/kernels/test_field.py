@@ -5,6 +5,7 @@ import oracle
 import pytest
 from surface_cases import FIELDS, KINDS, field_of, gaussians, of_type, points
 
+from gsgi.baker.fitting.rotations import axes
 from gsgi.baker.native import kernels
 from gsgi.runtime.gaussians import Gaussians
 
@@ -79,6 +80,22 @@ def test_gaussians_that_move_within_the_margin_are_still_listed():
     np.testing.assert_array_equal(field.read(after), field_of(after, position, normal).read(after))
 
 
+@pytest.mark.parametrize("margin", [1.0, 1.3])
+def test_the_points_of_other_values_that_gaussians_reach(margin):
+    position, normal = points(777)
+    given = gaussians(150)
+    values = np.random.default_rng(5).random(777, np.float32)
+    low, high = np.sort(np.random.default_rng(6).random((2, 150), np.float32), axis=0)
+    to = position - given.position[:, None].astype(float)
+    offset = np.einsum("nij,npi->npj", axes(given.rotation), to) / given.scale[:, None]
+    there = np.square(offset).sum(axis=2) < margin**2 * -2 * np.log(0.05)
+    differs = (values < low[:, None]) | (values > high[:, None])
+    found = kernels.FieldFloat(position, normal).reached(given, 0.05, margin, values, low, high)
+    assert len(found[0]) > 1000
+    assert (there & ~differs).any()
+    np.testing.assert_array_equal(found, np.nonzero(there & differs))
+
+
 def test_a_gaussian_ends_at_its_radius_and_faces_one_way():
     """By hand: one Gaussian of deviations (1, 2, 4), turned by a third about (1, 1, 1), so that +z is the x axis."""
     cutoff = np.exp(-2.0)  # two deviations
@@ -130,6 +147,7 @@ def all_bits(dtype) -> list[bytes]:
     sums = field.read(given)
     ones = np.ones(3000, dtype)
     results = sums, field.backward(given, position, normal, ones), field.transposed(given, normal, ones)
+    results += field.reached(given, 0.05, 1.3, sums[:, 0].copy(), -ones[:400], ones[:400])
     return [array.tobytes() for array in results]
 
 
@@ -197,6 +215,9 @@ def test_values_of_another_length_and_other_gaussians_are_refused():
             field.backward(given, *right[:i], array[:-1].copy(), *right[i + 1 :])
         with pytest.raises(TypeError):
             field.backward(given, *right[:i], array.astype(np.float64), *right[i + 1 :])
+    for wrong in ((ones[:-1], ones[:5], ones[:5]), (ones, ones[:4], ones[:5]), (ones, ones[:5], ones[:4])):
+        with pytest.raises(ValueError, match="per"):
+            field.reached(given, 0.05, 1.0, *wrong)
     for wrong in ((position[:-1], ones), (position, ones[:-1])):
         with pytest.raises(ValueError, match="per point"):
             field.transposed(given, *wrong)

@@ -139,8 +139,8 @@ def test_without_an_occluder_between_different_light_nothing_is_cut(samples, tri
 
 
 def test_a_gaussian_at_the_foot_of_a_wall_no_longer_faces_the_floor_behind_it():
-    wall = np.random.default_rng(1).uniform((0, 0, -1), (0, 1, 1), (4000, 3)) - (0.0005, 0, 0)
-    lit = samples_of(np.full((4000, 3), BRIGHT), wall, np.tile([-1, 0, 0], (4000, 1)))
+    wall = np.float32(np.random.default_rng(1).uniform((0, 0, -1), (0, 1, 1), (4000, 3)) - (0.0005, 0, 0))
+    lit = samples_of(np.full((4000, 3), BRIGHT), wall, np.tile(np.float32([-1, 0, 0]), (4000, 1)))
     floor = on_floor()
     both = joined([lit, floor])
     one = gaussian((-0.02, 0.1, 0), (0.2, 0.2, 0.15), (-1, 0.8, 0))
