@@ -47,8 +47,8 @@ def solve(
     in which the reading is linear; then coefficients are solved for again, with the slopes that are within bounds.
     """
     inverse = inverse_weight(field.read(gaussians) + base)
-    weight = importance.astype(np.float32)[:, None]
-    wanted = weight * (light - base[:, :3] * inverse[:, None])
+    importance = importance.astype(np.float32)
+    wanted = importance[:, None] * (light - base[:, :3] * inverse[:, None])
     flat = replace(gaussians, slope=np.zeros_like(gaussians.slope))
     constant = replace(gaussians, sh=gaussians.sh[:, :1].copy(), slope=None)
     tint = np.ascontiguousarray(gaussians.sh[:, 0])
@@ -78,8 +78,7 @@ def solve(
             sh, slope = np.split(x, [size], axis=1)
             sh = np.ascontiguousarray(sh, np.float32).reshape(at.sh.shape)
             read = replace(at, sh=sh, slope=slope.astype(np.float32) if slope.shape[1] else at.slope)
-            values = weight * field.read(read, tint)[:, :3] * inverse[:, None]
-            return derivatives(at, values)[:, few] + held[:, few] * x
+            return field.normal(read, importance, inverse, tint).astype(np.float64) + held[:, few] * x
 
         right = seen[:, few] + held[:, few] * prior[:, few]
         diagonal = unit[:, few] + held[:, few]

@@ -1,12 +1,9 @@
 """B of Gaussians at surface points: the `surface` operator (see SurfaceBlend)."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from gsgi.baker.native import kernels
 from gsgi.baker.trace.point_order import coherent
-from gsgi.runtime import constants
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
 
 
@@ -28,27 +25,15 @@ def look_up(
         np.ascontiguousarray(array[order], np.float32)
         for array in (position, normal, normal if mapped is None or not gaussians.bumpy else mapped)
     )
-    field = kernels.FieldFloat(position, normal)
+    field = kernels.FieldFloat(position, normal, mapped - normal)
     light = coarse_light(kernels.FieldFloat(position, mapped) if gaussians.bumpy else field, coarse, blend)
     field.list(gaussians, blend.cutoff, blend.sharpness, 1.0)
     fine = field.read(gaussians)
     if gaussians.bumpy:
-        fine[:, :3] += relief_sums(field, gaussians, mapped - normal)
+        fine[:, :3] += field.read(gaussians, relief=True)[:, :3]
     result, weight = np.empty((len(position), 3), np.float32), np.empty(len(position), np.float32)
     result[order], weight[order] = light_of(fine + filling(fine, light, blend)), fine[:, 3]
     return result, weight
-
-
-def relief_sums(field: kernels.FieldFloat, gaussians: Gaussians, bend: np.ndarray) -> np.ndarray:
-    """What relief adds to sum w c (S, 3) at the points of a field, where normal maps bend the normals by (S, 3).
-
-    The field must have listed the Gaussians.
-    """
-    total = np.zeros_like(bend)
-    for axis in range(3):
-        sh = np.ascontiguousarray(gaussians.relief[:, axis : axis + 1] / np.float32(constants.SH_C0))
-        total += bend[:, axis : axis + 1] * field.read(replace(gaussians, sh=sh, slope=None))[:, :3]
-    return total
 
 
 def coarse_light(field: kernels.FieldFloat, coarse: Gaussians, blend: SurfaceBlend) -> np.ndarray:

@@ -14,7 +14,7 @@ from gsgi.runtime import constants
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
 
 from . import colours, relief
-from .lookup import coarse_light, filling, inverse_weight, relief_sums
+from .lookup import coarse_light, filling, inverse_weight
 from .samples import SurfaceSamples
 from .state import PARAMETERS, SurfaceState
 
@@ -66,8 +66,8 @@ class SurfaceOptimiser:
         samples, around = samples[order], LocalLight(*(values[order] for values in around))
         self._bent = samples.indirect_a, samples.indirect_b, samples.indirect
         self._a, self._b, self._light = self._bent
-        self._field = kernels.FieldFloat(samples.position, samples.normal)
         self._bend = samples.bend if samples.bumpy else None
+        self._field = kernels.FieldFloat(samples.position, samples.normal, self._bend)
         bent = self._field if self._bend is None else kernels.FieldFloat(samples.position, samples.mapped)
         self._coarse = coarse_light(bent, coarse, blend)
         self.blend = blend
@@ -188,7 +188,7 @@ class SurfaceOptimiser:
         self._reach(gaussians, margin)
         self._listed, self._noise = len(gaussians), None
         if gaussians.bumpy:
-            added = relief_sums(self._field, gaussians, self._bend) * self._read(gaussians).inverse[:, None]
+            added = self._field.read(gaussians, relief=True)[:, :3] * self._read(gaussians).inverse[:, None]
             self._a, self._b, self._light = (light - added for light in self._bent)
 
     def _read(self, gaussians: Gaussians) -> _Reading:

@@ -1,12 +1,13 @@
 """Relief of Gaussians of given shapes: how their light follows normal maps. Least squares by conjugate gradients."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from gsgi.runtime import constants
 from gsgi.runtime.gaussians import Gaussians
 
 from .colours import conjugate_gradients, ratio
-from .lookup import relief_sums
 
 # How strongly relief is held to 0, relative to a Gaussian's mass; and its standard deviation over a scene, relative to
 # the light, by which it is also held to 0 the more, the fewer the samples are and the worse they are fitted: noise and
@@ -30,7 +31,7 @@ def solve(
     normals. `inverse` (S,) is 1 / sum w. Minimises the sum of importance |relief light - residual|^2, with `importance`
     (S,). The field must have listed the Gaussians.
     """
-    weight = importance.astype(np.float32)[:, None]
+    importance = importance.astype(np.float32)
 
     def seen(values: np.ndarray) -> np.ndarray:
         """Sums (N, 3) of w / sum w times values (S, 3) over the samples."""
@@ -38,11 +39,7 @@ def solve(
         flat = Gaussians(*list(vars(gaussians).values())[:5])
         return field.transposed(flat, values, inverse)[:, :3].astype(np.float64) / constants.SH_C0
 
-    def along(values: np.ndarray) -> np.ndarray:
-        """The same (N, 9) of values times the bend, by its axes."""
-        return np.concatenate([seen(bend[:, axis : axis + 1] * values) for axis in range(3)], axis=1)
-
-    left = np.square(residual - relief_sums(field, gaussians, bend) * inverse[:, None]).mean(axis=1)
+    left = np.square(residual - field.read(gaussians, relief=True)[:, :3] * inverse[:, None]).mean(axis=1)
     sums = seen(np.stack([importance * left, np.ones_like(importance), np.zeros_like(importance)], axis=1))
     mass = np.repeat(seen(importance[:, None] * np.square(bend)), 3, axis=1)
     light = constants.SH_C0 * gaussians.sh[:, 0].astype(np.float64)
@@ -50,12 +47,12 @@ def solve(
     held = RIDGE * mass + ratio(ratio(sums[:, 0], sums[:, 1]), variance)[:, None]
 
     def apply(x: np.ndarray) -> np.ndarray:
-        some = vars(gaussians) | {"relief": x.reshape(-1, 3, 3).astype(np.float32)}
-        light = relief_sums(field, Gaussians(**some), bend) * inverse[:, None]
-        return along(weight * light) + held * x
+        some = replace(gaussians, relief=x.reshape(-1, 3, 3).astype(np.float32))
+        return field.normal(some, importance, inverse, relief=True).astype(np.float64) + held * x
 
     diagonal = mass + held
     start = gaussians.relief.reshape(-1, 9).astype(np.float64)
     preconditioner = ratio(np.ones_like(diagonal), diagonal)
-    x = conjugate_gradients(apply, along(weight * residual), start, preconditioner, ITERATIONS)
+    right = field.transposed(gaussians, importance[:, None] * residual, inverse, relief=True).astype(np.float64)
+    x = conjugate_gradients(apply, right, start, preconditioner, ITERATIONS)
     return x.reshape(-1, 3, 3).astype(np.float32)

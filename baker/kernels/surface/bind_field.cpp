@@ -18,14 +18,17 @@ template <class Real> struct GaussianInput {
     Input<Real, -1> opacity;
     Input<Real, -1, -1, 3> sh;
     Input<Real, -1, -1> slope;
+    bool relief;
 
-    explicit GaussianInput(nb::handle gaussians)
+    // With `relief`, that is read instead of the light.
+    explicit GaussianInput(nb::handle gaussians, bool relief = false)
+        : relief(relief)
     {
         if (!nb::try_cast(gaussians.attr("position"), position, false) ||
             !nb::try_cast(gaussians.attr("rotation"), rotation, false) ||
             !nb::try_cast(gaussians.attr("scale"), scale, false) ||
             !nb::try_cast(gaussians.attr("opacity"), opacity, false) ||
-            !nb::try_cast(gaussians.attr("sh"), sh, false) ||
+            !nb::try_cast(gaussians.attr(relief ? "relief" : "sh"), sh, false) ||
             !nb::try_cast(gaussians.attr("slope"), slope, false))
             throw nb::type_error("Gaussians: wrong dtype, shape or layout");
         const size_t n = position.shape(0), k = sh.shape(1);
@@ -33,7 +36,9 @@ template <class Real> struct GaussianInput {
             if (rows != n)
                 throw nb::type_error(
                     "position, rotation, scale, opacity, sh and slope must have the same first dimension");
-        if (k != 1 && k != 4 && k != 9)
+        if (relief && k != 3)
+            throw nb::type_error("relief must have 3 coefficients");
+        if (!relief && k != 1 && k != 4 && k != 9)
             throw nb::type_error("sh must have 1, 4 or 9 coefficients");
         if (slope.shape(1) != 0 && slope.shape(1) != 2)
             throw nb::type_error("slope must have 0 or 2 columns");
@@ -41,7 +46,7 @@ template <class Real> struct GaussianInput {
 
     FieldArrays<Real> arrays() const
     {
-        return {position.shape(0), sh.shape(1), slope.shape(1), position.data(), rotation.data(),
+        return {position.shape(0), sh.shape(1), relief ? 0 : slope.shape(1), position.data(), rotation.data(),
             scale.data(), opacity.data(), sh.data(), slope.data(), sh.data(), 3 * sh.shape(1)};
     }
 };
@@ -64,6 +69,16 @@ static FieldBlend checked(double cutoff, int sharpness, double margin)
     return {cutoff, sharpness};
 }
 
+template <class Real>
+static FieldArrays<Real> tinted(FieldArrays<Real> arrays, const std::optional<Input<Real, -1, 3>>& tint)
+{
+    if (tint) {
+        require(tint->shape(0) == arrays.count, "one tint per Gaussian is needed");
+        arrays.tint = tint->data(), arrays.tint_stride = 3;
+    }
+    return arrays;
+}
+
 template <class Real> static void bind_precision(nb::module_& m, const char* name)
 {
     using Vectors = Input<Real, -1, 3>;
@@ -71,12 +86,15 @@ template <class Real> static void bind_precision(nb::module_& m, const char* nam
     nb::class_<Field<Real>>(m, name, "Surface points at which Gaussians are read.")
         .def(
             "__init__",
-            [](Field<Real>* self, Vectors position, Vectors normal) {
+            [](Field<Real>* self, Vectors position, Vectors normal, std::optional<Vectors> bend) {
                 require(
-                    position.shape(0) == normal.shape(0), "position and normal must have the same length");
-                new (self) Field<Real>(position.shape(0), position.data(), normal.data());
+                    position.shape(0) == normal.shape(0) && (!bend || bend->shape(0) == position.shape(0)),
+                    "position, normal and bend must have the same length");
+                new (self) Field<Real>(
+                    position.shape(0), position.data(), normal.data(), bend ? bend->data() : nullptr);
             },
-            "position"_a.noconvert(), "normal"_a.noconvert())
+            "position"_a.noconvert(), "normal"_a.noconvert(), "bend"_a.noconvert() = nb::none(),
+            "`bend` (S, 3) is what normal maps add to the normals, by default nothing.")
         .def(
             "list",
             [](Field<Real>& self, nb::handle gaussians, double cutoff, int sharpness, double margin) {
@@ -89,22 +107,18 @@ template <class Real> static void bind_precision(nb::module_& m, const char* nam
             "gaussians"_a, "cutoff"_a, "sharpness"_a, "margin"_a, "List the Gaussians that reach the points.")
         .def(
             "read",
-            [](Field<Real>& self, nb::handle gaussians, std::optional<Vectors> tint) {
-                const GaussianInput<Real> input(gaussians);
-                auto arrays = listed(self, input);
-                if (tint) {
-                    require(tint->shape(0) == arrays.count, "one tint per Gaussian is needed");
-                    arrays.tint = tint->data(), arrays.tint_stride = 3;
-                }
+            [](Field<Real>& self, nb::handle gaussians, std::optional<Vectors> tint, bool relief) {
+                const GaussianInput<Real> input(gaussians, relief);
+                const auto arrays = tinted(listed(self, input), tint);
                 auto sums = allocate<Real>({self.count(), 4});
                 nb::gil_scoped_release unlocked;
                 self.read(arrays, sums.data());
                 return sums;
             },
-            "gaussians"_a, "tint"_a.noconvert() = nb::none(),
+            "gaussians"_a, "tint"_a.noconvert() = nb::none(), "relief"_a = false,
             "Return sum w c and sum w at the points, (S, 4). Slopes are relative to `tint` (N, 3), by "
-            "default the "
-            "constant coefficients.")
+            "default "
+            "the constant coefficients. With `relief`, c is the relief along the bend.")
         .def(
             "reached",
             [](Field<Real>& self, nb::handle gaussians, double cutoff, double margin, Values values,
@@ -149,8 +163,8 @@ template <class Real> static void bind_precision(nb::module_& m, const char* nam
             "Return the derivatives of a loss (N, 15), see FIELD_DERIVATIVES.")
         .def(
             "transposed",
-            [](Field<Real>& self, nb::handle gaussians, Vectors values, Values inverse_weight) {
-                const GaussianInput<Real> input(gaussians);
+            [](Field<Real>& self, nb::handle gaussians, Vectors values, Values inverse_weight, bool relief) {
+                const GaussianInput<Real> input(gaussians, relief);
                 const auto arrays = listed(self, input);
                 for (size_t n : {values.shape(0), inverse_weight.shape(0)})
                     require(n == self.count(), "one value per point is needed");
@@ -159,9 +173,30 @@ template <class Real> static void bind_precision(nb::module_& m, const char* nam
                 self.transposed(arrays, values.data(), inverse_weight.data(), result.data());
                 return result;
             },
-            "gaussians"_a, "values"_a.noconvert(), "inverse_weight"_a.noconvert(),
-            "Return the derivatives (N, 3 K + slopes) by sh and slope of the sum over the points of B . "
-            "values.")
+            "gaussians"_a, "values"_a.noconvert(), "inverse_weight"_a.noconvert(), "relief"_a = false,
+            "Return the derivatives (N, 3 K + slopes) by sh and slope, or (N, 9) by `relief`, of the sum "
+            "over the "
+            "points of B . values.")
+        .def(
+            "normal",
+            [](Field<Real>& self, nb::handle gaussians, Values weights, Values inverse_weight,
+                std::optional<Vectors> tint, bool relief) {
+                const GaussianInput<Real> input(gaussians, relief);
+                const auto arrays = tinted(listed(self, input), tint);
+                for (size_t n : {weights.shape(0), inverse_weight.shape(0)})
+                    require(n == self.count(), "one value per point is needed");
+                const bool free = tint.has_value();
+                auto products =
+                    allocate<Real>({arrays.count, 3 * arrays.coefficients + (free ? arrays.slopes : 0)});
+                nb::gil_scoped_release unlocked;
+                self.normal(arrays, weights.data(), inverse_weight.data(), free, products.data());
+                return products;
+            },
+            "gaussians"_a, "weights"_a.noconvert(), "inverse_weight"_a.noconvert(),
+            "tint"_a.noconvert() = nb::none(), "relief"_a = false,
+            "Return `transposed` of weights (S,) times what is read. With a `tint` (N, 3), to which slopes "
+            "are "
+            "relative, also by slope (N, 3 K + slopes), with the other slopes 0; else by sh alone (N, 3 K).")
         .def_prop_ro("entry_count", &Field<Real>::entry_count,
             "Number of pairs of a Gaussian and a block of points that it reaches.");
 }

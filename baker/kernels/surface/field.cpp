@@ -68,7 +68,7 @@ template <class Real> struct BlockValues {
 } // namespace
 
 template <class Real>
-Field<Real>::Field(size_t count, const Real* position, const Real* normal)
+Field<Real>::Field(size_t count, const Real* position, const Real* normal, const Real* bend)
     : points(count)
     , blocks((count + FIELD_LANES - 1) / FIELD_LANES)
     , first_entry(1)
@@ -80,6 +80,7 @@ Field<Real>::Field(size_t count, const Real* position, const Real* normal)
             for (int axis = 0; axis < 3; ++axis) {
                 blocks[b].position[axis][lane] = position[3 * i + axis];
                 blocks[b].normal[axis][lane] = b * FIELD_LANES + lane < count ? normal[3 * i + axis] : 0;
+                blocks[b].bend[axis][lane] = bend ? bend[3 * i + axis] : 0;
             }
         }
     levels.emplace_back(blocks.size());
@@ -251,6 +252,21 @@ void Field<Real>::transposed(
         field_kernels<Real>().transposed(reading, v.value, inverse.value, by_entry.get());
     });
     sum_entries(gaussians.count, columns, transposed);
+}
+
+template <class Real>
+void Field<Real>::normal(const FieldArrays<Real>& gaussians, const Real* weights, const Real* inverse_weight,
+    bool free, Real* products)
+{
+    const size_t columns = 3 * gaussians.coefficients + (free ? gaussians.slopes : 0);
+    by_entry.reserve(entries.size() * columns);
+    for_each_block(gaussians, [&](const BlockReading<Real>& reading, size_t first, size_t count) {
+        thread_local Buffer<Real> kept;
+        const BlockValues<Real> w(weights, 1, first, count), inverse(inverse_weight, 1, first, count);
+        field_kernels<Real>().normal(reading, w.value, inverse.value, free,
+            kept.reserve(reading.list_length * FIELD_KEPT * FIELD_LANES), by_entry.get());
+    });
+    sum_entries(gaussians.count, columns, products);
 }
 
 template class Field<float>;

@@ -6,11 +6,12 @@
 #include "buffer.h"
 #include "surface/field_records.h"
 
-// Points (count, 3) with normals (count, 3), both copied. If neighbouring points are consecutive, blocks are
-// compact and fewer Gaussians are read without effect.
+// Points (count, 3) with normals (count, 3), and if not null with what normal maps bend those by (count, 3),
+// all copied. If neighbouring points are consecutive, blocks are compact and fewer Gaussians are read without
+// effect.
 template <class Real> class Field {
 public:
-    Field(size_t count, const Real* position, const Real* normal);
+    Field(size_t count, const Real* position, const Real* normal, const Real* bend);
 
     // Lists the Gaussians that would reach each block if they were `margin` times as large. Later calls use
     // these lists.
@@ -34,6 +35,12 @@ public:
     // (count, 3).
     void transposed(
         const FieldArrays<Real>& gaussians, const Real* values, const Real* inverse_weight, Real* transposed);
+
+    // products (N, 3 K + slopes if those are `free`): `transposed` of weights (count,) times B, in half the
+    // time. Free slopes are unknowns like the coefficients, relative to the tint; else they scale the
+    // constant coefficients.
+    void normal(const FieldArrays<Real>& gaussians, const Real* weights, const Real* inverse_weight,
+        bool free, Real* products);
 
     size_t count() const { return points; }
     size_t entry_count() const { return entries.size(); }    // pairs of a Gaussian and a block

@@ -79,13 +79,18 @@ uint32_t touches(const PreparedGaussian<Real>& gaussian, const PointBlock<Real>&
     return bits_of(is_point & (L(0) < w.falloff) & (L(0) < w.n_dot_n));
 }
 
-// K spherical harmonics of the normals, as in over/sh.h.
+// K functions of the normals: spherical harmonics, as in over/sh.h, or the three coordinates of the bend.
 template <class Real, int K> struct NormalBasis {
     using L = Points<Real>;
     L value[K];
 
-    explicit NormalBasis(const PointLanes<Real>& at)
+    NormalBasis(const PointLanes<Real>& at, const PointBlock<Real>& block)
     {
+        if constexpr (K == 3) {
+            for (int axis = 0; axis < 3; ++axis)
+                value[axis] = L::load(block.bend[axis]);
+            return;
+        }
         const L x = at.nx, y = at.ny, z = at.nz;
         const auto c = [](double v) { return L(Real(v)); };
         value[0] = c(SH_C0);
@@ -138,28 +143,37 @@ template <class Body> ALWAYS_INLINE void with_coefficients(size_t coefficients, 
 {
     if (coefficients == 1)
         body(std::integral_constant<int, 1>());
+    else if (coefficients == 3)
+        body(std::integral_constant<int, 3>());
     else if (coefficients == 4)
         body(std::integral_constant<int, 4>());
     else
         body(std::integral_constant<int, FIELD_SH_MAX>());
 }
 
+// Adds the light of the i-th Gaussian of the list.
+template <int K, class Real>
+ALWAYS_INLINE void add_light(const BlockReading<Real>& in, size_t i, const NormalBasis<Real, K>& basis,
+    Points<Real> weight, Points<Real> tilt, Points<Real>* light)
+{
+    using L = Points<Real>;
+    const PreparedGaussian<Real>& gaussian = in.gaussians[in.list[i].gaussian];
+    const Real* const sh = in.sh + size_t(in.list[i].gaussian) * K * 3;
+    for (int c = 0; c < 3; ++c)
+        light[c] = fma(weight, fma(L(gaussian.tint[c]), tilt, basis.colour(sh, c)), light[c]);
+}
+
 template <int K, class Real> void read_sh(const BlockReading<Real>& in, Real* sums)
 {
     using L = Points<Real>;
     const PointLanes<Real> at(*in.points);
-    const NormalBasis<Real, K> basis(at);
+    const NormalBasis<Real, K> basis(at, *in.points);
     L light[3] = {0, 0, 0}, weight = 0;
     for (size_t i = 0; i < in.list_length; ++i) {
         prefetch_gaussian(in, i);
-        const PreparedGaussian<Real>& gaussian = in.gaussians[in.list[i].gaussian];
-        const Real* const sh = in.sh + size_t(in.list[i].gaussian) * K * 3;
-        const Weighed<Real> weighed(gaussian, at, in.blend);
+        const Weighed<Real> weighed(in.gaussians[in.list[i].gaussian], at, in.blend);
         weight = weight + weighed.weight;
-        for (int c = 0; c < 3; ++c) {
-            const L colour = fma(L(gaussian.tint[c]), weighed.tilt, basis.colour(sh, c));
-            light[c] = fma(weighed.weight, colour, light[c]);
-        }
+        add_light<K>(in, i, basis, weighed.weight, weighed.tilt, light);
     }
     for (int c = 0; c < 3; ++c)
         scatter(light[c], sums, 4, c);
@@ -177,7 +191,7 @@ void read_backward_sh(const BlockReading<Real>& in, const Real* light, const Rea
 {
     using L = Points<Real>;
     const PointLanes<Real> at(*in.points);
-    const NormalBasis<Real, K> basis(at);
+    const NormalBasis<Real, K> basis(at, *in.points);
     const L inverse = L::load(inverse_weight);
     L by[3], shown = 0;
     for (int c = 0; c < 3; ++c) {
@@ -228,40 +242,50 @@ void read_backward(const BlockReading<Real>& in, const Real* light, const Real* 
         [&](auto k) { read_backward_sh<k()>(in, light, by_light, inverse_weight, derivatives); });
 }
 
+// Writes the derivatives by the coefficients and slopes of the i-th Gaussian of the list.
+template <int K, class Real>
+ALWAYS_INLINE void transposed_entry(const BlockReading<Real>& in, size_t i, const NormalBasis<Real, K>& basis,
+    Points<Real> weight, Points<Real> tilt, const Points<Real>* e, const Points<Real>* value, size_t slopes,
+    Real* transposed)
+{
+    using L = Points<Real>;
+    constexpr int SETS = (3 * K + 2 + FIELD_LANES - 1) / FIELD_LANES; // of columns that are summed together
+    const size_t columns = 3 * K + slopes;
+    L all[SETS * FIELD_LANES];
+    for (int column = 3 * K; column < SETS * FIELD_LANES; ++column)
+        all[column] = 0;
+    for (int k = 0; k < K; ++k) {
+        const L by_colour = weight * basis.value[k] * (k == 0 ? L(1) + tilt : L(1));
+        for (int c = 0; c < 3; ++c)
+            all[3 * k + c] = by_colour * value[c];
+    }
+    L by_tilt = 0;
+    for (int c = 0; c < 3; ++c)
+        by_tilt = fma(L(in.gaussians[in.list[i].gaussian].tint[c]), value[c], by_tilt);
+    for (int j = 0; j < 2; ++j)
+        all[3 * K + j] = weight * by_tilt * e[j];
+    Real total[SETS * FIELD_LANES];
+    for (int set = 0; set < SETS; ++set)
+        sums(all + set * FIELD_LANES).store(total + set * FIELD_LANES);
+    std::memcpy(transposed + in.list[i].entry * columns, total, columns * sizeof(Real));
+}
+
 template <int K, class Real>
 void transposed_sh(
     const BlockReading<Real>& in, const Real* values, const Real* inverse_weight, Real* transposed)
 {
     using L = Points<Real>;
     const PointLanes<Real> at(*in.points);
-    const NormalBasis<Real, K> basis(at);
+    const NormalBasis<Real, K> basis(at, *in.points);
     const L inverse = L::load(inverse_weight);
     L value[3];
     for (int c = 0; c < 3; ++c)
         value[c] = gather(values, 3, c) * inverse;
-    constexpr int SETS = (3 * K + 2 + FIELD_LANES - 1) / FIELD_LANES; // of columns that are summed together
-    const size_t columns = 3 * K + in.slopes;
     for (size_t i = 0; i < in.list_length; ++i) {
         prefetch_gaussian(in, i);
-        const PreparedGaussian<Real>& gaussian = in.gaussians[in.list[i].gaussian];
-        const Weighed<Real> weighed(gaussian, at, in.blend);
-        L all[SETS * FIELD_LANES];
-        for (int column = 3 * K; column < SETS * FIELD_LANES; ++column)
-            all[column] = 0;
-        for (int k = 0; k < K; ++k) {
-            const L by_colour = weighed.weight * basis.value[k] * (k == 0 ? L(1) + weighed.tilt : L(1));
-            for (int c = 0; c < 3; ++c)
-                all[3 * k + c] = by_colour * value[c];
-        }
-        L by_tilt = 0;
-        for (int c = 0; c < 3; ++c)
-            by_tilt = fma(L(gaussian.tint[c]), value[c], by_tilt);
-        for (int j = 0; j < 2; ++j)
-            all[3 * K + j] = weighed.weight * by_tilt * weighed.e[j];
-        Real total[SETS * FIELD_LANES];
-        for (int set = 0; set < SETS; ++set)
-            sums(all + set * FIELD_LANES).store(total + set * FIELD_LANES);
-        std::memcpy(transposed + in.list[i].entry * columns, total, columns * sizeof(Real));
+        const Weighed<Real> weighed(in.gaussians[in.list[i].gaussian], at, in.blend);
+        transposed_entry<K>(
+            in, i, basis, weighed.weight, weighed.tilt, weighed.e, value, in.slopes, transposed);
     }
 }
 
@@ -271,6 +295,45 @@ void transposed(
 {
     with_coefficients(
         in.coefficients, [&](auto k) { transposed_sh<k()>(in, values, inverse_weight, transposed); });
+}
+
+static_assert(FIELD_KEPT == 4);
+
+template <int K, class Real>
+void normal_sh(const BlockReading<Real>& in, const Real* weights, const Real* inverse_weight, bool free,
+    Real* kept, Real* products)
+{
+    using L = Points<Real>;
+    const PointLanes<Real> at(*in.points);
+    const NormalBasis<Real, K> basis(at, *in.points);
+    const L inverse = L::load(inverse_weight);
+    L light[3] = {0, 0, 0};
+    for (size_t i = 0; i < in.list_length; ++i) {
+        prefetch_gaussian(in, i);
+        const PreparedGaussian<Real>& gaussian = in.gaussians[in.list[i].gaussian];
+        const Weighed<Real> weighed(gaussian, at, in.blend);
+        add_light<K>(in, i, basis, weighed.weight, weighed.tilt, light);
+        Real* const to = kept + i * FIELD_KEPT * FIELD_LANES;
+        weighed.weight.store(to), weighed.tilt.store(to + FIELD_LANES);
+        weighed.e[0].store(to + 2 * FIELD_LANES), weighed.e[1].store(to + 3 * FIELD_LANES);
+    }
+    L value[3];
+    for (int c = 0; c < 3; ++c)
+        value[c] = L::load(weights) * light[c] * inverse * inverse;
+    for (size_t i = 0; i < in.list_length; ++i) {
+        const Real* const from = kept + i * FIELD_KEPT * FIELD_LANES;
+        const L weight = L::load(from), tilt = free ? L(0) : L::load(from + FIELD_LANES);
+        const L e[2] = {L::load(from + 2 * FIELD_LANES), L::load(from + 3 * FIELD_LANES)};
+        transposed_entry<K>(in, i, basis, weight, tilt, e, value, free ? in.slopes : 0, products);
+    }
+}
+
+template <class Real>
+void normal(const BlockReading<Real>& in, const Real* weights, const Real* inverse_weight, bool free,
+    Real* kept, Real* products)
+{
+    with_coefficients(
+        in.coefficients, [&](auto k) { normal_sh<k()>(in, weights, inverse_weight, free, kept, products); });
 }
 
 template <class Real> void sum_rows(const Real* rows, size_t count, size_t columns, Real* sums)
@@ -286,6 +349,6 @@ template <class Real> void sum_rows(const Real* rows, size_t count, size_t colum
 
 template <class Real>
 constexpr FieldKernels<Real> FIELD = {
-    touches<Real>, read<Real>, read_backward<Real>, transposed<Real>, sum_rows<Real>};
+    touches<Real>, read<Real>, read_backward<Real>, transposed<Real>, normal<Real>, sum_rows<Real>};
 
 } // namespace INSTRUCTION_SET

@@ -6,13 +6,15 @@
 
 constexpr int FIELD_LANES = 16; // points read together
 constexpr int FIELD_SH_MAX = 9; // SH coefficients
+constexpr int FIELD_KEPT = 4;   // numbers per lane and Gaussian that a product keeps between its two halves
 
 // A Gaussian's derivatives of the loss, in this order: place u (3), which moves the centre by R S u; turn
 // (3), a rotation vector in the Gaussian's own axes; log_scale (3); logit_opacity; the constant coefficient
 // (3); slope (2).
 constexpr int FIELD_DERIVATIVES = 15;
 
-// Activated Gaussians, with coefficients of K = 1, 4 or 9 spherical harmonics of the normal. With e the
+// Activated Gaussians, with coefficients of K = 1, 4 or 9 spherical harmonics of the normal, or of the K = 3
+// coordinates of its bend. With e the
 // offset of a point from the centre along the Gaussian's axes, in standard deviations, the light there is c =
 // sum sh_k Y_k(n) + Y_0 tint (slope . e), where the tint of a Gaussian is its constant coefficient sh_0, so
 // that slopes are relative to that. With the tint held, the light is linear in sh and slope.
@@ -47,10 +49,12 @@ template <class Real> struct PreparedGaussian {
     Real slope[2]; // 0 for Gaussians without
 };
 
-// Consecutive points, one per lane. Unused lanes of the last block have normal 0.
+// Consecutive points, one per lane. Unused lanes of the last block have normal 0. The bend is what normal
+// maps add to the normal.
 template <class Real> struct PointBlock {
     alignas(64) Real position[3][FIELD_LANES];
     alignas(64) Real normal[3][FIELD_LANES];
+    alignas(64) Real bend[3][FIELD_LANES];
 };
 
 // Bounding box of points, m.
@@ -95,6 +99,11 @@ template <class Real> struct FieldKernels {
     // . values (lanes, 3).
     void (*transposed)(
         const BlockReading<Real>&, const Real* values, const Real* inverse_weight, Real* transposed);
+    // Writes products[entry] (3 K + slopes if those are `free`), which are `transposed` of the lanes' weights
+    // (lanes,) times B. Slopes that are free are 0 there, and else they scale the constant coefficient.
+    // `kept` has room for FIELD_KEPT numbers per lane and entry of the list.
+    void (*normal)(const BlockReading<Real>&, const Real* weights, const Real* inverse_weight, bool free,
+        Real* kept, Real* products);
     // Writes the sums (columns,) of `rows` (rows, columns), added in double precision and in their order.
     void (*sum_rows)(const Real* rows, size_t count, size_t columns, Real* sums);
 };

@@ -7,6 +7,7 @@ from surface_cases import FIELDS, KINDS, field_of, gaussians, of_type, points
 
 from gsgi.baker.fitting.rotations import axes
 from gsgi.baker.native import kernels
+from gsgi.runtime.constants import SH_C0
 from gsgi.runtime.gaussians import Gaussians
 
 
@@ -140,13 +141,66 @@ def test_transposed_is_the_transpose_of_reading(coefficients, sloped):
     assert (both * free).sum() == pytest.approx(inner(field.read(other, tint)), rel=1e-12)
 
 
+def bumpy(given, dtype=np.float64):
+    relief = np.random.default_rng(8).normal(size=(len(given.position), 3, 3))
+    return of_type(given, dtype, relief=relief.astype(dtype))
+
+
+def test_relief_adds_light_along_the_bend():
+    position, normal = points(333, np.float64)
+    bend = np.random.default_rng(7).normal(size=position.shape)
+    given = bumpy(gaussians(40, 9, sloped=True))
+    field = kernels.FieldDouble(position, normal, bend)
+    field.list(given, 0.05, 2, 1.0)
+    sums = field.read(given, relief=True)
+    expected = np.zeros((333, 3))
+    for axis in range(3):
+        flat = of_type(given, np.float64, sh=given.relief[:, axis : axis + 1] / SH_C0, slope=np.zeros((40, 0)))
+        expected += bend[:, axis : axis + 1] * field.read(flat)[:, :3]
+    np.testing.assert_allclose(sums[:, :3], expected, atol=1e-12)
+    np.testing.assert_array_equal(sums[:, 3], field.read(given)[:, 3])
+    values, ones = np.random.default_rng(3).normal(size=position.shape), np.ones(333)
+    along = field.transposed(given, values, ones, relief=True)
+    assert (along * given.relief.reshape(40, 9)).sum() == pytest.approx((expected * values).sum(), rel=1e-12)
+    straight = kernels.FieldDouble(position, normal)
+    straight.list(given, 0.05, 2, 1.0)
+    assert not straight.read(given, relief=True)[:, :3].any()
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize(("coefficients", "sloped"), [(1, False), (1, True), (4, True), (9, True)])
+def test_the_normal_product_is_reading_and_its_transpose_to_the_bit(dtype, coefficients, sloped):
+    position, normal = points(333, dtype)
+    given = bumpy(gaussians(40, coefficients, sloped=sloped), dtype)
+    field = KINDS[dtype](position, normal, normal[::-1].copy())
+    field.list(given, 0.05, 2, 1.0)
+    rng = np.random.default_rng(9)
+    weights, inverse = (rng.random(333).astype(dtype) for _ in range(2))
+    tint = rng.random((40, 3)).astype(dtype)
+    flat = of_type(given, dtype, slope=np.zeros_like(given.slope), sh=given.sh.copy())
+    flat.sh[:, 0] = tint
+
+    def twice(at, **how) -> np.ndarray:
+        values = weights[:, None] * field.read(given, **how)[:, :3] * inverse[:, None]
+        how.pop("tint", None)
+        return field.transposed(at, values, inverse, **how)
+
+    np.testing.assert_array_equal(field.normal(given, weights, inverse, tint), twice(flat, tint=tint))
+    alone = field.normal(given, weights, inverse)
+    np.testing.assert_array_equal(alone, twice(given)[:, : 3 * coefficients])
+    assert np.abs(alone).max() > 0.01
+    np.testing.assert_array_equal(field.normal(given, weights, inverse, relief=True), twice(given, relief=True))
+
+
 def all_bits(dtype) -> list[bytes]:
     position, normal = points(3000, dtype)
-    given = of_type(gaussians(400, 4, sloped=True), dtype)
-    field = field_of(given, position, normal, margin=1.1)
+    given = bumpy(gaussians(400, 4, sloped=True), dtype)
+    field = KINDS[dtype](position, normal, normal[::-1].copy())
+    field.list(given, 0.05, 2, 1.1)
     sums = field.read(given)
     ones = np.ones(3000, dtype)
     results = sums, field.backward(given, position, normal, ones), field.transposed(given, normal, ones)
+    results += tuple(field.normal(given, ones, ones, relief=relief) for relief in (False, True))
     results += field.reached(given, 0.05, 1.3, sums[:, 0].copy(), -ones[:400], ones[:400])
     return [array.tobytes() for array in results]
 
@@ -218,6 +272,11 @@ def test_values_of_another_length_and_other_gaussians_are_refused():
     for wrong in ((ones[:-1], ones[:5], ones[:5]), (ones, ones[:4], ones[:5]), (ones, ones[:5], ones[:4])):
         with pytest.raises(ValueError, match="per"):
             field.reached(given, 0.05, 1.0, *wrong)
+    for wrong in ((ones[:-1], ones), (ones, ones[:-1])):
+        with pytest.raises(ValueError, match="per point"):
+            field.normal(given, *wrong)
+    with pytest.raises(ValueError, match="same length"):
+        kernels.FieldFloat(position, normal, normal[:-1])
     for wrong in ((position[:-1], ones), (position, ones[:-1])):
         with pytest.raises(ValueError, match="per point"):
             field.transposed(given, *wrong)
