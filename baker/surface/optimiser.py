@@ -14,7 +14,7 @@ from gsgi.runtime import constants
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
 
 from . import colours, relief
-from .lookup import coarse_light, filling, inverse_weight
+from .lookup import coarse_light, filling
 from .samples import SurfaceSamples
 from .state import PARAMETERS, SurfaceState
 
@@ -73,7 +73,7 @@ class SurfaceOptimiser:
         self.blend = blend
         self._level, self._relative_noise = around.level, around.noise / around.level
         self._variance = np.square(around.noise / np.float32(MODEL))
-        self._listed, self._margin = 0, 0.0
+        self._listed, self._margin, self._shape = 0, 0.0, (None,) * 3
         self._noise: np.ndarray | None = None
         self._unit: np.ndarray | None = None
         self._size_cost: np.ndarray | None = None
@@ -181,8 +181,10 @@ class SurfaceOptimiser:
     def _reach(self, gaussians: Gaussians, margin: float) -> None:
         """List the samples that Gaussians `margin` times as large reach. The more is listed, the longer readings take,
         but they do not change."""
-        self._field.list(gaussians, self.blend.cutoff, self.blend.sharpness, margin)
-        self._margin = margin
+        shape = gaussians.position, gaussians.rotation, gaussians.scale
+        if margin != self._margin or any(one is not other for one, other in zip(shape, self._shape, strict=True)):
+            self._field.list(gaussians, self.blend.cutoff, self.blend.sharpness, margin)
+            self._shape, self._margin = shape, margin
 
     def _list(self, gaussians: Gaussians, margin: float = EXACT) -> None:
         self._reach(gaussians, margin)
@@ -196,10 +198,7 @@ class SurfaceOptimiser:
 
     def _reading(self, fine: np.ndarray) -> _Reading:
         """What the sums (S, 4) of the fine level come to."""
-        sums = fine + filling(fine, self._coarse, self.blend)
-        inverse = inverse_weight(sums)
-        light = sums[:, :3] * inverse[:, None]
-        return _Reading(light, inverse, np.where(fine[:, 3:] < self.blend.floor, self._coarse, light))
+        return _Reading(*kernels.fill_gap(fine, self._coarse, self.blend.floor))
 
     def _derivatives(self, gaussians: Gaussians, reading: _Reading) -> tuple[np.ndarray, float]:
         """The derivatives (N, 15) (see FIELD_DERIVATIVES), and the loss."""

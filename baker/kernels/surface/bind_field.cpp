@@ -201,8 +201,27 @@ template <class Real> static void bind_precision(nb::module_& m, const char* nam
             "Number of pairs of a Gaussian and a block of points that it reaches.");
 }
 
+static nb::tuple filled(Input<float, -1, 4> sums, Input<float, -1, 3> coarse, float floor)
+{
+    const size_t count = sums.shape(0);
+    require(coarse.shape(0) == count, "sums and coarse must have the same length");
+    auto light = allocate<float>({count, 3}), inverse = allocate<float>({count}),
+         yielding = allocate<float>({count, 3});
+    {
+        nb::gil_scoped_release unlocked;
+        fill_gap(count, sums.data(), coarse.data(), floor, light.data(), inverse.data(), yielding.data());
+    }
+    return nb::make_tuple(light, inverse, yielding);
+}
+
 void bind_field(nb::module_& m)
 {
+    m.def("fill_gap", filled, "sums"_a.noconvert(), "coarse"_a.noconvert(), "floor"_a,
+        "Return B at points (S, 3), 1 / (sum w + gap) (S,), and the light (S, 3) that yields to a Gaussian "
+        "whose weight "
+        "grows, from the `sums` (S, 4) that `read` returns and the `coarse` light (S, 3), which fills the "
+        "gap below the "
+        "`floor`.");
     bind_precision<float>(m, "FieldFloat");
     bind_precision<double>(m, "FieldDouble");
 }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <limits>
 
 #include "dispatch.h"
 #include "lib/constants.glsl"
@@ -11,7 +12,8 @@
 namespace {
 
 constexpr size_t FAN = 8; // boxes of one level per box of the next
-constexpr size_t PREPARE_GRAIN = 1024, GAUSSIAN_GRAIN = 64, BLOCK_GRAIN = 32; // grain sizes of loops
+constexpr size_t PREPARE_GRAIN = 1024, GAUSSIAN_GRAIN = 64, BLOCK_GRAIN = 32,
+                 POINT_GRAIN = 4096; // grain sizes of loops
 
 template <class Real> Box box_of(const PointBlock<Real>& block)
 {
@@ -267,6 +269,22 @@ void Field<Real>::normal(const FieldArrays<Real>& gaussians, const Real* weights
             kept.reserve(reading.list_length * FIELD_KEPT * FIELD_LANES), by_entry.get());
     });
     sum_entries(gaussians.count, columns, products);
+}
+
+void fill_gap(size_t count, const float* sums, const float* coarse, float floor, float* light, float* inverse,
+    float* yielding)
+{
+    parallel_for(count, POINT_GRAIN, [&](size_t begin, size_t end) {
+        for (size_t i = begin; i < end; ++i) {
+            const float weight = sums[4 * i + 3], gap = std::max(floor - weight, 0.0f), all = weight + gap;
+            inverse[i] = all >= std::numeric_limits<float>::min() ? 1 / all : 0;
+            for (size_t c = 0; c < 3; ++c) {
+                const size_t j = 3 * i + c;
+                light[j] = (sums[4 * i + c] + gap * coarse[j]) * inverse[i];
+                yielding[j] = weight < floor ? coarse[j] : light[j];
+            }
+        }
+    });
 }
 
 template class Field<float>;

@@ -64,3 +64,10 @@ private:
     Buffer<PreparedGaussian<Real>> prepared_gaussians;
     Buffer<Real> by_entry;
 };
+
+// light (count, 3) and inverse (count,) 1 / sum w, from sums (count, 4) of the fine level and the light
+// (count, 3) of the coarse one, which fills the gap where the fine one weighs less than `floor`. yielding
+// (count, 3) is the light that yields to a Gaussian whose weight grows: the coarse one in the gap, and else
+// all.
+void fill_gap(size_t count, const float* sums, const float* coarse, float floor, float* light, float* inverse,
+    float* yielding);
