@@ -11,7 +11,8 @@ from .evaluation.monitor import entries
 from .plan import Plan
 
 POINTS, SAMPLES = 1 << 14, 64
-STEPS = 16  # of the fit
+STEPS = 10  # of the fit: those from one listing of its samples to the next
+FEW = 32  # px, edge of a view that is evaluated once so that later ones find all loaded
 
 
 def estimate(plan: Plan) -> dict[str, float]:
@@ -101,20 +102,24 @@ def _seconds_per_path(plan: Plan) -> tuple[float, float]:
     index = np.random.default_rng(plan.settings.seed).integers(len(seen.position), size=POINTS)
     position, normal = seen.position[index], seen.normal[index]
     sampling = Sampling(SAMPLES, plan.settings.bounces)
-    # The first launch of a kind compiles, even with one point.
-    light = tracer.indirect(position, normal, normal, sampling, 0).mean
-    known = IrradianceCache.halves(position, normal, light, light).a
-    tracer.indirect(position[:1], normal[:1], normal[:1], sampling, 0, None, known)
-    whole, gathering = (
-        _seconds(lambda end=end: tracer.indirect(position, normal, normal, sampling, 1, None, end)) / (POINTS * SAMPLES)
-        for end in (None, known)
-    )
-    return whole, gathering
+    lights = []
+
+    def trace(known: IrradianceCache | None, count: int = POINTS) -> None:
+        points = position[:count], normal[:count], normal[:count]
+        lights.append(tracer.indirect(*points, sampling, 0, None, known).mean)
+
+    def seconds(known: IrradianceCache | None) -> float:
+        trace(known, 1)  # the first launch of a kind compiles, even with one point
+        return _seconds(lambda: trace(known)) / (POINTS * SAMPLES)
+
+    whole = seconds(None)
+    return whole, seconds(IrradianceCache.halves(position, normal, lights[-1], lights[-1]).a)
 
 
 def _seconds_per_view(plan: Plan) -> tuple[float, float, float]:
     """Seconds that a view takes before, during and after the fit, with the scene's surfaces in grey light."""
     from gsgi.baker.trace.reference import Reference
+    from gsgi.baker.trace.tracer import Surface
 
     from .surface.fits import grey_bake
 
@@ -123,19 +128,20 @@ def _seconds_per_view(plan: Plan) -> tuple[float, float, float]:
     name, surface = next(((name, surface) for name, surface in surfaces if surface.diffuse.any()), (None, None))
     if surface is None:
         return 0.0, 0.0, 0.0
-    grey = np.ones_like(surface.position)
+    few = plan.tracer.tracer.surface(views[name], FEW, FEW)
 
-    def truth() -> dict[str, Reference]:
+    def truth(surface: Surface) -> dict[str, Reference]:
+        grey = np.ones_like(surface.position)
         return {name: Reference(surface, np.zeros_like(grey), grey, grey, surface.diffuse)}
 
-    def evaluate() -> None:
-        held_out.evaluate(truth(), views, baked, {}, plan.triangles)
+    def evaluate(surface: Surface) -> None:
+        held_out.evaluate(truth(surface), views, baked, {}, plan.triangles)
 
-    # The first calls load the denoiser and the metrics.
-    baked, loss = grey_bake(plan), held_out.HeldOutLoss(truth(), views, 1.0)
-    evaluate()
-    prepared = _seconds(lambda: held_out.HeldOutLoss(truth(), views, 1.0))
-    return prepared, _seconds(lambda: loss.of(baked)), _seconds(evaluate)
+    baked = grey_bake(plan)
+    evaluate(few if few.diffuse.any() else surface)  # the first call loads the denoiser and the metrics
+    losses = []
+    prepared = _seconds(lambda: losses.append(held_out.HeldOutLoss(truth(surface), views, 1.0)))
+    return prepared, _seconds(lambda: losses[0].of(baked)), _seconds(lambda: evaluate(surface))
 
 
 def _seconds(run: Callable[[], object]) -> float:
