@@ -7,7 +7,7 @@ from gsgi.runtime.vectors import sphere
 from .visibility import VIEWS, Lens, SightLines, texel
 
 DIRECTIONS = 64  # viewing directions at each viewpoint
-PAIRS_AT_ONCE = 1 << 15  # bounds memory
+PAIRS_AT_ONCE = 1 << 12  # bounds memory, to what a core's cache holds: with 1 << 15 pairs take five times as long
 TRIED = 12  # viewpoints of which a view comes that is more than enough
 REPEAT_WORTH = 0.5  # a view of a side that n views see already is worth this to the power n
 
@@ -123,8 +123,9 @@ def poses() -> np.ndarray:
 def _in_views(direction: np.ndarray, footprint: np.ndarray, lens: Lens) -> np.ndarray:
     """Whether (P, DIRECTIONS) bool views contain directions (P, 3) and see the side there at the limit or finer."""
     right, up, back = np.ascontiguousarray(poses().astype(np.float32).transpose(2, 1, 0))
-    depth = direction @ -back
-    across = np.maximum(np.abs(direction @ right), np.abs(direction @ up))
-    inside = across < depth * np.float32(np.tan(lens.yfov / 2))
+    depth, across, other = direction @ -back, direction @ right, direction @ up
+    np.maximum(np.abs(across, out=across), np.abs(other, out=other), out=across)
     deepest = (lens.limit / (footprint * lens.pixel)) ** (2 / 3)  # texel() <= limit, solved for the cosine to the axis
-    return inside & (depth <= deepest[:, None].astype(np.float32))
+    seen = depth <= deepest[:, None].astype(np.float32)
+    depth *= np.float32(np.tan(lens.yfov / 2))
+    return seen & (across < depth)
