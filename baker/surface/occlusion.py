@@ -84,12 +84,12 @@ class Occlusion:
         samples = samples[np.square(samples.bend).sum(axis=1) < BENT**2] if samples.bumpy else samples
         some = np.arange(0, len(samples), max(len(samples) // ((FLAT if self._facing else ROUND) * max(count, 1)), 1))
         some = samples[np.union1d(some, np.flatnonzero(_around(samples)[1])) if self._facing else some]
-        some = some[coherent(some.position, some.normal)]
         self._position, self._normal = some.position, some.normal
         self._lifted = triangles.lifted(some.position, some.normal)
         self._light = _seen_mean(some, triangles, luminance(some.indirect), self._facing).astype(np.float32)
         self._neighbours = Neighbours(some.position)
-        self._field = kernels.FieldFloat(some.position, some.normal)
+        self._order = coherent(some.position, some.normal)
+        self._field = kernels.FieldFloat(some.position[self._order], some.normal[self._order])
 
     def cut(self, gaussians: Gaussians) -> tuple[Gaussians, np.ndarray]:
         """The Gaussians, cut where they would carry light across an occluder, and which (N,) bool were."""
@@ -123,9 +123,11 @@ class Occlusion:
         occluder."""
         some = Gaussians(*(column[which] for column in vars(gaussians).values()))
         here = self._light[home[which]]
-        other = self._light, here / FACTOR, FACTOR * here
+        other = self._light[self._order], here / FACTOR, FACTOR * here
         of, sample = self._field.reached(some, self._blend.cutoff, MARGIN, *other)
-        faced = self._faced(some, of, sample)
+        sample = self._order[sample]
+        faced = np.flatnonzero(self._faced(some, of, sample))
+        faced = faced[np.lexsort((sample[faced], of[faced]))]
         of, sample = which[of[faced]], sample[faced]
         start = self._lifted[sample]
         way = self._lifted[home[of]] - start
