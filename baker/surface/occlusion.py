@@ -15,13 +15,13 @@ from gsgi.baker.neighbours import Neighbours
 from gsgi.baker.trace.local_light import FAINT, LocalLight, blocks, local_light, nearby_light
 from gsgi.baker.trace.point_order import coherent
 from gsgi.baker.views.surface_points import Triangles
-from gsgi.runtime.display import luminance
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
 
 from .colours import bounded_slope
 from .samples import SurfaceSamples, joined
 
-FACTOR = 8.0  # light differs across an occluder if it does by this factor
+FACTOR = 8.0  # light differs across an occluder if it does by this factor in a channel
+GREY = 0.5  # times its mean over the channels is added to light for that: what is faint in a colour hardly counts
 VARIES = 0.5  # standard deviation of the light of neighbours, relative to its mean
 SIGNIFICANT = 3.0  # standard deviations of the noise, by which a sample is darker than its neighbours
 BLACK = 2.0  # times the level to which eyes adapt at least: less light is as good as none
@@ -86,7 +86,8 @@ class Occlusion:
         some = samples[np.union1d(some, np.flatnonzero(_around(samples)[1])) if self._facing else some]
         self._position, self._normal = some.position, some.normal
         self._lifted = triangles.lifted(some.position, some.normal)
-        self._light = _seen_mean(some, triangles, luminance(some.indirect), self._facing).astype(np.float32)
+        light = np.maximum(_seen_mean(some, triangles, some.indirect, self._facing), 0)
+        self._light = (light + GREY * light.mean(axis=1, keepdims=True)).astype(np.float32)
         self._neighbours = Neighbours(some.position)
         self._order = coherent(some.position, some.normal)
         self._field = kernels.FieldFloat(some.position[self._order], some.normal[self._order])
@@ -177,7 +178,7 @@ def _offset(gaussians: Gaussians, of: np.ndarray, point: np.ndarray) -> np.ndarr
 
 
 def _seen_mean(samples: SurfaceSamples, triangles: Triangles, light: np.ndarray, facing: bool) -> np.ndarray:
-    """Light (S,) averaged over the nearest samples that each sees; with `facing`, only if they face the same way."""
+    """Light (S, ...) averaged over the nearest samples that each sees; with `facing`, if they face the same way."""
     if not len(light):
         return light
     _, near = Neighbours(samples.position).nearest(samples.position, NEIGHBOURS)
@@ -187,7 +188,8 @@ def _seen_mean(samples: SurfaceSamples, triangles: Triangles, light: np.ndarray,
     if facing:
         counts &= (samples.normal[own] * samples.normal[other]).sum(axis=1) > 0
     counts = (counts | (own == other)).reshape(near.shape)
-    return (light[near] * counts).sum(axis=1) / np.maximum(counts.sum(axis=1), 1)
+    shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
+    return np.einsum("sk,sk...->s...", shares, light[near])
 
 
 def _cut_flat(gaussians: Gaussians, found: _Across) -> Gaussians:

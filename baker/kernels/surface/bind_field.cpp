@@ -121,14 +121,14 @@ template <class Real> static void bind_precision(nb::module_& m, const char* nam
             "the constant coefficients. With `relief`, c is the relief along the bend.")
         .def(
             "reached",
-            [](Field<Real>& self, nb::handle gaussians, double cutoff, double margin, Values values,
-                Values low, Values high) {
+            [](Field<Real>& self, nb::handle gaussians, double cutoff, double margin, Vectors values,
+                Vectors low, Vectors high) {
                 const GaussianInput<Real> input(gaussians);
                 const auto arrays = input.arrays();
                 const FieldBlend blend = checked(cutoff, 0, margin);
-                require(values.shape(0) == self.count(), "one value per point is needed");
+                require(values.shape(0) == self.count(), "three values per point are needed");
                 require(low.shape(0) == arrays.count && high.shape(0) == arrays.count,
-                    "low and high must have one value per Gaussian");
+                    "low and high must have three values per Gaussian");
                 std::vector<ReachedPoint> found;
                 {
                     nb::gil_scoped_release unlocked;
@@ -143,8 +143,9 @@ template <class Real> static void bind_precision(nb::module_& m, const char* nam
             "high"_a.noconvert(),
             "Return the indices (P,) of Gaussians, which ascend, and of points that they would reach if they "
             "were "
-            "`margin` times as large and faced every way, and whose `values` (S,) lie below `low` or above "
-            "`high` (N,).")
+            "`margin` times as large and faced every way, and of whose `values` (S, 3) one lies below `low` "
+            "or "
+            "above `high` (N, 3).")
         .def(
             "backward",
             [](Field<Real>& self, nb::handle gaussians, Vectors light, Vectors by_light,

@@ -183,7 +183,11 @@ std::vector<ReachedPoint> Field<Real>::reached(const FieldArrays<Real>& gaussian
             visit_touched(prepared_gaussians.get()[i], operation, margin, [&](size_t block, uint32_t lanes) {
                 for (; lanes; lanes &= lanes - 1) {
                     const size_t point = block * FIELD_LANES + std::countr_zero(lanes);
-                    if (values[point] < low[i] || values[point] > high[i])
+                    bool differs = false;
+                    for (int c = 0; c < 3; ++c)
+                        differs |=
+                            values[3 * point + c] < low[3 * i + c] || values[3 * point + c] > high[3 * i + c];
+                    if (differs)
                         parts[begin / GAUSSIAN_GRAIN].push_back({uint32_t(i), uint32_t(point)});
                 }
             });

@@ -21,8 +21,8 @@ public:
     void read(const FieldArrays<Real>& gaussians, Real* sums);
 
     // The pairs of a Gaussian and a point that it would reach if it were `margin` times as large, by Gaussian
-    // and then by point: those where the point's value (count,) lies below `low` or above `high` (N,) of the
-    // Gaussian.
+    // and then by point: those where one of the point's values (count, 3) lies below `low` or above `high`
+    // (N, 3) of the Gaussian.
     std::vector<ReachedPoint> reached(const FieldArrays<Real>& gaussians, const FieldBlend& blend,
         double margin, const Real* values, const Real* low, const Real* high);
 

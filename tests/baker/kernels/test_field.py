@@ -86,12 +86,13 @@ def test_gaussians_that_move_within_the_margin_are_still_listed():
 def test_the_points_of_other_values_that_gaussians_reach(margin):
     position, normal = points(777)
     given = gaussians(150)
-    values = np.random.default_rng(5).random(777, np.float32)
-    low, high = np.sort(np.random.default_rng(6).random((2, 150), np.float32), axis=0)
+    values = np.random.default_rng(5).random((777, 3), np.float32)
+    low, high = np.sort(np.random.default_rng(6).random((2, 150, 3), np.float32), axis=0)
+    low, high = low - np.float32(0.3), high + np.float32(0.3)
     to = position - given.position[:, None].astype(float)
     offset = np.einsum("nij,npi->npj", axes(given.rotation), to) / given.scale[:, None]
     there = np.square(offset).sum(axis=2) < margin**2 * -2 * np.log(0.05)
-    differs = (values < low[:, None]) | (values > high[:, None])
+    differs = ((values < low[:, None]) | (values > high[:, None])).any(axis=2)
     found = kernels.FieldFloat(position, normal).reached(given, 0.05, margin, values, low, high)
     assert len(found[0]) > 1000
     assert (there & ~differs).any()
@@ -216,7 +217,8 @@ def all_bits(dtype) -> list[bytes]:
     ones = np.ones(3000, dtype)
     results = sums, field.backward(given, position, normal, ones), field.transposed(given, normal, ones)
     results += tuple(field.normal(given, ones, ones, relief=relief) for relief in (False, True))
-    results += field.reached(given, 0.05, 1.3, sums[:, 0].copy(), -ones[:400], ones[:400])
+    low, high = (np.full((400, 3), limit, dtype) for limit in (-1, 1))
+    results += field.reached(given, 0.05, 1.3, sums[:, :3].copy(), low, high)
     return [array.tobytes() for array in results]
 
 
@@ -284,9 +286,9 @@ def test_values_of_another_length_and_other_gaussians_are_refused():
             field.backward(given, *right[:i], array[:-1].copy(), *right[i + 1 :])
         with pytest.raises(TypeError):
             field.backward(given, *right[:i], array.astype(np.float64), *right[i + 1 :])
-    for wrong in ((ones[:-1], ones[:5], ones[:5]), (ones, ones[:4], ones[:5]), (ones, ones[:5], ones[:4])):
+    for lengths in ((19, 5, 5), (20, 4, 5), (20, 5, 4)):
         with pytest.raises(ValueError, match="per"):
-            field.reached(given, 0.05, 1.0, *wrong)
+            field.reached(given, 0.05, 1.0, *(np.ones((length, 3), np.float32) for length in lengths))
     for wrong in ((ones[:-1], ones), (ones, ones[:-1])):
         with pytest.raises(ValueError, match="per point"):
             field.normal(given, *wrong)
