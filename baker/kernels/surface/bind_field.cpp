@@ -117,8 +117,7 @@ template <class Real> static void bind_precision(nb::module_& m, const char* nam
             },
             "gaussians"_a, "tint"_a.noconvert() = nb::none(), "relief"_a = false,
             "Return sum w c and sum w at the points, (S, 4). Slopes are relative to `tint` (N, 3), by "
-            "default "
-            "the constant coefficients. With `relief`, c is the relief along the bend.")
+            "default the constant coefficients. With `relief`, c is the relief along the bend.")
         .def(
             "reached",
             [](Field<Real>& self, nb::handle gaussians, double cutoff, double margin, Vectors values,
@@ -141,11 +140,9 @@ template <class Real> static void bind_precision(nb::module_& m, const char* nam
             },
             "gaussians"_a, "cutoff"_a, "margin"_a, "values"_a.noconvert(), "low"_a.noconvert(),
             "high"_a.noconvert(),
-            "Return the indices (P,) of Gaussians, which ascend, and of points that they would reach if they "
-            "were "
-            "`margin` times as large and faced every way, and of whose `values` (S, 3) one lies below `low` "
-            "or "
-            "above `high` (N, 3).")
+            "Return the indices (P,) of Gaussians, which ascend, and of points that they would reach if "
+            "they were `margin` times as large and faced every way, and of whose `values` (S, 3) one lies "
+            "below `low` or above `high` (N, 3).")
         .def(
             "backward",
             [](Field<Real>& self, nb::handle gaussians, Vectors light, Vectors by_light,
@@ -176,8 +173,7 @@ template <class Real> static void bind_precision(nb::module_& m, const char* nam
             },
             "gaussians"_a, "values"_a.noconvert(), "inverse_weight"_a.noconvert(), "relief"_a = false,
             "Return the derivatives (N, 3 K + slopes) by sh and slope, or (N, 9) by `relief`, of the sum "
-            "over the "
-            "points of B . values.")
+            "over the points of B . values.")
         .def(
             "normal",
             [](Field<Real>& self, nb::handle gaussians, Values weights, Values inverse_weight,
@@ -196,8 +192,8 @@ template <class Real> static void bind_precision(nb::module_& m, const char* nam
             "gaussians"_a, "weights"_a.noconvert(), "inverse_weight"_a.noconvert(),
             "tint"_a.noconvert() = nb::none(), "relief"_a = false,
             "Return `transposed` of weights (S,) times what is read. With a `tint` (N, 3), to which slopes "
-            "are "
-            "relative, also by slope (N, 3 K + slopes), with the other slopes 0; else by sh alone (N, 3 K).")
+            "are relative, also by slope (N, 3 K + slopes), with the other slopes 0; else by sh alone (N, "
+            "3 K).")
         .def_prop_ro("entry_count", &Field<Real>::entry_count,
             "Number of pairs of a Gaussian and a block of points that it reaches.");
 }
@@ -219,10 +215,8 @@ void bind_field(nb::module_& m)
 {
     m.def("fill_gap", filled, "sums"_a.noconvert(), "coarse"_a.noconvert(), "floor"_a,
         "Return B at points (S, 3), 1 / (sum w + gap) (S,), and the light (S, 3) that yields to a Gaussian "
-        "whose weight "
-        "grows, from the `sums` (S, 4) that `read` returns and the `coarse` light (S, 3), which fills the "
-        "gap below the "
-        "`floor`.");
+        "whose weight grows, from the `sums` (S, 4) that `read` returns and the `coarse` light (S, 3), "
+        "which fills the gap below the `floor`.");
     bind_precision<float>(m, "FieldFloat");
     bind_precision<double>(m, "FieldDouble");
 }
