@@ -6,6 +6,7 @@ import numpy as np
 
 from .camera import Camera
 from .gaussians import Bake, Gaussians
+from .instance import flat
 from .scene import Scene
 
 # Distance from the origin in scene diagonals. At smaller distances, float32 positions are off by at most 1e-6
@@ -37,7 +38,7 @@ def origin_of_boxes(boxes: np.ndarray) -> np.ndarray:
 def local_scene(scene: Scene, origin: np.ndarray) -> Scene:
     """The scene with meshes and lights relative to `origin` (3,); its cameras are unchanged."""
     meshes, blended = (
-        tuple(replace(mesh, position=(mesh.position - origin).astype(np.float32)) for mesh in part)
+        tuple(replace(mesh, position=(mesh.position - origin).astype(np.float32)) for mesh in map(flat, part))
         for part in (scene.meshes, scene.blended)
     )
     lights = tuple(replace(light, position=light.position - origin) for light in scene.lights)

@@ -2,10 +2,14 @@
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .camera import Camera
+
+if TYPE_CHECKING:
+    from .instance import Instance
 
 CUTOFF = 0.5  # opacity below which a partly transparent surface is a hole to what cannot see through it in part
 MAX_LIGHT = 1e15  # cd, lx or radiance; the product of two such values fits in float32
@@ -161,6 +165,7 @@ class Environment:
 class Scene:
     """Everything that the baker and the renderer need from a glTF file.
 
+    Where a file has many copies of large meshes, `meshes` and `blended` have an `Instance` for each.
     `blended` are partly transparent surfaces, whose opacity is alpha (factor * texture * vertex colour): a frame blends
     them over `meshes`, and the light knows nothing of them. `metals` is "rough" (they reflect diffusely, as rough ones
     would on average) or "black" (they reflect nothing).
@@ -170,7 +175,7 @@ class Scene:
     names, by the name of the group (see `light_groups`).
     """
 
-    meshes: tuple[Mesh, ...]
+    meshes: "tuple[Mesh | Instance, ...]"
     materials: tuple[Material, ...]
     textures: tuple[Texture, ...] = ()
     lights: tuple[Light, ...] = ()
@@ -180,7 +185,7 @@ class Scene:
     warnings: tuple[str, ...] = ()
     transparent: tuple[str, ...] = ()
     files: tuple[Path, ...] = ()
-    blended: tuple[Mesh, ...] = ()
+    blended: "tuple[Mesh | Instance, ...]" = ()
     groups: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
     def as_traced(self) -> "Scene":

@@ -1,4 +1,4 @@
-"""Unit vectors."""
+"""Unit vectors, and the matrices that transform normals."""
 
 import numpy as np
 
@@ -8,6 +8,14 @@ def unit(vectors: np.ndarray) -> np.ndarray:
     # Divide by the largest component first: squares of tiny or huge components leave the range of floats.
     vectors = vectors / np.abs(vectors).max(axis=-1, keepdims=True)
     return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+
+
+def cofactor(linear: np.ndarray) -> np.ndarray:
+    """Cofactor matrices (..., 3, 3), det * inverse transpose, which transform normals up to length and sign.
+
+    They also exist for matrices that scale an axis to 0.
+    """
+    return np.cross(linear[..., [1, 2, 0], :], linear[..., [2, 0, 1], :])
 
 
 def sphere(count: int) -> np.ndarray:

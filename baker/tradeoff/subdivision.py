@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from gsgi.runtime.instance import flat
 from gsgi.runtime.scene import Mesh, Scene
 
 
@@ -12,7 +13,7 @@ def subdivided(scene: Scene, longest: float) -> Scene:
 
     Triangles that share an edge halve it alike, so that no gaps open. Old vertices keep their places before new ones.
     """
-    return replace(scene, meshes=tuple(_subdivided(mesh, longest) for mesh in scene.meshes))
+    return replace(scene, meshes=tuple(_subdivided(flat(mesh), longest) for mesh in scene.meshes))
 
 
 def _subdivided(mesh: Mesh, longest: float) -> Mesh:

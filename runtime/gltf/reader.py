@@ -1,13 +1,15 @@
 """Read a glTF 2.0 scene as arrays in world space."""
 
-from collections.abc import Callable, Iterator
+from collections import Counter
+from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from gsgi.runtime.errors import SceneError
+from gsgi.runtime.instance import Instance
 from gsgi.runtime.scene import Mesh, Scene
 
 from . import primitives
@@ -27,10 +29,15 @@ from .problems import Code
 from .prune import prune
 from .skins import joint_matrices
 from .transparency import MODES
-from .world_space import finished, placed, skinned
+from .world_space import check_extent, finished, placed, skinned
 
 LEFT_OUT = {Code.TRANSPARENT, Code.NOT_TRIANGLES, Code.NO_POSITION}  # warnings about surfaces
 MAX_WEIGHT = 1e6  # of a morph target; anything larger is a mistake
+
+# Triangles in copies of other meshes from which on copies share their arrays. Below it, what they take is little beside
+# what a bake takes, and rays are cast faster against one tree than against trees of instances.
+COPIED = 1 << 20
+UNEVEN = 1e3  # condition number of a matrix from which on a copy has arrays of its own: float32 would lose its normals
 
 
 def read_gltf(path: str | Path, limits: Limits = Limits(), transparency: str = "filter") -> Scene:  # noqa: B008 (frozen)
@@ -84,9 +91,57 @@ def _warn_of_animations(document: Document) -> None:
         document.warn(animations, Code.FROZEN, "animations are left out: the scene stands as its nodes have it")
 
 
-def _meshes(document: Document, nodes: list[Node], materials: Materials) -> Iterator[tuple[Mesh, Paint]]:
-    """One mesh per primitive, paint, instance and node. A primitive is decoded once per paint and morph weights."""
+def _meshes(document: Document, nodes: list[Node], materials: Materials) -> Iterator[tuple[Mesh | Instance, Paint]]:
+    """One mesh per primitive, paint, instance and node, decoded once per paint and morph weights.
+
+    From COPIED triangles in copies on, copies are instances.
+    """
     decoded: dict[tuple, Primitive] = {}
+    uses = list(_uses(document, nodes, materials, decoded))
+    places = Counter()
+    for use in uses:
+        places[use.key] += len(use.matrices)
+    copied = sum((count - 1) * len(decoded[key].triangle) for key, count in places.items() if count > 1)
+    shapes: dict[tuple, Mesh | None] = {}
+    for use in uses:
+        primitive = decoded[use.key]
+        shared = copied >= COPIED and places[use.key] > 1
+        if shared and use.key not in shapes:
+            shape = finished(primitive, use.paint, use.node, "")
+            shapes[use.key] = shape and replace(shape, material=0)
+        shape = shapes.get(use.key)
+        for matrix in use.matrices:
+            if shape is not None and np.linalg.cond(matrix[:3, :3]) < UNEVEN:
+                mesh = Instance(shape, matrix, use.paint.index, use.name)
+                check_extent(np.concatenate(mesh.bounds()), use.node)
+            else:
+                mesh = finished(placed(primitive, matrix), use.paint, use.node, use.name)
+            if mesh is not None:
+                yield mesh, use.paint
+        if use.skin is not None:
+            mesh = finished(skinned(primitive, use.skin), use.paint, use.node, use.name)
+            if mesh is not None:
+                yield mesh, use.paint
+
+
+class _Use(NamedTuple):
+    """A primitive of a node: the `key` under which it is decoded, and where it stands.
+
+    It stands at each of the world matrices (N, 4, 4), or once, moved by the matrices (J, 4, 4) of the joints of `skin`.
+    """
+
+    key: tuple
+    paint: Paint
+    node: Json
+    name: str
+    matrices: np.ndarray
+    skin: np.ndarray | None
+
+
+def _uses(
+    document: Document, nodes: list[Node], materials: Materials, decoded: dict[tuple, Primitive]
+) -> Iterator[_Use]:
+    """The uses of all primitives, which this decodes."""
     instance_count, element_count = len(nodes), 0
     worlds = {node.json.pointer: node.world_from_node for node in nodes}
     for node in nodes:
@@ -95,32 +150,25 @@ def _meshes(document: Document, nodes: list[Node], materials: Materials) -> Iter
         where = node.json.where(), node.json.pointer
         entry = document.lookup("meshes", node.json.get("mesh"))
         name = node.json.get("name", "").string() or entry.get("name", "").string()
-        places = _places(document, node, worlds)
-        instance_count += len(places) - 1
+        matrices, skin = _places(document, node, worlds)
+        instance_count += len(matrices) - 1
         document.limits.check("nodes", instance_count, *where)
         for primitive, paint, weights in _painted(document, node, materials):
             key = primitive.pointer, weights, paint.index
             if key not in decoded:
                 decoded[key] = primitives.decode(document, primitive, paint, weights)
-            element_count += len(decoded[key]) * len(places)
+            element_count += len(decoded[key]) * len(matrices)
             document.limits.check("elements", element_count, *where)
-            meshes = (finished(place(decoded[key]), paint, node.json, name) for place in places)
-            yield from ((mesh, paint) for mesh in meshes if mesh is not None)
+            is_skinned = skin is not None and decoded[key].joints is not None
+            yield _Use(key, paint, node.json, name, matrices[is_skinned:], skin if is_skinned else None)
 
 
-def _places(document: Document, node: Node, worlds: dict[str, np.ndarray]) -> list[Callable[[Primitive], Primitive]]:
-    """Functions that transform the node's primitives to world space, one per instance."""
+def _places(document: Document, node: Node, worlds: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray | None]:
+    """The world matrices (N, 4, 4) of a node's mesh, and those of its joints if it has a skin; then N is 1."""
     if "skin" not in node.json:
-        return [partial(placed, world_from_node=matrix) for matrix in instances(document, node)]
+        return instances(document, node), None
     document.warn(document.root.get("skins", []), Code.FROZEN, "skins stand at the rest pose of their joints")
-    matrices = joint_matrices(document, node.json.get("skin"), worlds)
-
-    def place(primitive: Primitive) -> Primitive:
-        if primitive.joints is None:
-            return placed(primitive, node.world_from_node)
-        return skinned(primitive, matrices)
-
-    return [place]
+    return node.world_from_node[None], joint_matrices(document, node.json.get("skin"), worlds)
 
 
 def _painted(document: Document, node: Node, materials: Materials) -> Iterator[tuple[Json, Paint, tuple[float, ...]]]:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from gsgi.runtime.scene import Mesh
-from gsgi.runtime.vectors import unit
+from gsgi.runtime.vectors import cofactor, unit
 
 from .json_value import Json
 from .materials import Paint
@@ -62,8 +62,7 @@ def finished(primitive: Primitive, paint: Paint, node: Json, name: str) -> Mesh 
 
     Raises SceneError, at the `node` that has placed it.
     """
-    if not (np.abs(primitive.position) <= POSITION_MAX).all():
-        raise node.refuse(f"positions within {POSITION_MAX:g} m in world space", "larger ones", Code.OVERFLOW)
+    check_extent(primitive.position, node)
     face = face_vectors(primitive.position, primitive.triangle)
     keep = face.any(axis=1)
     triangle, face = np.ascontiguousarray(primitive.triangle[keep]), face[keep]
@@ -80,12 +79,10 @@ def finished(primitive: Primitive, paint: Paint, node: Json, name: str) -> Mesh 
     return Mesh(primitive.position, normal, primitive.uv, triangle, paint.index, color, tangent, name)
 
 
-def cofactor(linear: np.ndarray) -> np.ndarray:
-    """Cofactor matrices (..., 3, 3), det * inverse transpose, which transform normals up to length and sign.
-
-    They also exist for matrices that scale an axis to 0.
-    """
-    return np.cross(linear[..., [1, 2, 0], :], linear[..., [2, 0, 1], :])
+def check_extent(position: np.ndarray, node: Json) -> None:
+    """Raise SceneError, at a `node`, unless positions in world space are within POSITION_MAX."""
+    if not (np.abs(position) <= POSITION_MAX).all():
+        raise node.refuse(f"positions within {POSITION_MAX:g} m in world space", "larger ones", Code.OVERFLOW)
 
 
 def face_vectors(position: np.ndarray, triangle: np.ndarray) -> np.ndarray:

@@ -15,6 +15,11 @@ def overlap(boxes: np.ndarray) -> tuple[int, int] | None:
     return min(pairs, key=lambda pair: pair[::-1]) if pairs else None
 
 
+def touch(boxes: np.ndarray, box: Box) -> np.ndarray:
+    """Which (N,) bool of the boxes (N, 2, 3) share at least a point with a box."""
+    return ((boxes[:, 0] <= box[1]) & (boxes[:, 1] >= box[0])).all(axis=1)
+
+
 def neighbours(boxes: np.ndarray) -> list[tuple[int, ...]]:
     """For each of the boxes (N, 2, 3) those that share a part of a face with it, ascending."""
     found: list[set[int]] = [set() for _ in boxes]
