@@ -12,6 +12,7 @@ from gsgi.baker.cache.digest import scene_digest
 from gsgi.baker.cache.records import from_arrays, to_arrays
 from gsgi.baker.cache.store import Cache, task_key
 from gsgi.runtime.camera import Camera
+from gsgi.runtime.file.fingerprint import fingerprint
 from gsgi.runtime.light_groups import lit_by
 from gsgi.runtime.scene import Scene
 
@@ -48,6 +49,11 @@ class CachedTracer:
         """`whole` traces the same scene with more lights; both share the surfaces."""
         self.scene, self.cache, self._whole = scene, cache, whole
         self.references: dict[int, str] = {}  # keys of what the cache has of each reference, by its seed
+
+    @cached_property
+    def fingerprint(self) -> int:
+        """The fingerprint of the scene, which all sectors of a world share."""
+        return fingerprint(self.scene)
 
     def lit_by(self, group: str) -> "CachedTracer":
         """A tracer of the light of one of the scene's light groups."""

@@ -24,6 +24,11 @@ def visible(position: np.ndarray, triangle: np.ndarray, emits: np.ndarray, two_s
     return np.flatnonzero(keep)
 
 
+def twice(position: np.ndarray, triangle: np.ndarray) -> np.ndarray:
+    """Indices (K,) of the triangles (F, 3) over positions (V, 3), m, that share all corners with others."""
+    return _groups(position, triangle)[2]
+
+
 def _groups(position: np.ndarray, triangle: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The S triangles that share all corners with others: the number (S,) of their group, whether (S,) their corners
     run the same way round as those of others for which that is true, and which triangles (S,) they are."""

@@ -51,11 +51,11 @@ class Emitters:
         prim = dr.reinterpret_array(mi.UInt32, row[0].w)
         return mi.Point3f(at + first * b.x + second * b.y), prim, b, row[1].w
 
-    def density(self, prim, cell, active):
-        """The density (1/m^2) of what `choice` and `sample` choose in `cell` on triangle `prim`; 0 if it is dark."""
-        within = dr.gather(mi.Float, self._within, prim, active)
+    def density(self, row, cell, active):
+        """The density (1/m^2) of what `choice` and `sample` choose in `cell` on a row's triangle; 0 if it is dark."""
+        within = dr.gather(mi.Float, self._within, row, active)
         emits = active & (within > 0)
-        return within * self.choice.likely(dr.gather(mi.UInt32, self._number, prim, emits), cell, emits)
+        return within * self.choice.likely(dr.gather(mi.UInt32, self._number, row, emits), cell, emits)
 
 
 def _brightness(scene: Scene, surfaces: Surfaces, lit: np.ndarray) -> np.ndarray:

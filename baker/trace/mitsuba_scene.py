@@ -2,6 +2,7 @@
 
 import os
 import sys
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -48,12 +49,28 @@ def _import_drjit_in_silence() -> None:
         os.close(stderr)
 
 
-def build(position: np.ndarray, triangle: np.ndarray):
-    """The `mitsuba.Scene` of triangles (F, 3) uint32 over positions (V, 3) float32: one shape, geometry only."""
+def build(position: np.ndarray, triangle: np.ndarray, groups: Iterable[tuple[np.ndarray, dict[int, np.ndarray]]] = ()):
+    """The `mitsuba.Scene` of triangles (F, 3) uint32 over positions (V, 3) float32: one shape, geometry only.
+
+    Each of the `groups`, triangles and the matrices (4, 4) of places by their numbers, is in memory once. Each of its
+    places is an instance, a shape whose id is the number.
+    """
     mi = load_mitsuba()
-    shape = mi.Mesh("triangles", vertex_count=len(position), face_count=len(triangle))
-    parameters = mi.traverse(shape)
+    shapes = {"triangles": _mesh(position, triangle)} if len(triangle) else {}
+    for name, (own, places) in enumerate(groups):
+        used, own = np.unique(own, return_inverse=True)
+        mesh = _mesh(position[used], own.reshape(-1, 3).astype(np.uint32))
+        shapes[f"group {name}"] = {"type": "shapegroup", "triangles": mesh}
+        for number, matrix in places.items():
+            group = {"type": "ref", "id": f"group {name}"}
+            shapes[str(number)] = {"type": "instance", "to_world": mi.ScalarTransform4f(matrix), "group": group}
+    return mi.load_dict({"type": "scene", **shapes})
+
+
+def _mesh(position: np.ndarray, triangle: np.ndarray):
+    shape = load_mitsuba().Mesh("triangles", vertex_count=len(position), face_count=len(triangle))
+    parameters = load_mitsuba().traverse(shape)
     parameters["vertex_positions"] = position.ravel()
     parameters["faces"] = np.ascontiguousarray(triangle).ravel()
     parameters.update()
-    return mi.load_dict({"type": "scene", "triangles": shape})
+    return shape

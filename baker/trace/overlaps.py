@@ -7,12 +7,14 @@ several that emit light to one side each moves farther than those it covers: lig
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
+from . import duplicates
 from .mitsuba_scene import build, load_mitsuba
 from .planes import ROUNDING, planes
-from .surface_tables import Surfaces
+from .surface_tables import Surfaces, face_normals
 
 mi = load_mitsuba()
 
@@ -32,11 +34,32 @@ def apart(surfaces: Surfaces) -> tuple[Surfaces, float]:
     """The surfaces with such faces moved, and by how far at most, m: 0 if there are none.
 
     Two-sided faces stay, but one that emits light moves to the front of a one-sided one. Faces are examined at points:
-    a pair that shares less than lies between these stays as it is.
+    a pair that shares less than lies between these stays as it is. Those of a group move in all its places alike, by
+    what the worst of these asks for, and off each other alone.
     """
+    placed = surfaces.placed
+    if placed is None:
+        return _apart(surfaces, 0.0)
+    parts = [(0, surfaces.single, 0.0)]
+    for group, rows in enumerate(placed.rows):
+        of = placed.group == group
+        smallest = np.linalg.svd(placed.matrix[of, :3, :3], compute_uv=False).min(axis=1)
+        parts.append((rows[0], rows[-1], float((placed.off[of] / smallest).max())))
+    triangle, plane, most = surfaces.triangle.copy(), surfaces.plane.copy(), 0.0
+    for begin, end, error in parts:
+        own = {name: getattr(surfaces, name)[begin:end] for name in ("triangle", "face", "plane")}
+        there, moved = _apart(replace(surfaces, placed=None, **own), error)
+        triangle[begin:end], plane[begin:end] = there.triangle, there.plane
+        surfaces, most = replace(surfaces, position=there.position), max(most, moved)
+    largest = np.linalg.svd(placed.matrix[:, :3, :3], compute_uv=False).max()
+    return replace(surfaces, triangle=triangle, plane=plane), most * max(1.0, float(largest))
+
+
+def _apart(surfaces: Surfaces, least: float) -> tuple[Surfaces, float]:
+    """The same for one group, or what is in none, whose faces rays meet at least as far off as `least`, m."""
     if not len(surfaces.triangle):
         return surfaces, 0.0
-    error = _error(surfaces)
+    error = np.maximum(_error(surfaces), least)
     material = surfaces.face[:, 3].view(np.uint32)
     two_sided, emits = surfaces.surface[material, 2] > 0, _emits(surfaces)[material]
     factor = np.where(emits, 2, 1)
@@ -64,6 +87,26 @@ def apart(surfaces: Surfaces) -> tuple[Surfaces, float]:
         if len(shine) == known:
             break
     return there, most
+
+
+class _Bare(NamedTuple):
+    """What `_pairs` reads of surfaces."""
+
+    position: np.ndarray
+    triangle: np.ndarray
+    face: np.ndarray
+
+
+def lying(position: np.ndarray, triangle: np.ndarray, reach: float) -> np.ndarray:
+    """Which (F,) bool of triangles (F, 3) over positions (V, 3) lie on others of them, at most `reach` (m) off."""
+    found = np.zeros(len(triangle), bool)
+    found[duplicates.twice(position, triangle)] = True
+    surfaces = _Bare(position, triangle, face_normals(position, triangle))
+    # Moved each by another distance, every one of them is met first from one side.
+    step = np.random.default_rng(0).uniform(-reach / 2, reach / 2, len(triangle))
+    for this, that, _ in _pairs(surfaces, step, np.full(len(triangle), reach)):
+        found[this] = found[that] = True
+    return found
 
 
 def _both_shine(
@@ -104,7 +147,7 @@ def _moved(surfaces: Surfaces, offset: np.ndarray) -> tuple[Surfaces, float]:
     return there, float(np.abs(offset).max())
 
 
-def _pairs(surfaces: Surfaces, step: np.ndarray, reach: np.ndarray) -> Iterator[tuple]:
+def _pairs(surfaces: "Surfaces | _Bare", step: np.ndarray, reach: np.ndarray) -> Iterator[tuple]:
     """Pairs of triangles that lie on each other: two arrays (P,) of indices, and the cosine (P,) of their normals.
 
     All are moved by `step` (F,), m, along their normals, so that of a pair one is met first from one side at least by

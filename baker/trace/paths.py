@@ -233,7 +233,7 @@ def _next_vertex(tracer, draws, cell, p, n, ng, reflects, active):
     jitter = _jitter(draws)
     light = mi.Color3f(0)
     if tracer.emitters.count > 0:
-        density = tracer.emitters.density(hit.prim, cell, visible)
+        density = tracer.emitters.density(tracer.places.row(hit.prim), cell, visible)
         emits = visible & (density > 0)
         emission = tracer.shading.emission(material, hit.prim, hit.b, emits, jitter)
         light_pdf = density * hit.t * hit.t / dr.abs(dr.dot(front_ng, d))

@@ -7,6 +7,8 @@ self-intersection", who have the point alone).
 
 import numpy as np
 
+from gsgi.runtime.instance import corners_of_box, moved
+
 # Error of a point on a plane, as a share of its coordinates' products with the normal: eight times float32's rounding.
 ROUNDING = 2.0**-21
 
@@ -17,6 +19,10 @@ INACCURACY, INACCURACY_MOST = 2.0**-21, 2.0**-12
 # Distance from the edges of its triangle that a point keeps, as a share of its largest coordinate. On the edge between
 # two walls, a start off one of them is in the plane of the other, and sees what is behind it.
 EDGE = 2.0**-22
+
+# How far off a triangle in another place rays meet it, as a share of the coordinates there and in the first place, to
+# which rays are taken: four times float32's rounding, beside ROUNDING, which alone was enough in tests.
+PLACED = 2.0**-22
 
 AT_ONCE = 1 << 16  # triangles; bounds memory
 
@@ -31,6 +37,13 @@ def planes(position: np.ndarray, triangle: np.ndarray) -> np.ndarray:
     """
     parts = (_planes(position[triangle[i : i + AT_ONCE]]) for i in range(0, len(triangle), AT_ONCE))
     return np.concatenate([np.empty((0, 2), np.float32), *parts])
+
+
+def placed_off(matrix: np.ndarray, box: np.ndarray) -> float:
+    """How far off triangles rays meet them, m, in the place that a matrix (4, 4) takes them to from a box (2, 3)."""
+    there, back = np.abs(moved(corners_of_box(box), matrix)).max(axis=0), np.linalg.inv(matrix)
+    local = np.abs(back[:3, :3]) @ there + np.abs(back[:3, 3])
+    return PLACED * float((np.abs(matrix[:3, :3]) @ local + np.abs(matrix[:3, 3])).max())
 
 
 def onto_planes(point: np.ndarray, corners: np.ndarray) -> np.ndarray:

@@ -12,6 +12,7 @@ from gsgi.runtime.scene import CUTOFF
 
 from .mitsuba_scene import load_mitsuba
 from .planes import ROUNDING
+from .surface_tables import FILTERING, MASKED, OPAQUE
 
 mi = load_mitsuba()
 
@@ -118,7 +119,8 @@ def closest_blocking(tracer, o, d, active):
     hit = Hit(mi.Float(dr.inf), mi.UInt32(0), mi.Point2f(0))
     if tracer.opaque is not None:
         found = tracer.opaque.ray_intersect_preliminary(_ray(o, d, mi.Float(dr.inf)), active=active)
-        hit = Hit(dr.select(active & found.is_valid(), found.t, dr.inf), found.prim_index, found.prim_uv)
+        prim = tracer.places.triangle(OPAQUE, found)
+        hit = Hit(dr.select(active & found.is_valid(), found.t, dr.inf), prim, found.prim_uv)
     return hit if tracer.masked is None else _closest_masked(tracer, o, d, hit, active)
 
 
@@ -130,7 +132,7 @@ def _closest_masked(tracer, o, d, hit, active):
     while searching:
         found = tracer.masked.ray_intersect_preliminary(_ray(o + d * start, d, t - start), active=searching)
         meets = searching & found.is_valid()
-        index, there = found.prim_index + tracer.opaque_count, start + found.t
+        index, there = tracer.places.triangle(MASKED, found), start + found.t
         stops = meets & ~tracer.shading.hole(index, found.prim_uv, meets)
         t, prim = dr.select(stops, there, t), dr.select(stops, index, prim)
         b = dr.select(stops, found.prim_uv, b)
@@ -152,7 +154,7 @@ def _through_filters(tracer, o, d, hit, u, least, active):
     while searching:
         found = tracer.filtering.ray_intersect_preliminary(_ray(o + d * start, d, t - start), active=searching)
         meets = searching & found.is_valid()
-        index, there = found.prim_index + tracer.blocking_count, start + found.t
+        index, there = tracer.places.triangle(FILTERING, found), start + found.t
         through, share, _ = tracer.shading.filtered(index, found.prim_uv, meets)
         chance = mi.Float(-1) if u is None else dr.max(through)
         stops = meets & ((share >= least) if u is None else _ends(left, chance, layers))
@@ -217,7 +219,7 @@ def transmitted(tracer, origin, direction, distance, active):
         ray = _ray(origin + direction * start, direction, limit - start)
         found = tracer.filtering.ray_intersect_preliminary(ray, active=searching)
         meets = searching & found.is_valid()
-        index = found.prim_index + tracer.blocking_count
+        index = tracer.places.triangle(FILTERING, found)
         through, _, there = tracer.shading.filtered(index, found.prim_uv, meets)
         factor *= dr.select(meets, dr.select(layers < LAYERS, through, 0), 1)
         filtered |= there

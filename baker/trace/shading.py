@@ -8,6 +8,7 @@ et al. 2024, "Filtering after shading with stochastic texture filtering") and su
 import numpy as np
 
 from .mitsuba_scene import load_mitsuba
+from .places import Places
 from .surface_tables import NEAREST, NO_TEXTURE, UV_SHIFT, WRAP, Surfaces
 
 mi = load_mitsuba()
@@ -27,20 +28,23 @@ def _srgb_table() -> np.ndarray:
 class Shading:
     """The tables of one scene on the device. `smooth`, `colored`, `slots` say which look-ups a kernel needs.
 
-    `moved` is how far the triangles were moved off the scene's, m.
+    `moved` is how far the triangles were moved off the scene's, m. Triangles are given by their numbers (see
+    `surface_tables.Placed`).
     """
 
-    def __init__(self, surfaces: Surfaces, moved: float):
+    def __init__(self, surfaces: Surfaces, moved: float, places: Places):
         def floats(array):
             return mi.Float(array.ravel())
 
         def words(array):
             return mi.UInt32(array.ravel())
 
+        self.places = places
         self.face, self.albedo_table = floats(surfaces.face), floats(surfaces.albedo)
         self.planes = floats(surfaces.plane)
         self.moved = moved
-        self.inaccuracy = dr.opaque(mi.Float, max(float(surfaces.plane[:, 1].max(initial=0)), moved))
+        off = float(surfaces.plane[:, 1].max(initial=0))
+        self.inaccuracy = dr.opaque(mi.Float, max(places.most(off), moved))
         self.surface, self.emission_table = floats(surfaces.surface), floats(surfaces.emission)
         self.filters = None if surfaces.filters is None else floats(surfaces.filters)
         self.smooth = surfaces.normal is not None
@@ -58,12 +62,15 @@ class Shading:
 
     def frame(self, prim, active):
         """Geometric normal of triangle `prim` on its front side, and the index of its material."""
-        row = dr.gather(mi.Vector4f, self.face, prim, active)
-        return mi.Normal3f(row.x, row.y, row.z), dr.reinterpret_array(mi.UInt32, row.w)
+        row = dr.gather(mi.Vector4f, self.face, self.places.row(prim), active)
+        normal = self.places.normal(prim, mi.Normal3f(row.x, row.y, row.z), active)
+        return normal, dr.reinterpret_array(mi.UInt32, row.w)
 
     def plane(self, prim, active):
         """Distance of the plane of triangle `prim` from the origin, and how far off it rays may meet it, both m."""
-        return dr.gather(mi.Vector2f, self.planes, prim, active)
+        row = self.places.row(prim)
+        plane = dr.gather(mi.Vector2f, self.planes, row, active)
+        return self.places.plane(prim, lambda: dr.gather(mi.Vector4f, self.face, row, active), plane, active)
 
     def shading_normal(self, prim, b, ng, active):
         """Interpolated unit normal at barycentric coordinates `b`, on the side of the geometric normal `ng`."""
@@ -83,8 +90,9 @@ class Shading:
         texel = self._exact(slot, self._uv(slot, prim, b, active), active, linear=False)
         scale = dr.gather(mi.Vector4f, self.surface, material, active).w
         local = mi.Vector3f(texel.x, texel.y, texel.z) * 2 - 1
-        corners = (dr.gather(mi.Vector4f, self.tangent, 3 * prim + k, active) for k in range(3))
-        tangent = _weighted(b, *corners)
+        row = self.places.row(prim)
+        corners = (dr.gather(mi.Vector4f, self.tangent, 3 * row + k, active) for k in range(3))
+        tangent = _weighted(b, *(self.places.tangent(prim, corner, active) for corner in corners))
         t = mi.Vector3f(tangent.x, tangent.y, tangent.z)
         t -= n * dr.dot(n, t)
         length = dr.norm(t)
@@ -98,8 +106,9 @@ class Shading:
         """Interpolated unit normal on the side that the file gives; `ng` where the interpolation gives 0."""
         if not self.smooth:
             return self.frame(prim, active)[0]
-        codes = dr.gather(mi.Vector4u, self.normal, prim, active)
-        n = _weighted(b, *(_from_octahedral(code) for code in (codes.x, codes.y, codes.z)))
+        codes = dr.gather(mi.Vector4u, self.normal, self.places.row(prim), active)
+        corners = (_from_octahedral(code) for code in (codes.x, codes.y, codes.z))
+        n = _weighted(b, *(self.places.normal(prim, corner, active) for corner in corners))
         length = dr.norm(n)
         return mi.Normal3f(dr.select(length > 0, n / length, ng))
 
@@ -178,7 +187,8 @@ class Shading:
         """Base colour texture (linear, alpha in w) * vertex colour."""
         value = self._texture("base_color_texture", material, prim, b, active, jitter)
         if self.colored:
-            corners = (dr.gather(mi.Vector4f, self.color, 3 * prim + k, active) for k in range(3))
+            row = self.places.row(prim)
+            corners = (dr.gather(mi.Vector4f, self.color, 3 * row + k, active) for k in range(3))
             value *= _weighted(b, *corners)
         return value
 
@@ -198,6 +208,7 @@ class Shading:
         return dr.gather(mi.Vector4u, self.slots[name], material, active)
 
     def _uv(self, slot, prim, b, active):
+        prim = self.places.row(prim)
         row = 2 * prim if self.channels == 1 else 2 * (prim * self.channels + (slot.w >> UV_SHIFT))
         first = dr.gather(mi.Vector4f, self.uv, row, active)
         third = dr.gather(mi.Vector4f, self.uv, row + 1, active)

@@ -4,14 +4,17 @@ All materials of the scene share one set of tables, so there are no virtual call
 that the scene has are stored, and only those are compiled into a kernel.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
+from gsgi.runtime.errors import SceneError
 from gsgi.runtime.scene import TEXTURE_SLOTS, Material, Mesh, Scene, TextureSlot
 
 from . import duplicates
-from .planes import planes
+from .planes import placed_off, planes
 
 NO_TEXTURE = 0xFFFFFFFF
 WRAP = {"repeat": 0, "mirror": 1, "clamp": 2}
@@ -24,14 +27,41 @@ OPAQUE, MASKED, FILTERING = range(3)  # kinds of triangles, in their order: soli
 FLAT = 1e-3
 
 
+class ShapeGroup(NamedTuple):
+    """Meshes that stand together in P places.
+
+    They are as in the first, in world space; matrices (P, 4, 4) float64 take them from there to each.
+    """
+
+    meshes: tuple[Mesh, ...]
+    places: np.ndarray
+
+
+@dataclass(frozen=True)
+class Placed:
+    """Where the triangles of groups stand: P places in all, the n-th with number n + 1.
+
+    rows (G, 4) int: those of each group's triangles of each kind begin there, and end. group (P,) int: the one that
+    stands in a place; matrix (P, 4, 4) float64: takes its triangles there; off (P,) float64: see `planes.placed_off`.
+    The number of a triangle is that of its place, 0 if it is in no group, above `bits` bits with its row in the tables.
+    """
+
+    rows: np.ndarray
+    group: np.ndarray
+    matrix: np.ndarray
+    off: np.ndarray
+    bits: int
+
+
 @dataclass(frozen=True)
 class Surfaces:
     """F triangles of a scene, those without alpha-tested holes first, those that let light through last.
 
-    Triangles that others hide are left out.
+    Triangles that others hide are left out. Those of groups follow, once each.
 
-    position (V, 3) float32 m; triangle (F, 3) uint32; opaque: the number of triangles without holes;
-    filtering: that of triangles that let light through.
+    position (V, 3) float32 m; triangle (F, 3) uint32; opaque: the number of triangles without holes, in no group;
+    filtering: that of triangles that let light through, in no group; single: that of all in no group.
+    placed: where groups stand; None without any.
     face (F, 4) float32: unit normal, and the material's index as the bits of a float.
     plane (F, 2) float32: see `planes.planes`.
     normal (F, 4) uint32: one per corner, octahedral in two signed 16-bit parts, then 0; None if all triangles are flat.
@@ -48,6 +78,8 @@ class Surfaces:
     triangle: np.ndarray
     opaque: int
     filtering: int
+    single: int
+    placed: Placed | None
     face: np.ndarray
     plane: np.ndarray
     normal: np.ndarray | None
@@ -62,26 +94,30 @@ class Surfaces:
     texels: np.ndarray
 
 
-def tabulate(scene: Scene) -> Surfaces:
-    """The tables of a scene."""
-    meshes = _visible(scene, sorted(scene.meshes, key=lambda mesh: _kind(scene, mesh)))
+def tabulate(scene: Scene, groups: Sequence[ShapeGroup] = ()) -> Surfaces:
+    """The tables of a scene and of groups of meshes, which use its materials and emit no light."""
+    meshes = _visible(scene, _by_kind(scene, scene.meshes))
+    opaque, _, filtering = _counts(scene, meshes)
+    single = sum(len(mesh.triangle) for mesh in meshes)
+    groups = [group._replace(meshes=tuple(_visible(scene, _by_kind(scene, group.meshes)))) for group in groups]
+    placed = _placed(scene, groups, single)
+    meshes += [mesh for group in groups for mesh in group.meshes]
     counts = [len(mesh.triangle) for mesh in meshes]
-    opaque, _, filtering = (
-        sum(n for n, m in zip(counts, meshes, strict=True) if _kind(scene, m) == k) for k in range(3)
-    )
     first = np.cumsum([0] + [len(mesh.position) for mesh in meshes[:-1]])
     position = np.concatenate([mesh.position for mesh in meshes])
     triangle = np.concatenate([m.triangle + np.uint32(o) for m, o in zip(meshes, first, strict=True)])
     face = np.empty((len(triangle), 4), np.float32)
-    face[:, :3] = _face_normals(position, triangle)
+    face[:, :3] = face_normals(position, triangle)
     face[:, 3] = np.repeat([np.uint32(mesh.material) for mesh in meshes], counts).view(np.float32)
-    slots, texels = _textures(scene)
+    slots, texels = _textures(replace(scene, meshes=tuple(meshes)))
     channels = max((slot.uv + 1 for material in scene.materials for slot in material.slots()), default=0)
     return Surfaces(
         position,
         triangle,
         opaque,
         filtering,
+        single,
+        placed,
         face,
         planes(position, triangle),
         _corner_normals(meshes, face),
@@ -91,10 +127,45 @@ def tabulate(scene: Scene) -> Surfaces:
         _rows(scene, lambda m: (*m.base_color[:3], m.metallic)),
         _rows(scene, _surface_row),
         _rows(scene, lambda m: (*(m.base_color[:3] if m.unlit else m.emission), float(m.unlit))),
-        _rows(scene, _filter_row) if filtering else None,
+        _rows(scene, _filter_row) if any(_kind(scene, mesh) == FILTERING for mesh in meshes) else None,
         slots,
         texels,
     )
+
+
+def corners_of(position: np.ndarray, triangle: np.ndarray, placed: Placed | None, number: np.ndarray) -> np.ndarray:
+    """The corners (N, 3, 3), m, of triangles with numbers (N,) where they stand; the rest is as in `Surfaces`."""
+    if placed is None:
+        return position[triangle[number]]
+    row, place = number & np.uint32((1 << placed.bits) - 1), number >> np.uint32(placed.bits)
+    matrix = np.concatenate([np.eye(4)[None], placed.matrix])[place]
+    return position[triangle[row]] @ matrix[:, :3, :3].transpose(0, 2, 1) + matrix[:, None, :3, 3]
+
+
+def _by_kind(scene: Scene, meshes: Sequence[Mesh]) -> list[Mesh]:
+    return sorted(meshes, key=lambda mesh: _kind(scene, mesh))
+
+
+def _counts(scene: Scene, meshes: Sequence[Mesh]) -> list[int]:
+    """The number of triangles of each kind."""
+    return [sum(len(mesh.triangle) for mesh in meshes if _kind(scene, mesh) == kind) for kind in range(3)]
+
+
+def _placed(scene: Scene, groups: Sequence[ShapeGroup], single: int) -> Placed | None:
+    """Where groups stand whose triangles follow `single` others. Raises SceneError for too many."""
+    if not groups:
+        return None
+    counts = np.array([_counts(scene, group.meshes) for group in groups])
+    ends = single + np.cumsum(counts).reshape(counts.shape)
+    group = np.repeat(np.arange(len(groups)), [len(each.places) for each in groups])
+    bits = int(ends[-1, -1]).bit_length()
+    if (len(group) + 1) << bits > 1 << 32:
+        raise SceneError(f"{ends[-1, -1]} triangles and {len(group)} places of copies: their product is beyond 2^32")
+    rows = np.concatenate([(ends - counts)[:, :1], ends], axis=1)
+    boxes = [np.array([[m.position.min(axis=0), m.position.max(axis=0)] for m in each.meshes]) for each in groups]
+    boxes = [np.array([box[:, 0].min(axis=0), box[:, 1].max(axis=0)]) for box in boxes]
+    off = [placed_off(matrix, box) for each, box in zip(groups, boxes, strict=True) for matrix in each.places]
+    return Placed(rows, group, np.concatenate([each.places for each in groups]), np.array(off), bits)
 
 
 def _visible(scene: Scene, meshes: list[Mesh]) -> list[Mesh]:
@@ -124,8 +195,8 @@ def _kind(scene: Scene, mesh: Mesh) -> int:
     return OPAQUE if material.alpha_cutoff is None else MASKED
 
 
-def _face_normals(position: np.ndarray, triangle: np.ndarray) -> np.ndarray:
-    """Unit normals (F, 3), 0 for triangles of area 0."""
+def face_normals(position: np.ndarray, triangle: np.ndarray) -> np.ndarray:
+    """Unit normals (F, 3) float64, 0 for triangles of area 0."""
     a, b, c = (position[triangle[:, i]].astype(np.float64) for i in range(3))
     cross = np.cross(b - a, c - a)
     length = np.linalg.norm(cross, axis=1, keepdims=True)

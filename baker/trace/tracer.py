@@ -7,7 +7,7 @@ reaches x directly from a punctual light. B contains all light from emissive sur
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,11 +16,10 @@ from gsgi.runtime.camera import Camera
 from gsgi.runtime.metals import lambertian
 from gsgi.runtime.scene import Scene
 
-from . import mitsuba_scene
 from .irradiance_cache import IrradianceCache, KnownLight
 from .planes import onto_planes
 from .punctual_lights import PunctualLights
-from .surface_tables import tabulate
+from .surface_tables import corners_of
 
 if TYPE_CHECKING:
     from .learned_lights import FoundCell, LearnedLights
@@ -106,20 +105,17 @@ class Tracer:
     def __init__(self, scene: Scene):
         from .emitters import Emitters
         from .environment_light import EnvironmentLight
-        from .overlaps import apart
+        from .instances import surfaces_of
+        from .places import Places
         from .shading import Shading
 
         self._scene = scene = lambertian(scene)
-        surfaces, moved = apart(tabulate(scene))
-        self.corners = surfaces.position, surfaces.triangle
-        first = self.opaque_count = surfaces.opaque
-        second = self.blocking_count = len(surfaces.triangle) - surfaces.filtering
-        parts = np.split(surfaces.triangle, [first, second])
-        self.opaque, self.masked, self.filtering = (
-            mitsuba_scene.build(surfaces.position, part) if len(part) else None for part in parts
-        )
+        surfaces, moved = surfaces_of(scene)
+        self._corners = partial(corners_of, surfaces.position, surfaces.triangle, surfaces.placed)
+        self.places = Places(surfaces)
+        self.opaque, self.masked, self.filtering = self.places.trees
         self.unlit = any(material.unlit for material in scene.materials)
-        self.shading = Shading(surfaces, moved)
+        self.shading = Shading(surfaces, moved, self.places)
         self.lights = PunctualLights(scene.lights, *scene.bounds())
         self.emitters = Emitters(scene, surfaces)
         self.environment = None if scene.environment is None else EnvironmentLight(scene.environment)
@@ -128,7 +124,7 @@ class Tracer:
         """A tracer of B in `scene`, which is this one's with fewer lights. Both share the surfaces."""
         from .emitters import Emitters
         from .environment_light import EnvironmentLight
-        from .overlaps import apart
+        from .instances import surfaces_of
 
         other = copy(self)
         for name in ("cells", "recall"):
@@ -136,7 +132,7 @@ class Tracer:
         other.lights = PunctualLights(scene.lights, *scene.bounds())
         other.environment = None if scene.environment is None else EnvironmentLight(scene.environment)
         if self.emitters.count:  # their tables are made again: kept, they would hold all triangles twice
-            other.emitters = Emitters(scene, apart(tabulate(self._scene))[0])
+            other.emitters = Emitters(scene, surfaces_of(self._scene)[0])
         return other
 
     @cached_property
@@ -239,10 +235,9 @@ class Tracer:
         """The columns of `paths.first_hits`, with `position` in place of triangle and distance."""
         from . import paths
 
-        position, corner = self.corners
         hits = self.launched(paths.first_hits, origin, direction)
         met = origin + hits.pop("distance")[:, None].astype(np.float64) * direction
-        return hits | {"position": onto_planes(met, position[corner[hits.pop("triangle")]])}
+        return hits | {"position": onto_planes(met, self._corners(hits.pop("triangle")))}
 
     def launched(self, kernel: Callable, *inputs: np.ndarray) -> dict[str, np.ndarray]:
         """Columns (N, ...) of a kernel that takes arrays (N, 3), computed in launches of one size."""

@@ -1,0 +1,153 @@
+"""Copies of meshes are in memory once: which of them stand together, and which of their triangles stand for themselves.
+
+Those do that emit light. So do triangles that lie on something else in one of their places: they are moved apart or
+hidden there, and not in others (see `overlaps` and `duplicates`). They are few in most scenes.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from gsgi.runtime.instance import Instance, corners_of_box, flat, moved
+from gsgi.runtime.scene import Mesh, Scene
+from gsgi.runtime.world.boxes import touch
+
+from .overlaps import apart, lying
+from .planes import placed_off
+from .surface_tables import ShapeGroup, Surfaces, tabulate
+
+# Triangles in copies from which on a group pays: a tree for each place is slower than one for all.
+SHARED = 1 << 14
+
+DECIMALS = 6  # of matrices that count as the same
+EXAMINED = 1 << 25  # triangles; once so many have been examined, what lies on what in other places is not looked for
+
+
+def surfaces_of(scene: Scene) -> tuple[Surfaces, float]:
+    """The tables of a scene with copies in groups; and how far triangles were moved apart at most, m.
+
+    Raises SceneError for more triangles and places than there are numbers.
+    """
+    single, groups = grouped(scene)
+    if groups:
+        lie = _lie_on_others(single, groups)
+        taken, groups = zip(*map(_parted, groups, map(_with_partners, groups, lie)), strict=True)
+        single = (*single, *(mesh for meshes in taken for mesh in meshes))
+        groups = [group for group in groups if any(len(mesh.triangle) for mesh in group.meshes)]
+    return apart(tabulate(replace(scene, meshes=single), groups))
+
+
+def grouped(scene: Scene) -> tuple[tuple[Mesh, ...], list[ShapeGroup]]:
+    """The meshes of a scene that stand for themselves, in world space, and the others in groups.
+
+    Copies that stand in the same places relative to the first of each are one group: what rays meet are few trees.
+    """
+    copies: dict[tuple[int, int], list[Instance]] = {}
+    for mesh in scene.meshes:
+        if isinstance(mesh, Instance) and not scene.emits(scene.materials[mesh.material]):
+            copies.setdefault((id(mesh.shape), mesh.material), []).append(mesh)
+    together: dict[bytes, tuple[np.ndarray, list[list[Instance]]]] = {}
+    for some in copies.values():
+        first = np.linalg.inv(some[0].world_from_shape)
+        places = np.array([each.world_from_shape @ first for each in some])
+        key = (np.round(places, DECIMALS) + 0.0).tobytes()  # without -0
+        together.setdefault(key, (places.astype(np.float32).astype(float), []))[1].append(some)
+    groups, shared = [], set()
+    for places, members in together.values():
+        count = sum(len(some[0].shape.triangle) for some in members)
+        if count * (len(places) - 1) >= SHARED:
+            places[0] = np.eye(4)
+            groups.append(ShapeGroup(tuple(some[0].flat() for some in members), places))
+            shared |= {id(each) for some in members for each in some}
+    return tuple(flat(mesh) for mesh in scene.meshes if id(mesh) not in shared), groups
+
+
+def _joined(group: ShapeGroup) -> tuple[np.ndarray, np.ndarray]:
+    """The positions (V, 3) and triangles (F, 3) of all meshes of a group."""
+    first = np.cumsum([0] + [len(mesh.position) for mesh in group.meshes[:-1]])
+    triangle = [mesh.triangle + np.uint32(at) for mesh, at in zip(group.meshes, first, strict=True)]
+    return np.concatenate([mesh.position for mesh in group.meshes]), np.concatenate(triangle)
+
+
+class _Stands(NamedTuple):
+    """Triangles with `corners` (F, 3, 3) in boxes `extent` (F, 2, 3), m, and the `matrix` (4, 4) to world space."""
+
+    corners: np.ndarray
+    extent: np.ndarray
+    matrix: np.ndarray
+
+    def near(self, box: np.ndarray) -> np.ndarray:
+        """Which (F,) bool may touch a box (2, 3) in world space."""
+        return touch(self.extent, _moved_box(box, np.linalg.inv(self.matrix)))
+
+
+def _lie_on_others(single: Sequence[Mesh], groups: Sequence[ShapeGroup]) -> list[np.ndarray]:
+    """Which triangles (F,) bool of each group lie on something else in one of its places, another place or a mesh."""
+    arrays = [*map(_joined, groups), *((mesh.position, mesh.triangle) for mesh in single if len(mesh.triangle))]
+    corners = [position[triangle] for position, triangle in arrays]
+    extents = [_box(each, 1) for each in corners]
+    whole = [np.stack([each[:, 0].min(axis=0), each[:, 1].max(axis=0)]) for each in extents]
+    marks = [np.zeros(len(each), bool) for each in corners[: len(groups)]]
+    of = [(g, matrix) for g, group in enumerate(groups) for matrix in group.places]
+    count = len(of)
+    of += [(k, np.eye(4)) for k in range(len(groups), len(arrays))]
+    boxes = np.array([_moved_box(whole[k], matrix) for k, matrix in of])
+    things = [_Stands(corners[k], extents[k], matrix) for k, matrix in of]
+    examined = 0
+    for i in np.random.default_rng(0).permutation(count):
+        own = things[i]
+        reach = 4 * placed_off(own.matrix, whole[of[i][0]])
+        margin = np.array([[-reach], [reach]])
+        near, others = np.zeros(len(own.corners), bool), []
+        for j in np.flatnonzero(touch(boxes, boxes[i] + margin)):
+            there = things[j].near(boxes[i] + margin) if j != i else np.zeros(1, bool)
+            if there.any():
+                others.append(moved(things[j].corners[there], things[j].matrix))
+                near |= own.near(np.stack([others[-1].min(axis=(0, 1)), others[-1].max(axis=(0, 1))]) + margin)
+        if near.any():
+            both = np.concatenate([moved(own.corners[near], own.matrix), *others]).astype(np.float32)
+            lie = lying(both.reshape(-1, 3), np.arange(3 * len(both), dtype=np.uint32).reshape(-1, 3), reach)
+            marks[of[i][0]][np.flatnonzero(near)[lie[: near.sum()]]] = True
+            examined += len(both)
+        if examined > EXAMINED:
+            break
+    return marks
+
+
+def _with_partners(group: ShapeGroup, marks: np.ndarray) -> np.ndarray:
+    """The marks (F,) bool of triangles of a group, and of all that lie on others of it: some may on those."""
+    if not marks.any():
+        return marks
+    position, triangle = _joined(group)
+    box = _box(position, 0)
+    return marks | lying(position, triangle, 4 * max(placed_off(matrix, box) for matrix in group.places))
+
+
+def _box(points: np.ndarray, axis: int) -> np.ndarray:
+    """The boxes (..., 2, 3) of points (..., 3) along an axis."""
+    return np.stack([points.min(axis=axis), points.max(axis=axis)], axis=-2)
+
+
+def _moved_box(box: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """The box (2, 3) around what a matrix (4, 4) makes of a box."""
+    return _box(moved(corners_of_box(box), matrix), 0)
+
+
+def _parted(group: ShapeGroup, marks: np.ndarray) -> tuple[list[Mesh], ShapeGroup]:
+    """The marked triangles (F,) bool of a group as meshes in all places, and the group without them."""
+    parts = np.split(marks, np.cumsum([len(mesh.triangle) for mesh in group.meshes])[:-1])
+    taken = [_only(mesh, part) for mesh, part in zip(group.meshes, parts, strict=True) if part.any()]
+    meshes = [Instance(mesh, matrix, mesh.material).flat() for matrix in group.places for mesh in taken]
+    rest = (replace(mesh, triangle=mesh.triangle[~part]) for mesh, part in zip(group.meshes, parts, strict=True))
+    return meshes, group._replace(meshes=tuple(rest))
+
+
+def _only(mesh: Mesh, which: np.ndarray) -> Mesh:
+    """The triangles `which` (F,) bool of a mesh, with the vertices that they use."""
+    used, triangle = np.unique(mesh.triangle[which], return_inverse=True)
+    names = ("position", "normal", "uv", "color", "tangent")
+    arrays = {name: getattr(mesh, name) for name in names}
+    arrays = {name: values if values is None else values[used] for name, values in arrays.items()}
+    return replace(mesh, **arrays, triangle=triangle.reshape(-1, 3).astype(np.uint32))
