@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from gsgi.runtime.file import codec
-from gsgi.runtime.file.fingerprint import fingerprint
 from gsgi.runtime.gaussians import Bake, Gaussians, LightGroup, OverBlend
 
 from . import budget_search
@@ -56,7 +55,7 @@ class Baker:
         from .evaluation.held_out import HeldOutLoss
 
         self.plan, self.progress, self.preview = plan, progress, preview
-        self.scene = fingerprint(plan.scene)
+        self.scene = plan.tracer.fingerprint
         self.fits = _fits(plan, progress)
         tone_scale = self.fits.tone_scale
         self.held_out = HeldOutLoss(references, plan.placement.held_out, tone_scale) if references else None

@@ -9,6 +9,7 @@ from gsgi.runtime.scene import Scene
 # Bytes, from `./dev bench scenes`.
 PROCESS = 1_000_000_000  # libraries and compiled kernels
 PER_TRIANGLE = 700  # arrays, tables and the trees of two ray casters
+PER_COPY = 200  # of a triangle in copies: positions, and the tree in which views are placed
 PER_TEXEL = 12  # decoded textures and the path tracer's copy
 PER_PIXEL = 80  # the images of a view: traced, denoised and as the target of the fit
 PER_GAUSSIAN = 600  # with its gradients and moments
@@ -18,11 +19,16 @@ PER_DRAWN_PIXEL = 150  # the targets of a software renderer, and the layer that 
 PER_TRACED_PIXEL = 300  # of a reference: surfaces, and the sums of both halves
 
 
-def peak_memory(scene: Scene, pixels: int, gaussians: int) -> int:
-    """Expected peak of a bake's resident memory, bytes. `pixels` are those of all its views, or its surface samples."""
-    triangles = sum(len(mesh.triangle) for mesh in scene.meshes)
+def peak_memory(scene: Scene, placed: int, pixels: int, gaussians: int) -> int:
+    """Expected peak of a bake's resident memory, bytes.
+
+    `placed` is the number of triangles in which its views are placed, copies too. `pixels` are those of all its views,
+    or its surface samples.
+    """
+    shapes = {id(shape): shape for shape in (getattr(mesh, "shape", mesh) for mesh in scene.meshes)}
+    triangles = sum(len(shape.triangle) for shape in shapes.values())
     texels = sum(texture.pixels.size // 4 for texture in scene.textures)
-    held = PER_TRIANGLE * triangles + PER_TEXEL * texels
+    held = PER_TRIANGLE * triangles + PER_COPY * max(placed - triangles, 0) + PER_TEXEL * texels
     return PROCESS + held + PER_PIXEL * pixels + PER_GAUSSIAN * gaussians
 
 

@@ -188,7 +188,7 @@ class Plan:
     @property
     def memory(self) -> int:
         """Expected peak memory of the process, bytes."""
-        return memory.peak_memory(self.scene, self.points, self.settings.budget)
+        return memory.peak_memory(self.scene, len(self.triangles), self.points, self.settings.budget)
 
     @property
     def file_bytes(self) -> int:

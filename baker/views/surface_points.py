@@ -19,6 +19,8 @@ LEAST = 1e-9  # m, by which points are at least lifted off their surface
 SIZE_MAX = 1e9  # m; from ten times this on, squares of areas leave the range of single precision
 COARSEST = 1 / 200  # of the diagonal: how far apart the positions of float32 may lie; light was right up to half of it
 
+NO_SURFACE = "the scene has no surface: every triangle has area 0"
+
 
 @dataclass(frozen=True)
 class SurfacePoints:
@@ -73,33 +75,33 @@ class Triangles:
         """Raises SceneError if all triangles have area 0, or if the scene is too large."""
         o3d = load_open3d()
 
-        if not (size := scene.diagonal()) <= SIZE_MAX:
-            raise SceneError(f"the scene is {size:.3g} m across: expected at most {SIZE_MAX:.0e} m")
-        if (apart := np.spacing(np.float32(np.abs(scene.bounds()).max()))) > COARSEST * size > 0:
-            raise SceneError(
-                f"the scene is {size:.3g} m across and so far from the origin that float32 has positions only every "
-                f"{apart:.2g} m: move it to the origin"
-            )
+        check_extent(scene)
         self.materials = scene.materials
-        offsets = np.cumsum([0, *(len(mesh.position) for mesh in scene.meshes)])[:-1].astype(np.uint32)
-        self._position = np.concatenate([mesh.position for mesh in scene.meshes])
+        positions = [mesh.position for mesh in scene.meshes]
+        offsets = np.cumsum([0, *map(len, positions)])[:-1].astype(np.uint32)
+        self._position = np.concatenate(positions)
+        del positions
         self._triangle = np.concatenate([m.triangle + o for m, o in zip(scene.meshes, offsets, strict=True)])
         counts = [len(mesh.triangle) for mesh in scene.meshes]
         self.material = np.repeat(np.array([mesh.material for mesh in scene.meshes], np.int32), counts)
         self.double_sided = np.array([m.double_sided for m in scene.materials])[self.material]
-        lit = _lit_meshes(scene)
+        lit = lit_meshes(scene)
         # Area of each lit triangle, m^2, 0 of the others, and their cumulative sum.
         areas = (mesh.areas() if i in lit else np.zeros(len(mesh.triangle)) for i, mesh in enumerate(scene.meshes))
         self._area = np.concatenate(list(areas))
         self._lit, self._area_below = self._area > 0, np.cumsum(self._area)
         self._part: _Part | None = None
         if not self.area > 0:
-            raise SceneError("the scene has no surface: every triangle has area 0")
+            raise SceneError(NO_SURFACE)
         corners = np.array([bound for i in lit for bound in scene.meshes[i].bounds()])
         self.low, self.high = corners.min(axis=0), corners.max(axis=0)
         self._inaccuracy = planes(self._position, self._triangle)[:, 1].max(initial=np.float32(LEAST))
         self._rays = o3d.t.geometry.RaycastingScene()
         self._rays.add_triangles(o3d.core.Tensor(self._position), o3d.core.Tensor(self._triangle))
+
+    def __len__(self) -> int:
+        """The number of triangles that rays meet."""
+        return len(self._triangle)
 
     def within(self, box: np.ndarray) -> "Triangles | None":
         """The surfaces inside a box (2, 3), m: points are drawn and seen there alone. None if there are none.
@@ -234,7 +236,18 @@ def in_box(box: np.ndarray, position: np.ndarray) -> np.ndarray:
     return ((position >= box[0]) & (position <= box[1])).all(axis=1)
 
 
-def _lit_meshes(scene: Scene) -> list[int]:
+def check_extent(scene: Scene) -> None:
+    """Raise SceneError for a scene that is too large, or too far from the origin, for float32."""
+    if not (size := scene.diagonal()) <= SIZE_MAX:
+        raise SceneError(f"the scene is {size:.3g} m across: expected at most {SIZE_MAX:.0e} m")
+    if (apart := np.spacing(np.float32(np.abs(scene.bounds()).max()))) > COARSEST * size > 0:
+        raise SceneError(
+            f"the scene is {size:.3g} m across and so far from the origin that float32 has positions only every "
+            f"{apart:.2g} m: move it to the origin"
+        )
+
+
+def lit_meshes(scene: Scene) -> list[int]:
     """Indices of the meshes that show indirect light, or of all meshes if there are none."""
     lit = [i for i, mesh in enumerate(scene.meshes) if not scene.materials[mesh.material].unlit]
     return lit or list(range(len(scene.meshes)))

@@ -19,15 +19,14 @@ from gsgi.baker.plan_table import summary
 from gsgi.baker.progress import Progress
 from gsgi.baker.report import peak_memory
 from gsgi.baker.tasks.request import Request
-from gsgi.baker.views.surface_points import Triangles, in_box
+from gsgi.baker.views.surface_points import Triangles, check_extent, in_box
 from gsgi.runtime.atomic import write_atomic
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.errors import UsageError
 from gsgi.runtime.file import codec
-from gsgi.runtime.file.fingerprint import fingerprint
 from gsgi.runtime.world.manifest import SUFFIX, Manifest, encode, sectors_of
 
-from .division import Division, automatic_size, divide
+from .division import Division, automatic_size, divide, near, of_each
 from .report import WorldReport
 
 HASH_DIGITS = 12  # of a file's hash that its name has
@@ -42,9 +41,11 @@ class WorldBaker:
         self._request, self._progress, self._cache = request, progress, cache
         self.tracer = make_tracer(request.scene, request.settings, cache)
         with progress.stage("sectors"):
-            self._triangles = Triangles(self.tracer.scene)
-            size = automatic_size(self._triangles, request.settings.seed) if size is None else size
-            self.division: Division = divide(self._triangles, size)
+            check_extent(self.tracer.scene)
+            if size is None:
+                size = automatic_size(Triangles(of_each(self.tracer.scene)), request.settings.seed)
+            self.division: Division = divide(self.tracer.scene, size)
+        self._near: tuple[tuple, Triangles] | None = None
 
     def run(self, output: Path) -> tuple[Manifest, list[dict], int]:
         """Bake all sectors, each into a file beside `output`. The manifest, which is not written, names them.
@@ -53,17 +54,17 @@ class WorldBaker:
         """
         files, reports, found = [], [], 0
         for number in range(len(self.division.boxes)):
-            data, report, kept = self._sector(number)
+            data, report, kept = self.sector(number)
             name = f"{stem(output)}.{number}-{hashlib.sha256(data).hexdigest()[:HASH_DIGITS]}.gsgi"
             write_atomic(output.parent / name, data)
             files.append((name, data, codec.decode(data)))
             reports.append(report)
             found += kept
         effects = files[0][2].effects
-        sectors, scene = sectors_of(files, self.division.boxes), fingerprint(self.tracer.scene)
+        sectors, scene = sectors_of(files, self.division.boxes), self.tracer.fingerprint
         return Manifest(output, scene, effects, self.division.margin, sectors), reports, found
 
-    def _sector(self, number: int) -> tuple[bytes, dict, bool]:
+    def sector(self, number: int) -> tuple[bytes, dict, bool]:
         """The file of one sector, its report, and whether the cache held both."""
         progress = self._progress.part(f"sector {number + 1}/{len(self.division.boxes)}")
         box = self.division.around(number)
@@ -92,8 +93,16 @@ class WorldBaker:
         scene = replace(self.tracer.scene, cameras=_within(box, self.tracer.scene.cameras))
         path = _within(box, self._request.path)
         return plan_within(
-            scene, lambda: self._triangles.within(box), self.tracer, self._request.settings, progress, path
+            scene, lambda: self._triangles(box).within(box), self.tracer, self._request.settings, progress, path
         )
+
+    def _triangles(self, box: np.ndarray) -> Triangles:
+        """The triangles near a box; kept for other sectors, which are near the same ones unless there are copies."""
+        scene = near(self.tracer.scene, box)
+        if self._near is None or self._near[0] != tuple(map(id, scene.meshes)):
+            self._near = None  # frees the memory of others first
+            self._near = tuple(map(id, scene.meshes)), Triangles(scene)
+        return self._near[1]
 
 
 def bake_world(

@@ -1,14 +1,19 @@
 """Divide a scene into boxes, each of which is baked by itself."""
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
+from gsgi.baker.views.clipping import clipped
 from gsgi.baker.views.free_space import FreeSpace
-from gsgi.baker.views.surface_points import Triangles
+from gsgi.baker.views.surface_points import NO_SURFACE, Triangles, lit_meshes
 from gsgi.baker.views.visibility import sides
-from gsgi.runtime.errors import UsageError
+from gsgi.runtime.errors import SceneError, UsageError
+from gsgi.runtime.instance import Instance
+from gsgi.runtime.scene import Scene
 from gsgi.runtime.vectors import sphere
+from gsgi.runtime.world.boxes import touch
 from gsgi.runtime.world.manifest import SECTORS_MOST
 
 # Half the width of the strip along a border in which both sectors have light, relative to the shortest edge of a box
@@ -42,13 +47,16 @@ class Division(NamedTuple):
         return self.boxes[number] + np.array([[-self.margin], [self.margin]])
 
 
-def divide(triangles: Triangles, size: float) -> Division:
-    """Divide surfaces into boxes of equal edges of at most `size` m; boxes without a surface are left out.
+def divide(scene: Scene, size: float) -> Division:
+    """Divide the surfaces of a scene into boxes of equal edges of at most `size` m, but those without a surface.
 
-    Raises UsageError for too many.
+    Raises UsageError for too many, and SceneError if all triangles have area 0.
     """
-    beyond = BEYOND * triangles.diagonal
-    low, high = (corner.astype(np.float64) for corner in (triangles.low - beyond, triangles.high + beyond))
+    lit = [scene.meshes[i] for i in lit_meshes(scene)]
+    bounds = np.array([mesh.bounds() for mesh in lit])
+    low, high = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
+    beyond = BEYOND * float(np.linalg.norm(high - low))
+    low, high = low - beyond, high + beyond
     with np.errstate(over="ignore", divide="ignore"):
         counts = np.maximum(np.ceil((high - low) / size - 1e-6), 1)
     if not counts.prod() <= SECTORS_MOST:
@@ -59,11 +67,39 @@ def divide(triangles: Triangles, size: float) -> Division:
     cells = np.array(list(np.ndindex(*counts.astype(int))))
     boxes = np.stack([[axis[cells[:, k] + side] for k, axis in enumerate(planes)] for side in (0, 1)])
     boxes = boxes.transpose(2, 0, 1)
-    parts = (triangles.within(box) for box in boxes)
-    area = np.array([part.area if part else 0.0 for part in parts])
+    area = np.zeros(len(boxes))
+    for mesh, extent in zip(lit, bounds, strict=True):
+        met = np.flatnonzero(touch(boxes, extent))
+        if len(met) == 1:
+            area[met] += mesh.areas().sum()
+            continue
+        corners = mesh.position[mesh.triangle]
+        for number in met:
+            area[number] += _area(clipped(corners, boxes[number])[0])
+    if not area.any():
+        raise SceneError(NO_SURFACE)
     edges, divided = (high - low) / counts, counts > 1
     margin = float(MARGIN * (edges[divided] if divided.any() else edges).min())
     return Division(boxes[area > 0], margin, area[area > 0])
+
+
+def _area(corners: np.ndarray) -> float:
+    """The area of triangles with corners (T, 3, 3), m^2."""
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return float(np.linalg.norm(cross, axis=1).sum()) / 2
+
+
+def near(scene: Scene, box: np.ndarray) -> Scene:
+    """The scene as the views of a box (2, 3) are placed in it: without copies farther off than the box is wide."""
+    wide = box + np.ptp(box, axis=0).max() * np.array([[-1.0], [1.0]])
+    there = (m for m in scene.meshes if not isinstance(m, Instance) or touch(np.array([m.bounds()]), wide)[0])
+    return replace(scene, meshes=tuple(there))
+
+
+def of_each(scene: Scene) -> Scene:
+    """The scene with one copy of each mesh."""
+    first = {id(mesh.shape) if isinstance(mesh, Instance) else id(mesh): mesh for mesh in reversed(scene.meshes)}
+    return replace(scene, meshes=tuple(reversed(first.values())))
 
 
 def automatic_size(triangles: Triangles, seed: int) -> float:

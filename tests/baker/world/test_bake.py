@@ -65,7 +65,7 @@ def test_a_bake_in_sectors_is_resumed_and_its_manifest_comes_last(tmp_path, monk
     assert view["final"]["psnr"] > 25  # of what lies in the sector
     assert json.dumps(report.as_dict())
 
-    baked = bake.WorldBaker._sector
+    baked = bake.WorldBaker.sector
 
     def interrupted(self, number):
         if number:
@@ -77,7 +77,7 @@ def test_a_bake_in_sectors_is_resumed_and_its_manifest_comes_last(tmp_path, monk
     for name, data in older.items():
         (again / name).write_bytes(data)
     with monkeypatch.context() as context:
-        context.setattr(bake.WorldBaker, "_sector", interrupted)
+        context.setattr(bake.WorldBaker, "sector", interrupted)
         with pytest.raises(KeyboardInterrupt):
             bake_hall(again, cache)
     assert older.items() <= contents(again).items()

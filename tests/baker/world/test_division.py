@@ -1,18 +1,21 @@
 """Boxes that divide a scene."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scenes
 
 from gsgi.baker.views.surface_points import Triangles
-from gsgi.baker.world.division import FAR_SIGHTS, MARGIN, automatic_size, divide
-from gsgi.runtime.errors import UsageError
+from gsgi.baker.world.division import FAR_SIGHTS, MARGIN, automatic_size, divide, near, of_each
+from gsgi.runtime.errors import SceneError, UsageError
+from gsgi.runtime.instance import Instance, flat
 from gsgi.runtime.scene import Scene
 from gsgi.runtime.world.boxes import neighbours, overlap
 
 
 def test_boxes_have_equal_edges_up_to_the_size_and_tile_the_scene():
-    room = Triangles(scenes.furnace())
+    room = scenes.furnace()
     division = divide(room, 1.5)
     edges = division.boxes[:, 1] - division.boxes[:, 0]
     np.testing.assert_allclose(edges, edges[0, 0], rtol=1e-9)
@@ -26,10 +29,10 @@ def test_boxes_have_equal_edges_up_to_the_size_and_tile_the_scene():
 
 
 def test_boxes_without_a_surface_are_left_out():
-    room = Triangles(scenes.furnace())
+    room = scenes.furnace()
     division = divide(room, 0.7)
     assert len(division.boxes) == 26  # all of 27 but the middle one
-    flat = divide(Triangles(Scene((scenes.floor(2.0),), (scenes.WHITE,))), 1.0)
+    flat = divide(Scene((scenes.floor(2.0),), (scenes.WHITE,)), 1.0)
     assert len(flat.boxes) == 25
     assert flat.area[flat.largest] == flat.area.max()
     assert (flat.boxes[:, 1] > flat.boxes[:, 0]).all()
@@ -37,10 +40,44 @@ def test_boxes_without_a_surface_are_left_out():
 
 def test_too_many_sectors_are_refused():
     with pytest.raises(UsageError, match=r"--sectors 0\.01: makes 8120601 sectors, and a world has at most 4096"):
-        divide(Triangles(scenes.furnace()), 0.01)
+        divide(scenes.furnace(), 0.01)
 
 
 def test_sectors_are_as_wide_as_people_see_far():
     small, large = (automatic_size(Triangles(Scene(tuple(scenes.box(half)), (scenes.WHITE,))), 0) for half in (1, 10))
     assert large == pytest.approx(10 * small, rel=0.1)
     assert FAR_SIGHTS * 0.5 < small < FAR_SIGHTS * 1.8
+
+
+def row(count: int) -> Scene:
+    """Copies of a room, 3 m apart, on a floor that is no copy."""
+    places = (np.array([[1, 0, 0, 3 * i], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]]) for i in range(count))
+    walls = scenes.box()
+    copies = (Instance(wall, place, 0) for place in places for wall in walls)
+    return Scene((scenes.floor(40.0, -1.5), *copies), (scenes.WHITE,))
+
+
+def test_copies_are_divided_as_meshes_of_their_own_are():
+    shared = row(4)
+    single = Scene(tuple(flat(mesh) for mesh in shared.meshes), shared.materials)
+    ours, theirs = (divide(scene, 2.2) for scene in (shared, single))
+    np.testing.assert_array_equal(ours.boxes, theirs.boxes)
+    np.testing.assert_array_equal(ours.area, theirs.area)
+
+
+def test_views_are_placed_among_copies_as_far_off_as_the_box_is_wide():
+    box = np.array([[-1.0, -2, -1], [2.0, 2, 1]])  # 4 m high
+    many = near(row(20), box)
+    assert len(Triangles(many)) == len(Triangles(near(row(200), box)))
+    assert len(many.meshes) == 1 + 6 + 6 + 5  # of the third room all but the farthest wall
+
+
+def test_one_copy_of_each_mesh_tells_how_far_people_see():
+    assert len(of_each(row(5)).meshes) == 1 + 6
+    assert len(of_each(scenes.furnace()).meshes) == 6
+
+
+def test_scenes_without_a_surface_are_refused():
+    point = replace(scenes.floor(), position=np.zeros((4, 3), np.float32))
+    with pytest.raises(SceneError, match="no surface: every triangle has area 0"):
+        divide(Scene((point,), (scenes.WHITE,)), 1.0)
