@@ -9,6 +9,7 @@ from pathlib import Path
 
 from benches.c_library import c_library
 from benches.cluster import cluster
+from benches.copies import copies
 from benches.deadline import deadline
 from benches.error_time import error_time
 from benches.fit import fit
@@ -49,6 +50,7 @@ BENCHES = {
         cluster,
         update,
         world,
+        copies,
         trace,
         scenes,
         *PASSES,
