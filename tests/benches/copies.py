@@ -33,7 +33,7 @@ def copies() -> list[dict]:
     """Cost and memory of sectors in worlds of 1, 4, 16 and 64 copies of Sponza, two sectors of each.
 
     The copies stand in a square and share meshes. A sector of 32 m holds about one: the first is in a corner, the other
-    in the middle, among eight. `before_s` are the CPU seconds of what all sectors share, `sector_s` those of the two, and
+    in the middle, among eight. `before_s` are the CPU seconds of what all sectors share, `sector_s` those of the two;
     `memory_mb` is the peak of the process.
     """
     return [_row(edge) for edge in EDGES] if SCENE.is_file() else []
