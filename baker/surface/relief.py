@@ -45,14 +45,15 @@ def solve(
     light = constants.SH_C0 * gaussians.sh[:, 0].astype(np.float64)
     variance = SPREAD**2 * np.square(light).mean(axis=1)
     held = RIDGE * mass + ratio(ratio(sums[:, 0], sums[:, 1]), variance)[:, None]
+    lit = (variance > 0)[:, None]
 
     def apply(x: np.ndarray) -> np.ndarray:
         some = replace(gaussians, relief=x.reshape(-1, 3, 3).astype(np.float32))
         return field.normal(some, importance, inverse, relief=True).astype(np.float64) + held * x
 
     diagonal = mass + held
-    start = gaussians.relief.reshape(-1, 9).astype(np.float64)
-    preconditioner = ratio(np.ones_like(diagonal), diagonal)
+    start = lit * gaussians.relief.reshape(-1, 9).astype(np.float64)
+    preconditioner = ratio(lit * np.ones_like(diagonal), diagonal)  # black Gaussians stay flat: files have no other
     right = field.transposed(gaussians, importance[:, None] * residual, inverse, relief=True).astype(np.float64)
     x = conjugate_gradients(apply, right, start, preconditioner, ITERATIONS)
     return x.reshape(-1, 3, 3).astype(np.float32)

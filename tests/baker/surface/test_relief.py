@@ -9,7 +9,9 @@ from hard_cases.small_bakes import around, small_bake
 
 from gsgi.baker.cache.store import Cache
 from gsgi.baker.effects import without
-from gsgi.baker.surface.lookup import look_up
+from gsgi.baker.native import kernels
+from gsgi.baker.surface import relief
+from gsgi.baker.surface.lookup import inverse_weight, look_up
 from gsgi.baker.surface.samples import Sampler
 from gsgi.baker.surface.seen_surface import SeenSurface
 from gsgi.baker.trace.cached_tracer import CachedTracer
@@ -84,10 +86,10 @@ def test_samples_are_traced_at_mapped_normals_and_known_light_at_interpolated_on
 
 
 def test_relief_of_one_gaussian_is_read_along_the_bend():
-    relief = np.arange(9, dtype=np.float32).reshape(1, 3, 3) / 20
+    bumps = np.arange(9, dtype=np.float32).reshape(1, 3, 3) / 20
     one = Gaussians(
         np.zeros((1, 3), np.float32), np.float32([[0, 0, 0, 1]]), np.ones((1, 3), np.float32),
-        np.ones(1, np.float32), np.full((1, 1, 3), 2, np.float32), relief=relief,
+        np.ones(1, np.float32), np.full((1, 1, 3), 2, np.float32), relief=bumps,
     )  # fmt: skip
     nobody = replace(one, relief=None)
     nobody = Gaussians(*(array[:0] for array in vars(nobody).values()))
@@ -95,4 +97,25 @@ def test_relief_of_one_gaussian_is_read_along_the_bend():
     position, normal = np.zeros((1, 3), np.float32), np.float32([[0, 0, 1]])
     mapped = np.float32([[0.6, 0, 0.8]])
     flat, bent = (look_up(one, nobody, blend, position, normal, m)[0] for m in (normal, mapped))
-    np.testing.assert_allclose(bent - flat, (mapped - normal) @ relief[0], atol=1e-6)
+    np.testing.assert_allclose(bent - flat, (mapped - normal) @ bumps[0], atol=1e-6)
+
+
+def test_black_gaussians_stay_flat():
+    """Relief is stored relative to a Gaussian's light, so the light of a file would lack theirs."""
+    rng = np.random.default_rng(0)
+    position = rng.uniform(-1, 1, (2000, 3)).astype(np.float32) * np.float32([1, 1, 0])
+    normal = np.tile(np.float32([0, 0, 1]), (2000, 1))
+    bend = rng.uniform(-0.3, 0.3, (2000, 3)).astype(np.float32)
+    n, black = 30, np.arange(30) % 3 == 0
+    light = np.where(black, 0, 1).astype(np.float32)[:, None, None]
+    gaussians = Gaussians(
+        position[:n], np.tile(np.float32([0, 0, 0, 1]), (n, 1)), np.full((n, 3), 0.3, np.float32),
+        np.full(n, 0.5, np.float32), np.repeat(light, 3, axis=2), relief=np.full((n, 3, 3), 0.1, np.float32),
+    )  # fmt: skip
+    field, blend = kernels.FieldFloat(position, normal, bend), SurfaceBlend()
+    field.list(gaussians, blend.cutoff, blend.sharpness, 1.0)
+    inverse = inverse_weight(field.read(gaussians))
+    residual = np.repeat(bend[:, :1], 3, axis=1)
+    found = relief.solve(field, gaussians, bend, residual, inverse, np.ones(2000, np.float32))
+    assert (found[black] == 0).all()
+    assert found[~black, 0].mean() > 0.2
