@@ -12,7 +12,7 @@ import pytest
 import quick_gsgi
 from gltf_files import png, quad_scene
 
-from gsgi.baker import bake, plan_table
+from gsgi.baker import bake, job, plan_table
 from gsgi.baker.cli.depfile import depfile, nameable
 from gsgi.baker.tasks import request
 from gsgi.baker.views import coverage
@@ -100,7 +100,7 @@ def test_the_reader_names_its_files_as_the_scene_spells_them(tmp_path, monkeypat
 def room(tmp_path, monkeypatch):
     """A folder with a scene, and `gsgi bake` of it without tracing: options -> exit code."""
     replaced = (request, "make_plan"), (bake, "bake"), (coverage, "coverage_summary"), (plan_table, "summary")
-    for module, name in replaced:
+    for module, name in (*replaced, (job, "BakeRecord")):
         monkeypatch.setattr(module, name, getattr(module, name))  # put back afterwards what quick_gsgi puts there
     write_room(tmp_path)
     monkeypatch.chdir(tmp_path)

@@ -11,7 +11,7 @@ from gsgi.baker.surface import samples
 from gsgi.baker.tradeoff import ground as grounds
 from gsgi.runtime.gltf.reader import read_gltf
 
-SETTINGS = Settings(views=4, size=32, bounces=12, budget=64, samples=64, iterations=4)
+SETTINGS = Settings(views=4, size=32, bounces=12, budget=64, samples=64, iterations=24)
 
 
 @pytest.fixture(scope="session")
