@@ -4,6 +4,7 @@ python quick_gsgi.py LOG bake SCENE -o FILE ...    # adds the scene's name to LO
 """
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -16,8 +17,8 @@ from gsgi.baker.views import coverage
 from gsgi.runtime.file import codec
 
 
-def main(log: str, *arguments: str) -> int:
-    """Run the command with these arguments and return its exit code."""
+def main(log: str, *arguments: str, put: Callable[[object, str, object], object] = setattr) -> int:
+    """Run the command with these arguments and return its exit code. `put(module, name, value)` sets stand-ins."""
 
     def make_plan(scene, *_) -> SimpleNamespace:
         settings, tracer = SimpleNamespace(target_loss=None), SimpleNamespace(cache=None)
@@ -32,9 +33,12 @@ def main(log: str, *arguments: str) -> int:
             data=codec.encode(constant(light)), attempt=SimpleNamespace(count=2, budget=2, loss=None)
         )
 
-    request.make_plan, bake.bake = make_plan, baked
-    job.BakeRecord = SimpleNamespace(of=lambda *_: SimpleNamespace(keep=lambda *_: None))
-    coverage.coverage_summary, plan_table.summary = (lambda _: []), (lambda _: "")
+    for module, name, value in (
+        (request, "make_plan", make_plan), (bake, "bake", baked),
+        (job, "BakeRecord", SimpleNamespace(of=lambda *_: SimpleNamespace(keep=lambda *_: None))),
+        (coverage, "coverage_summary", lambda _: []), (plan_table, "summary", lambda _: ""),
+    ):  # fmt: skip
+        put(module, name, value)
     return run([*arguments, "--quiet", "--no-evaluate", "--cache", str(Path(log).parent / "cache")])
 
 

@@ -17,6 +17,11 @@ def clipped(corners: np.ndarray, box: np.ndarray) -> tuple[np.ndarray, np.ndarra
     return corners, of
 
 
+def areas(corners: np.ndarray) -> np.ndarray:
+    """The areas (T,) of triangles with corners (T, 3, 3), m^2."""
+    return np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
+
+
 def _above(corners: np.ndarray, of: np.ndarray, height: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The parts of triangles whose `height` (T, 3), linear between the corners, is not negative."""
     inside = height >= 0

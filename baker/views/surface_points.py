@@ -11,7 +11,7 @@ from gsgi.baker.trace.planes import ROUNDING, onto_planes, planes
 from gsgi.runtime.errors import SceneError
 from gsgi.runtime.scene import Scene
 
-from .clipping import clipped
+from .clipping import areas, clipped
 
 # Random points per point that is kept: Yuksel 2015 finds no gain beyond five.
 OVERSAMPLING = 5
@@ -110,7 +110,7 @@ class Triangles:
         """
         lit = np.flatnonzero(self._lit)
         corners, of = clipped(self._position[self._triangle[lit]], box)
-        area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
+        area = areas(corners)
         if not area.sum() > 0:
             return None
         part = copy(self)

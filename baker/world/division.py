@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gsgi.baker.views.clipping import clipped
+from gsgi.baker.views.clipping import areas, clipped
 from gsgi.baker.views.free_space import FreeSpace
 from gsgi.baker.views.surface_points import NO_SURFACE, Triangles, lit_meshes
 from gsgi.baker.views.visibility import sides
@@ -75,18 +75,12 @@ def divide(scene: Scene, size: float) -> Division:
             continue
         corners = mesh.position[mesh.triangle]
         for number in met:
-            area[number] += _area(clipped(corners, boxes[number])[0])
+            area[number] += areas(clipped(corners, boxes[number])[0]).sum()
     if not area.any():
         raise SceneError(NO_SURFACE)
     edges, divided = (high - low) / counts, counts > 1
     margin = float(MARGIN * (edges[divided] if divided.any() else edges).min())
     return Division(boxes[area > 0], margin, area[area > 0])
-
-
-def _area(corners: np.ndarray) -> float:
-    """The area of triangles with corners (T, 3, 3), m^2."""
-    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    return float(np.linalg.norm(cross, axis=1).sum()) / 2
 
 
 def near(scene: Scene, box: np.ndarray) -> Scene:

@@ -12,10 +12,7 @@ import pytest
 import quick_gsgi
 from gltf_files import png, quad_scene
 
-from gsgi.baker import bake, job, plan_table
 from gsgi.baker.cli.depfile import depfile, nameable
-from gsgi.baker.tasks import request
-from gsgi.baker.views import coverage
 from gsgi.runtime.errors import UsageError
 from gsgi.runtime.gltf.reader import read_gltf
 from gsgi.runtime.image import write_image
@@ -99,12 +96,10 @@ def test_the_reader_names_its_files_as_the_scene_spells_them(tmp_path, monkeypat
 @pytest.fixture
 def room(tmp_path, monkeypatch):
     """A folder with a scene, and `gsgi bake` of it without tracing: options -> exit code."""
-    replaced = (request, "make_plan"), (bake, "bake"), (coverage, "coverage_summary"), (plan_table, "summary")
-    for module, name in (*replaced, (job, "BakeRecord")):
-        monkeypatch.setattr(module, name, getattr(module, name))  # put back afterwards what quick_gsgi puts there
     write_room(tmp_path)
     monkeypatch.chdir(tmp_path)
-    return lambda *options: quick_gsgi.main("log", "bake", "room.gltf", "-o", "room.gsgi", *options)
+    bake = "log", "bake", "room.gltf", "-o", "room.gsgi"
+    return lambda *options: quick_gsgi.main(*bake, *options, put=monkeypatch.setattr)
 
 
 def test_a_bake_lists_all_that_it_has_read(room):
