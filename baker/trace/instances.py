@@ -4,7 +4,7 @@ Those do that emit light. So do triangles that lie on something else in one of t
 hidden there, and not in others (see `overlaps` and `duplicates`). They are few in most scenes.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -21,6 +21,7 @@ from .surface_tables import ShapeGroup, Surfaces, tabulate
 # Triangles in copies from which on a group pays: a tree for each place is slower than one for all.
 SHARED = 1 << 14
 
+AT_ONCE = 1 << 16  # triangles that are examined together; bounds memory
 DECIMALS = 6  # of matrices that count as the same
 EXAMINED = 1 << 25  # triangles; once so many have been examined, what lies on what in other places is not looked for
 
@@ -95,25 +96,49 @@ def _lie_on_others(single: Sequence[Mesh], groups: Sequence[ShapeGroup]) -> list
     of += [(k, np.eye(4)) for k in range(len(groups), len(arrays))]
     boxes = np.array([_moved_box(whole[k], matrix) for k, matrix in of])
     things = [_Stands(corners[k], extents[k], matrix) for k, matrix in of]
+    reach = np.array([4 * placed_off(matrix, whole[k]) for k, matrix in of[:count]])
     examined = 0
-    for i in np.random.default_rng(0).permutation(count):
-        own = things[i]
-        reach = 4 * placed_off(own.matrix, whole[of[i][0]])
-        margin = np.array([[-reach], [reach]])
-        near, others = np.zeros(len(own.corners), bool), []
-        for j in np.flatnonzero(touch(boxes, boxes[i] + margin)):
-            there = things[j].near(boxes[i] + margin) if j != i else np.zeros(1, bool)
-            if there.any():
-                others.append(moved(things[j].corners[there], things[j].matrix))
-                near |= own.near(np.stack([others[-1].min(axis=(0, 1)), others[-1].max(axis=(0, 1))]) + margin)
-        if near.any():
-            both = np.concatenate([moved(own.corners[near], own.matrix), *others]).astype(np.float32)
-            lie = lying(both.reshape(-1, 3), np.arange(3 * len(both), dtype=np.uint32).reshape(-1, 3), reach)
-            marks[of[i][0]][np.flatnonzero(near)[lie[: near.sum()]]] = True
-            examined += len(both)
+    for near, most in _near_others(things, boxes, reach):
+        world = [moved(things[k].corners[which], things[k].matrix) for k, which in near.items()]
+        both = np.concatenate(world).astype(np.float32)
+        lie = lying(both.reshape(-1, 3), np.arange(3 * len(both), dtype=np.uint32).reshape(-1, 3), most)
+        ends = np.cumsum([len(each) for each in world])
+        for (k, which), some in zip(near.items(), np.split(lie, ends[:-1]), strict=True):
+            if k < count:
+                marks[of[k][0]][np.flatnonzero(which)[some]] = True
+        examined += len(both)
         if examined > EXAMINED:
             break
     return marks
+
+
+def _near_others(
+    things: Sequence[_Stands], boxes: np.ndarray, reach: np.ndarray
+) -> Iterator[tuple[dict[int, np.ndarray], float]]:
+    """Which triangles (F,) bool of things in `boxes` (T, 2, 3) may touch others, by the thing, and from how far, m.
+
+    The first things, as many as `reach` (P,) has distances, m, take turns, in random order. They come in batches: what
+    looks for triangles that lie on each other takes about as long for few as for AT_ONCE.
+    """
+    near: dict[int, np.ndarray] = {}
+    found, most = 0, 0.0
+    for i in np.random.default_rng(0).permutation(len(reach)):
+        margin = np.array([[-reach[i]], [reach[i]]])
+        for j in np.flatnonzero(touch(boxes, boxes[i] + margin)):
+            there = things[j].near(boxes[i] + margin) if j != i else np.zeros(1, bool)
+            if not there.any():
+                continue
+            here = things[i].near(_box(moved(things[j].corners[there], things[j].matrix), (0, 1)) + margin)
+            if here.any():
+                for k, which in ((i, here), (j, there)):
+                    near[k] = near[k] | which if k in near else which
+                    found += np.count_nonzero(which)
+                most = max(most, float(reach[i]))
+        if found >= AT_ONCE:
+            yield near, most
+            near, found, most = {}, 0, 0.0
+    if near:
+        yield near, most
 
 
 def _with_partners(group: ShapeGroup, marks: np.ndarray) -> np.ndarray:
@@ -125,8 +150,8 @@ def _with_partners(group: ShapeGroup, marks: np.ndarray) -> np.ndarray:
     return marks | lying(position, triangle, 4 * max(placed_off(matrix, box) for matrix in group.places))
 
 
-def _box(points: np.ndarray, axis: int) -> np.ndarray:
-    """The boxes (..., 2, 3) of points (..., 3) along an axis."""
+def _box(points: np.ndarray, axis: int | tuple[int, ...]) -> np.ndarray:
+    """The boxes (..., 2, 3) of points (..., 3) along an axis, or several."""
     return np.stack([points.min(axis=axis), points.max(axis=axis)], axis=-2)
 
 
