@@ -12,6 +12,7 @@ import oracle
 import pytest
 import scenes
 from browser import visit
+from bumpy import bumpy_room
 from frames import full_scene
 from javascript import JS
 from repository import TESTS
@@ -104,6 +105,34 @@ def test_b_alone_is_within_one_step(found, drawn):
     off = np.abs(found["pictures"][2]["pixels"] - expected)[even]
     assert even.mean() > 0.3
     assert off.max() <= 1
+
+
+def test_b_follows_normal_maps(gl, tmp_path):
+    """B is that of our own frame within a step, and far from that of light that does not follow them."""
+    scene = bumpy_room()
+    fine = surface_gaussians(scene, 800)
+    bake = Bake(fine, SurfaceBlend(), coarse=oracle.random_gaussians(30, 2, seed=1))
+    data = codec.encode(with_relief(bake))
+    light, plain = codec.decode(data), codec.decode(codec.encode(bake))
+    write_page(tmp_path, scene, light, data, scene.cameras, "bumpy room")
+    found = open_page(tmp_path, [{"gi": "only", "exposure": EXPOSURE}])
+    assert (found.get("error"), found["console"]) == (None, [])
+    shown = found["pictures"][0]["pixels"].astype(int)
+    of_maps, of_planes = (drawn_b(gl, scene, each) for each in (light, plain))
+    even = np.ptp(of_maps, axis=2).max(axis=-1) < 0.02
+    off, without = (np.abs(shown - to_uint8(tone_map(b.mean(axis=2), EXPOSURE)))[even] for b in (of_maps, of_planes))
+    assert even.mean() > 0.3
+    assert off.max() <= 1
+    assert without.mean() > 5
+
+
+def drawn_b(gl, scene: Scene, bake: Bake) -> np.ndarray:
+    """Samples of B in our own frame of the page's size, (H, W, SAMPLES^2, 3)."""
+    renderer = DeferredRenderer(gl, scene, bake, WIDTH * SAMPLES, HEIGHT * SAMPLES)
+    renderer.render(scenes.inside_camera())
+    read = blocks(renderer.read("indirect"))
+    renderer.release()
+    return read
 
 
 def test_the_page_says_what_it_shows(found):
