@@ -9,7 +9,7 @@
 #define DELTA 0x40u
 #define SHIFT_MAX 24u
 #define FOLDED_BITS 28u
-#define MAGNITUDE_MAX 67108864 /* 2^26 */
+#define MAGNITUDE_MAX 67108864u /* 2^26 */
 
 gsgi_result gsgi__unexpected(const gsgi__reader* reader, size_t at, const char* expected) {
     return gsgi__fail(reader->callbacks, GSGI_INVALID_FILE, "byte %llu (%s.%s): expected %s", (unsigned long long)at,
@@ -48,9 +48,9 @@ static void describe_bytes(unary_byte bytes[256]) {
     }
 }
 
-/* The lengths of `count` runs of zeros, each before a one, in `size` bytes. Returns false if there are not that many,
- * or if they do not end in the last byte. `lengths` has room for UNARY_SLACK more. */
-static bool read_unary(const uint8_t* data, size_t size, size_t count, int32_t* lengths) {
+/* The lengths of `count` runs of zeros, each before a one, in `size` bytes, and their sum. Returns false if there are
+ * not that many, or if they do not end in the last byte. `lengths` has room for UNARY_SLACK more. */
+static bool read_unary(const uint8_t* data, size_t size, size_t count, int32_t* lengths, uint64_t* sum) {
     unary_byte bytes[256];
     size_t found = 0;
     uint32_t run = 0;
@@ -63,7 +63,14 @@ static bool read_unary(const uint8_t* data, size_t size, size_t count, int32_t* 
         run = byte->ones ? byte->after : run + 8;
         found += byte->ones;
     }
+    *sum = 8 * (uint64_t)size - run - found;
     return found == count && (size == 0 || data[size - 1] != 0);
+}
+
+/* Little-endian; in one expression, which compilers know as one load. */
+static inline uint64_t read_u64(const uint8_t* at) {
+    return (uint64_t)at[0] | (uint64_t)at[1] << 8 | (uint64_t)at[2] << 16 | (uint64_t)at[3] << 24 |
+           (uint64_t)at[4] << 32 | (uint64_t)at[5] << 40 | (uint64_t)at[6] << 48 | (uint64_t)at[7] << 56;
 }
 
 /* A reader of bits, lowest first, of `size` bytes. */
@@ -77,7 +84,7 @@ static inline uint32_t take(bits* from, uint32_t width) {
     const size_t byte = (size_t)(from->at >> 3);
     uint64_t window = 0;
     if (byte + 8 <= from->size) {
-        window = (uint64_t)gsgi__read_u32(from->data + byte) | (uint64_t)gsgi__read_u32(from->data + byte + 4) << 32;
+        window = read_u64(from->data + byte);
     } else {
         for (size_t k = 0; byte + k < from->size; ++k) window |= (uint64_t)from->data[byte + k] << 8 * k;
     }
@@ -110,13 +117,30 @@ gsgi_result gsgi__read_bits(gsgi__reader* reader, size_t count, int32_t* widths)
     return result;
 }
 
-static int32_t unfolded(uint32_t folded) { return (int32_t)(folded >> 1) ^ -(int32_t)(folded & 1); }
+static uint32_t unfolded(uint32_t folded) { return (folded >> 1) ^ (0 - (folded & 1)); }
+
+/* Replace `integers`, lengths of unary codes, by what they stand for. Returns false if one is too large. */
+static inline bool combine(bits* from, int32_t* integers, size_t count, uint32_t shift, bool exponential, bool delta,
+                           uint32_t before) {
+    const uint32_t kept = delta ? UINT32_MAX : 0;
+    bool fits = true;
+    for (size_t i = 0; i < count; ++i) { /* in two's complement, which wraps behind a number that is too large */
+        const uint32_t prefix = (uint32_t)integers[i], high = exponential ? (1u << prefix) - 1 : prefix;
+        const uint32_t step = unfolded((high << shift) + take(from, exponential ? prefix + shift : shift));
+        const uint32_t value = before + step;
+        fits &= value + MAGNITUDE_MAX <= 2 * MAGNITUDE_MAX;
+        before += step & kept;
+        integers[i] = (int32_t)value;
+    }
+    return fits;
+}
 
 gsgi_result gsgi__read_integers(gsgi__reader* reader, const char* stream, size_t count, int32_t* integers) {
     char expected[80];
     const char* const too_large = "numbers of at most 67108864";
     gsgi_result result;
     uint32_t base, unary_bytes;
+    uint64_t sum;
     bits from;
     reader->stream = stream;
     reader->start = reader->at;
@@ -131,7 +155,7 @@ gsgi_result gsgi__read_integers(gsgi__reader* reader, const char* stream, size_t
         snprintf(expected, sizeof expected, "%u bytes of unary codes", (unsigned)unary_bytes);
         return gsgi__unexpected(reader, reader->at, expected);
     }
-    if (!read_unary(reader->data + reader->at, unary_bytes, count, integers)) {
+    if (!read_unary(reader->data + reader->at, unary_bytes, count, integers, &sum)) {
         snprintf(expected, sizeof expected, "unary codes of %llu numbers, and zeros to the byte's end",
                  (unsigned long long)count);
         return gsgi__unexpected(reader, reader->at, expected);
@@ -139,19 +163,12 @@ gsgi_result gsgi__read_integers(gsgi__reader* reader, const char* stream, size_t
     reader->at += unary_bytes;
 
     const uint32_t most = exponential ? FOLDED_BITS - shift : 1u << (FOLDED_BITS - shift);
-    uint64_t total = (uint64_t)shift * count;
-    for (size_t i = 0; i < count; ++i) {
-        if ((uint32_t)integers[i] > most) return gsgi__unexpected(reader, reader->start, too_large);
-        if (exponential) total += (uint32_t)integers[i];
-    }
-    if ((result = begin_bits(reader, total, &from))) return result;
-    int32_t before = unfolded(base);
-    bool fits = true;
-    for (size_t i = 0; i < count; ++i) {
-        uint32_t prefix = (uint32_t)integers[i], high = exponential ? (1u << prefix) - 1 : prefix;
-        integers[i] = before + unfolded((high << shift) + take(&from, exponential ? prefix + shift : shift));
-        fits = fits && integers[i] <= MAGNITUDE_MAX && integers[i] >= -MAGNITUDE_MAX;
-        if (flags & DELTA && fits) before = integers[i];
-    }
+    int32_t longest = 0;
+    for (size_t i = 0; i < count; ++i) longest = integers[i] > longest ? integers[i] : longest;
+    if ((uint32_t)longest > most) return gsgi__unexpected(reader, reader->start, too_large);
+    if ((result = begin_bits(reader, (uint64_t)shift * count + (exponential ? sum : 0), &from))) return result;
+    const uint32_t first = unfolded(base);
+    const bool fits = exponential ? combine(&from, integers, count, shift, true, flags & DELTA, first)
+                                  : combine(&from, integers, count, shift, false, flags & DELTA, first);
     return fits ? GSGI_OK : gsgi__unexpected(reader, reader->start, too_large);
 }

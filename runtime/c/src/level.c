@@ -17,6 +17,7 @@
 #define TURN_BITS 9 /* of the angles for which a table is worth its time */
 #define TURNS (1 << TURN_BITS)
 #define TABLE_FROM 256 /* Gaussians */
+#define TILE 64        /* of rotations that are worked out together */
 
 /* While a level is decoded: the streams that are still needed. */
 typedef struct decoder {
@@ -24,9 +25,10 @@ typedef struct decoder {
     const gsgi__level_header* record;
     gsgi__reader* reader;
     size_t count;
-    int32_t *scale[3], *exponent, *bits, *codes; /* (count) each; `codes` has room for a band of SH */
-    float* powers;                               /* 2^(code / steps), from the lowest code on */
-    double turns[TURNS][2];                      /* sine and cosine of half a turn about the normal */
+    int32_t *spare, *bits, *exponent; /* (count) each: bits of angles, exponents of positions */
+    int32_t* codes;                   /* (2, count), or room for a band of SH */
+    float* powers;                    /* 2^(code / steps), from the lowest code on */
+    double turns[TURNS][2];           /* sine and cosine of half a turn about the normal */
 } decoder;
 
 uint64_t gsgi__least_level_bytes(const gsgi__level_header* record) {
@@ -79,57 +81,77 @@ static gsgi_result read_steps(decoder* d, const char* stream, size_t count, int3
     return result ? result : check_steps(d, codes, count, low, high);
 }
 
-/* The power of two of which the position of a Gaussian is a multiple. */
-static int32_t exponent_of(const decoder* d, size_t i) {
+/* The power of two of which the position of a Gaussian with these scales is a multiple. */
+static int32_t exponent_of(const decoder* d, int32_t longest, int32_t middle, int32_t normal) {
     const int32_t steps = (int32_t)d->record->scale_steps;
-    int32_t shortest = d->scale[1][i] < d->scale[2][i] ? d->scale[1][i] : d->scale[2][i];
-    if (shortest < d->scale[0][i] - THIN * steps) shortest = d->scale[0][i] - THIN * steps;
+    int32_t shortest = middle < normal ? middle : normal;
+    if (shortest < longest - THIN * steps) shortest = longest - THIN * steps;
     int32_t found = floor_divided(shortest, steps) - (int32_t)d->record->position_bits;
     return found > d->record->position_floor ? found : d->record->position_floor;
 }
 
+/* The bits of the angle of a Gaussian: `angle_bits` more than its first two axes' difference has. */
+static int32_t angle_bits(const decoder* d, int32_t difference) {
+    const float number = (float)difference;
+    uint32_t pattern; /* of a float, whose exponent is biased by 127 */
+    memcpy(&pattern, &number, sizeof pattern);
+    return pattern ? (int32_t)(pattern >> 23) - 126 + (int32_t)d->record->angle_bits : 0;
+}
+
+/* Read scales, and what positions and angles need of them. */
 static gsgi_result read_scales(decoder* d) {
     static const char* const streams[3] = {"scale_long", "scale_middle", "scale_normal"};
     const int32_t steps = (int32_t)d->record->scale_steps, most = SCALE_OCTAVES * steps;
+    int32_t* const scales[3] = {d->spare, d->bits, d->exponent};
     fill_powers(d, steps, -most, most);
     for (int axis = 0; axis < 3; ++axis) {
-        int32_t* scale = d->scale[axis];
+        int32_t* scale = scales[axis];
         gsgi_result result = gsgi__read_integers(d->reader, streams[axis], d->count, scale);
         if (result) return result;
         for (size_t i = 0; i < d->count && axis == 1; ++i)
             if (scale[i] < 0) return unexpected(d, "a second axis no longer than the first");
         for (size_t i = 0; i < d->count; ++i) {
-            if (axis) scale[i] = d->scale[0][i] - scale[i];
+            if (axis) scale[i] = scales[0][i] - scale[i];
             if (scale[i] < -most || scale[i] > most) return unexpected(d, "scales within 2^+-57 m");
-            d->level->shape.texels[i * GSGI_SHAPE_FLOATS + 8 + axis] = d->powers[scale[i] + most];
         }
     }
     for (size_t i = 0; i < d->count; ++i) {
-        d->exponent[i] = exponent_of(d, i);
+        const int32_t longest = scales[0][i], middle = scales[1][i], normal = scales[2][i];
+        float* shape = d->level->shape.texels + i * GSGI_SHAPE_FLOATS;
+        for (int axis = 0; axis < 3; ++axis) shape[8 + axis] = d->powers[scales[axis][i] + most];
+        d->exponent[i] = exponent_of(d, longest, middle, normal);
+        d->bits[i] = angle_bits(d, longest - middle);
         if (i && d->exponent[i] < d->exponent[i - 1]) return unexpected(d, "positions in steps that do not shrink");
     }
     return GSGI_OK;
 }
 
-/* The unit quaternion xyzw that carries +z to where the octahedral code `u`, `v` points, after a turn about it, of
- * whose half `sine` and `cosine` are. */
-static void rotation_of(int32_t u, int32_t v, double steps, double sine, double cosine, float* rotation) {
-    double x = u / steps, y = v / steps, z = 1 - fabs(x) - fabs(y);
-    if (z < 0) {
-        double outer = (1 - fabs(y)) * (x < 0 ? -1.0 : 1.0);
-        y = (1 - fabs(x)) * (y < 0 ? -1.0 : 1.0);
-        x = outer;
+/* Unit quaternions xyzw, one from each of `shapes` on, that carry +z to where the octahedral codes `u`, `v` point,
+ * after a turn about it, of whose half `sine` and `cosine` are. At most TILE of them, which vector registers can share.
+ */
+static void write_rotations(size_t count, const int32_t* u, const int32_t* v, double steps, const double* sine,
+                            const double* cosine, float* shapes) {
+    float rotation[4][TILE];
+    for (size_t i = 0; i < count; ++i) {
+        double x = u[i] / steps, y = v[i] / steps, z = 1 - fabs(x) - fabs(y);
+        const double outer_x = (1 - fabs(y)) * (x < 0 ? -1.0 : 1.0), outer_y = (1 - fabs(x)) * (y < 0 ? -1.0 : 1.0);
+        x = z < 0 ? outer_x : x;
+        y = z < 0 ? outer_y : y;
+        double length = sqrt(x * x + y * y + z * z);
+        x /= length;
+        y = z < 0 ? -(y / length) : y / length;
+        const double up = fabs(z / length);
+        length = sqrt(y * y + x * x + (1 + up) * (1 + up));
+        const double qx = -y / length, qy = x / length, qw = (1 + up) / length;
+        const double a = qx * cosine[i] + qy * sine[i], b = qy * cosine[i] - qx * sine[i];
+        const double c = qw * sine[i], e = qw * cosine[i];
+        rotation[0][i] = (float)(z < 0 ? e : a);
+        rotation[1][i] = (float)(z < 0 ? -c : b);
+        rotation[2][i] = (float)(z < 0 ? b : c);
+        rotation[3][i] = (float)(z < 0 ? -a : e);
     }
-    const bool below = z < 0;
-    double length = sqrt(x * x + y * y + z * z);
-    x /= length;
-    y = below ? -(y / length) : y / length;
-    z = fabs(z / length);
-    length = sqrt(y * y + x * x + (1 + z) * (1 + z));
-    const double qx = -y / length, qy = x / length, qw = (1 + z) / length;
-    const double a = qx * cosine + qy * sine, b = qy * cosine - qx * sine, c = qw * sine, e = qw * cosine;
-    const double found[2][4] = {{a, b, c, e}, {e, -c, b, -a}};
-    for (int k = 0; k < 4; ++k) rotation[k] = (float)found[below][k];
+    for (size_t i = 0; i < count; ++i)
+        for (int k = 0; k < 4; ++k) shapes[i * GSGI_SHAPE_FLOATS + 4 + k] = rotation[k][i];
 }
 
 static void half_turn(int32_t angle, int32_t bits, double* sine, double* cosine) {
@@ -138,36 +160,32 @@ static void half_turn(int32_t angle, int32_t bits, double* sine, double* cosine)
     *cosine = cos(turn / 2);
 }
 
-/* The bits of the angle of each Gaussian: `angle_bits` more than its first two axes' difference has. */
-static void count_angle_bits(decoder* d) {
-    for (size_t i = 0; i < d->count; ++i) {
-        const float difference = (float)(d->scale[0][i] - d->scale[1][i]);
-        uint32_t pattern; /* of a float, whose exponent is biased by 127 */
-        memcpy(&pattern, &difference, sizeof pattern);
-        d->bits[i] = pattern ? (int32_t)(pattern >> 23) - 126 + (int32_t)d->record->angle_bits : 0;
-    }
-}
-
 static gsgi_result read_rotations(decoder* d) {
     const int32_t steps = (int32_t)d->record->normal_steps;
-    int32_t *u = d->codes, *v = u + d->count, *angle = v + d->count;
+    int32_t *u = d->codes, *v = u + d->count, *angle = d->spare;
     gsgi_result result = read_steps(d, "normal_u", d->count, u, -steps, steps);
     if (!result) result = read_steps(d, "normal_v", d->count, v, -steps, steps);
     if (result) return result;
-    count_angle_bits(d);
     memcpy(angle, d->bits, d->count * sizeof *angle);
     d->reader->stream = "angle";
     if ((result = gsgi__read_bits(d->reader, d->count, angle))) return result;
     const bool table = d->count >= TABLE_FROM;
     for (int32_t i = 0; i < TURNS && table; ++i) half_turn(i, TURN_BITS, &d->turns[i][0], &d->turns[i][1]);
-    for (size_t i = 0; i < d->count; ++i) {
-        double half[2];
-        const int32_t bits = d->bits[i];
-        if (table && bits <= TURN_BITS)
-            memcpy(half, d->turns[angle[i] << (TURN_BITS - bits)], sizeof half);
-        else
-            half_turn(angle[i], bits, &half[0], &half[1]);
-        rotation_of(u[i], v[i], steps, half[0], half[1], d->level->shape.texels + i * GSGI_SHAPE_FLOATS + 4);
+    for (size_t first = 0; first < d->count; first += TILE) {
+        const size_t count = d->count - first < TILE ? d->count - first : TILE;
+        double sine[TILE], cosine[TILE];
+        for (size_t i = 0; i < count; ++i) {
+            const int32_t bits = d->bits[first + i];
+            if (table && bits <= TURN_BITS) {
+                const double* half = d->turns[angle[first + i] << (TURN_BITS - bits)];
+                sine[i] = half[0];
+                cosine[i] = half[1];
+            } else {
+                half_turn(angle[first + i], bits, &sine[i], &cosine[i]);
+            }
+        }
+        write_rotations(count, u + first, v + first, steps, sine, cosine,
+                        d->level->shape.texels + first * GSGI_SHAPE_FLOATS);
     }
     return GSGI_OK;
 }
@@ -215,15 +233,14 @@ static gsgi_result read_light(decoder* d) {
     const int32_t steps = (int32_t)d->record->light_steps;
     const int32_t one = LIGHT_OCTAVES_BELOW * steps + 1, most = (LIGHT_OCTAVES_BELOW + LIGHT_OCTAVES_ABOVE) * steps;
     fill_powers(d, steps, -one, most - one);
+    for (int32_t code = 0; code <= most; ++code) d->powers[code] = code ? d->powers[code] / (float)SH_C0 : 0.0f;
     for (int s = 0; s < 3; ++s) {
-        int32_t* codes = d->codes + s * d->count;
+        int32_t* codes = s ? d->codes + d->count : d->codes;
         gsgi_result result = gsgi__read_integers(d->reader, streams[s], d->count, codes);
         for (size_t i = 0; i < d->count && s && !result; ++i) codes[i] += d->codes[i];
         if (result || (result = check_steps(d, codes, d->count, 0, most))) return result;
-        for (size_t i = 0; i < d->count; ++i) {
-            float light = codes[i] ? d->powers[codes[i]] : 0.0f;
-            d->level->sh.texels[i * d->level->sh.floats + channels[s]] = light / (float)SH_C0;
-        }
+        for (size_t i = 0; i < d->count; ++i)
+            d->level->sh.texels[i * d->level->sh.floats + channels[s]] = d->powers[codes[i]];
     }
     return GSGI_OK;
 }
@@ -290,16 +307,14 @@ static gsgi_result decode(gsgi__level* level, const gsgi__level_header* record, 
     const uint32_t scales = 2 * SCALE_OCTAVES * record->scale_steps + 1;
     const uint32_t lights = (LIGHT_OCTAVES_BELOW + LIGHT_OCTAVES_ABOVE) * record->light_steps + 1,
                    powers = scales > lights ? scales : lights;
-    const uint64_t codes = (uint64_t)count * (5 + 3 * (2 * record->sh_degree + 1)) + UNARY_SLACK;
+    const uint32_t band = record->sh_degree ? 3 * (2 * record->sh_degree + 1) : 2;
+    const uint64_t codes = (uint64_t)count * (3 + band) + UNARY_SLACK;
     const uint64_t held = codes * sizeof(int32_t) + powers * sizeof(float);
-    decoder d = {level, record, reader, count, {NULL}, NULL, NULL, NULL, NULL, {{0}}};
     int32_t* scratch = held <= SIZE_MAX ? gsgi__allocate(callbacks, (size_t)held) : NULL;
     if (!scratch) return GSGI_OUT_OF_MEMORY;
-    for (int axis = 0; axis < 3; ++axis) d.scale[axis] = scratch + (size_t)axis * count;
-    d.exponent = scratch + 3 * (size_t)count;
-    d.bits = d.exponent + count;
-    d.codes = d.bits + count;
-    d.powers = (float*)(scratch + codes);
+    int32_t *bits = scratch + count, *exponent = bits + count;
+    decoder d = {level, record, reader, count, scratch, bits, exponent, exponent + count, (float*)(scratch + codes),
+                 {{0}}};
     const gsgi_result result = read(&d);
     gsgi__release(callbacks, scratch);
     return result;
