@@ -1,6 +1,6 @@
 """Which Gaussians reach each cell of space: an octree of lists, made at load for look-ups at single points."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -13,7 +13,7 @@ ROOTS = 8  # cells along the longest edge of the box, before any is split
 DEPTH_MAX = 20  # splits of a root; float32 coordinates within it have 24 bits
 SPLIT_MIN = 12  # sheets in a cell that is worth eight more
 SLACK = 1e-5  # of a root's edge and of an ellipsoid's radius; covers the rounding of float32, here and in shaders
-CHUNK = 2048  # pairs tested at once: their temporary arrays stay in the L2 cache
+CHUNK = 32768  # pairs tested at once: their temporary arrays stay in the L2 cache
 
 # Edge of a leaf over the mean in-plane radius of the Gaussians in it. Half the edge takes 4 to 5 times the bytes. With
 # these numbers at most 1.6 Gaussians are listed for one that reaches a surface, in less than 1 MB for all of Sponza.
@@ -154,15 +154,31 @@ def _descend(bodies: _Ellipsoids, edge: np.float32, size: np.ndarray, fineness: 
             return levels
         half /= 2
         pair = np.flatnonzero(split[node])
-        met = np.empty((len(pair), 8), bool)
+        parent, corner = [], []
         for begin in range(0, len(pair), CHUNK):
             some = pair[begin : begin + CHUNK]
-            from_child = [offset[k][some, None] - half * _CORNERS[:, k] for k in range(3)]
-            met[begin : begin + CHUNK] = _meet(bodies, gaussian[some, None], from_child, half + slack)
-        row, corner = np.nonzero(met)
-        parent = pair[row]
+            met, which = _met_children(bodies, gaussian[some], [each[some] for each in offset], half, slack)
+            parent.append(some[met])
+            corner.append(which)
+        parent, corner = np.concatenate(parent), np.concatenate(corner)
         gaussian, node = gaussian[parent], child[node[parent]] + corner
         middle = (middle[:, split][:, :, None] + half * _CORNERS.T[:, None]).reshape(3, -1)
+
+
+def _met_children(bodies, gaussian, offset, half: np.float32, slack: np.float32) -> tuple[np.ndarray, np.ndarray]:
+    """Which ellipsoids (M,) of (P,) meet children, of half edge `half`, and which of the eight (M,) they meet.
+
+    `offset`, three (P,), is from the parent's middle to the ellipsoid's centre. Boxes are looked at first.
+    """
+    side = [[each + half, each - half] for each in offset]
+    bound = bodies.bound.take(gaussian, axis=1)
+    apart = [[np.abs(each) - (half + slack) > bound[k] for each in side[k]] for k in range(3)]
+    found = []
+    for x, y, z in np.ndindex(2, 2, 2):
+        pair = np.flatnonzero(~(apart[0][x] | apart[1][y] | apart[2][z]))
+        of_child = [each.take(pair) for each in (side[0][x], side[1][y], side[2][z])]
+        found.append(pair[_meet(bodies, gaussian.take(pair), of_child, half + slack)])
+    return np.concatenate(found), np.repeat(np.arange(8), [len(each) for each in found])
 
 
 def _roots(bodies: _Ellipsoids, edge: np.float32, size: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -181,56 +197,86 @@ def _roots(bodies: _Ellipsoids, edge: np.float32, size: np.ndarray) -> tuple[np.
     cell = np.stack([step // (across[1] * across[2]), step // across[2] % across[1], step % across[2]])
     node = np.ravel_multi_index(cell + begin[:, gaussian], size)
     middle = (np.stack(np.unravel_index(np.arange(size.prod()), size)) + np.float32(0.5)).astype(np.float32) * edge
-    met = np.empty(len(node), bool)
-    half = np.float32(edge * (0.5 + SLACK))
-    for k in range(0, len(node), 8 * CHUNK):
-        some = slice(k, k + 8 * CHUNK)
-        offset = bodies.centre[:, gaussian[some]] - middle[:, node[some]]
-        met[some] = _meet(bodies, gaussian[some], offset, half)
+    met = _meet(bodies, gaussian, bodies.centre[:, gaussian] - middle[:, node], np.float32(edge * (0.5 + SLACK)))
     return gaussian[met], node[met], middle
 
 
 def _splits(bodies, gaussian, node, offset, half, count, fineness) -> tuple[np.ndarray, np.ndarray]:
     """Which of `count` nodes sheets cross, and which of them are large for the Gaussians of these sheets, (M,) bool."""
-    along = [np.abs(sum(offset[j] * bodies.axes[k, j][gaussian] for j in range(3))) for k in range(3)]
-    width = [half * sum(np.abs(bodies.axes[k, j]) for j in range(3)) for k in range(3)]
-    flat = along[0] <= width[0][gaussian]
-    far = sum((np.maximum(along[k] - width[k][gaussian] / 2, 0) / bodies.deviation[k][gaussian]) ** 2 for k in (1, 2))
-    sheets, near = np.bincount(node[flat], minlength=count), flat & (far <= SHEET**2)
-    crossing = np.bincount(node[near], minlength=count)
+    through, near = np.empty((2, len(node)), bool)
+    for begin in range(0, len(node), CHUNK):
+        some = slice(begin, begin + CHUNK)
+        through[some], near[some] = _crossings(bodies, gaussian[some], [each[some] for each in offset], half)
+    sheets, gaussian, node = np.bincount(node[through], minlength=count), gaussian[near], node[near]
+    crossing = np.bincount(node, minlength=count)
     # Where points lie on a sheet, as many more Gaussians than reach a point are listed as the cell's edge is longer
     # than their mean in-plane radius.
     radius = bodies.reach / bodies.deviation[0] * 2 / (1 / bodies.deviation[1] + 1 / bodies.deviation[2])
-    wish = np.bincount(node[near], weights=1 / radius[gaussian[near]], minlength=count)
+    wish = np.bincount(node, weights=(1 / radius)[gaussian], minlength=count)
     return crossing > 0, (sheets >= SPLIT_MIN) & (2 * half * wish > fineness * crossing)
 
 
-def _meet(bodies: _Ellipsoids, gaussian: np.ndarray, offset: list[np.ndarray], half: np.float32) -> np.ndarray:
-    """Whether ellipsoids meet cubes: `offset` is from the cube's middle to the ellipsoid's centre, m.
+def _crossings(bodies, gaussian, offset, half: np.float32) -> tuple[np.ndarray, np.ndarray]:
+    """Whether the planes of sheets (P,) cross cubes, and whether the sheets themselves do, (P,) bool."""
+    distance, width = _along(bodies.axes[0], gaussian, offset, half)
+    through, near = distance <= width, np.zeros(len(gaussian), bool)
+    some, far = np.flatnonzero(through), 0
+    gaussian, offset = gaussian.take(some), [each.take(some) for each in offset]
+    for axis in (1, 2):
+        distance, width = _along(bodies.axes[axis], gaussian, offset, half)
+        far = far + (np.maximum(distance - width / 2, 0) / bodies.deviation[axis].take(gaussian)) ** 2
+    near[some] = far <= SHEET**2
+    return through, near
+
+
+def _along(axis: np.ndarray, gaussian, offset, half: np.float32) -> tuple[np.ndarray, np.ndarray]:
+    """Distance (P,) along an axis (3, N) between centres and the middles of cubes, and half of what cubes cover, m."""
+    a = axis.take(gaussian, axis=1)
+    return np.abs(_dot(a, offset)), half * (np.abs(a[0]) + np.abs(a[1]) + np.abs(a[2]))
+
+
+def _meet(bodies: _Ellipsoids, gaussian: np.ndarray, offset: Sequence[np.ndarray], half: np.float32) -> np.ndarray:
+    """Whether ellipsoids (P,) meet cubes: `offset`, three (P,), is from the cube's middle to the ellipsoid's centre, m.
 
     They are apart if a plane parts them. The best plane is that across the gradient, at the cube's point nearest to the
     centre in standard deviations. Two rounds of descent along the axes find it to 1 in 10,000 of the pairs; planes
     elsewhere part less, so no cube that is met is lost.
     """
-    # Hildreth 1957, "A quadratic programming procedure"
-    point = [np.clip(each, -half, half) for each in offset]
-    a = bodies.metric[:, :, gaussian]
+    met = np.empty(len(gaussian), bool)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        away = [point[k] - offset[k] for k in range(3)]
-        gradient = [sum(a[k, j] * away[j] for j in range(3)) for k in range(3)]
-        for k in (0, 1, 2, 0, 1, 2):
-            moved = np.clip(point[k] - gradient[k] / np.maximum(a[k, k], _TINY), -half, half)
-            step = moved - point[k]
-            point[k] = moved
-            for j in range(3):
-                gradient[j] = gradient[j] + a[j, k] * step
-        # From here on as exact as floats are: long ellipsoids have lost digits above.
-        w = bodies.whiten[:, :, gaussian]
-        away = [point[k] - offset[k] for k in range(3)]
-        white = [sum(w[i, j] * away[j] for j in range(3)) for i in range(3)]
-        across = [sum(w[i, j] * white[i] for i in range(3)) for j in range(3)]
-        gap = -sum(across[j] * offset[j] for j in range(3)) - half * sum(np.abs(g) for g in across)
-        return ~(gap > bodies.reach[gaussian] * np.sqrt(sum(e * e for e in white)))
+        for begin in range(0, len(gaussian), CHUNK):
+            some = slice(begin, begin + CHUNK)
+            met[some] = ~_parted(bodies, gaussian[some], [each[some] for each in offset], half)
+    return met
+
+
+def _parted(bodies: _Ellipsoids, gaussian: np.ndarray, offset: list[np.ndarray], half: np.float32) -> np.ndarray:
+    """Whether the plane parts them, (P,) bool."""
+    # Hildreth 1957, "A quadratic programming procedure"
+    a = bodies.metric.take(gaussian, axis=2)
+    point = [_within(each, half) for each in offset]
+    away = [point[k] - offset[k] for k in range(3)]
+    gradient = [_dot(a[k], away) for k in range(3)]
+    for k, used in zip((0, 1, 2, 0, 1, 2), ((0, 1, 2),) * 3 + ((1, 2), (2,), ()), strict=True):
+        moved = _within(point[k] - gradient[k] / np.maximum(a[k, k], _TINY), half)
+        step, point[k] = moved - point[k], moved
+        for j in used:
+            gradient[j] += a[j, k] * step
+    # From here on as exact as floats are: long ellipsoids have lost digits above.
+    w = bodies.whiten.take(gaussian, axis=2)
+    away = [point[k] - offset[k] for k in range(3)]
+    white = [_dot(w[i], away) for i in range(3)]
+    across = [_dot(w[:, j], white) for j in range(3)]
+    gap = -_dot(across, offset) - half * (np.abs(across[0]) + np.abs(across[1]) + np.abs(across[2]))
+    return gap > bodies.reach[gaussian] * np.sqrt(_dot(white, white))
+
+
+def _dot(a: Sequence[np.ndarray], b: Sequence[np.ndarray]) -> np.ndarray:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def _within(x: np.ndarray, half: np.float32) -> np.ndarray:
+    return np.minimum(np.maximum(x, -half), half)
 
 
 def _assemble(levels: list[_Level], outside: np.ndarray, roots: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -154,11 +154,13 @@ static bool add_child_pairs(const gsgi__tree* b, const gsgi__depth* d, gsgi__dep
         const gsgi__body* a = &b->bodies[d->body[p]];
         for (uint32_t corner = 0; corner < 8; ++corner) {
             float offset[3];
+            bool near = true; /* whether its box meets the cube, which is soon said */
             for (int k = 0; k < 3; ++k) {
                 const float side = corner >> (2 - k) & 1 ? half : -half;
                 offset[k] = a->centre[k] - d->middle[node][k] - side;
+                near = near && !(fabsf(offset[k]) - (half + slack) > a->bound[k]);
             }
-            if (gsgi__body_meets(a, offset, half + slack) &&
+            if (near && gsgi__body_meets(a, offset, half + slack) &&
                 !add_pair(b, below, d->body[p], d->child[node] + corner, p))
                 return false;
         }
