@@ -70,9 +70,10 @@ function prefixed(source) {
 
 /** With short names of variables, parameters and members, which begin with _, and of what hosts do not name. */
 function shortened(source) {
-    const declared = source.matchAll(/\b(?:float|int|uint|bool|vec[234]|u?sampler2D|[$]Reader) (\w{3,})\b(?!\()/g);
+    const types = /(?:\b(?:float|int|uint|bool|vec[234]|u?sampler2D)|[$]Reader) (\w{3,})\b(?!\()/g, others = /,(\w{3,})=/g;
+    const declared = [...source.matchAll(types), ...source.matchAll(others)];
     const swizzle = /^([xyzw]+|[rgba]+|[stpq]+)$/;
-    const names = new Set([...declared].map((found) => found[1]).filter((name) => !swizzle.test(name)));
+    const names = new Set(declared.map((found) => found[1]).filter((name) => !swizzle.test(name)));
     const short = new Map([...names].map((name, i) => [name, `_${i.toString(36)}`]));
     const own = new Set([...source.matchAll(/\$(\w+)/g)].map((found) => found[1]).filter((name) => !SEEN.includes(name)));
     const ours = new Map([...own].map((name, i) => [name, `f${i.toString(36)}`])); // no __, which GLSL reserves
