@@ -103,7 +103,7 @@ def visit(path: str, folders: Mapping[str, Path], *flags: str) -> dict:
 
 
 def screenshot(path: str, folders: Mapping[str, Path], size: tuple[int, int], ready: str) -> bytes:
-    """A PNG file of /NAME/FILE of `folders`, in a window of `size`, once the expression `ready` is true in the page."""
+    """A PNG file of /NAME/FILE of `folders`, `size` px large, once the expression `ready` is true in the page."""
     orders, answers = os.pipe(), os.pipe()
     numbers = itertools.count(1)
 
@@ -114,15 +114,20 @@ def screenshot(path: str, folders: Mapping[str, Path], size: tuple[int, int], re
         while True:  # events come in between
             message = b"".join(iter(lambda: os.read(answers[0], 1), b"\0"))
             if (answer := json.loads(message)).get("id") == number:
+                assert "result" in answer, f"{method}: {answer['error']}"
                 return answer["result"]
 
     width, height = size
-    flags = "--remote-debugging-pipe", "--hide-scrollbars", f"--window-size={width},{height}"
+    flags = "--remote-debugging-pipe", "--hide-scrollbars"
     fds = orders[0], answers[1]
     with _serving(folders, queue.Queue()) as address, _running("about:blank", subprocess.DEVNULL, *flags, fds=fds):
-        page = ask("Target.createTarget", url=f"{address}/{path}", width=width, height=height)["targetId"]
+        page = ask("Target.createTarget", url="about:blank")["targetId"]
         session = ask("Target.attachToTarget", targetId=page, flatten=True)["sessionId"]
-        while not ask("Runtime.evaluate", session, expression=f"Boolean({ready})")["result"]["value"]:
+        screen = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+        ask("Emulation.setDeviceMetricsOverride", session, **screen)
+        ask("Page.navigate", session, url=f"{address}/{path}")
+        asked = {"expression": f"Boolean({ready})"}  # fails, without a value, while there is no document yet
+        while not ask("Runtime.evaluate", session, **asked)["result"].get("value"):
             time.sleep(0.1)
         data = ask("Page.captureScreenshot", session, format="png")["data"]
     for end in (*orders, *answers):

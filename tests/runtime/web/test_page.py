@@ -1,6 +1,7 @@
 """The exported page in a browser, against our own renderer's frame of the same camera."""
 
 import base64
+import io
 import json
 import re
 from dataclasses import replace
@@ -11,10 +12,11 @@ import numpy as np
 import oracle
 import pytest
 import scenes
-from browser import visit
+from browser import screenshot, visit
 from bumpy import bumpy_room
 from frames import full_scene
 from javascript import JS
+from PIL import Image
 from repository import TESTS
 from surface_cases import grouped, with_relief
 from surface_frames import surface_gaussians
@@ -143,6 +145,14 @@ def test_the_page_says_what_it_shows(found):
     on, off, only, _ = found["milliseconds"]
     print(f"{on:.1f} ms a frame with light, {off:.1f} without, {only:.1f} for B alone; ready after {found['ready']} ms")
     assert 0 < found["ready"] <= found["loaded"]
+
+
+def test_its_picture_can_be_taken(made):
+    """As `./dev bench web` does for the README: a view of the whole window, in which the camera sees the scene."""
+    address, ready = "site/index.html#camera=inside", "document.documentElement.dataset.loaded"
+    shot = Image.open(io.BytesIO(screenshot(address, {"site": made[2]}, (WIDTH, HEIGHT), ready)))
+    assert shot.size == (WIDTH, HEIGHT)
+    assert len(np.unique(np.asarray(shot.convert("L")))) > 50
 
 
 def test_one_flies_and_then_orbits_from_there(found):
