@@ -54,9 +54,7 @@ class Pilot:
         return float(np.clip(steps * step, step, most).mean()) if len(steps) else float(step)
 
 
-def run(
-    tracer: "CachedTracer", position: np.ndarray, normal: np.ndarray, seed: int, enough: float = SMALL
-) -> Pilot:
+def run(tracer: "CachedTracer", position: np.ndarray, normal: np.ndarray, seed: int, enough: float = SMALL) -> Pilot:
     """Trace B at surface points (N, 3), along the same paths for each number of bounces, so that noise cancels.
 
     Numbers are tried up to the first that loses at most `enough`, a share of the picture. Light is compared as it is

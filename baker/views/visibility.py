@@ -1,5 +1,7 @@
 """Sight lines: which surface sides cameras see, and at what texel size."""
 
+import os
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -83,10 +85,16 @@ def sight_lines(
     lifted = triangles.lifted(points.position, points.normal)
     normal = np.ascontiguousarray(points.normal.T)
     step = max(PAIRS_AT_ONCE // max(len(points), 1), 1)
-    parts = [
-        _sight_lines(triangles, viewpoints[first : first + step], first, lifted, normal)
-        for first in range(0, max(len(viewpoints), 1), step)
-    ]
+
+    def part(first: int) -> SightLines:
+        return _sight_lines(triangles, viewpoints[first : first + step], first, lifted, normal)
+
+    starts = range(0, max(len(viewpoints), 1), step)
+    if len(starts) == 1:
+        parts = [part(0)]
+    else:
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            parts = list(pool.map(part, starts))
     lines = SightLines(*(np.concatenate(fields) for fields in zip(*parts, strict=True)))
     return lines if extent is None else lines._replace(footprint=lines.footprint / extent[lines.side])
 
