@@ -6,11 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling
+
 from .evaluation import bias, group_error, held_out
 from .evaluation.monitor import entries
 from .plan import Plan
 
-POINTS, SAMPLES = 1 << 14, 64
+POINTS, SAMPLES = 1 << 14, PASS_SAMPLES  # one launch: as large as those of a bake
 STEPS = 10  # of the fit: those from one listing of its samples to the next
 FEW = 32  # px, edge of a view that is evaluated once so that later ones find all loaded
 
@@ -28,7 +30,8 @@ class Rates:
     """What parts of a bake take on this machine, in seconds.
 
     `whole` is a path, and `gathering` one that ends in known light. `fit` are the parts of the fit of the plan `of`
-    which was timed. A held-out view is `prepared` once, `looked` at several times during the fit, and `evaluated`.
+    which was timed. A view is `prepared` once and `evaluated`; those held out are `looked` at several times during the
+    fit, before which they are prepared.
     """
 
     of: Plan
@@ -62,12 +65,14 @@ class Rates:
         if not evaluate:
             return stages
         each, compared = (self.gathering, self.whole) if held_out.gathers(plan) else (self.whole, 0.0)
-        views = held_out.points(plan) / (2 * held_out.SIZE**2)
+        views, own = held_out.points(plan) / (2 * held_out.SIZE**2), len(held_out.scene_cameras(plan))
         looks = self.prepared + entries(plan.settings.iterations) * self.looked
         return stages | {
             "fit": fit + looks * len(plan.placement.held_out),
             "references": each * held_out.points(plan) * held_out.samples(plan) / 2 + compared * bias.PATHS,
-            "evaluation": views * self.evaluated + self.whole * len(plan.groups) * group_error.PATHS,
+            "evaluation": views * self.evaluated
+            + own * self.prepared
+            + self.whole * len(plan.groups) * group_error.PATHS,
         }
 
     def fits(self, plan: Plan) -> list[float]:
@@ -94,7 +99,6 @@ def _fits(plan: Plan):
 def _seconds_per_path(plan: Plan) -> tuple[float, float]:
     """Seconds of a whole path, and of one that ends in known light, from points that people see."""
     from gsgi.baker.trace.irradiance_cache import IrradianceCache
-    from gsgi.baker.trace.tracer import Sampling
 
     seen, tracer = plan.placement.importance, plan.tracer.tracer
     if not len(seen.position):
@@ -134,14 +138,14 @@ def _seconds_per_view(plan: Plan) -> tuple[float, float, float]:
         grey = np.ones_like(surface.position)
         return {name: Reference(surface, np.zeros_like(grey), grey, grey, surface.diffuse)}
 
-    def evaluate(surface: Surface) -> None:
-        held_out.evaluate(truth(surface), views, baked, {}, plan.triangles)
+    def evaluate(references: dict[str, Reference]) -> None:
+        held_out.evaluate(references, views, baked, {}, plan.triangles)
 
     baked = grey_bake(plan)
-    evaluate(few if few.diffuse.any() else surface)  # the first call loads the denoiser and the metrics
-    losses = []
-    prepared = _seconds(lambda: losses.append(held_out.HeldOutLoss(truth(surface), views, 1.0)))
-    return prepared, _seconds(lambda: losses[0].of(baked)), _seconds(lambda: evaluate(surface))
+    evaluate(truth(few if few.diffuse.any() else surface))  # the first call loads the denoiser and the metrics
+    shown, losses = truth(surface), []
+    prepared = _seconds(lambda: losses.append(held_out.HeldOutLoss(shown, views, 1.0)))
+    return prepared, _seconds(lambda: losses[0].of(baked)), _seconds(lambda: evaluate(shown))
 
 
 def _seconds(run: Callable[[], object]) -> float:

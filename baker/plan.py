@@ -241,7 +241,7 @@ def plan_within(
         fraction = settings.bounce_fraction
         fraction = BOUNCE_FRACTION[settings.operator] if fraction is None else fraction
         enough = fraction if settings.bounces is None else pilot.SMALL
-        probe = pilot.run(tracer.at_points, seen.position[some], seen.normal[some], settings.seed, enough)
+        probe = pilot.run(tracer, seen.position[some], seen.normal[some], settings.seed, enough)
         bounces = probe.bounces(fraction) if settings.bounces is None else settings.bounces
         dark = dark_views(triangles, placement.fitted | placement.held_out, tracer.at_points, bounces, settings.seed)
         placement = placement.without_dark(dark)

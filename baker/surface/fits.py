@@ -21,7 +21,9 @@ if TYPE_CHECKING:
 
 FREE_SHARE = 1 / 16  # free samples per surface sample; they keep fine Gaussians from reaching space with other light
 
-COARSE_TIMED = 8  # the coarse level is timed with one free sample in this many; it takes as much longer with all
+# The fine level is timed with one sample and one Gaussian in FINE_TIMED, the coarse one with one free sample in
+# COARSE_TIMED: they take as much longer with all.
+FINE_TIMED, COARSE_TIMED = 4, 8
 
 COARSE_GROWS = 0.45  # a sample of n coarse Gaussians takes n^COARSE_GROWS as long: measured for 290 to 1,024
 CHANGES = 1.2  # a fit of the fine level with the changes and cuts of its Gaussians, relative to steps and solutions
@@ -140,7 +142,7 @@ class SurfaceFits:
 def parts_on_grey_light(plan: "Plan", steps: int) -> list[Callable[[], object]]:
     """Parts of the plan's fit, on grey samples, for timing.
 
-    They are `steps` steps of the fine level, a solution for its colours, and the coarse level with few samples.
+    They are `steps` steps of the fine level, a solution for its colours, and the coarse level, all with few samples.
     """
     from .coarse import coarse_level
     from .fit import RATES, start
@@ -148,9 +150,9 @@ def parts_on_grey_light(plan: "Plan", steps: int) -> list[Callable[[], object]]:
     from .state import SurfaceState
 
     settings, rng = plan.settings, np.random.default_rng(plan.settings.seed)
-    samples = _grey_samples(plan, plan.points, rng)
+    samples = _grey_samples(plan, -(-plan.points // FINE_TIMED), rng)
     optimiser = SurfaceOptimiser(samples, coarse_level(samples[:1], 1, plan.blend, 0), plan.blend)
-    state = SurfaceState.fresh(start(samples, settings.budget, rng))
+    state = SurfaceState.fresh(start(samples, -(-settings.budget // FINE_TIMED), rng))
     still = dict.fromkeys(RATES, 0.0)
     few = samples[: point_count(free_layers(settings.budget)) // COARSE_TIMED]
     return [
@@ -171,7 +173,7 @@ def times_on_grey_light(plan: "Plan", timed: "Plan", steps: int) -> list[float]:
     solved = 3 * (len(GROWTH) + 2)  # each time for the colours, and twice for the cuts
     coarse, timed_coarse = (coarse_count(each.settings.budget) for each in (plan, timed))
     free = plan.free_paths / timed.free_paths * max(coarse / timed_coarse, 1.0) ** COARSE_GROWS
-    samples = CHANGES * plan.points / timed.points
+    samples = FINE_TIMED * CHANGES * plan.points / timed.points
     return [samples * plan.settings.iterations / steps, samples * solved, COARSE_TIMED * free]
 
 
@@ -182,16 +184,16 @@ def group_times_on_grey_light(plan: "Plan", timed: "Plan") -> list[float]:
     from .group_light import SOLUTIONS
 
     _, _, coarse = times_on_grey_light(plan, timed, 1)
-    solved = CHANGES * plan.points / timed.points * SOLUTIONS
+    solved = FINE_TIMED * CHANGES * plan.points / timed.points * SOLUTIONS
     return [0.0, solved, coarse * MOST / (STEPS / SOLVE_STEPS * SOLVE_ITERATIONS + MOST)]
 
 
 def grey_bake(plan: "Plan") -> Bake:
-    """A bake with the plan's number of Gaussians on its surfaces, in grey light, for timing."""
+    """A bake of the plan's surfaces in grey light, for timing. A reading takes as long with more Gaussians."""
     from .coarse import coarse_level
     from .fit import start
 
-    rng, budget = np.random.default_rng(plan.settings.seed), plan.settings.budget
+    rng, budget = np.random.default_rng(plan.settings.seed), -(-plan.settings.budget // FINE_TIMED)
     samples = _grey_samples(plan, point_count([1]), rng)
     return Bake(start(samples, budget, rng), SurfaceBlend(), coarse=coarse_level(samples[:1], 1, SurfaceBlend(), 0))
 

@@ -18,7 +18,7 @@ from gsgi.runtime.scene import Scene
 
 from . import reference
 from .irradiance_cache import IrradianceCache, KnownLight
-from .tracer import Light, Sampling, Tracer
+from .tracer import Light, LightByBounces, Sampling, Tracer
 
 if TYPE_CHECKING:
     from .learned_lights import LearnedLights
@@ -73,6 +73,12 @@ class CachedTracer:
         if found and advance:
             advance(len(position))
         return light
+
+    def by_bounces(self, position, normal, sampling: Sampling, seed: int, most: int) -> LightByBounces:
+        """The light of `at_points`, and what of it comes by at most 0, 1, ... `most` bounces."""
+        task = (position, normal, normal), sampling, seed, most
+        key = self.key("bounces", __name__, task=task)
+        return self.once(key, LightByBounces, lambda: self.tracer.by_bounces(*task[0], *task[1:]))[0]
 
     def views(
         self,

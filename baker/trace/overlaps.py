@@ -164,7 +164,9 @@ def _pairs(surfaces: "Surfaces | _Bare", step: np.ndarray, reach: np.ndarray) ->
     rng = np.random.default_rng(0)
     for first in range(0, len(probed), AT_ONCE):
         at = probed[first : first + AT_ONCE]
-        point = (surfaces.position[surfaces.triangle[at]] * rng.dirichlet((1, 1, 1), len(at))[..., None]).sum(axis=1)
+        a, b, c = (surfaces.position[corner] for corner in surfaces.triangle[at].T)
+        u, v, w = rng.dirichlet((1, 1, 1), len(at)).T[..., None]
+        point = a * u + b * v + c * w
         for side in (1, -1):
             away = side * normal[at]
             ray = mi.Ray3f(
@@ -175,13 +177,14 @@ def _pairs(surfaces: "Surfaces | _Bare", step: np.ndarray, reach: np.ndarray) ->
                 mi.Color0f(),
             )
             found = moved.ray_intersect_preliminary(ray)
-            met = np.flatnonzero(np.array(found.is_valid()).astype(bool))
-            this, that = at[met], np.array(found.prim_index)[met].astype(np.int64)
+            valid, that = np.array(found.is_valid()).astype(bool), np.array(found.prim_index)
+            met = np.flatnonzero(valid & (that != at))  # most rays meet the triangle that they are aimed at
+            this, that = at[met], that[met].astype(np.int64)
             facing = (normal[this] * normal[that]).sum(axis=1)
             # A ray next to the edge between two triangles may meet the neighbour.
             uv = np.array(found.prim_uv)[:, met]
             edge = np.minimum(np.minimum(*uv), 1 - uv.sum(axis=0)) * lowest[that]
-            on_it = (this != that) & (np.abs(facing) > PARALLEL) & (edge > reach[this])
+            on_it = (np.abs(facing) > PARALLEL) & (edge > reach[this])
             yield this[on_it], that[on_it], facing[on_it]
 
 

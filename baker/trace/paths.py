@@ -34,12 +34,29 @@ class Sums(NamedTuple):
     """Sums over the paths of each point.
 
     light (N, 3) sums radiance, squared (N,) the square of its channel mean; invalid (N,) counts paths that gave no
-    finite number.
+    finite number. apart (N, K, 3) sums radiance that came by 0, 1, ... K - 1 bounces.
     """
 
     light: np.ndarray
     squared: np.ndarray
     invalid: np.ndarray
+    apart: np.ndarray
+
+
+class _Apart:
+    """Sums of radiance by the number of bounces, below `count`, that it took to each lane's point."""
+
+    def __init__(self, lanes: int, count: int):
+        self.sums = dr.zeros(mi.Float, 3 * lanes * count)
+        self._count = count
+
+    def add(self, bounce, light, before, active):
+        """Add to each lane what `light` has more than `before`, where it is finite; reached by so many bounces."""
+        row = dr.arange(mi.UInt32, dr.width(self.sums) // (3 * self._count)) * self._count + bounce
+        for channel, more in enumerate(light - before):
+            counts = active & (bounce < self._count) & dr.isfinite(more)
+            # No two lanes share a row.
+            dr.scatter_add(self.sums, more, 3 * row + channel, counts, mode=dr.ReduceMode.NoConflicts)
 
 
 def first_hits(tracer, origin: np.ndarray, direction: np.ndarray) -> dict[str, np.ndarray]:
@@ -77,13 +94,13 @@ def first_hits(tracer, origin: np.ndarray, direction: np.ndarray) -> dict[str, n
 
 def indirect(
     tracer, position, normal, geometric_normal, numbers, samples: int, bounces: int, seed: int,
-    known: CachedLight | None = None,
+    known: CachedLight | None = None, apart: int = 0,
 ) -> Sums:  # fmt: skip
     """Sums over `samples` paths of the light arriving at each point; arguments (N, 3) float32.
 
     Column 0 of `numbers` (N, 2) uint32 is the number of the point, and column 1 that of its first path. A path ends at
-    the first surface whose B is `known`. Each lane follows the paths of one point one after another, so that short and
-    long paths even out.
+    the first surface whose B is `known`. Light by fewer than `apart` bounces is summed apart too. Each lane follows the
+    paths of one point one after another, so that short and long paths even out.
     """
     p, n, ng = mi.Point3f(position.T), mi.Normal3f(normal.T), mi.Normal3f(geometric_normal.T)
     p = lifted_point(tracer, p, ng, dr.squared_norm(n) > 0)
@@ -91,9 +108,12 @@ def indirect(
     point, first = mi.Point2u(numbers.T)
     key = hashed(point + hashed(dr.opaque(mi.UInt32, seed)))
     limits = dr.opaque(mi.UInt32, samples), dr.opaque(mi.UInt32, bounces)
-    light, squared, invalid = _paths(tracer, tracer.cells, known, key, first, p, n, ng, *limits)
+    by_bounce = _Apart(len(position), apart) if apart else None
+    light, squared, invalid = _paths(tracer, tracer.cells, known, by_bounce, key, first, p, n, ng, *limits)
     dr.eval(light, squared, invalid)
-    return Sums(np.array(light, np.float64).T, np.array(squared, np.float64), np.array(invalid, np.int64))
+    parts = np.array(by_bounce.sums, np.float64) if by_bounce else np.zeros(0)
+    sums = np.array(light, np.float64).T, np.array(squared, np.float64), np.array(invalid, np.int64)
+    return Sums(*sums, parts.reshape(len(position), apart, 3))
 
 
 def blocked(tracer, origin, target) -> dict[str, np.ndarray]:
@@ -123,7 +143,7 @@ def direct(tracer, position, normal, geometric_normal) -> dict[str, np.ndarray]:
 
 
 @dr.syntax
-def _paths(tracer, cells, known, key, first, start, start_n, start_ng, samples, bounces):
+def _paths(tracer, cells, known, by_bounce, key, first, start, start_n, start_ng, samples, bounces):
     """Sums over the paths of each lane's point: cosine-weighted light without direct light from punctual lights.
 
     The points of a path are lifted off their surfaces.
@@ -139,11 +159,13 @@ def _paths(tracer, cells, known, key, first, start, start_n, start_ng, samples, 
     # at its beginning they took two, each with half of the rays.
     while active:
         draws = Draws(key, sample, bounce)
+        before = mi.Color3f(light)
         light += throughput * _emitted_to_vertex(tracer, draws, cell, p, n, ng, bounce, active)
         light_there, alive, p, n, ng, distance, reflectance = _next_vertex(
             tracer, draws, cell, p, n, ng, bounce < bounces, active
         )
         light += throughput * light_there
+        _add_apart(by_bounce, bounce, light, before, active)
         throughput *= reflectance
         # Russian roulette (Arvo and Kirk 1990).
         survival = dr.select(bounce + 1 >= ROULETTE_BOUNCE, dr.minimum(dr.max(throughput), ROULETTE_MAX), 1)
@@ -153,7 +175,9 @@ def _paths(tracer, cells, known, key, first, start, start_n, start_ng, samples, 
         cell = _cell(cells, p, n, alive)
         draws = Draws(key, sample, bounce)
         arriving, goes_on = _known_or_punctual(tracer, known, draws, cell, p, n, ng, distance, alive)
+        before = mi.Color3f(light)
         light += dr.select(alive, throughput * arriving, 0)
+        _add_apart(by_bounce, bounce, light, before, alive)
 
         # Count a path that ends, and start the next one at the point.
         ends = active & ~goes_on
@@ -169,6 +193,12 @@ def _paths(tracer, cells, known, key, first, start, start_n, start_ng, samples, 
         cell = dr.select(ends, start_cell, cell)
         active &= sample < first + samples
     return total, squared, invalid
+
+
+def _add_apart(by_bounce, bounce, light, before, active):
+    """Count what `light` has more than `before` as light by so many bounces, if it is summed apart."""
+    if by_bounce is not None:
+        by_bounce.add(bounce, light, before, active)
 
 
 def _cell(cells, p, n, active):

@@ -1,13 +1,16 @@
 """A quick trace that decides the number of bounces and the number of paths per pixel."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .irradiance_cache import IrradianceCache
 from .local_light import LocalLight, local_light
 from .tracer import BOUNCES_MAX, PASS_SAMPLES, Sampling
+
+if TYPE_CHECKING:
+    from .cached_tracer import CachedTracer
 
 POINTS = 4096
 SAMPLES = 64  # paths per point
@@ -51,18 +54,15 @@ class Pilot:
         return float(np.clip(steps * step, step, most).mean()) if len(steps) else float(step)
 
 
-def run(at_points: Callable, position: np.ndarray, normal: np.ndarray, seed: int, enough: float = SMALL) -> Pilot:
+def run(tracer: "CachedTracer", position: np.ndarray, normal: np.ndarray, seed: int, enough: float = SMALL) -> Pilot:
     """Trace B at surface points (N, 3), along the same paths for each number of bounces, so that noise cancels.
 
-    Numbers are tried up to the first that loses at most `enough`, a share of the picture.
-    `at_points(position, normal, sampling, seed)` traces. Light is compared as it is perceived, through the tone curve
-    B / (B + level) with the level to which eyes adapt there: far from all lights, nearly all of it comes from bounces.
+    Numbers are tried up to the first that loses at most `enough`, a share of the picture. Light is compared as it is
+    perceived, through the tone curve B / (B + level) with the level to which eyes adapt there: far from all lights,
+    nearly all of it comes from bounces.
     """
-
-    def trace(bounces: int):
-        return at_points(position, normal, Sampling(SAMPLES, bounces), seed)
-
-    whole = trace(BOUNCES_MAX)
+    traced = tracer.by_bounces(position, normal, Sampling(SAMPLES), seed, STEPS[-2])
+    whole = traced.light
     mean = float(whole.mean.mean(dtype=np.float64)) if len(position) else 0.0
 
     level = local_light(position, normal, whole.mean, whole.mean).level[:, None]
@@ -72,12 +72,12 @@ def run(at_points: Callable, position: np.ndarray, normal: np.ndarray, seed: int
 
     full, lost = picture(whole.mean), {}
     for bounces in STEPS[:-1]:
-        lost[bounces] = 1 - picture(trace(bounces).mean) / full if full > 0 else 0.0
+        lost[bounces] = 1 - picture(traced.within[bounces]) / full if full > 0 else 0.0
         if lost[bounces] <= max(enough, SMALL):
             break
     lost.setdefault(BOUNCES_MAX, 0.0)
     deviation = whole.error * np.sqrt(np.maximum(whole.samples, 1))
     known = IrradianceCache.halves(position, normal, whole.mean, whole.mean).a
     half = Sampling(SAMPLES // 2, BOUNCES_MAX)
-    a, b = (at_points(position, normal, half, seed + 1 + i, known=known).mean for i in range(2))
+    a, b = (tracer.at_points(position, normal, half, seed + 1 + i, known=known).mean for i in range(2))
     return Pilot(mean, lost, deviation, whole.mean.mean(axis=1), local_light(position, normal, a, b))

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 # Paths per point and points of one launch. The number of points is fixed, as Dr.Jit recompiles for any other number.
 PASS_SAMPLES = 32
 LAUNCH_POINTS = 1 << 14
+RUN = 32  # points whose lanes follow each other: no fewer than a core computes at once
 
 PRIOR_SAMPLES = 64
 
@@ -95,6 +96,15 @@ class Light:
     error: np.ndarray
     samples: np.ndarray
     invalid: int
+
+
+@dataclass(frozen=True)
+class LightByBounces:
+    """B at N points in `light`, and the part of it that comes by at most 0, 1, ... K bounces: `within` (K + 1, N, 3)
+    float32, which paths of at most so many bounces would give, but for rounding."""
+
+    light: Light
+    within: np.ndarray
 
 
 class Tracer:
@@ -181,16 +191,30 @@ class Tracer:
         from 0, and so are paths. A path depends only on the seed, its point and its numbers. The paths of a point cover
         its directions evenly, however many calls trace them, if each call goes on in their numbers.
         """
+        return self._sums((position, normal, geometric_normal), sampling, seed, advance, known, numbers).light()
+
+    def by_bounces(
+        self, position, normal, geometric_normal, sampling: Sampling, seed: int, most: int
+    ) -> LightByBounces:
+        """The light of `indirect`, and what of it comes by at most 0, 1, ... `most` bounces."""
+        sums = self._sums((position, normal, geometric_normal), sampling, seed, apart=most + 1)
+        within = sums.apart.cumsum(axis=1).transpose(1, 0, 2) / np.maximum(sums.samples, 1)[:, None]
+        return LightByBounces(sums.light(), within.astype(np.float32))
+
+    def _sums(
+        self, points, sampling: Sampling, seed: int, advance=None, known=None, numbers=None, apart: int = 0
+    ) -> "_Sums":
+        """The sums of `indirect`, with those of light by fewer than `apart` bounces."""
+        count = len(points[0])
         if known is not None:
             from .cached_light import CachedLight
 
             known = CachedLight(known)
         if numbers is None:
-            numbers = np.stack([np.arange(len(position)), np.zeros(len(position))], axis=1).astype(np.uint32)
-        points = position, normal, geometric_normal
+            numbers = np.stack([np.arange(count), np.zeros(count)], axis=1).astype(np.uint32)
         passes = -(-sampling.samples // PASS_SAMPLES)
-        sums = _Sums.empty(len(position))
-        active = np.arange(len(position))
+        sums = _Sums.empty(count, apart)
+        active = np.arange(count)
         for k in range(passes):
             step = advance and (lambda n: advance(n / passes))
             going_on = numbers + np.uint32([0, k * PASS_SAMPLES])
@@ -201,7 +225,7 @@ class Tracer:
             if advance:
                 advance((len(active) - len(going)) * (passes - 1 - k) / passes)
             active = going
-        return sums.light()
+        return sums
 
     def halves(
         self, position, normal, geometric_normal, sampling: Sampling, seed, advance=None,
@@ -241,10 +265,13 @@ class Tracer:
 
     def launched(self, kernel: Callable, *inputs: np.ndarray) -> dict[str, np.ndarray]:
         """Columns (N, ...) of a kernel that takes arrays (N, 3), computed in launches of one size."""
-        count = len(inputs[0])
-        starts = range(0, max(count, 1), LAUNCH_POINTS)
-        launches = [kernel(self, *(_padded(array[k : k + LAUNCH_POINTS]) for array in inputs)) for k in starts]
-        return {name: np.concatenate([launch[name] for launch in launches])[:count] for name in launches[0]}
+        launches = []
+        for first in range(0, max(len(inputs[0]), 1), LAUNCH_POINTS):
+            some = [array[first : first + LAUNCH_POINTS] for array in inputs]
+            lanes = _lanes(len(some[0]))
+            columns = kernel(self, *(_padded(array, lanes) for array in some))
+            launches.append({name: column[lanes] for name, column in columns.items()})
+        return {name: np.concatenate([launch[name] for launch in launches]) for name in launches[0]}
 
     def _pass(self, points, active, numbers, sums: "_Sums", bounces: int, known, seed: int, advance) -> None:
         """Trace PASS_SAMPLES more paths for the points `active`."""
@@ -253,8 +280,10 @@ class Tracer:
         seed = int(np.random.SeedSequence(seed).generate_state(1)[0])
         for first in range(0, len(active), LAUNCH_POINTS):
             at = active[first : first + LAUNCH_POINTS]
-            padded = [_padded(array[at]) for array in (*points, numbers)]
-            sums.add(at, paths.indirect(self, *padded, PASS_SAMPLES, bounces, seed, known))
+            lanes = _lanes(len(at))
+            padded = [_padded(array[at], lanes) for array in (*points, numbers)]
+            launch = paths.indirect(self, *padded, PASS_SAMPLES, bounces, seed, known, sums.apart.shape[1])
+            sums.add(at, paths.Sums(*(column[lanes] for column in launch)))
             if advance:
                 advance(len(at))
 
@@ -291,18 +320,20 @@ class _Sums:
     squared: np.ndarray  # (N,) of the mean of the channels
     samples: np.ndarray  # (N,)
     invalid: np.ndarray  # (N,)
+    apart: np.ndarray  # (N, K, 3), by fewer than K bounces
 
     @staticmethod
-    def empty(count: int) -> "_Sums":
-        return _Sums(np.zeros((count, 3)), np.zeros(count), np.zeros(count, np.int64), np.zeros(count, np.int64))
+    def empty(count: int, apart: int) -> "_Sums":
+        counts = np.zeros(count, np.int64), np.zeros(count, np.int64)
+        return _Sums(np.zeros((count, 3)), np.zeros(count), *counts, np.zeros((count, apart, 3)))
 
     def add(self, at: np.ndarray, launch) -> None:
-        """Add a launch, whose first len(at) points are the points `at`."""
-        invalid = launch.invalid[: len(at)]
-        self.total[at] += launch.light[: len(at)]
-        self.squared[at] += launch.squared[: len(at)]
-        self.samples[at] += PASS_SAMPLES - invalid
-        self.invalid[at] += invalid
+        """Add the sums of a launch for the points `at`."""
+        self.total[at] += launch.light
+        self.squared[at] += launch.squared
+        self.samples[at] += PASS_SAMPLES - launch.invalid
+        self.invalid[at] += launch.invalid
+        self.apart[at] += launch.apart
 
     def brightness(self) -> np.ndarray:
         """Channel mean (N,) of B."""
@@ -325,12 +356,21 @@ class _Sums:
         return Light(mean.astype(np.float32), self.error().astype(np.float32), *counts)
 
 
-def _padded(array: np.ndarray) -> np.ndarray:
-    """Pad (n, C) with zeros to LAUNCH_POINTS rows, integers kept, else float32.
+def _lanes(count: int) -> np.ndarray:
+    """The lanes (count,) of a launch that trace as many points: spread over all in runs of RUN, in order.
 
-    Nothing is traced for a normal or direction of 0.
+    Each core takes lanes that follow each other, and all cores are to have as many of these points.
+    """
+    run, within = np.divmod(np.arange(count), RUN)
+    return run * (LAUNCH_POINTS // RUN) // max(-(-count // RUN), 1) * RUN + within
+
+
+def _padded(array: np.ndarray, lanes: np.ndarray) -> np.ndarray:
+    """The rows of an array (n, C) at these `lanes` of LAUNCH_POINTS, and zeros at the others.
+
+    Integers are kept, all else becomes float32. Nothing is traced for a normal or direction of 0.
     """
     kind = array.dtype if array.dtype == np.uint32 else np.float32
     result = np.zeros((LAUNCH_POINTS, array.shape[1]), kind)
-    result[: len(array)] = array
+    result[lanes] = array
     return result

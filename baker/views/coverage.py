@@ -10,6 +10,7 @@ from .surface_points import SurfacePoints, Triangles
 from .visibility import VIEWS, Sides, sight_lines, texels
 
 GOAL = 0.99  # of what people see
+VIEWPOINTS_AT_ONCE = 32  # after which it is known again which sides few see
 LISTED = 4  # most materials with hidden surface that the log names
 
 
@@ -74,20 +75,25 @@ class CoverageMeter:
     def look_from(self, viewpoints: np.ndarray) -> None:
         """Add viewpoints (E, 3) in free space."""
         for sampled, places in (self._sampled, self._places), (self._even, self._even_places):
-            places += np.bincount(sight_lines(self._triangles, viewpoints, sampled.points).side, minlength=len(sampled))
+            for first in range(0, len(viewpoints), VIEWPOINTS_AT_ONCE):
+                rare = np.flatnonzero(places < VIEWS)  # who sees the others tells nothing
+                some = viewpoints[first : first + VIEWPOINTS_AT_ONCE]
+                lines = sight_lines(self._triangles, some, sampled.points[rare])
+                places[rare] += np.bincount(lines.side, minlength=len(rare))
 
     @property
-    def _visible(self) -> np.ndarray:
-        return self._given | (self._places >= VIEWS)
+    def free(self) -> np.ndarray:
+        """Which even sides (T,) bool are seen from free space."""
+        return self._even_places >= VIEWS
 
     def coverage(self, limit: float) -> Coverage:
         """The coverage by the cameras added so far, at a texel limit in extents."""
-        visible = self._visible
+        visible = self._given | (self._places >= VIEWS)
         sizes = self._finest[:, visible]
         some = visible.any()
         median, p95 = np.quantile(sizes[-1], (0.5, 0.95), method="higher") if some else (np.inf, np.inf)
         extent = float(np.median(self._sampled.extent[visible])) if some else 1.0
-        even = self._even_given | (self._even_places >= VIEWS)
+        even = self._even_given | self.free
         count = int(self._even.point.max()) + 1
         return Coverage(
             seen=tuple(float((row <= limit).mean()) if some else 0.0 for row in sizes),

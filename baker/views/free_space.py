@@ -14,6 +14,7 @@ CLEARANCE = 0.01
 CLEARANCE_PERSON = 0.4
 
 LOOKS = 128  # rays that a viewpoint casts to look around
+AT_ONCE = 256  # viewpoints that look around together
 BACKS_MAX = 0.1  # share of hits on backs of single-sided surfaces; with more, the viewpoint is behind them
 DOUBLE_BACKS_MAX = 0.25  # the same for double-sided surfaces
 OPEN = 0.5  # above this share of rays without a hit, a scene lies in the open
@@ -62,11 +63,17 @@ class FreeSpace:
             self._grounded &= bool((own.below < VOID).all())
 
     def draw(
-        self, sides: SurfacePoints, reach: np.ndarray | float, rng: np.random.Generator, must: bool = False
+        self,
+        sides: SurfacePoints,
+        reach: np.ndarray | float,
+        rng: np.random.Generator,
+        most: int | None = None,
+        must: bool = False,
     ) -> np.ndarray:
         """Free viewpoints (E, 3) on clear sight lines of at most `reach` (m) from `sides`: one or none for each side.
 
-        With `must`, if no viewpoint is free, the result is the LEAST viewpoints that violate the conditions least.
+        There are at most `most`, those of the first sides. With `must`, if no viewpoint is free, the result is the
+        LEAST viewpoints that violate the conditions least.
         """
         away = cosine_directions(sides.normal, rng)
         start = self._triangles.lifted(sides.position, sides.normal)
@@ -76,15 +83,22 @@ class FreeSpace:
         far = self.clearance * (self._triangles.diagonal / self.clearance) ** rng.random(len(line))
         along = np.where(np.isfinite(line), along, far)
         viewpoints = start + away * np.minimum(along, reach)[:, None]
-        clearance = self._triangles.clearance(viewpoints)
-        clear = np.flatnonzero(clearance >= self.clearance)
-        faces, ground = self._faces_fronts(look_around(self._triangles, viewpoints[clear]))
-        free = clear[faces & ground]
+        free = np.zeros(0, np.int64)
+        for first in range(0, len(viewpoints), AT_ONCE):
+            free = np.concatenate([free, first + self._free(viewpoints[first : first + AT_ONCE])])[:most]
+            if len(free) == most:
+                break
         if must and not len(free):
             around = look_around(self._triangles, viewpoints)
             wrong = np.round(around.backs + around.double_backs, 1)
-            free = np.lexsort((-clearance, wrong))[:LEAST]
+            free = np.lexsort((-self._triangles.clearance(viewpoints), wrong))[:LEAST]
         return viewpoints[free]
+
+    def _free(self, viewpoints: np.ndarray) -> np.ndarray:
+        """Indices of the viewpoints (E, 3) that are free."""
+        clear = np.flatnonzero(self._triangles.clearance(viewpoints) >= self.clearance)
+        faces, ground = self._faces_fronts(look_around(self._triangles, viewpoints[clear]))
+        return clear[faces & ground]
 
     def faces_fronts(self, viewpoints: np.ndarray) -> np.ndarray:
         """Whether (E,) bool viewpoints (E, 3) keep their clearance and face fronts; they need no ground below them."""

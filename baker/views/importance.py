@@ -87,10 +87,10 @@ class Importance:
     def __init__(self, triangles: Triangles, free: FreeSpace, given: list[Camera], rng: np.random.Generator):
         self._triangles = triangles
         starts = triangles.draw_by_size(STARTS * EYES, rng)[rng.permutation(STARTS * EYES)]
-        eyes = free.draw(starts, triangles.diagonal, rng, must=True)[:EYES]
+        eyes = free.draw(starts, triangles.diagonal, rng, EYES, must=True)
         self._look_from(eyes, given, rng)
         for _ in range(ROUNDS):
-            eyes = free.draw(self.draw(STARTS * EYES, rng), triangles.diagonal, rng)[:EYES]
+            eyes = free.draw(self.draw(STARTS * EYES, rng), triangles.diagonal, rng, EYES)
             if len(eyes):
                 self._look_from(eyes, given, rng)
 

@@ -15,7 +15,7 @@ from .importance import POINTS, Importance, ImportanceField
 from .selection import ViewSelection, poses
 from .surface_points import Triangles
 from .viewpoints import Viewpoints, visible
-from .visibility import VIEWS, Lens, Sides, sides, sight_lines, texels
+from .visibility import VIEWS, Lens, Sides, sides, texels
 
 YFOV = 1.2  # rad; wide enough to see a room's corner from its middle, narrow enough to keep texels even
 NEAR = 0.1  # near plane, as a share of the viewpoints' clearance
@@ -120,7 +120,11 @@ def place(
         chosen = selection.chosen
     choose(fewest, VIEWS, ENOUGH_WORTH)
     chosen = cameras(selection.chosen)
-    outside = _outside(triangles, free, even, viewpoints.position, len(chosen), rng) if count is None else []
+    outside = []
+    if count is None:
+        # One to hold out, then some to fit, few enough not to hold back the others.
+        number = 1 + max(len(chosen) // OUTSIDE_SHARE, OUTSIDE_FEWEST)
+        outside = look_in(triangles, free, even, meter.free, number, rng)
     meter.add(outside[1:])
     fitted = given | _named(chosen + outside[1:], given)
     apart = viewpoints.kept & (_distance(viewpoints.position, fitted) >= free.clearance)
@@ -130,17 +134,6 @@ def place(
     times = seen_by(triangles, list(fitted.values()), looked_at)
     field = replace(field, views=times.astype(np.float32))
     return Placement(fitted, _named(held_out, fitted), meter.coverage(viewpoints.lens.limit), field)
-
-
-def _outside(
-    triangles: Triangles, free: FreeSpace, even: Sides, viewpoints: np.ndarray, number: int, rng: np.random.Generator
-) -> list[Camera]:
-    """One view from outside to hold out, then some to fit, few enough not to hold back the `number` others.
-
-    The sides are spread evenly over the surfaces, those included that none of the `viewpoints` (E, 3) sees.
-    """
-    inside = visible(sight_lines(triangles, viewpoints, even.points), even)
-    return look_in(triangles, free, even, inside, 1 + max(number // OUTSIDE_SHARE, OUTSIDE_FEWEST), rng)
 
 
 def _times_seen(triangles: Triangles, cameras: list[Camera], sampled: Sides, lens: Lens) -> np.ndarray:

@@ -1,5 +1,7 @@
 """Greedy selection of the views that together see most, from all viewing directions at all viewpoints."""
 
+import functools
+
 import numpy as np
 
 from gsgi.runtime.vectors import sphere
@@ -111,6 +113,7 @@ class ViewSelection:
         self._views[self._pairs(viewpoint)][self._in_view(viewpoint, direction)] = 0
 
 
+@functools.cache
 def poses() -> np.ndarray:
     """World-from-view rotations (DIRECTIONS, 3, 3) float64 of views spread over the sphere, upright where possible."""
     back = -sphere(DIRECTIONS)

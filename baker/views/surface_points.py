@@ -1,5 +1,6 @@
 """Points spread evenly over a scene's surfaces, and ray casting against its triangles (both by Open3D)."""
 
+import functools
 from copy import copy
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -56,6 +57,7 @@ class Hits(NamedTuple):
     normal: np.ndarray
 
 
+@functools.cache
 def load_open3d():
     """The module `open3d`. The first call takes about a second; interrupted, it could not be loaded again."""
     with uninterrupted():
@@ -213,7 +215,8 @@ class Triangles:
         """Whether (N,) bool a triangle, seen from either side, lies between `origin` (N, 3) and `target` (N, 3)."""
         o3d = load_open3d()
 
-        rays = np.concatenate([origin, target - origin], axis=1).astype(np.float32)
+        rays = np.empty((len(origin), 6), np.float32)
+        rays[:, :3], rays[:, 3:] = origin, target - origin
         return self._rays.test_occlusions(o3d.core.Tensor(rays), tnear=0.0, tfar=1.0).numpy()
 
     def clearance(self, position: np.ndarray) -> np.ndarray:

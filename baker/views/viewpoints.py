@@ -44,7 +44,7 @@ class Viewpoints:
         if not len(self.position):
             index = self._rng.integers(len(samples), size=TRIES * VIEWPOINTS)
             reach = self._triangles.diagonal
-            self.position = self._free.draw(samples.points[index], reach, self._rng, must=True)[:VIEWPOINTS]
+            self.position = self._free.draw(samples.points[index], reach, self._rng, VIEWPOINTS, must=True)
         lines = sight_lines(self._triangles, self.position, samples.points, samples.extent)
         limit = self.lens.limit or np.sqrt(VIEWS / IDEAL_VIEWS) / self.lens.size
         for again in range(DRAWS):
@@ -61,7 +61,7 @@ class Viewpoints:
         before = len(self.position)
         index = self._rng.choice(few, TRIES * MORE_VIEWPOINTS)
         reach = np.minimum(reach * samples.extent[index], self._triangles.diagonal)
-        more = self._free.draw(samples.points[index], reach, self._rng)[:MORE_VIEWPOINTS]
+        more = self._free.draw(samples.points[index], reach, self._rng, MORE_VIEWPOINTS)
         self.position = np.concatenate([self.position, more])
         lines = sight_lines(self._triangles, more, samples.points, samples.extent)
         return lines._replace(viewpoint=lines.viewpoint + np.int32(before))

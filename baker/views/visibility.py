@@ -1,5 +1,7 @@
 """Sight lines: which surface sides cameras see, and at what texel size."""
 
+import os
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -14,7 +16,7 @@ VIEWS = 3  # views that must see each surface: fewer do not determine the depth 
 # A surface does not count as seen if its normal is more than 80 degrees off the sight line.
 COS_MIN = np.cos(np.radians(80))
 
-VIEWPOINTS_AT_ONCE = 8  # bounds memory, to about what a core's cache holds
+PAIRS_AT_ONCE = 1 << 15  # of viewpoints and points; bounds memory, to about what a core's cache holds
 
 
 @dataclass(frozen=True)
@@ -80,28 +82,38 @@ def sight_lines(
 
     Footprints are relative to the points' `extent` (S,), m; without it they are in m.
     """
-    parts = [
-        _sight_lines(triangles, viewpoints, points, i) for i in range(0, max(len(viewpoints), 1), VIEWPOINTS_AT_ONCE)
-    ]
+    lifted = triangles.lifted(points.position, points.normal)
+    normal = np.ascontiguousarray(points.normal.T)
+    step = max(PAIRS_AT_ONCE // max(len(points), 1), 1)
+
+    def part(first: int) -> SightLines:
+        return _sight_lines(triangles, viewpoints[first : first + step], first, lifted, normal)
+
+    starts = range(0, max(len(viewpoints), 1), step)
+    if len(starts) == 1:
+        parts = [part(0)]
+    else:
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            parts = list(pool.map(part, starts))
     lines = SightLines(*(np.concatenate(fields) for fields in zip(*parts, strict=True)))
     return lines if extent is None else lines._replace(footprint=lines.footprint / extent[lines.side])
 
 
-def _sight_lines(triangles: Triangles, viewpoints: np.ndarray, points: SurfacePoints, first: int) -> SightLines:
-    """The same for VIEWPOINTS_AT_ONCE viewpoints, starting at index `first`."""
-    viewpoints = viewpoints[first : first + VIEWPOINTS_AT_ONCE]
-    lifted = triangles.lifted(points.position, points.normal)
-    along = lifted[None] - viewpoints[:, None].astype(np.float32)
-    x, y, z = along.transpose(2, 0, 1)
-    up_x, up_y, up_z = points.normal.T
+def _sight_lines(
+    triangles: Triangles, viewpoints: np.ndarray, first: int, lifted: np.ndarray, normal: np.ndarray
+) -> SightLines:
+    """The same for viewpoints (E, 3), numbered from `first`, to `lifted` points (S, 3) with normals (3, S)."""
+    x, y, z = np.ascontiguousarray(lifted.T)[:, None] - viewpoints.T.astype(np.float32)[..., None]
     distance = np.sqrt(x * x + y * y + z * z)  # twice as fast as np.linalg.norm
-    cosine = -(x * up_x + y * up_y + z * up_z) / distance
-    viewpoint, side = np.nonzero(cosine >= COS_MIN)
+    cosine = -(x * normal[0] + y * normal[1] + z * normal[2]) / distance
+    pair = np.flatnonzero(cosine >= COS_MIN)
+    viewpoint, side = np.divmod(pair, len(lifted))
     free = ~triangles.blocked(lifted[side], viewpoints[viewpoint])
-    viewpoint, side = viewpoint[free], side[free]
-    direction = along[viewpoint, side] / distance[viewpoint, side, None]
-    footprint = distance[viewpoint, side] / np.sqrt(cosine[viewpoint, side])
-    return SightLines((viewpoint + first).astype(np.int32), side.astype(np.int32), direction, footprint)
+    pair, viewpoint, side = pair[free], viewpoint[free], side[free]
+    distance, cosine = distance.ravel()[pair], cosine.ravel()[pair]
+    direction = np.stack([along.ravel()[pair] / distance for along in (x, y, z)], axis=1)
+    numbers = (viewpoint + first).astype(np.int32), side.astype(np.int32)
+    return SightLines(*numbers, direction, distance / np.sqrt(cosine))
 
 
 def pixel(yfov: float, size: int) -> float:
@@ -140,4 +152,4 @@ def in_image(direction: np.ndarray, camera: Camera) -> np.ndarray:
     """Whether (N,) bool directions (N, 3) in world space lie within a square image."""
     local = direction @ camera.world_from_view[:3, :3]
     reach = -local[:, 2] * np.tan(camera.yfov / 2)
-    return (np.abs(local[:, :2]) < reach[:, None]).all(axis=1)
+    return (np.abs(local[:, 0]) < reach) & (np.abs(local[:, 1]) < reach)

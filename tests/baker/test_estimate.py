@@ -93,9 +93,9 @@ def test_all_parts_of_a_fit_are_timed(closed, monkeypatch, operator, parts):
     fit = estimate(plan)["fit"]
     assert len(runs) == parts
     steps = SETTINGS.iterations / (3 if operator == "over" else estimating.STEPS)
-    # The colours are solved for five times, and twice for each of five cuts; of the coarse level, one sample in 8 is
-    # timed.
-    changes = fits.CHANGES if operator == "surface" else 1
+    # The colours are solved for five times, and twice for each of five cuts; of the fine level, one sample in 4 is
+    # timed, and of the coarse one, one in 8.
+    changes = 4 * fits.CHANGES if operator == "surface" else 1
     assert fit == pytest.approx(changes * 10 * steps + (0 if operator == "over" else changes * 100 * 15 + 1000 * 8))
 
 
@@ -104,10 +104,11 @@ def test_what_was_timed_for_one_bake_tells_of_others(closed):
     longer = replace(closed, settings=replace(closed.settings, iterations=8))
     before, after = rates.seconds(closed), rates.seconds(longer)
     assert before.keys() == after.keys()
-    steps, looks = fits.CHANGES * 2.0 / estimating.STEPS, len(closed.placement.held_out)
+    steps, looks = 4 * fits.CHANGES * 2.0 / estimating.STEPS, len(closed.placement.held_out)
     assert before["fit"] == pytest.approx(4 * steps + looks * (3 + 4 * 5))
     assert after["fit"] == pytest.approx(8 * steps + looks * (3 + 8 * 5))
-    assert before["evaluation"] == 7 * (looks + len(held_out.scene_cameras(closed)))
+    own = len(held_out.scene_cameras(closed))  # those held out have been prepared for the fit
+    assert before["evaluation"] == 7 * (looks + own) + 3 * own
     assert rates.seconds(closed, evaluate=False).keys() == before.keys() - {"references", "evaluation"}
     assert rates.seconds(closed, evaluate=False)["fit"] == pytest.approx(4 * steps)
 
@@ -120,5 +121,5 @@ def test_light_groups_cost_their_paths_and_solutions(closed, traced):
     assert announced["light group walls"] == announced["known light"] + announced["irradiance"] > 0
     assert "light group walls" in report.seconds
     solved = Rates(closed, 0.0, 0.0, (9.0, 1.0, 0.0), 0.0, 0.0, 0.0).seconds(plan, evaluate=False)
-    assert solved["light group walls"] == fits.CHANGES * SOLUTIONS
+    assert solved["light group walls"] == fits.FINE_TIMED * fits.CHANGES * SOLUTIONS
     assert {row.what: row for row in decisions(plan)}["light groups"].why.startswith("walls: ")

@@ -4,14 +4,28 @@ import numpy as np
 import pytest
 import scenes
 
+from gsgi.baker.cache.store import Cache
 from gsgi.baker.trace import pilot
-from gsgi.baker.trace.tracer import BOUNCES_MAX, Light, Sampling, Tracer
+from gsgi.baker.trace.cached_tracer import CachedTracer
+from gsgi.baker.trace.tracer import BOUNCES_MAX, Light, LightByBounces, Sampling
 from gsgi.baker.views.surface_points import Triangles
 
 POSITION = NORMAL = np.zeros((8, 3), np.float32)
 
 
-def geometric(ratio: float, brightness: float = 1.0, deviation: float = 1.0):
+class Known:
+    """A tracer of light that is known: `at_points(position, normal, sampling, seed, known)`."""
+
+    def __init__(self, at_points):
+        self.at_points = at_points
+
+    def by_bounces(self, position, normal, sampling, seed, most) -> LightByBounces:
+        light = [self.at_points(position, normal, Sampling(sampling.samples, k), seed) for k in range(most + 1)]
+        within = np.stack([each.mean for each in light])
+        return LightByBounces(self.at_points(position, normal, sampling, seed), within)
+
+
+def geometric(ratio: float, brightness: float = 1.0, deviation: float = 1.0) -> Known:
     """A tracer in which every bounce adds `ratio` times what the one before did."""
 
     def at_points(position, normal, sampling, seed, known=None):
@@ -21,7 +35,7 @@ def geometric(ratio: float, brightness: float = 1.0, deviation: float = 1.0):
         mean = np.full((count, 3), value, np.float32)
         return Light(mean, error, np.full(count, sampling.samples), 0)
 
-    return at_points
+    return Known(at_points)
 
 
 @pytest.mark.parametrize(("ratio", "fraction"), [(0.1, 0.01), (0.5, 0.01), (0.5, 0.001), (0.8, 0.005)])
@@ -57,7 +71,7 @@ def test_a_dim_room_beside_a_bright_one_keeps_its_bounces():
         mean = np.where(position[:, :1] < 50, 1.0, dim).repeat(3, axis=1).astype(np.float32)
         return Light(mean, np.zeros(len(position), np.float32), np.full(len(position), sampling.samples), 0)
 
-    assert pilot.run(at_points, position, normal, 0).bounces(0.005) == 4
+    assert pilot.run(Known(at_points), position, normal, 0).bounces(0.005) == 4
 
 
 def test_samples_follow_the_noise_between_a_pass_and_the_cap():
@@ -71,12 +85,7 @@ def test_samples_follow_the_noise_between_a_pass_and_the_cap():
 def test_a_furnace_of_albedo_one_half_needs_what_its_series_says():
     scene = scenes.furnace(albedo=0.5)
     points = Triangles(scene).sample(512, 0)
-    tracer = Tracer(scene)
-
-    def at_points(position, normal, sampling, seed, known=None):
-        return tracer.indirect(position, normal, normal, sampling, seed, None, known)
-
-    found = pilot.run(at_points, points.position, points.normal, 0)
+    found = pilot.run(CachedTracer(scene, Cache()), points.position, points.normal, 0)
     assert found.mean == pytest.approx(2.0, rel=0.02)
     # 1 - 2^-(k+1) of the light arrives within k bounces; the tone curve halves small losses.
     assert found.lost[3] == pytest.approx(1 - 2 * (15 / 16) / (15 / 16 + 1), rel=0.1)

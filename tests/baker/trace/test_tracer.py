@@ -8,7 +8,8 @@ import pytest
 import scenes
 from repository import SCENES
 
-from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling, Tracer
+from gsgi.baker.trace import tracer as tracing
+from gsgi.baker.trace.tracer import LAUNCH_POINTS, PASS_SAMPLES, Sampling, Tracer
 from gsgi.runtime.camera import look_at
 from gsgi.runtime.gltf.reader import read_gltf
 from gsgi.runtime.light_groups import lit_by
@@ -278,6 +279,34 @@ def test_a_path_takes_the_same_turns_however_far_it_is_followed():
     assert (means[0] <= means[1]).all()
     assert (means[1] <= means[2] * (1 + 1e-6)).all()
     assert means[0].max() > 0
+
+
+def test_one_trace_tells_the_light_of_every_number_of_bounces():
+    scene = scenes.furnace(albedo=0.5, emission=0.1)
+    lit = replace(scene, lights=(light("point", position=np.zeros(3)),), environment=WHITE_SKY)
+    scene = replace(lit, meshes=lit.meshes[:-1])  # an open side
+    position, normal = even_points(scene, 600)
+    tracer, sampling = Tracer(scene), Sampling(64)
+    found = tracer.by_bounces(position, normal, normal, sampling, 0, 4)
+    whole = tracer.indirect(position, normal, normal, sampling, 0)
+    for name, values in vars(whole).items():
+        assert np.array_equal(values, getattr(found.light, name)), name
+    assert found.within.shape == (5, *position.shape)
+    for k, within in enumerate(found.within):
+        alone = tracer.indirect(position, normal, normal, Sampling(64, k), 0).mean
+        np.testing.assert_allclose(within, alone, rtol=1e-4, atol=1e-6)
+    assert (found.within[4] < whole.mean).any()
+
+
+@pytest.mark.parametrize("count", [0, 1, 31, 33, 4096, LAUNCH_POINTS - 1, LAUNCH_POINTS])
+def test_points_are_spread_evenly_over_the_lanes_of_a_launch(count):
+    lanes = tracing._lanes(count)
+    assert len(set(lanes.tolist())) == count
+    assert (np.diff(lanes) > 0).all()
+    shares = np.histogram(lanes, 4, (0, LAUNCH_POINTS))[0]
+    assert np.ptp(shares) <= tracing.RUN
+    if count == LAUNCH_POINTS:
+        assert (lanes == np.arange(count)).all()
 
 
 def test_the_standard_error_is_the_spread_of_the_mean():

@@ -8,7 +8,7 @@ import scenes
 
 from gsgi.baker.views import coverage
 from gsgi.baker.views.surface_points import Triangles
-from gsgi.baker.views.visibility import sides
+from gsgi.baker.views.visibility import VIEWS, sides, sight_lines
 from gsgi.runtime.scene import Material, Scene
 
 
@@ -52,3 +52,20 @@ def test_sides_of_a_double_sided_sheet_are_seen_apart():
     assert len(both) == 200
     times = coverage.seen_by(triangles, [scenes.above_camera(3.0)], both.points)
     np.testing.assert_array_equal(times, np.repeat([1, 0], 100))
+
+
+def test_what_is_seen_does_not_depend_on_how_many_viewpoints_look_together(monkeypatch):
+    """Sides that enough viewpoints see are looked at no more, and viewpoints may come in any portions."""
+    lower = replace(scenes.floor(), position=scenes.floor(height=-1.0).position)
+    triangles = Triangles(Scene((scenes.floor(), lower), (scenes.WHITE,)))
+    sampled = sides(triangles.draw(300, np.random.default_rng(0)))
+    viewpoints = np.random.default_rng(1).uniform((-4, -0.9, -4), (4, 1, 4), (9, 3))
+    lines = sight_lines(triangles, viewpoints, sampled.points)
+    expected = np.bincount(lines.side, minlength=len(sampled)) >= VIEWS
+    assert 0 < expected.sum() < len(sampled)
+    for portion in (1, 4, 9):
+        monkeypatch.setattr(coverage, "VIEWPOINTS_AT_ONCE", portion)
+        meter = coverage.CoverageMeter(triangles, sampled, sampled, [], 100)
+        meter.look_from(viewpoints[:2])
+        meter.look_from(viewpoints[2:])
+        assert (meter.free == expected).all()

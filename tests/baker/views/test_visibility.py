@@ -41,3 +41,16 @@ def test_texel_size_in_the_middle_of_an_image():
     middle = points[np.linalg.norm(points.position, axis=1) < 0.05]
     sizes = visibility.texels(triangles, scenes.above_camera(3.0), middle, 200)
     np.testing.assert_allclose(sizes, 2 * 3.0 * np.tan(0.45) / 200, rtol=1e-3)
+
+
+def test_sight_lines_do_not_depend_on_how_many_are_cast_together(scene, monkeypatch):
+    triangles = Triangles(scene)
+    points = triangles.draw(100, np.random.default_rng(0))
+    viewpoints = np.random.default_rng(1).uniform(0.1, 0.9, (7, 3)) * (triangles.high - triangles.low) + triangles.low
+    together = visibility.sight_lines(triangles, viewpoints, points)
+    monkeypatch.setattr(visibility, "PAIRS_AT_ONCE", 250)
+    apart = visibility.sight_lines(triangles, viewpoints, points)
+    assert len(together.side)
+    for one, other in zip(together, apart, strict=True):
+        assert one.dtype == other.dtype
+        assert np.array_equal(one, other)

@@ -1,0 +1,30 @@
+"""Places where viewpoints may lie."""
+
+import numpy as np
+import pytest
+import scenes
+
+from gsgi.baker.views import free_space
+from gsgi.baker.views.free_space import FreeSpace
+from gsgi.baker.views.surface_points import Triangles
+
+
+@pytest.mark.parametrize("most", [1, 20, 1000])
+def test_no_more_places_are_looked_for_than_asked_for(most, monkeypatch):
+    """They are the first of all that there are, and the numbers that are drawn do not depend on it."""
+    triangles = Triangles(scenes.furnace())
+    points = triangles.draw(200, np.random.default_rng(0))
+    free = FreeSpace(triangles, [], points, np.random.default_rng(1))
+    looked = []
+    look_around = free_space.look_around
+    monkeypatch.setattr(free_space, "AT_ONCE", 16)
+    monkeypatch.setattr(free_space, "look_around", lambda t, p: (looked.append(len(p)), look_around(t, p))[1])
+    first, second = np.random.default_rng(2), np.random.default_rng(2)
+    every = free.draw(points, triangles.diagonal, first)
+    looks = sum(looked)
+    looked.clear()
+    some = free.draw(points, triangles.diagonal, second, most)
+    assert 20 < len(every) <= 200
+    assert np.array_equal(some, every[:most])
+    assert (sum(looked) < looks) == (most < len(every))
+    assert first.random() == second.random()
