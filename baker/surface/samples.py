@@ -8,7 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from gsgi.baker.trace.cached_tracer import CachedTracer
-from gsgi.baker.trace.irradiance_cache import IrradianceCache, KnownLight
+from gsgi.baker.trace.irradiance_cache import KnownLight
+from gsgi.baker.trace.known_light import known_light
 from gsgi.baker.trace.local_light import local_light
 from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling
 
@@ -321,9 +322,10 @@ class Sampler:
         if known is None:
             return None
         samples = known.position, known.normal, known.indirect_a, known.indirect_b
+        bounces, before = self._sampling.bounces, self._known.sampler.known_light
         (key,) = self.entries["known"]
         light, _ = self._tracer.once(
-            key, KnownLight, lambda: IrradianceCache.halves(*samples, self._tracer.tracer.blocked)
+            key, KnownLight, lambda: known_light(self._tracer.tracer, *samples, bounces, before)
         )
         return light
 

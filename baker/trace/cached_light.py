@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from .connections import Connections
 from .irradiance_cache import AWAY, COORDINATE_BITS, UNKNOWN, IrradianceCache, hashed_cell
 from .mitsuba_scene import load_mitsuba
 
@@ -11,11 +12,12 @@ import drjit as dr  # noqa: E402  (needs the LLVM that load_mitsuba chose)
 
 
 class CachedLight:
-    """An irradiance cache on the device."""
+    """An irradiance cache on the device, and the lit `places` that go with it, or None."""
 
     def __init__(self, cache: IrradianceCache):
         self._start, self._low, self._high = (mi.UInt32(a) for a in (cache.start, _some(cache.low), _some(cache.high)))
         self._light = mi.Float(_some(cache.light).ravel())
+        self.places = Connections(cache.lit) if len(cache.lit) else None
         self._levels = cache.levels
         self._mask = dr.opaque(mi.UInt32, len(cache.start) - 2)
         self._size = dr.opaque(mi.Float, cache.size)

@@ -5,12 +5,13 @@ light hardly shows, because a point sees the mean over all directions of it, ref
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from gsgi.baker.neighbours import Neighbours
 
+from .lit_places import LitPlaces
 from .point_order import signed_axis
 
 LEAST, MOST = 3, 32  # samples in a cell: with fewer its light is unknown, with more it is too wide for so dense samples
@@ -50,6 +51,7 @@ class IrradianceCache:
     low: np.ndarray
     high: np.ndarray
     light: np.ndarray
+    lit: LitPlaces = field(default_factory=LitPlaces)
 
     @staticmethod
     def halves(

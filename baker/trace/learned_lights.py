@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .light_cells import LightCells
-from .light_choice import LightChoice
+from .light_choice import FoundCell, LightChoice
 from .mitsuba_scene import load_mitsuba
 from .paths import EMITTER, EMITTER_POINT, FILTER, LIGHT, emitter_light, punctual_light
 from .random_numbers import DIRECTION, Draws, hashed
@@ -27,25 +27,6 @@ GENERATIONS_UP = 3  # of a cell: the larger one around it, in case its own few p
 # Shares of a cell's choices by what comes to its own points, and to those of the larger cell. The others go by the
 # clusters' weights and to all alike, half each, so that a light which no point saw is not left out.
 OWN, LARGER = 0.5, 0.25
-
-
-class FoundCell:
-    """`LightCells` on the device."""
-
-    def __init__(self, cells: LightCells):
-        self._depth = cells.depth
-        self._node = mi.Float(np.stack([cells.split, cells.axis.astype(np.float32)], axis=1).ravel())
-
-    def find(self, p, n, active):
-        """The cell of points with unit normals."""
-        node = mi.UInt32(0)
-        for _ in range(self._depth):
-            row = dr.gather(mi.Vector2f, self._node, node, active)
-            along = n.z
-            for axis, coordinate in reversed(list(enumerate((p.x, p.y, p.z, n.x, n.y)))):
-                along = dr.select(row.y == axis, coordinate, along)
-            node = 2 * node + dr.select(along >= row.x, mi.UInt32(2), mi.UInt32(1))
-        return node - (2**self._depth - 1)
 
 
 @dataclass(frozen=True)
@@ -186,7 +167,7 @@ def _leave_emitter(tracer, draws, cluster):
 
 def _leave_light(tracer, draws, cluster):
     index, _ = tracer.lights.choice.choose_within(draws.one(LIGHT), cluster)
-    return tracer.lights.leave(index, draws.two(EMITTER_POINT), draws.two(DIRECTION))
+    return tracer.lights.leave(index, draws.two(DIRECTION))
 
 
 def _from_emitter(tracer, draws, cluster, p, n, active):

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from .light_cells import LightCells
 from .light_clusters import clusters
 from .mitsuba_scene import load_mitsuba
 
@@ -10,6 +11,25 @@ mi = load_mitsuba()
 import drjit as dr  # noqa: E402  (needs the LLVM that load_mitsuba chose)
 
 BITS = 2.0**-24  # what the first number of a choice cannot tell apart
+
+
+class FoundCell:
+    """`LightCells` on the device."""
+
+    def __init__(self, cells: LightCells):
+        self._depth = cells.depth
+        self._node = mi.Float(np.stack([cells.split, cells.axis.astype(np.float32)], axis=1).ravel())
+
+    def find(self, p, n, active):
+        """The cell of points with unit normals."""
+        node = mi.UInt32(0)
+        for _ in range(self._depth):
+            row = dr.gather(mi.Vector2f, self._node, node, active)
+            along = n.z
+            for axis, coordinate in reversed(list(enumerate((p.x, p.y, p.z, n.x, n.y)))):
+                along = dr.select(row.y == axis, coordinate, along)
+            node = 2 * node + dr.select(along >= row.x, mi.UInt32(2), mi.UInt32(1))
+        return node - (2**self._depth - 1)
 
 
 class LightChoice:
@@ -37,21 +57,15 @@ class LightChoice:
 
     def learn(self, likely: np.ndarray) -> None:
         """From now on choose cluster k in cell c with probability `likely`[c, k]: (C, count), rows of sum 1."""
-        below = np.zeros((len(likely), self.count + 1), np.float32)
-        below[:, 1:] = np.minimum(np.cumsum(likely, axis=1), 1)
-        below[:, -1] = 1
-        self._likely = mi.Float(below.ravel())
+        self._likely = rows_below(likely)
 
     def choose(self, u, rest, cell):
         """A light in `cell`, from `u` and `rest` in [0, 1), `rest` the bits that `u` lacks: (index, probability)."""
         if self.count == 1:
             return self.choose_within(u, mi.UInt32(0))
-        row = cell * (self.count + 1)
-        after = _first_above(self._likely, u, row + 1, row + self.count + 1, self.count)
-        low, high = (dr.gather(mi.Float, self._likely, after - i) for i in (1, 0))
-        again = dr.clip((u - low + rest * BITS) / (high - low), 0, 1 - BITS)
-        index, within = self.choose_within(again, after - row - 1)
-        return index, (high - low) * within
+        cluster, again, probability = chosen(self._likely, u, rest, cell, self.count)
+        index, within = self.choose_within(again, cluster)
+        return index, probability * within
 
     def choose_within(self, u, cluster):
         """A light of `cluster` from `u` in [0, 1), and its probability there: (index, probability)."""
@@ -72,6 +86,25 @@ class LightChoice:
     def within(self) -> np.ndarray:
         """The probability (L,) of each light in its own cluster."""
         return self._within.numpy()
+
+
+def rows_below(likely: np.ndarray) -> "mi.Float":
+    """On the device, for `chosen`: rows of the sums of all probabilities (C, K) below each, from 0 to 1."""
+    below = np.zeros((len(likely), likely.shape[1] + 1), np.float32)
+    below[:, 1:] = np.minimum(np.cumsum(likely, axis=1), 1)
+    below[:, -1] = 1
+    return mi.Float(below.ravel())
+
+
+def chosen(below, u, rest, row, count: int):
+    """One of `count` by the probabilities in a row, from `u` and `rest` in [0, 1), `rest` the bits that `u` lacks.
+
+    Returns its number, a number in [0, 1) that is as random as `u` was, and its probability.
+    """
+    first = row * (count + 1)
+    after = _first_above(below, u, first + 1, first + count + 1, count)
+    low, high = (dr.gather(mi.Float, below, after - i) for i in (1, 0))
+    return after - first - 1, dr.clip((u - low + rest * BITS) / (high - low), 0, 1 - BITS), high - low
 
 
 def _first_above(values, u, start, end, most: int):

@@ -26,7 +26,7 @@ ROULETTE_MAX = 0.999  # larger than most albedos: then the weight of a path neve
 
 # Dimensions of `Draws` beside DIRECTION: the random number that each decision uses.
 ROULETTE, LIGHT, EMITTER, EMITTER_POINT, ENVIRONMENT, TEXTURE = 2, 3, 4, 5, 7, 9
-FILTER = 15
+FILTER, PLACE = 15, 16
 _JITTER = {"base_color_texture": 0, "metallic_texture": 2, "emission_texture": 4}
 
 
@@ -57,6 +57,17 @@ class _Apart:
             counts = active & (bounce < self._count) & dr.isfinite(more)
             # No two lanes share a row.
             dr.scatter_add(self.sums, more, 3 * row + channel, counts, mode=dr.ReduceMode.NoConflicts)
+
+
+class _Reached(NamedTuple):
+    """How the ray of a path came to a vertex.
+
+    From which cell of lit places, from what distance, m, and with which density, per m^2.
+    """
+
+    cell: "mi.UInt32"
+    distance: "mi.Float"
+    density: "mi.Float"
 
 
 def first_hits(tracer, origin: np.ndarray, direction: np.ndarray) -> dict[str, np.ndarray]:
@@ -153,6 +164,7 @@ def _paths(tracer, cells, known, by_bounce, key, first, start, start_n, start_ng
     total, squared, invalid = mi.Color3f(0), mi.Float(0), mi.UInt32(0)
     sample, bounce = mi.UInt32(first), mi.UInt32(0)
     active = (dr.squared_norm(start_n) > 0) & (samples > 0)
+    places = None if known is None else known.places
     start_cell = _cell(cells, start, start_n, active)
     cell = mi.UInt32(start_cell)
     # A round goes from a vertex to the light known at the next, so that most gathering paths take one: with the look-up
@@ -161,7 +173,11 @@ def _paths(tracer, cells, known, by_bounce, key, first, start, start_n, start_ng
         draws = Draws(key, sample, bounce)
         before = mi.Color3f(light)
         light += throughput * _emitted_to_vertex(tracer, draws, cell, p, n, ng, bounce, active)
-        light_there, alive, p, n, ng, distance, reflectance = _next_vertex(
+        from_cell = mi.UInt32(0)
+        if places is not None:
+            from_cell, u, rest = places.cell(p, n, active), draws.one(PLACE), draws.rest(PLACE)
+            light += throughput * places.light(tracer, u, rest, from_cell, p, n, ng, active & (bounce < bounces))
+        light_there, alive, p, n, ng, distance, reflectance, by_ray = _next_vertex(
             tracer, draws, cell, p, n, ng, bounce < bounces, active
         )
         light += throughput * light_there
@@ -174,7 +190,8 @@ def _paths(tracer, cells, known, by_bounce, key, first, start, start_n, start_ng
         bounce += 1
         cell = _cell(cells, p, n, alive)
         draws = Draws(key, sample, bounce)
-        arriving, goes_on = _known_or_punctual(tracer, known, draws, cell, p, n, ng, distance, alive)
+        reached = _Reached(from_cell, distance, by_ray)
+        arriving, goes_on = _known_or_punctual(tracer, known, draws, cell, p, n, ng, reached, alive)
         before = mi.Color3f(light)
         light += dr.select(alive, throughput * arriving, 0)
         _add_apart(by_bounce, bounce, light, before, alive)
@@ -223,32 +240,41 @@ def _emitted_to_vertex(tracer, draws, cell, p, n, ng, bounce, active):
     return light
 
 
-def _known_or_punctual(tracer, known, draws, cell, p, n, ng, distance, active):
+def _known_or_punctual(tracer, known, draws, cell, p, n, ng, reached, active):
     """What B lacks at a vertex beyond the point, over pi: light of punctual lights, and B itself where it is known.
 
     Also whether the path goes on, where it is not.
     """
     light, goes_on = mi.Color3f(0), active
     if known is not None:
-        light, found = known.look_up(p, n, distance, active)
+        light, found = known.look_up(p, n, reached.distance, active)
         goes_on = active & ~found
     if tracer.lights.count > 0:
         # The B of other points has none of it either, but for what filtering surfaces let through.
-        light += _chosen_punctual_light(tracer, draws, cell, p, n, ng, active, goes_on)
+        places = None if known is None else known.places
+        light += _chosen_punctual_light(tracer, draws, cell, p, n, ng, active, goes_on, places, reached)
     return light, goes_on
 
 
-def _chosen_punctual_light(tracer, draws, cell, p, n, ng, active, filtered):
-    """The `punctual_light` of all lights, estimated by that of one."""
+def _chosen_punctual_light(tracer, draws, cell, p, n, ng, active, filtered, places=None, reached=None):
+    """The `punctual_light` of all lights, estimated by that of one.
+
+    Where the vertex before is connected to lit `places` too, the vertex, as it was `reached`, does a share of the work.
+    """
     index, probability = tracer.lights.choice.choose(draws.one(LIGHT), draws.rest(LIGHT), cell)
-    return punctual_light(tracer, p, n, ng, index, active, filtered) / probability
+    share = mi.Float(1)
+    if places is not None:
+        connected = places.density(tracer.lights, index, p, ng, reached.cell, active)
+        share = dr.select(reached.density > 0, _balance(reached.density, connected), 0)
+    return punctual_light(tracer, p, n, ng, index, active, filtered, share) / probability
 
 
 def _next_vertex(tracer, draws, cell, p, n, ng, reflects, active):
     """Sample a direction of the cosine lobe and follow it to the next surface.
 
     Returns the light that the surface emits or that comes from the environment; whether the path continues (only where
-    `reflects`); and the position, normals and albedo at the surface.
+    `reflects`); the position, normals, distance and albedo at the surface; and the density, per m^2, in which rays meet
+    it there.
     """
     finds_light = tracer.emitters.count > 0 or tracer.environment is not None
     active = active & (mi.Bool(finds_light) | reflects)
@@ -279,7 +305,10 @@ def _next_vertex(tracer, draws, cell, p, n, ng, reflects, active):
         light, reflectance = light * factor, reflectance * factor
     next_n = tracer.shading.shading_normal(hit.prim, hit.b, front_ng, alive)
     next_p = lifted_hit(tracer, p, d, hit, front_ng, front, found)
-    return light, alive, next_p, next_n, mi.Normal3f(front_ng), hit.t, reflectance
+    by_ray = pdf * dr.abs(dr.dot(front_ng, d)) * dr.rcp(dr.square(hit.t))
+    if tracer.filtering is not None:  # no vertex is connected to a surface that filters light
+        by_ray = dr.select(tracer.shading.is_filter(material, found), dr.inf, by_ray)
+    return light, alive, next_p, next_n, mi.Normal3f(front_ng), hit.t, reflectance, by_ray
 
 
 def _jitter(draws):
@@ -292,10 +321,11 @@ def _balance(pdf, other):
     return dr.rcp(1 + other / pdf)
 
 
-def punctual_light(tracer, p, n, ng, index, active, filtered):
+def punctual_light(tracer, p, n, ng, index, active, filtered, share=1):
     """Light of punctual light `index` that a white Lambertian surface at p would reflect.
 
-    Light that no surface filters counts where `active`, and light through filtering surfaces where `filtered`.
+    Light that no surface filters counts where `active`, by its `share`, and light through filtering surfaces where
+    `filtered`.
     """
     # Not `active &= ...`, which would modify the caller's array.
     wi, distance, color = tracer.lights.arriving(index, p)
@@ -304,12 +334,12 @@ def punctual_light(tracer, p, n, ng, index, active, filtered):
     if tracer.filtering is None:
         active = active & faces
         active = active & unoccluded(tracer, p, wi, distance, active)
-        return dr.select(active, color * cosine * dr.inv_pi, 0)
+        return dr.select(active, share * color * cosine * dr.inv_pi, 0)
     free = (active | filtered) & faces
     free = free & unoccluded(tracer, p, wi, distance, free)
     factor, passed = transmitted(tracer, p, wi, distance, free)
     counts = free & dr.select(passed, filtered, active)
-    return dr.select(counts, factor * color * cosine * dr.inv_pi, 0)
+    return dr.select(counts, dr.select(passed, 1, share) * factor * color * cosine * dr.inv_pi, 0)
 
 
 def emitter_light(tracer, draws, index, probability, p, n, ng, active):

@@ -41,23 +41,58 @@ class PunctualLights:
         place = np.where(somewhere[:, None], columns["position"].T, np.inf)
         self.choice = LightChoice(_probabilities(lights, diagonal), place, np.zeros(len(lights)))
 
-    def leave(self, index, place, direction):
-        """A ray (Point3f, Vector3f unit) of light `index`, from `place` and `direction`, Point2f in [0, 1)^2.
+    def leave(self, index, at):
+        """A ray (Point3f, Vector3f unit) of light `index` in the direction `at`, Point2f in [0, 1)^2.
 
-        Those of a directional light pass through all of the scene.
+        Directions are even over what a local light sees, and over the scene's width as a directional light sees it.
         """
         import drjit as dr
 
         mi = load_mitsuba()
-        kind = dr.gather(mi.UInt32, self.kind, index)
         axis = dr.gather(mi.Vector3f, self.direction, index)
-        narrowest = dr.select(kind == _KINDS["spot"], dr.gather(mi.Float, self.cos_outer, index), -1)
-        d = mi.Frame3f(axis).to_world(mi.warp.square_to_uniform_cone(direction, narrowest))
-        disk = mi.warp.square_to_uniform_disk(place) * self._radius
-        far = self._middle + mi.Frame3f(axis).to_world(mi.Vector3f(disk.x, disk.y, -self._radius))
-        directional = kind == _KINDS["directional"]
-        at = dr.gather(mi.Point3f, self.position, index)
-        return dr.select(directional, far, at), dr.select(directional, axis, d)
+        frame, narrowest = mi.Frame3f(axis), self._narrowest(index)
+        z = narrowest + (1 - narrowest) * at.x
+        sin, cos = dr.sincos(dr.two_pi * at.y)
+        around = dr.safe_sqrt(1 - z * z)
+        d = frame.to_world(mi.Vector3f(around * cos, around * sin, z))
+        across = (2 * at - 1) * self._radius
+        far = self._middle + frame.to_world(mi.Vector3f(across.x, across.y, -self._radius))
+        directional = dr.gather(mi.UInt32, self.kind, index) == _KINDS["directional"]
+        return dr.select(directional, far, dr.gather(mi.Point3f, self.position, index)), dr.select(directional, axis, d)
+
+    def left(self, index, point):
+        """The inverse of `leave`: in which direction `at` light leaves to come to a point (Point3f, m).
+
+        Returns `at`; how much of the square of directions there is per m^2 that faces the light; and the unit
+        direction in which it travels.
+        """
+        import drjit as dr
+
+        mi = load_mitsuba()
+        axis = dr.gather(mi.Vector3f, self.direction, index)
+        frame, narrowest = mi.Frame3f(axis), self._narrowest(index)
+        across = frame.to_local(point - self._middle) / (2 * self._radius) + 0.5
+        at, per_area, towards = mi.Point2f(across.x, across.y), mi.Float(1 / (4 * self._radius**2)), axis
+        if self.kinds & {"point", "spot"}:
+            local = dr.gather(mi.UInt32, self.kind, index) != _KINDS["directional"]
+            offset = point - dr.gather(mi.Point3f, self.position, index)
+            squared = dr.squared_norm(offset)
+            direction = offset * dr.rsqrt(squared)
+            seen = frame.to_local(direction)
+            turn = dr.atan2(seen.y, seen.x) * (0.5 * dr.inv_pi)
+            of_local = mi.Point2f((seen.z - narrowest) / (1 - narrowest), dr.select(turn < 0, turn + 1, turn))
+            at = dr.select(local, of_local, at)
+            per_area = dr.select(local, dr.rcp(dr.two_pi * (1 - narrowest) * squared), per_area)
+            towards = dr.select(local, direction, axis)
+        return at, per_area, towards
+
+    def _narrowest(self, index):
+        """The cosine of the angle from its axis beyond which a light sends none."""
+        import drjit as dr
+
+        mi = load_mitsuba()
+        spot = dr.gather(mi.UInt32, self.kind, index) == _KINDS["spot"]
+        return dr.select(spot, dr.gather(mi.Float, self.cos_outer, index), -1)
 
     def arriving(self, index, point):
         """Unshadowed light of light `index` at `point` (Point3f, m).

@@ -7,7 +7,7 @@ import numpy as np
 from gsgi.baker.cache.records import from_arrays
 from gsgi.baker.cache.store import Cache
 from gsgi.baker.surface.layers import Layer, Points, invalid, mean
-from gsgi.baker.trace.irradiance_cache import IrradianceCache, KnownLight
+from gsgi.baker.trace.irradiance_cache import KnownLight
 from gsgi.baker.trace.tracer import PASS_SAMPLES
 from gsgi.runtime.errors import GsgiError
 
@@ -67,9 +67,9 @@ class KeptChunk(Points):
         return KeptChunk(*vars(points).values(), *halves, *first, *head, head_paths, paths, fate, invalid(layers))
 
 
-def kept_cells(cache: Cache, keys: list[str]) -> IrradianceCache:
-    """The cells of known light whose entry in a cache has the one of these keys. Raises ForgottenError."""
-    return from_arrays(KnownLight, _arrays(cache, keys[0])).a
+def kept_light(cache: Cache, keys: list[str]) -> KnownLight:
+    """The known light whose entry in a cache has the one of these keys. Raises ForgottenError."""
+    return from_arrays(KnownLight, _arrays(cache, keys[0]))
 
 
 def _arrays(cache: Cache, key: str) -> dict[str, np.ndarray]:

@@ -11,11 +11,12 @@ from gsgi.baker.surface.layers import Layer, Points, mean, traced
 from gsgi.baker.surface.samples import SurfaceSamples, combined, joined
 from gsgi.baker.surface.seen_surface import SeenSurface
 from gsgi.baker.trace.cached_tracer import CachedTracer
-from gsgi.baker.trace.irradiance_cache import IrradianceCache, KnownLight
+from gsgi.baker.trace.irradiance_cache import KnownLight
+from gsgi.baker.trace.known_light import known_light_again
 from gsgi.baker.trace.local_light import local_light
 from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling
 
-from .kept import REVISED, KeptChunk, kept_cells
+from .kept import REVISED, KeptChunk, kept_light
 from .references import UpdatedTracer
 from .tally import AGAIN, GONE, NEW, PART, SAME, SHIFTED, Tally
 from .thin_share import CHANGED, LARGE, SHARE, ThinShare
@@ -98,9 +99,9 @@ class UpdatedSampler:
             samples = self._known_samples
             arrays = samples.position, samples.normal, samples.indirect_a, samples.indirect_b
             key = self._tracer.key("known", __name__, before=self._before["known"], samples=arrays)
-            cells = kept_cells(self._tracer.cache, self._before["known"])
+            edited = kept_light(self._tracer.cache, self._before["known"])
             self._known_light, _ = self._tracer.once(
-                key, KnownLight, lambda: IrradianceCache.halves(*arrays, self._tracer.tracer.blocked, cells)
+                key, KnownLight, lambda: known_light_again(self._tracer.tracer, *arrays, edited)
             )
             self.entries["known"] = [key]
         return self._known_light

@@ -1,0 +1,77 @@
+"""Connections of paths to lit places, in the path tracer's kernels. Importing this starts Mitsuba."""
+
+import numpy as np
+
+from .light_cells import LightCells
+from .light_choice import FoundCell, chosen, rows_below
+from .lit_places import LitPlaces
+from .mitsuba_scene import load_mitsuba
+from .rays import transmitted, unoccluded
+
+mi = load_mitsuba()
+
+import drjit as dr  # noqa: E402  (needs the LLVM that load_mitsuba chose)
+
+
+class Connections:
+    """Lit places on the device."""
+
+    def __init__(self, lit: LitPlaces):
+        density = lit.density
+        self._leaves, self._clusters = density.shape[1], lit.likely.shape[1]
+        self._each, self._wide = len(lit) // self._clusters, density.size // self._clusters
+        nodes = np.stack([lit.split, lit.axis.astype(np.float32)], axis=2)
+        self._node, self._density = mi.Float(nodes.ravel() if nodes.size else [0, 0]), mi.Float(density.ravel())
+        self._place, self._likely = mi.Float(lit.place.ravel()), rows_below(lit.likely)
+        self._cells = FoundCell(LightCells(lit.cell_axis, lit.cell_split))
+
+    def cell(self, p, n, active):
+        """The cell of a vertex with a unit normal, whose connections go where they matter in it."""
+        return self._cells.find(p, n, active)
+
+    def light(self, tracer, u, rest, cell, p, n, ng, active):
+        """Light that comes to a vertex from one lit place, over pi, with the place's share of the work.
+
+        `u` and `rest` are those of `light_choice.chosen`.
+        """
+        cluster, again, probability = chosen(self._likely, u, rest, cell, self._clusters)
+        index = cluster * self._each + mi.UInt32(again * self._each)
+        at, normal, light = (dr.gather(mi.Vector4f, self._place, 3 * index + k, active) for k in range(3))
+        place = mi.Point3f(at.x, at.y, at.z), mi.Normal3f(normal.x, normal.y, normal.z), _color(light)
+        return arriving(tracer, place, at.w * probability, p, n, ng, active)
+
+    def density(self, lights, index, p, ng, cell, active):
+        """The density, per m^2, in which vertices in `cell` are connected to p, a place that light `index` lights."""
+        at, per_area, towards = lights.left(index, p)
+        node = mi.UInt32(0)
+        for _ in range(self._leaves.bit_length() - 1):
+            row = dr.gather(mi.Vector2f, self._node, index * (self._leaves - 1) + node, active)
+            node = 2 * node + dr.select(dr.select(row.y == 0, at.x, at.y) >= row.x, mi.UInt32(2), mi.UInt32(1))
+        leaf = index * self._leaves + node - (self._leaves - 1)
+        row = cell * (self._clusters + 1) + leaf // self._wide
+        low, high = (dr.gather(mi.Float, self._likely, row + i, active) for i in (0, 1))
+        return dr.gather(mi.Float, self._density, leaf, active) * per_area * dr.abs(dr.dot(ng, towards)) * (high - low)
+
+
+def arriving(tracer, place, density, p, n, ng, active):
+    """Light that comes to a vertex from a `place`, over pi, with the place's share of the work.
+
+    A place is its position, normal and radiance. It is connected to vertices with this density, per m^2; rays of the
+    cosine lobe do the rest, by the balance heuristic (Veach and Guibas 1995).
+    """
+    at, at_ng, light = place
+    offset = at - p
+    squared = dr.squared_norm(offset)
+    distance = dr.sqrt(squared)
+    wi = offset / distance
+    cosine, facing = dr.dot(wi, n), -dr.dot(wi, at_ng)
+    active = active & (cosine > 0) & (dr.dot(wi, ng) > 0) & (facing > 0) & (squared > 0) & (dr.max(light) > 0)
+    active &= unoccluded(tracer, p, wi, distance, active)
+    if tracer.filtering is not None:
+        light = light * transmitted(tracer, p, wi, distance, active)[0]
+    by_ray = cosine * facing * dr.inv_pi / squared
+    return dr.select(active, light * by_ray / (by_ray + density), 0)
+
+
+def _color(row):
+    return mi.Color3f(row.x, row.y, row.z)

@@ -1,0 +1,74 @@
+"""The light in which paths end, from samples of it, with the lit places that they are connected to."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from .irradiance_cache import IrradianceCache, KnownLight
+from .lit_places import LitPlaces
+from .local_light import local_light
+from .tracer import Sampling, Tracer
+
+# Connections pay if they divide the variance of a path by at least PAYS, for they take half as long as the rest of it.
+# That is tried at so many points with so many paths in each half, by the geometric mean over them of noise relative to
+# the light around, of which less than NOISE_LEAST does no harm.
+PAYS = 1.6
+TRIED, TRIED_PATHS, NOISE_LEAST = 4096, 32, 0.02
+
+
+def known_light(
+    tracer: Tracer,
+    position: np.ndarray,
+    normal: np.ndarray,
+    a: np.ndarray,
+    b: np.ndarray,
+    bounces: int,
+    before: KnownLight | None = None,
+) -> KnownLight:
+    """Known light from both halves `a` and `b` (S, 3) of B at samples, position (S, 3) m and normal (S, 3) unit.
+
+    Paths of at most so many `bounces` will end in it. They are connected to lit places if that pays. `before` is what
+    the paths of the samples ended in: its lit places stay.
+    """
+    light = IrradianceCache.halves(position, normal, a, b, tracer.blocked)
+    if before:
+        return _with(light, before.a.lit, before.b.lit)
+    if not tracer.lights.count:
+        return light
+    from .learned_places import learn
+
+    connected = _with(light, *(learn(tracer, position, normal, seed) for seed in range(2)))
+    return connected if len(connected.a.lit) and _pays(tracer, position, normal, bounces, light, connected) else light
+
+
+def _pays(tracer: Tracer, position, normal, bounces: int, plain: KnownLight, connected: KnownLight) -> bool:
+    """Whether connections take enough of the variance of paths away that end in known light."""
+    some = np.random.default_rng(0).permutation(len(position))[:TRIED]
+    points, sampling = (position[some], normal[some], normal[some]), Sampling(TRIED_PATHS, bounces)
+    sides = plain, connected
+    tried = [[half.mean for half in tracer.halves(*points, sampling, seed, known=k)] for seed, k in enumerate(sides)]
+    mean_before, mean_after = ((a + b) / 2 for a, b in tried)
+    # The difference of the means has the variance of both, and shows what plain paths hardly ever find.
+    both = local_light(*points[:2], mean_before, mean_after)
+    either = np.square(2 * both.noise / both.level) + NOISE_LEAST**2
+    after = np.square(local_light(*points[:2], *tried[1]).noise / both.level) + NOISE_LEAST**2
+    return np.log(either / after).mean() > np.log(1 + PAYS)
+
+
+def known_light_again(
+    tracer: Tracer, position: np.ndarray, normal: np.ndarray, a: np.ndarray, b: np.ndarray, edited: KnownLight
+) -> KnownLight:
+    """The same after an edit of a scene whose known light was `edited`: in its cells, and by its directions of lights.
+
+    So paths that meet nothing changed bring the same bits.
+    """
+    light = IrradianceCache.halves(position, normal, a, b, tracer.blocked, edited.a)
+    if not len(edited.a.lit):
+        return light
+    from .learned_places import lit_again
+
+    return _with(light, *(lit_again(tracer, half.lit) for half in (edited.a, edited.b)))
+
+
+def _with(light: KnownLight, a: LitPlaces, b: LitPlaces) -> KnownLight:
+    return KnownLight(replace(light.a, lit=a), replace(light.b, lit=b))
