@@ -29,9 +29,9 @@ def estimate(plan: Plan) -> dict[str, float]:
 class Rates:
     """What parts of a bake take on this machine, in seconds.
 
-    `whole` is a path, and `gathering` one that ends in known light. `fit` are the parts of the fit of the plan `of`
-    which was timed. A view is `prepared` once and `evaluated`; those held out are `looked` at several times during the
-    fit, before which they are prepared.
+    `whole` is a path, and `gathering` one that ends in known light, `connected` to lit places or not. `fit` are the
+    parts of the fit of the plan `of` which was timed. A view is `prepared` once and `evaluated`; those held out are
+    `looked` at several times during the fit, before which they are prepared.
     """
 
     of: Plan
@@ -41,13 +41,15 @@ class Rates:
     prepared: float
     looked: float
     evaluated: float
+    connected: bool = False
 
     @staticmethod
     def timed(plan: Plan) -> "Rates":
         """Time the parts of a plan's bake."""
         parts = _fits(plan).parts_on_grey_light(plan, STEPS)
         fit = tuple(_seconds(run) for run in parts)
-        return Rates(plan, *_seconds_per_path(plan), fit, *_seconds_per_view(plan))
+        whole, gathering, connected = _seconds_per_path(plan)
+        return Rates(plan, whole, gathering, fit, *_seconds_per_view(plan), connected)
 
     def seconds(self, plan: Plan, evaluate: bool = True) -> dict[str, float]:
         """The seconds of each stage of the bake of another plan for the same scene.
@@ -58,7 +60,8 @@ class Rates:
         path = self.gathering if plan.known_paths else self.whole
         fit = sum(self.fits(plan))
         stages = {"known light": known} if plan.known_paths else {}
-        irradiance = path * (plan.paths - plan.known_paths)
+        samples = plan.connected_samples if self.connected else plan.samples
+        irradiance = path * (plan.points * samples + plan.free_paths)
         stages |= {"irradiance": irradiance, "fit": fit}
         if plan.groups:
             stages |= {f"light group {name}": known + irradiance + self.solved(plan) for name in plan.groups}
@@ -96,13 +99,17 @@ def _fits(plan: Plan):
     return fits
 
 
-def _seconds_per_path(plan: Plan) -> tuple[float, float]:
-    """Seconds of a whole path, and of one that ends in known light, from points that people see."""
+def _seconds_per_path(plan: Plan) -> tuple[float, float, bool]:
+    """Seconds of a whole path, and of one that ends in known light, from points that people see.
+
+    Also whether the latter are connected to lit places.
+    """
     from gsgi.baker.trace.irradiance_cache import IrradianceCache
+    from gsgi.baker.trace.known_light import known_light
 
     seen, tracer = plan.placement.importance, plan.tracer.tracer
     if not len(seen.position):
-        return 0.0, 0.0
+        return 0.0, 0.0, False
     index = np.random.default_rng(plan.settings.seed).integers(len(seen.position), size=POINTS)
     position, normal = seen.position[index], seen.normal[index]
     sampling = Sampling(SAMPLES, plan.settings.bounces)
@@ -117,7 +124,8 @@ def _seconds_per_path(plan: Plan) -> tuple[float, float]:
         return _seconds(lambda: trace(known)) / (POINTS * SAMPLES)
 
     whole = seconds(None)
-    return whole, seconds(IrradianceCache.halves(position, normal, lights[-1], lights[-1]).a)
+    known = known_light(tracer, position, normal, lights[-1], lights[-1], plan.settings.bounces).a
+    return whole, seconds(known), len(known.lit) > 0
 
 
 def _seconds_per_view(plan: Plan) -> tuple[float, float, float]:

@@ -121,11 +121,24 @@ class Plan:
 
     @property
     def samples(self) -> float:
-        """Expected number of paths per pixel or surface sample, on average; with the `error` 0 it is exact."""
+        """Expected number of paths per pixel or surface sample, on average; with the `error` 0 it is exact.
+
+        Where they are connected to lit places, `connected_samples` are traced instead.
+        """
         if self.settings.operator == "surface":
-            most = path_count(surface_layers(self.settings.budget, self.settings.samples)) / self.points
-            return self.pilot.gathered_samples(self.settings.error, surface_budget.PATHS_STEP, most)
+            return self.pilot.gathered_samples(self.settings.error, surface_budget.PATHS_STEP, self._most_paths)
         return self.pilot.samples(self.sampling)
+
+    @property
+    def connected_samples(self) -> float:
+        """The same with `surface` where paths are connected to lit places."""
+        most = max(surface_budget.CONNECTED_PATHS * self._most_paths, surface_budget.PATHS_STEP)
+        error = self.settings.error / surface_budget.CONNECTED_NOISE
+        return self.pilot.gathered_samples(error, surface_budget.PATHS_STEP, most)
+
+    @property
+    def _most_paths(self) -> float:
+        return path_count(surface_layers(self.settings.budget, self.settings.samples)) / self.points
 
     @property
     def free_paths(self) -> int:

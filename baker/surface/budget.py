@@ -16,6 +16,10 @@ FREE_PER_GAUSSIAN = 256  # samples in free space per coarse Gaussian: nine coeff
 
 PATHS_STEP = 2 * PASS_SAMPLES  # per sample: one pass of each half
 
+# Where paths are connected to lit places (see `baker.trace.lit_places`), a path has about so much noise, relative to
+# one that is not, and this share of the paths is enough.
+CONNECTED_PATHS, CONNECTED_NOISE = 1 / 4, 1 / 2
+
 
 def coarse_count(budget: int) -> int:
     """Gaussians of the coarse level, at least one; the rest of the budget is for the fine level."""

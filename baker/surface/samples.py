@@ -13,7 +13,7 @@ from gsgi.baker.trace.known_light import known_light
 from gsgi.baker.trace.local_light import local_light
 from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling
 
-from .budget import PATHS_STEP, free_count, sample_count
+from .budget import CONNECTED_PATHS, PATHS_STEP, free_count, sample_count
 from .contrast import Contrast
 from .layers import Layer, Points, invalid, mean, traced
 from .seen_surface import SeenSurface
@@ -149,7 +149,8 @@ class Sampler:
         """Points are drawn from the surfaces `seen`.
 
         Paths end at the first surface whose B is `known` (final gathering, Reichert 1992). A sample
-        takes no further layer once the noise around it is below `error` times the light there. `mapped`: whether B is
+        takes no further layer once the noise around it is below `error` times the light there, or after CONNECTED_PATHS
+        of them where paths are connected to lit places. `mapped`: whether B is
         that of mapped normals, not of interpolated ones.
         """
         self._tracer, self._seen, self._seed, self._known = tracer, seen, seed, known
@@ -198,6 +199,11 @@ class Sampler:
     def prepared(self) -> bool:
         """Whether the light in which paths end has been traced, or none is needed."""
         return self._known is None or self._known_samples is not None
+
+    @property
+    def connected(self) -> bool:
+        """Whether paths are connected to lit places, which is known once this is prepared."""
+        return self.known_light is not None and len(self.known_light.a.lit) > 0
 
     @property
     def rounds(self) -> tuple["Known", ...]:
@@ -255,8 +261,9 @@ class Sampler:
         there: list[Layer] = []
         keys = self.entries[f"{stage}-{number}"] = [key]
         done = np.zeros(len(points.position), np.uint32)
+        most = max(round(CONNECTED_PATHS * layers), 1) if self.connected else layers
         for layer in range(layers):
-            noisy = self._noisy(points, there)
+            noisy = self._noisy(points, there) & (layer < most)
             advance(float((~noisy).sum()) * PATHS_STEP)
             if noisy.any() or not layer:
                 found, layer_key = self._layer(key, points, noisy, done, seed, advance)

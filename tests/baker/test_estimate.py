@@ -60,7 +60,7 @@ def traced(monkeypatch) -> list[int]:
 @pytest.mark.parametrize("operator", OPERATORS)
 def test_a_bake_traces_the_paths_that_were_announced(closed, traced, monkeypatch, operator):
     plan = replace(closed, settings=replace(closed.settings, operator=operator))
-    monkeypatch.setattr(estimating, "_seconds_per_path", lambda plan: (1.0, 1.0))
+    monkeypatch.setattr(estimating, "_seconds_per_path", lambda plan: (1.0, 1.0, False))
     announced = estimate(plan)
     report = job.run(plan, Progress(), lambda data, count: None).as_dict()
     assert sum(traced) == sum(paths for stage, paths in announced.items() if stage not in {"fit", "evaluation"})
@@ -87,7 +87,7 @@ def test_all_parts_of_a_fit_are_timed(closed, monkeypatch, operator, parts):
     """Steps, and with `surface` the solutions for the colours and the coarse level: each with its number of runs."""
     plan = replace(closed, settings=replace(closed.settings, operator=operator))
     runs = []
-    monkeypatch.setattr(estimating, "_seconds_per_path", lambda plan: (0.0, 0.0))
+    monkeypatch.setattr(estimating, "_seconds_per_path", lambda plan: (0.0, 0.0, False))
     monkeypatch.setattr(estimating, "_seconds_per_view", lambda plan: (0.0, 0.0, 0.0))
     monkeypatch.setattr(estimating, "_seconds", lambda run: (run(), runs.append(run), 10.0 ** len(runs))[2])
     fit = estimate(plan)["fit"]

@@ -18,11 +18,11 @@ from gsgi.baker.surface.samples import (
     surface_layers,
 )
 from gsgi.baker.surface.seen_surface import SeenSurface
-from gsgi.baker.trace import cached_tracer
+from gsgi.baker.trace import cached_tracer, known_light
 from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.baker.trace.tracer import BOUNCES_MAX, Tracer
 from gsgi.runtime.camera import Camera, look_at
-from gsgi.runtime.scene import Environment, Material, Scene
+from gsgi.runtime.scene import Environment, Light, Material, Scene
 
 CHUNK = 4096
 BOUNCES = 2
@@ -320,6 +320,20 @@ def test_quiet_points_take_no_further_layers(traced):
     assert counts[0] == 1
     assert counts[-1] == 8
     assert 1 < counts[1] < 8
+
+
+def test_paths_that_are_connected_take_a_quarter_of_the_layers(traced, monkeypatch):
+    monkeypatch.setattr(known_light, "PAYS", 0.0)
+    spot = Light("spot", np.full(3, 9.0), np.zeros(3), np.array([0.0, -1.0, 0.0]), cos_inner=0.99, cos_outer=0.97)
+    room = Scene(tuple(scenes.box()), (Material("wall", (0.5, 0.5, 0.5, 1.0)),), lights=(spot,))
+    connected = prepared(gathering(room))
+    assert connected.connected
+    assert not prepared(gathering(scenes.furnace())).connected
+    advanced = []
+    traced.clear()
+    connected.surface([8], lambda paths, *_: advanced.append(paths))
+    assert sum(traced) == 2 * PATHS_STEP * CHUNK
+    assert sum(advanced) == path_count([8])
 
 
 def test_gathered_samples_come_from_the_cache(tmp_path, traced):
