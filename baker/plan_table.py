@@ -78,13 +78,18 @@ def _surface_rows(plan: Plan) -> list[tuple[str, str, str]]:
     coarse = coarse_count(s.budget)
     most = -(-s.samples // PATHS_STEP) * PATHS_STEP
     until = f"until the standard error is below {s.error:.0%} of B there" if s.error else "all of them"
+    fewer = f", or {plan.connected_samples:.0f} if connections to lit places pay" if plan.scene.lights else ""
     return [
         ("SH degree", f"{FINE_DEGREE}", f"{COARSE_DEGREE} in the coarse level, which lights moving objects"),
         ("basis", FINE_BASIS, "over the plane of a Gaussian on a surface; constant over one in free space"),
         ("levels", f"{s.budget - coarse} + {coarse}", "Gaussians on surfaces, and in free space"),
         ("known light", f"{plan.known_paths / 1e6:.1f} M", "paths that find B on surfaces, where those of samples end"),
         ("samples", f"{plan.points}", "points on the surfaces that the views see"),
-        ("paths", f"{PATHS_STEP if s.error else most} to {most}", f"{until}: about {plan.samples:.0f} per sample"),
+        (
+            "paths",
+            f"{PATHS_STEP if s.error else most} to {most}",
+            f"{until}: about {plan.samples:.0f} per sample{fewer}",
+        ),
         ("free space", f"{plan.free_paths / 1e6:.1f} M", "paths from points in free space, for the coarse level"),
         ("fit", f"{s.iterations} steps", f"each step uses all samples{_search(plan)}"),
         *_group_rows(plan),
