@@ -52,8 +52,9 @@ class Settings:
     target_loss: search for the fewest Gaussians that reach this loss in held-out views, within the budget (None: that
     of high quality). size: edge of a view, px. samples: most paths per pixel of a view, or per surface sample. A pixel
     takes fewer if the standard error of B is below `error` * (B + its mean) earlier, a surface sample if it is below
-    `error` * the mean B of its neighbours; with `error` 0 all are traced. Where paths are connected
-    to lit places, a surface sample takes at most a quarter of them. bounces: surfaces that a path may visit after the point; None: enough that further ones add less than `bounce_fraction` of the picture.
+    `error` * the mean B of its neighbours; with `error` 0 all are traced. Where paths are connected to lit places, a
+    surface sample takes at most a quarter of them. bounces: surfaces that a path may visit after the point; None:
+    enough that further ones add less than `bounce_fraction` of the picture.
     ignore: effects (of EFFECTS) that the bake leaves out. metals: how metals reflect, one of METALS. Raises UsageError
     for an unknown operator, quality, effect or way to reflect, and for a number that is too small.
     """
