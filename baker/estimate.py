@@ -102,7 +102,7 @@ def _fits(plan: Plan):
 def _seconds_per_path(plan: Plan) -> tuple[float, float, bool]:
     """Seconds of a whole path, and of one that ends in known light, from points that people see.
 
-    Also whether the latter are connected to lit places.
+    Also whether the latter are connected to lit places. Where no path ends in known light, it is not timed.
     """
     from gsgi.baker.trace.irradiance_cache import IrradianceCache
     from gsgi.baker.trace.known_light import known_light
@@ -124,6 +124,8 @@ def _seconds_per_path(plan: Plan) -> tuple[float, float, bool]:
         return _seconds(lambda: trace(known)) / (POINTS * SAMPLES)
 
     whole = seconds(None)
+    if not plan.known_paths:
+        return whole, whole, False
     known = known_light(tracer, position, normal, lights[-1], lights[-1], plan.settings.bounces).a
     return whole, seconds(known), len(known.lit) > 0
 

@@ -126,19 +126,23 @@ class Plan:
         Where they are connected to lit places, `connected_samples` are traced instead.
         """
         if self.settings.operator == "surface":
-            return self.pilot.gathered_samples(self.settings.error, surface_budget.PATHS_STEP, self._most_paths)
+            return self._gathered_samples(self.settings.error, self._layers)
         return self.pilot.samples(self.sampling)
 
     @property
     def connected_samples(self) -> float:
         """The same with `surface` where paths are connected to lit places."""
-        most = max(surface_budget.CONNECTED_PATHS * self._most_paths, surface_budget.PATHS_STEP)
         error = self.settings.error / surface_budget.CONNECTED_NOISE
-        return self.pilot.gathered_samples(error, surface_budget.PATHS_STEP, most)
+        return self._gathered_samples(error, surface_budget.connected_layers(self._layers))
 
     @property
-    def _most_paths(self) -> float:
-        return path_count(surface_layers(self.settings.budget, self.settings.samples)) / self.points
+    def _layers(self) -> int:
+        """Most layers of paths of each chunk of surface samples."""
+        return surface_layers(self.settings.budget, self.settings.samples)[0]
+
+    def _gathered_samples(self, error: float, layers: int) -> float:
+        step = surface_budget.PATHS_STEP
+        return self.pilot.gathered_samples(error, step, float(step * layers))
 
     @property
     def free_paths(self) -> int:

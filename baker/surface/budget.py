@@ -36,6 +36,11 @@ def free_count(budget: int) -> int:
     return FREE_PER_GAUSSIAN * coarse_count(budget)
 
 
+def connected_layers(layers: int) -> int:
+    """Layers of paths that are traced of so many where paths are connected to lit places."""
+    return max(round(CONNECTED_PATHS * layers), 1)
+
+
 def file_bytes(budget: int, groups: int = 0, bumpy: bool = False) -> int:
     """Bytes that a file with `budget` Gaussians and so many light groups hardly exceeds, of a `bumpy` scene or not."""
     coarse = coarse_count(budget)

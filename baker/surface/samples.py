@@ -13,7 +13,7 @@ from gsgi.baker.trace.known_light import known_light
 from gsgi.baker.trace.local_light import local_light
 from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling
 
-from .budget import CONNECTED_PATHS, PATHS_STEP, free_count, sample_count
+from .budget import PATHS_STEP, connected_layers, free_count, sample_count
 from .contrast import Contrast
 from .layers import Layer, Points, invalid, mean, traced
 from .seen_surface import SeenSurface
@@ -148,10 +148,9 @@ class Sampler:
     ):
         """Points are drawn from the surfaces `seen`.
 
-        Paths end at the first surface whose B is `known` (final gathering, Reichert 1992). A sample
-        takes no further layer once the noise around it is below `error` times the light there, or after CONNECTED_PATHS
-        of them where paths are connected to lit places. `mapped`: whether B is
-        that of mapped normals, not of interpolated ones.
+        Paths end at the first surface whose B is `known` (final gathering, Reichert 1992). A sample takes no further
+        layer once the noise around it is below `error` times the light there, or after `connected_layers` where paths
+        are connected to lit places. `mapped`: whether B is that of mapped normals, not of interpolated ones.
         """
         self._tracer, self._seen, self._seed, self._known = tracer, seen, seed, known
         self._sampling, self._error, self._mapped = Sampling(PASS_SAMPLES, bounces), error, mapped
@@ -261,7 +260,7 @@ class Sampler:
         there: list[Layer] = []
         keys = self.entries[f"{stage}-{number}"] = [key]
         done = np.zeros(len(points.position), np.uint32)
-        most = max(round(CONNECTED_PATHS * layers), 1) if self.connected else layers
+        most = connected_layers(layers) if self.connected else layers
         for layer in range(layers):
             noisy = self._noisy(points, there) & (layer < most)
             advance(float((~noisy).sum()) * PATHS_STEP)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from .light_cells import LightCells
-from .light_choice import FoundCell, chosen, rows_below
+from .light_choice import FoundCell, chosen, found_leaf, rows_below
 from .lit_places import LitPlaces
 from .mitsuba_scene import load_mitsuba
 from .rays import transmitted, unoccluded
@@ -43,11 +43,8 @@ class Connections:
     def density(self, lights, index, p, ng, cell, active):
         """The density, per m^2, in which vertices in `cell` are connected to p, a place that light `index` lights."""
         at, per_area, towards = lights.left(index, p)
-        node = mi.UInt32(0)
-        for _ in range(self._leaves.bit_length() - 1):
-            row = dr.gather(mi.Vector2f, self._node, index * (self._leaves - 1) + node, active)
-            node = 2 * node + dr.select(dr.select(row.y == 0, at.x, at.y) >= row.x, mi.UInt32(2), mi.UInt32(1))
-        leaf = index * self._leaves + node - (self._leaves - 1)
+        first, depth = index * (self._leaves - 1), self._leaves.bit_length() - 1
+        leaf = index * self._leaves + found_leaf(self._node, first, depth, (at.x, at.y), active)
         row = cell * (self._clusters + 1) + leaf // self._wide
         low, high = (dr.gather(mi.Float, self._likely, row + i, active) for i in (0, 1))
         return dr.gather(mi.Float, self._density, leaf, active) * per_area * dr.abs(dr.dot(ng, towards)) * (high - low)

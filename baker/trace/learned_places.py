@@ -10,11 +10,11 @@ import numpy as np
 from .connections import arriving
 from .learned_lights import likely
 from .light_cells import LightCells
-from .lit_places import CLUSTERS, EDGES, LIGHTS_MOST, PLACES, LitPlaces, corners, tree, tree_depth
+from .lit_places import ASKED, CLUSTERS, LIGHTS_MOST, PLACES, LitPlaces, corners, tree, tree_depth
 from .mitsuba_scene import load_mitsuba
-from .paths import LIGHT
+from .paths import LIGHT, is_unlit, punctual_light
 from .random_numbers import DIRECTION, Draws, hashed
-from .rays import closest_blocking, lifted_hit, lifted_point, side, transmitted, unoccluded
+from .rays import closest_blocking, lifted_hit, lifted_point, side
 
 mi = load_mitsuba()
 
@@ -52,7 +52,7 @@ def lit_again(tracer, lit: LitPlaces) -> LitPlaces:
     if not len(lit) or tracer.lights.count != len(lit.split):
         return LitPlaces()
     light = np.arange(len(lit)) // (len(lit) // len(lit.split))
-    asked = np.column_stack([lit.place[:, EDGES], light]).astype(np.float32)
+    asked = np.column_stack([lit.place[:, ASKED], light]).astype(np.float32)
     density = np.repeat(lit.density.ravel(), len(lit) // lit.density.size)
     found = tracer.launched(_found, asked, np.repeat(density[:, None], 3, axis=1))
     place = lit.place.copy()
@@ -66,7 +66,7 @@ def _asked(lit: LitPlaces, rng: np.random.Generator) -> np.ndarray:
     leaves = corners(lit.axis, lit.split).reshape(-1, 2, 2)
     low, high = np.repeat(leaves, max(PLACES // len(leaves), 1), axis=0).transpose(1, 0, 2)
     place = np.zeros((len(low), 12), np.float32)
-    place[:, EDGES] = low + (high - low) * rng.random(low.shape, np.float32)
+    place[:, ASKED] = low + (high - low) * rng.random(low.shape, np.float32)
     return place
 
 
@@ -127,17 +127,11 @@ def _lit(tracer, o, d, index, active):
     found = active & dr.isfinite(hit.t)
     ng, material, front = side(tracer, hit, d, found)
     found &= front | tracer.shading.is_double_sided(material, found)
-    if tracer.unlit:
-        found &= dr.gather(mi.Vector4f, tracer.shading.emission_table, material, found).w == 0
+    found &= ~is_unlit(tracer, material, found)
     at = lifted_hit(tracer, o, d, hit, ng, front, found)
-    wi, distance, color = tracer.lights.arriving(index, at)
-    cosine = dr.dot(wi, tracer.shading.shading_normal(hit.prim, hit.b, ng, found))
-    lit = found & (cosine > 0) & (dr.dot(wi, ng) > 0) & (dr.max(color) > 0)
-    lit &= unoccluded(tracer, at, wi, distance, lit)
-    if tracer.filtering is not None:
-        lit &= ~transmitted(tracer, at, wi, distance, lit)[1]
-    light = tracer.shading.albedo(material, hit.prim, hit.b, lit) * color * cosine * dr.inv_pi
-    return at, ng, found, dr.select(lit, light, 0)
+    n = tracer.shading.shading_normal(hit.prim, hit.b, ng, found)
+    light = punctual_light(tracer, at, n, ng, index, found, mi.Bool(False))
+    return at, ng, found, tracer.shading.albedo(material, hit.prim, hit.b, found) * light
 
 
 def _brought(tracer, position, normal, at, at_normal, light, density) -> dict[str, np.ndarray]:

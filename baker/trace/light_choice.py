@@ -22,14 +22,7 @@ class FoundCell:
 
     def find(self, p, n, active):
         """The cell of points with unit normals."""
-        node = mi.UInt32(0)
-        for _ in range(self._depth):
-            row = dr.gather(mi.Vector2f, self._node, node, active)
-            along = n.z
-            for axis, coordinate in reversed(list(enumerate((p.x, p.y, p.z, n.x, n.y)))):
-                along = dr.select(row.y == axis, coordinate, along)
-            node = 2 * node + dr.select(along >= row.x, mi.UInt32(2), mi.UInt32(1))
-        return node - (2**self._depth - 1)
+        return found_leaf(self._node, 0, self._depth, (p.x, p.y, p.z, n.x, n.y, n.z), active)
 
 
 class LightChoice:
@@ -86,6 +79,23 @@ class LightChoice:
     def within(self) -> np.ndarray:
         """The probability (L,) of each light in its own cluster."""
         return self._within.numpy()
+
+
+def found_leaf(nodes, first: int, depth: int, coordinates, active):
+    """The leaf of a complete k-d tree in which points with these `coordinates` lie, from 0 to 2^depth - 1.
+
+    `nodes` are the split and the axis of inner nodes, of which the tree's begin at `first`, with the two children of
+    node i at 2 i + 1 and 2 i + 2.
+    """
+    node = mi.UInt32(0)
+    *others, last = coordinates
+    for _ in range(depth):
+        row = dr.gather(mi.Vector2f, nodes, first + node, active)
+        along = last
+        for axis, coordinate in reversed(list(enumerate(others))):
+            along = dr.select(row.y == axis, coordinate, along)
+        node = 2 * node + dr.select(along >= row.x, mi.UInt32(2), mi.UInt32(1))
+    return node - (2**depth - 1)
 
 
 def rows_below(likely: np.ndarray) -> "mi.Float":

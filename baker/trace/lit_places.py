@@ -18,7 +18,7 @@ PLACES, LEAVES, CLUSTERS = 1 << 18, 1 << 11, 128  # of all lights, about
 EVEN, EVEN_LEAST = 0.2, 64
 NARROWEST = 1 / 16  # of a node's width: the width of its children, since directions can coincide
 
-EDGES = [7, 11]  # columns of places that hold their direction
+ASKED = [7, 11]  # columns of places with the direction in which their light was asked for them
 
 
 @dataclass(frozen=True)
@@ -51,8 +51,8 @@ class LitPlaces:
     def density(self) -> np.ndarray:
         """The density (L, 2^depth) float32 of a cluster's places in each leaf, over the square, as a share of all."""
         low, high = corners(self.axis, self.split).transpose(2, 0, 1, 3)
-        clusters_leaves = low.shape[0] * low.shape[1] // self.likely.shape[1]
-        return (1 / clusters_leaves / np.prod(high - low, axis=2, dtype=np.float64)).astype(np.float32)
+        leaves = low.shape[0] * low.shape[1] // self.likely.shape[1]  # of a cluster
+        return (1 / leaves / np.prod(high - low, axis=2, dtype=np.float64)).astype(np.float32)
 
 
 def tree_depth(lights: int) -> int:

@@ -300,7 +300,7 @@ def _next_vertex(tracer, draws, cell, p, n, ng, reflects, active):
         light += dr.select(escapes & (pdf > 0), radiance * _balance(pdf, density), 0)
     alive = visible & reflects
     reflectance = tracer.shading.albedo(material, hit.prim, hit.b, alive, jitter)
-    reflectance = dr.select(alive & ~_is_unlit(tracer, material, alive), reflectance, 0)
+    reflectance = dr.select(alive & ~is_unlit(tracer, material, alive), reflectance, 0)
     if tracer.filtering is not None:
         light, reflectance = light * factor, reflectance * factor
     next_n = tracer.shading.shading_normal(hit.prim, hit.b, front_ng, alive)
@@ -386,7 +386,8 @@ def _sample_environment(tracer, draws, p, n, ng, active):
     return dr.select(active, radiance * pdf / (density + pdf), 0)
 
 
-def _is_unlit(tracer, material, active):
+def is_unlit(tracer, material, active):
+    """Whether a surface of this material reflects nothing, as it is unlit."""
     if not tracer.unlit:
         return mi.Bool(False)
     return dr.gather(mi.Vector4f, tracer.shading.emission_table, material, active).w > 0
