@@ -14,7 +14,6 @@ from gsgi.baker.fitting.blue_noise import CANDIDATES, levelled, spacing, thin
 from gsgi.baker.fitting.rotations import rotation_to
 from gsgi.baker.fitting.schedule import Schedule, count_after
 from gsgi.baker.fitting.task import Monitor
-from gsgi.baker.trace.local_light import blocks
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime import constants
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
@@ -216,8 +215,8 @@ def where_wrong(
     noise-free one, averaged over blocks of neighbours on the same surface.
     """
     error = optimiser.error(gaussians)[: len(surface)]
-    block = blocks(surface.position, surface.normal)
-    around = np.maximum(np.bincount(block, error) / np.maximum(np.bincount(block), 1), 0)[block]
+    (around,) = surface.blocks.means(error)
+    around = np.maximum(around, 0)[surface.blocks.number]
     wrong = np.flatnonzero(around)
     count = max(min(room, len(wrong) // BADLY_FITTED), 0)
     number = min(CANDIDATES * count, len(wrong))

@@ -12,7 +12,7 @@ import numpy as np
 from gsgi.baker.fitting.rotations import axes
 from gsgi.baker.native import kernels
 from gsgi.baker.neighbours import Neighbours
-from gsgi.baker.trace.local_light import FAINT, LocalLight, blocks, local_light, nearby_light
+from gsgi.baker.trace.local_light import FAINT, LocalLight, nearby_light
 from gsgi.baker.trace.point_order import coherent
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
@@ -25,7 +25,7 @@ GREY = 0.5  # times its mean over the channels is added to light for that: what 
 VARIES = 0.5  # standard deviation of the light of neighbours, relative to its mean
 SIGNIFICANT = 3.0  # standard deviations of the noise, by which a sample is darker than its neighbours
 BLACK = 2.0  # times the level to which eyes adapt at least: less light is as good as none
-LEAK = 0.01  # of the light on the bright side of a wall: less on a black side is within tolerance
+LEAK = 0.003  # of the light on the bright side of a wall: less on a black side is within tolerance
 SPACE_LEAK = 0.02  # the same in free space, where things move: black there must not smudge a bright wall
 NEIGHBOURS = 8  # samples over whose light is averaged, as far as they see each other
 
@@ -42,7 +42,7 @@ SIDE = 0.3  # cosine to the nearest point within which points are on the same si
 
 
 def seen_light(surface: SurfaceSamples, free: SurfaceSamples, triangles: Triangles) -> LocalLight:
-    """The light around samples as `local_light` has it, but only over neighbours that see each other.
+    """The light around samples as their blocks have it, but only over neighbours that see each other.
 
     Those of the `surface` come first. Where light varies among neighbours on the same surface, they may lie on both
     sides of a wall. Where all is as good as black, the level is not below LEAK of the light nearby, so that a black
@@ -58,21 +58,20 @@ def seen_light(surface: SurfaceSamples, free: SurfaceSamples, triangles: Triangl
     nearby = np.maximum(nearby_light(samples.position, bright), 0)
     black = level < BLACK * FAINT * bright.sum(dtype=np.float64) / max(len(bright), 1)
     level[black] = np.hypot(level[black], LEAK * nearby[black])
+    noise = np.where(black, around.noise / around.level * level, around.noise)
     space = slice(len(surface), None)
     level[space] = np.maximum(level[space], SPACE_LEAK * nearby[space])
-    return LocalLight(level, around.noise)
+    return LocalLight(level, noise)
 
 
 def _around(samples: SurfaceSamples) -> tuple[LocalLight, np.ndarray]:
-    """The `local_light` of samples, and where (S,) bool it varies among neighbours by more than their noise."""
+    """The light around samples, and where (S,) bool it varies among neighbours by more than their noise."""
     halves = samples.indirect_a, samples.indirect_b
-    around = local_light(samples.position, samples.normal, *halves)
+    around = samples.blocks.light(*halves)
     a, b = (half.mean(axis=1, dtype=np.float64) for half in halves)
-    block = blocks(samples.position, samples.normal)
-    count = np.bincount(block)
-    mean_a, mean_b, product = (np.bincount(block, values) / count for values in (a, b, a * b))
+    mean_a, mean_b, product = samples.blocks.means(a, b, a * b)
     varies = around.level > FACTOR * samples.indirect.mean(axis=1) + SIGNIFICANT * around.noise
-    return around, varies | (product - mean_a * mean_b > VARIES**2 * mean_a * mean_b)[block]
+    return around, varies | (product - mean_a * mean_b > VARIES**2 * mean_a * mean_b)[samples.blocks.number]
 
 
 class Occlusion:

@@ -8,7 +8,7 @@ import numpy as np
 
 from gsgi.baker.fitting.rotations import axes
 from gsgi.baker.native import kernels
-from gsgi.baker.trace.local_light import LocalLight, local_light
+from gsgi.baker.trace.local_light import LocalLight
 from gsgi.baker.trace.point_order import coherent
 from gsgi.runtime import constants
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
@@ -62,7 +62,7 @@ class SurfaceOptimiser:
     ):
         """`around` is the light around the samples; by default that of their neighbours on the same surface."""
         self._order = order = coherent(samples.position, samples.normal)
-        around = around or local_light(samples.position, samples.normal, samples.indirect_a, samples.indirect_b)
+        around = around or samples.blocks.light(samples.indirect_a, samples.indirect_b)
         samples, around = samples[order], LocalLight(*(values[order] for values in around))
         self._bent = samples.indirect_a, samples.indirect_b, samples.indirect
         self._a, self._b, self._light = self._bent

@@ -10,7 +10,7 @@ import numpy as np
 from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.baker.trace.irradiance_cache import KnownLight
 from gsgi.baker.trace.known_light import known_light
-from gsgi.baker.trace.local_light import local_light
+from gsgi.baker.trace.local_light import Blocks
 from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling
 
 from .budget import PATHS_STEP, connected_layers, free_count, sample_count
@@ -61,6 +61,11 @@ class SurfaceSamples:
     def indirect(self) -> np.ndarray:
         """B, the mean of both halves."""
         return (self.indirect_a + self.indirect_b) / 2
+
+    @cached_property
+    def blocks(self) -> Blocks:
+        """Those of the samples."""
+        return Blocks.of(self.position, self.normal)
 
     def __len__(self) -> int:
         return len(self.position)
@@ -257,12 +262,12 @@ class Sampler:
         """One chunk of the samples of `surface` or `free`, which `stage` names."""
         seed = self._chunk_seed(stage, number)
         key, points = self._points(stage, number)
-        there: list[Layer] = []
+        blocks, there = Blocks.of(points.position, points.normal), []
         keys = self.entries[f"{stage}-{number}"] = [key]
         done = np.zeros(len(points.position), np.uint32)
         most = connected_layers(layers) if self.connected else layers
         for layer in range(layers):
-            noisy = self._noisy(points, there) & (layer < most)
+            noisy = self._noisy(blocks, there) & (layer < most)
             advance(float((~noisy).sum()) * PATHS_STEP)
             if noisy.any() or not layer:
                 found, layer_key = self._layer(key, points, noisy, done, seed, advance)
@@ -275,12 +280,11 @@ class Sampler:
         """The normals (P, 3) that B belongs to."""
         return points.shading_normal if self._mapped else points.normal
 
-    def _noisy(self, points: Points, there: list[Layer]) -> np.ndarray:
-        """Which points (P,) bool take a further layer than those `there`."""
+    def _noisy(self, blocks: Blocks, there: list[Layer]) -> np.ndarray:
+        """Which points (P,) bool, in `blocks`, take a further layer than those `there`."""
         if not (there and self._error):
-            return np.ones(len(points.position), bool)
-        halves = (np.nan_to_num(mean(there, half)) for half in "ab")
-        light = local_light(points.position, points.normal, *halves)
+            return np.ones(len(blocks.number), bool)
+        light = blocks.light(*(np.nan_to_num(mean(there, half)) for half in "ab"))
         return light.noise > self._error * light.level
 
     def _layer(

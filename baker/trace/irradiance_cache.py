@@ -128,8 +128,9 @@ def _divided(position, normal, of, use, corner, edge: float, blocked: Blocked) -
     for axis, along in enumerate(np.eye(3)):
         along = along - up[:, axis, None] * up
         for side in (0.0, edge):
-            reach = (side - within[:, axis]) / np.maximum(along[:, axis], np.finfo(np.float64).tiny)
-            way = np.clip(reach, -edge, edge)[:, None] * along
+            # At most an edge along the surface, which may hardly lead that way.
+            reach = np.clip(side - within[:, axis], -edge * along[:, axis], edge * along[:, axis])
+            way = (reach / np.maximum(along[:, axis], np.finfo(np.float32).tiny))[:, None] * along
             divided[cells[blocked(start, start + way.astype(np.float32))]] = True
     return divided
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from .irradiance_cache import IrradianceCache, KnownLight
 from .lit_places import LitPlaces
-from .local_light import local_light
+from .local_light import Blocks
 from .tracer import Sampling, Tracer
 
 # Connections pay if they divide the variance of a path by at least PAYS, for they take half as long as the rest of it.
@@ -49,9 +49,10 @@ def _pays(tracer: Tracer, position, normal, bounces: int, plain: KnownLight, con
     tried = [[half.mean for half in tracer.halves(*points, sampling, seed, known=k)] for seed, k in enumerate(sides)]
     mean_before, mean_after = ((a + b) / 2 for a, b in tried)
     # The difference of the means has the variance of both, and shows what plain paths hardly ever find.
-    both = local_light(*points[:2], mean_before, mean_after)
+    blocks = Blocks.of(*points[:2])
+    both = blocks.light(mean_before, mean_after)
     either = np.square(2 * both.noise / both.level) + NOISE_LEAST**2
-    after = np.square(local_light(*points[:2], *tried[1]).noise / both.level) + NOISE_LEAST**2
+    after = np.square(blocks.light(*tried[1]).noise / both.level) + NOISE_LEAST**2
     return np.log(either / after).mean() > np.log(1 + PAYS)
 
 

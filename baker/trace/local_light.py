@@ -4,18 +4,17 @@ People look from one place with eyes adapted to it, so errors count relative to 
 the scene.
 """
 
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from gsgi.baker.neighbours import Neighbours
 
-from .point_order import coherent
-
-BLOCK = 32  # points, neighbours in coherent order, whose mean light is what eyes adapt to
-NEIGHBOURS = 4  # blocks whose noise is averaged, itself included
+LEAST_POINTS = 16  # in a block, whose mean light is what eyes adapt to; there are less than twice as many
+TOGETHER = 8  # blocks, neighbours, whose noise is averaged
 NEARBY, ONE_IN = 16, 8  # points over which the light nearby is averaged, of one in so many
-TURN = 0.05  # of the diagonal: how far apart two blocks count whose normals differ by a right angle
 FAINT = 0.002  # of the mean B over all points: eyes in a scene adapt to no less
 LEAST = 1e-12  # radiance; its inverse square, times any squared radiance, is finite in float32
 
@@ -29,28 +28,78 @@ class LocalLight(NamedTuple):
     noise: np.ndarray
 
 
-def local_light(position: np.ndarray, normal: np.ndarray, a: np.ndarray, b: np.ndarray) -> LocalLight:
-    """The light around points (S, 3), m, with unit normals (S, 3), from both halves (S, 3) of B.
+@dataclass(frozen=True)
+class Blocks:
+    """Blocks of neighbours that face the same way: the leaves of a k-d tree (Bentley 1975) over points and normals.
 
-    The level is at least FAINT of its mean, and LEAST where all is black. Light that is not finite counts as black.
+    `number` (S,) int64 is the block of each of S points. Blocks with numbers that are near are neighbours.
     """
-    count = len(position)
-    if not count:
-        return LocalLight(np.empty(0, np.float32), np.empty(0, np.float32))
-    block = blocks(position, normal)
-    number = np.bincount(block)
 
-    def means(columns: np.ndarray) -> np.ndarray:
-        return (
-            np.stack([np.bincount(block, column) for column in columns.T.astype(np.float64)], axis=1) / number[:, None]
+    number: np.ndarray
+
+    @staticmethod
+    def of(position: np.ndarray, normal: np.ndarray) -> "Blocks":
+        """Those of points (S, 3), m, with unit normals (S, 3).
+
+        A turn counts as much as a step across all points of a node. So blocks depend on no other length: neither on a
+        wall's thickness nor on the extent of the scene.
+        """
+        count = len(position)
+        coordinates = np.concatenate([position, normal], axis=1).astype(np.float64)
+        coordinates[:, :3] -= coordinates[:, :3].mean(axis=0) if count else 0
+        order, first = np.arange(count), np.zeros(1, np.int64)
+        for _ in range((count // LEAST_POINTS).bit_length() - 1):
+            size = np.diff(first, append=count)
+            of = np.repeat(np.arange(len(first)), size)
+            axis = _widest(coordinates, first, size)
+            inner = np.lexsort((coordinates[np.arange(count), axis[of]], of))
+            coordinates, order = coordinates[inner], order[inner]
+            first = np.column_stack([first, first + size // 2]).ravel()
+        number = np.empty(count, np.int64)
+        number[order] = np.repeat(np.arange(len(first)), np.diff(first, append=count))
+        return Blocks(number)
+
+    @cached_property
+    def _count(self) -> np.ndarray:
+        return np.bincount(self.number)
+
+    def means(self, *values: np.ndarray) -> list[np.ndarray]:
+        """The mean over each block (B,) float64 of each of `values` (S,)."""
+        return [np.bincount(self.number, column) / self._count for column in values]
+
+    def light(self, a: np.ndarray, b: np.ndarray) -> LocalLight:
+        """The light around the points, from both halves (S, 3) of B.
+
+        The level is at least FAINT of its mean, and LEAST where all is black. Light that is not finite counts as black.
+        Noise is averaged relative to the level of each block: that of a bright room says nothing of a dark one beside
+        it.
+        """
+        if not len(self.number):
+            return LocalLight(np.empty(0, np.float32), np.empty(0, np.float32))
+        bright_a, bright_b = (half.mean(axis=1, dtype=np.float64) for half in (a, b))
+        light, variance = (
+            np.nan_to_num(values, posinf=0.0)
+            for values in ((bright_a + bright_b) / 2, np.square(bright_a - bright_b) / 4)
         )
+        level, variance = self.means(light, variance)
+        level = np.maximum(level, max(FAINT * float(light.mean()), LEAST))
+        group = np.arange(len(level)) // TOGETHER
+        relative = np.bincount(group, variance / np.square(level)) / np.bincount(group)
+        noise = np.sqrt(relative)[group] * level
+        return LocalLight(*(values[self.number].astype(np.float32) for values in (level, noise)))
 
-    bright_a, bright_b = (half.mean(axis=1, dtype=np.float64) for half in (a, b))
-    light = np.nan_to_num(np.stack([(bright_a + bright_b) / 2, np.square(bright_a - bright_b) / 4], axis=1), posinf=0.0)
-    level, variance = means(light).T
-    level = np.maximum(level, max(FAINT * float(light[:, 0].mean()), LEAST))
-    variance = variance[_near(means(position), means(normal))].mean(axis=1)
-    return LocalLight(level[block].astype(np.float32), np.sqrt(variance)[block].astype(np.float32))
+
+def _widest(coordinates: np.ndarray, first: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """The axis along which the points of each node spread most; nodes begin at `first` and have `size` points each."""
+    mean, square = (np.add.reduceat(values, first) / size[:, None] for values in (coordinates, np.square(coordinates)))
+    spread = square - np.square(mean)
+    spread[:, 3:] *= spread[:, :3].sum(axis=1, keepdims=True)
+    return spread.argmax(axis=1)
+
+
+def local_light(position: np.ndarray, normal: np.ndarray, a: np.ndarray, b: np.ndarray) -> LocalLight:
+    """The light around points (S, 3), m, with unit normals (S, 3), from both halves (S, 3) of B, in `Blocks`."""
+    return Blocks.of(position, normal).light(a, b)
 
 
 def nearby_light(position: np.ndarray, light: np.ndarray) -> np.ndarray:
@@ -60,17 +109,3 @@ def nearby_light(position: np.ndarray, light: np.ndarray) -> np.ndarray:
     some = slice(None, None, ONE_IN)
     _, near = Neighbours(position[some]).nearest(position, NEARBY)
     return light[some][near].mean(axis=1, dtype=np.float64).astype(np.float32)
-
-
-def blocks(position: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """The block (S,) int64 of neighbours to which each of points (S, 3), m, with unit normals (S, 3) belongs."""
-    block = np.empty(len(position), np.int64)
-    block[coherent(position, normal)] = np.arange(len(position)) // BLOCK
-    return block
-
-
-def _near(position: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """Indices (B, NEIGHBOURS) of the blocks nearest to each by place (B, 3) and mean normal (B, 3)."""
-    diagonal = float(np.linalg.norm(np.ptp(position, axis=0))) or 1.0
-    placed = np.concatenate([position, TURN * diagonal * normal], axis=1)
-    return Neighbours(placed).nearest(placed, NEIGHBOURS)[1]
