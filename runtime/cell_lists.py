@@ -84,7 +84,7 @@ def cell_lists(gaussians: Gaussians, radius: float) -> CellLists:
         return CellLists(low, np.float32(1), *nowhere)
     length = radius * gaussians.scale[used].max(axis=1)
     typical = np.median(length)
-    low, edge, size = _grid(gaussians.position[used], length, 2 * typical)
+    low, edge, size = _grid(gaussians.position[used], np.minimum(length, 2 * typical))
     bodies = _ellipsoids(gaussians, used, radius, low)
     fineness = float(np.clip(len(used) / FINENESS_COUNT, FINEST, COARSEST) * typical)
     levels = _descend(bodies, edge, size, 1 / length, fineness)
@@ -113,12 +113,11 @@ class _Level(NamedTuple):
     child: np.ndarray  # (M,) first of the eight nodes of the level below; -1: a leaf
 
 
-def _grid(position: np.ndarray, length: np.ndarray, margin: float) -> tuple[np.ndarray, np.float32, np.ndarray]:
-    """Lowest corner, edge and number of cells of a grid around the centres, and most of what they reach."""
-    low = np.maximum((position - length[:, None]).min(axis=0), position.min(axis=0) - margin)
-    high = np.minimum((position + length[:, None]).max(axis=0), position.max(axis=0) + margin)
+def _grid(position: np.ndarray, reach: np.ndarray) -> tuple[np.ndarray, np.float32, np.ndarray]:
+    """Lowest corner, edge and number of cells of a grid around what centres (N, 3) reach (N,), m."""
+    low, high = (position - reach[:, None]).min(axis=0), (position + reach[:, None]).max(axis=0)
     edge = np.float32((high - low).max() / ROOTS)
-    return low.astype(np.float32), edge, np.clip(np.ceil((high - low) / edge), 1, ROOTS).astype(np.int32)
+    return low, edge, np.clip(np.ceil((high - low) / edge), 1, ROOTS).astype(np.int32)
 
 
 def _ellipsoids(gaussians: Gaussians, used: np.ndarray, radius: float, low: np.ndarray) -> _Ellipsoids:

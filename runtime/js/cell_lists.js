@@ -1,61 +1,54 @@
 /** Which Gaussians reach each cell of space: an octree of lists, as runtime/cell_lists.py builds it. */
 
-const { abs, ceil, fround, hypot, max, min, sqrt } = Math;
-
 const ROOTS = 8; // cells along the longest edge of the box, before any is split
 const DEPTH_MAX = 20; // splits of a root; float32 coordinates within it have 24 bits
 const SPLIT_MIN = 24; // Gaussians in a cell that is worth eight more
 const SLACK = 1e-5; // of a root's edge and of an ellipsoid's radius; covers the rounding of float32 in shaders
-const FINEST = 0.07, COARSEST = 0.235, FINENESS_COUNT = 26000; // of a leaf: its edge over lengths, and over their median
+const FINEST = 0.07; // of a leaf: its edge over lengths, times its edge over their median
+const COARSEST = 0.235;
+const FINENESS_COUNT = 26000; // it grows with the number of Gaussians in between
 const HOISTED = 0.75; // the share of children with lists, above which what is in them is listed in the parent instead
 const TINY = 1.2e-38; // the smallest normal float32
-const AXES = [0, 1, 2];
 
 // What is known of an ellipsoid, SIZE numbers of one Float64Array; lengths are relative to `low` of the grid, m.
 const BOUND = 3; // after the centre [3]: half the bounding box [3]
 const WHITEN = 6; // axis i of coordinate j, times the shortest deviation over this one [3, 3]
 const INVERSE = 15; // 1 / the square of the length of what coordinate j becomes [3]
-const REACH = 18, SHORTNESS = 19; // the shortest semi-axis; 1 / the longest
+const REACH = 18; // the shortest semi-axis
+const SHORTNESS = 19; // 1 / the longest
 const SIZE = 20;
 
+const AXES = [0, 1, 2], { abs, max, min } = Math;
+
 /**
- * Lists of all Gaussians that have weight somewhere, by cells; they end `radius` standard deviations out.
+ * Appends lists of all Gaussians that have weight somewhere to `lists`, and the nodes by which they are found to
+ * `cells`, both as glsl/surface/lookup.glsl describes them. Gaussians end `radius` standard deviations out.
  *
- * `nodes` begins with the cells of a grid, z fastest: `size` [3] cubes of `edge` m from `low` [3] on; the next one is
- * for all points outside of it. A node lists Gaussians in `entries`, and with `child` > 0 it is split into the eight
- * nodes from there on: child + 4 x + 2 y + z, with 0 or 1 for the lower or upper half. A point is reached by no others
- * than those in the lists of the nodes around it.
+ * Returns the grid whose cells are the first nodes: `size` [3] cubes of `edge` m from `low` [3] on.
  */
-export function cellLists({ count, position, rotation, scale, opacity }, radius) {
-    const used = [], lengths = [];
-    for (let i = 0; i < count; ++i)
-        if (opacity[i] > 0) {
-            used.push(i);
-            lengths.push(radius * max(...scale.subarray(3 * i, 3 * i + 3)));
-        }
-    if (!used.length) return { low: [0, 0, 0], edge: 1, size: [0, 0, 0], nodes: [{ entries: [], child: 0 }] };
+export function appendLists({ position, rotation, scale, opacity }, radius, cells, lists) {
+    const used = [...opacity.keys()].filter((i) => opacity[i] > 0);
+    const lengths = used.map((i) => radius * max(...scale.subarray(3 * i, 3 * i + 3)));
+    if (!used.length) {
+        cells.push(0);
+        return { low: [0, 0, 0], edge: 1, size: [0, 0, 0] };
+    }
 
     // The grid is around the centres, and most of what they reach.
     const sorted = Float64Array.from(lengths).sort(), half = sorted.length >> 1;
     const typical = (sorted[half] + sorted[sorted.length - 1 - half]) / 2;
-    const extreme = (k, sign) => {
-        let centre = -Infinity, reach = -Infinity;
-        used.forEach((i, j) => {
-            centre = max(centre, sign * position[3 * i + k]);
-            reach = max(reach, sign * position[3 * i + k] + lengths[j]);
-        });
-        return sign * min(reach, centre + 2 * typical);
-    };
-    const low = AXES.map((k) => fround(extreme(k, -1))), extent = AXES.map((k) => extreme(k, 1) - low[k]);
-    const edge = fround(max(...extent) / ROOTS), size = extent.map((x) => min(max(ceil(x / edge), 1), ROOTS));
+    const farthest = (k, sign) => sign * used.reduce(
+        (most, i, j) => max(most, sign * position[3 * i + k] + min(lengths[j], 2 * typical)), -Infinity);
+    const low = AXES.map((k) => Math.fround(farthest(k, -1))), extent = AXES.map((k) => farthest(k, 1) - low[k]);
+    const edge = Math.fround(max(...extent) / ROOTS), size = extent.map((x) => min(max(Math.ceil(x / edge), 1), ROOTS));
 
     const reach = radius * (1 + SLACK), bodies = new Float64Array(SIZE * used.length);
     used.forEach((index, i) => {
-        const axes = axesOf(rotation.subarray(4 * index, 4 * index + 4)), body = bodies.subarray(SIZE * i);
+        const axes = axesOf(rotation.subarray(4 * index)), body = bodies.subarray(SIZE * i);
         const deviations = scale.subarray(3 * index, 3 * index + 3), shortest = min(...deviations);
         const whiten = axes.map((axis, k) => axis.map((x) => x * shortest / deviations[k]));
         body.set(AXES.map((k) => position[3 * index + k] - low[k]));
-        body.set(AXES.map((k) => reach * hypot(...axes.map((axis, j) => axis[k] * deviations[j]))), BOUND);
+        body.set(AXES.map((k) => reach * Math.hypot(...axes.map((axis, j) => axis[k] * deviations[j]))), BOUND);
         body.set(whiten.flat(), WHITEN);
         body.set(AXES.map((k) => 1 / max(whiten.reduce((sum, row) => sum + row[k] ** 2, 0), TINY)), INVERSE);
         body.set([reach * shortest, 1 / lengths[i]], REACH);
@@ -80,27 +73,31 @@ export function cellLists({ count, position, rotation, scale, opacity }, radius)
         return { members, list, children };
     }
 
-    /** Writes a cell to `nodes` at `index`, without what is listed above it, and its children behind all others. */
+    /** Writes a cell as the node `index`, without what is listed above it, and its children behind all others. */
     function emit(index, { list, children }) {
-        const own = list.filter((i) => !above[i]), child = children ? nodes.length : 0;
-        nodes[index] = { entries: own.map((i) => used[i]), child };
-        if (!children) return;
-        nodes.length += 8;
+        const own = list.filter((i) => !above[i]), child = children ? cells.length : 0;
+        cells[index] = child || own.length ? 2 * lists.length + (child ? 1 : 0) : 0;
+        if (child) lists.push(child & 0xffff, child >>> 16);
+        if (cells[index]) lists.push(own.length);
+        for (const i of own) lists.push(used[i]);
+        if (!child) return;
+        cells.length += 8;
         for (const i of own) above[i] = 1;
         children.forEach((each, corner) => emit(child + corner, each));
         for (const i of own) above[i] = 0;
     }
 
-    const nodes = Array(size[0] * size[1] * size[2] + 1), [, rows, columns] = size;
-    nodes[nodes.length - 1] = { child: 0, entries: used.filter((_, i) => AXES.some((k) => {
+    const first = cells.length, [, rows, columns] = size, outside = size[0] * rows * columns;
+    cells.length += outside + 1;
+    for (let i = 0; i < outside; ++i) {
+        const cell = [i / (rows * columns) | 0, (i / columns | 0) % rows, i % columns];
+        emit(first + i, grow(numbers, cell.map((x) => (x + 0.5) * edge), edge / 2, 0));
+    }
+    emit(first + outside, { list: numbers.filter((i) => AXES.some((k) => {
         const centre = bodies[SIZE * i + k], bound = bodies[SIZE * i + BOUND + k];
         return !(centre - bound > 0 && centre + bound < size[k] * edge);
-    })) };
-    for (let i = nodes.length - 2; i >= 0; --i) {
-        const cell = [i / (rows * columns) | 0, (i / columns | 0) % rows, i % columns];
-        emit(i, grow(numbers, cell.map((x) => (x + 0.5) * edge), edge / 2, 0));
-    }
-    return { low, edge, size, nodes };
+    })) });
+    return { low, edge, size };
 }
 
 /** The axes of a unit quaternion xyzw: the columns of its matrix (Shoemake 1985). */
@@ -141,7 +138,7 @@ function meet(bodies, at, half) {
     for (let k = 0; k < 3; ++k) move(k, point[k] - offset[k]);
     if (square() <= reach * reach) return true;
     for (let k = 0; k < 3; ++k) move(k, clamp(point[k] - across(k) * bodies[at + INVERSE + k], half) - point[k]);
-    let gap = -reach * sqrt(square());
+    let gap = -reach * Math.sqrt(square());
     for (let k = 0; k < 3; ++k) gap -= across(k) * offset[k] + half * abs(across(k));
     return !(gap > 0);
 }

@@ -5,8 +5,7 @@
 
 #include <string.h>
 
-#define HOISTED 0.75 /* the share of children with lists, above which what is in them is listed in the parent instead \
-                      */
+#define HOISTED 0.75 /* of the children with lists: what more of them would list is listed in the parent instead */
 
 /* Mark where pairs are listed: in leaves, and where most children would list them. */
 static bool mark_listed(gsgi__tree* b) {

@@ -25,31 +25,28 @@ static int ascending(const void* a, const void* b) {
 
 /* Low corner, edge and number of cells of a grid around the centres, and most of what they reach. */
 static bool make_grid(gsgi__tree* b, const gsgi__level* level, float radius) {
-    float* bounds = gsgi__tree_take(b, b->count, sizeof *bounds);
-    if (!bounds) return false;
-    float near_low[3], near_high[3], far_low[3], far_high[3], high[3], widest = 0.0f;
+    float* lengths = gsgi__tree_take(b, b->count, sizeof *lengths);
+    if (!lengths) return false;
     for (uint32_t i = 0; i < b->count; ++i) {
         const float* shape = level->shape.texels + (size_t)b->bodies[i].gaussian * GSGI_SHAPE_FLOATS;
-        const float bound =
+        lengths[i] = b->bodies[i].length =
             radius * fmaxf(gsgi__body_scale(shape, 0), fmaxf(gsgi__body_scale(shape, 1), gsgi__body_scale(shape, 2)));
-        for (int k = 0; k < 3; ++k) {
-            near_low[k] = i ? fminf(near_low[k], shape[k]) : shape[k];
-            near_high[k] = i ? fmaxf(near_high[k], shape[k]) : shape[k];
-            far_low[k] = i ? fminf(far_low[k], shape[k] - bound) : shape[k] - bound;
-            far_high[k] = i ? fmaxf(far_high[k], shape[k] + bound) : shape[k] + bound;
-        }
-        bounds[i] = b->bodies[i].length = bound;
     }
-    qsort(bounds, b->count, sizeof *bounds, ascending);
+    qsort(lengths, b->count, sizeof *lengths, ascending);
     const uint32_t half = b->count / 2;
-    b->typical = b->count % 2 ? bounds[half] : (bounds[half - 1] + bounds[half]) / 2.0f;
-    const float margin = 2.0f * b->typical;
-    gsgi__release(b->callbacks, bounds);
-    for (int k = 0; k < 3; ++k) {
-        b->low[k] = fmaxf(far_low[k], near_low[k] - margin);
-        high[k] = fminf(far_high[k], near_high[k] + margin);
-        widest = fmaxf(widest, high[k] - b->low[k]);
+    b->typical = b->count % 2 ? lengths[half] : (lengths[half - 1] + lengths[half]) / 2.0f;
+    gsgi__release(b->callbacks, lengths);
+
+    float high[3], widest = 0.0f;
+    for (uint32_t i = 0; i < b->count; ++i) {
+        const float* shape = level->shape.texels + (size_t)b->bodies[i].gaussian * GSGI_SHAPE_FLOATS;
+        const float reach = fminf(b->bodies[i].length, 2.0f * b->typical);
+        for (int k = 0; k < 3; ++k) {
+            b->low[k] = i ? fminf(b->low[k], shape[k] - reach) : shape[k] - reach;
+            high[k] = i ? fmaxf(high[k], shape[k] + reach) : shape[k] + reach;
+        }
     }
+    for (int k = 0; k < 3; ++k) widest = fmaxf(widest, high[k] - b->low[k]);
     b->edge = widest / (float)ROOTS;
     for (int k = 0; k < 3; ++k)
         b->size[k] = (int32_t)fminf(fmaxf(ceilf((high[k] - b->low[k]) / b->edge), 1.0f), (float)ROOTS);
