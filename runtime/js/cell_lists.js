@@ -109,9 +109,9 @@ export function axesOf([x, y, z, w]) {
     ];
 }
 
-const offset = new Float64Array(3), point = new Float64Array(3), white = new Float64Array(3); // of near() and meet()
+const offset = new Float64Array(3); // from the middle of near()'s cube to the centre
 
-/** Whether the box around an ellipsoid meets the cube around `middle`; leaves the way to its centre in `offset`. */
+/** Whether the box around an ellipsoid meets the cube around `middle`. */
 function near(bodies, at, middle, half) {
     for (let k = 0; k < 3; ++k) {
         offset[k] = bodies[at + k] - middle[k];
@@ -129,18 +129,24 @@ function near(bodies, at, middle, half) {
  * lost.
  */
 function meet(bodies, at, half) {
-    for (let k = 0; k < 3; ++k) point[k] = clamp(offset[k], half);
-    const w = at + WHITEN, reach = bodies[at + REACH];
-    const across = (k) => bodies[w + k] * white[0] + bodies[w + 3 + k] * white[1] + bodies[w + 6 + k] * white[2];
-    const square = () => white[0] * white[0] + white[1] * white[1] + white[2] * white[2];
-    const move = (k, step) => { for (let i = 0; i < 3; ++i) white[i] += bodies[w + 3 * i + k] * step; };
-    white.fill(0);
-    for (let k = 0; k < 3; ++k) move(k, point[k] - offset[k]);
-    if (square() <= reach * reach) return true;
-    for (let k = 0; k < 3; ++k) move(k, clamp(point[k] - across(k) * bodies[at + INVERSE + k], half) - point[k]);
-    let gap = -reach * Math.sqrt(square());
-    for (let k = 0; k < 3; ++k) gap -= across(k) * offset[k] + half * abs(across(k));
-    return !(gap > 0);
+    const [x, y, z] = offset, reach = bodies[at + REACH], w = at + WHITEN;
+    let u = 0, v = 0, t = 0, gap = 0; // what whitening makes of the way from the centre to the point
+    const move = (k, step) => {
+        u += bodies[w + k] * step;
+        v += bodies[w + 3 + k] * step;
+        t += bodies[w + 6 + k] * step;
+    };
+    const across = (k) => bodies[w + k] * u + bodies[w + 3 + k] * v + bodies[w + 6 + k] * t;
+    const px = clamp(x, half), py = clamp(y, half), pz = clamp(z, half);
+    move(0, px - x);
+    move(1, py - y);
+    move(2, pz - z);
+    if (u * u + v * v + t * t <= reach * reach) return true;
+    move(0, clamp(px - across(0) * bodies[at + INVERSE], half) - px);
+    move(1, clamp(py - across(1) * bodies[at + INVERSE + 1], half) - py);
+    move(2, clamp(pz - across(2) * bodies[at + INVERSE + 2], half) - pz);
+    const gx = across(0), gy = across(1), gz = across(2);
+    return !(-gx * x - gy * y - gz * z - half * (abs(gx) + abs(gy) + abs(gz)) > reach * Math.sqrt(u * u + v * v + t * t));
 }
 
 function clamp(x, half) {
