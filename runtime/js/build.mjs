@@ -68,13 +68,13 @@ function prefixed(source) {
     return source.replace(new RegExp(`\\b(${own.join("|")})\\b`, "g"), "gsgi_$1");
 }
 
-/** With the uniforms in the place of the parameters by which functions pass them on; texelFetch's own stay. */
+/** With the uniforms in the place of the parameters that pass them on; fetch_uint(), which reads two, keeps its own. */
 function bound(source) {
     const uniforms = /^uniform .*\n/gm, declared = source.match(uniforms).join("");
-    const passed = TEXTURES.map((name) => `(?:highp u?sampler2D |gsgi_)?${name},\\s*`);
-    const body = source.replace(uniforms, "").replace(new RegExp(passed.join(""), "g"), "")
-        .replace(/highp sampler2D (data|gaussians), |(?<=fetch_data\()gaussians, /g, "").replace(/(read_gaussian\()gaussians, /g, "$1")
-        .replace("texelFetch(data, ivec2", "texelFetch(gaussians, ivec2");
+    const body = source.replace(uniforms, "")
+        .replace(/highp u?sampler2D (?:gaussians|cells|lists),\s*|highp sampler2D data, /g, "") // parameters
+        .replace(/\b(?:gsgi_)?gaussians, (?:(?:gsgi_)?cells, (?:gsgi_)?lists, )?/g, "") // arguments
+        .replace("texelFetch(data, ", "texelFetch(gaussians, "); // the first, of fetch_data()
     return declared + body.replace(new RegExp(`\\b(${TEXTURES.join("|")})\\b`, "g"), "gsgi_$1");
 }
 
@@ -91,22 +91,27 @@ function shortNames(names, text, taken = []) {
     return new Map([...new Set(names)].sort((a, b) => count(b) - count(a)).map((name, i) => [name, free[i]]));
 }
 
-/** With short names of variables and parameters, of members of structs, and of functions and defines behind the prefix. */
+/** The first groups of all that a pattern finds. */
+function found(pattern, text) {
+    return [...text.matchAll(pattern)].map((match) => match[1]);
+}
+
+/** With short names of variables, parameters and members of structs, and behind the prefix of functions and structs. */
 function shortened(source) {
-    const found = (pattern, text) => [...text.matchAll(pattern)].map((match) => match[1]);
     const locals = source.replace(FUNCTION, (text) => {
         const type = /\b(?:float|int|uint|bool|[iu]?vec[234]|u?sampler2D|gsgi_Reader) (\w+)\b(?! *\()/g;
         const short = shortNames([...found(type, text), ...found(/, (\w+) = /g, text)], text);
         return text.replace(/(?<![.\w])\w+\b/g, (name) => short.get(name) ?? name);
     });
-    const struct = source.match(STRUCT).join(""), members = found(/ (\w{3,})(?=;|\[)/g, struct);
-    const swizzles = [..."xyzwrgbastpq"], ofMembers = shortNames(members, source, [...found(/ (\w)(?=;|\[)/g, struct), ...swizzles]);
-    const bare = locals.replace(STRUCT, (text) => text.replace(/ (\w+)(?=;|\[)/g, (all, name) => ` ${ofMembers.get(name) ?? name}`))
-        .replace(/\.(\w{3,})\b/g, (all, name) => `.${ofMembers.get(name) ?? name}`);
-    const kept = [...COUNTS, ...TEXTURES, "indirect"], own = found(/gsgi_(\w+)/g, bare).filter((name) => !kept.includes(name));
-    const ofOurs = shortNames(own.map((name) => `gsgi_${name}`), bare);
-    COUNTS.forEach((name, i) => ofOurs.set(`gsgi_${name}`, i)); // numbers, in whose place lookupSource() puts the counts
-    return bare.replace(/gsgi_\w+/g, (name) => ofOurs.has(name) ? `gsgi_${ofOurs.get(name)}` : name);
+    const struct = source.match(STRUCT).join(""), kept = found(/ (\w)(?=;|\[)/g, struct);
+    const members = shortNames(found(/ (\w{3,})(?=;|\[)/g, struct), source, [...kept, ..."xyzwrgbastpq"]); // no swizzles
+    const flat = locals
+        .replace(STRUCT, (text) => text.replace(/(?<= )\w+(?=;|\[)/g, (name) => members.get(name) ?? name))
+        .replace(/(?<=\.)\w{3,}\b/g, (name) => members.get(name) ?? name);
+    const seen = [...COUNTS, ...TEXTURES, "indirect"].map((name) => `gsgi_${name}`); // what hosts name
+    const ours = shortNames(found(/(gsgi_\w+)/g, flat).filter((name) => !seen.includes(name)), flat);
+    COUNTS.forEach((name, i) => ours.set(`gsgi_${name}`, i)); // lookupSource() puts the counts in the place of numbers
+    return flat.replace(/gsgi_\w+/g, (name) => ours.has(name) ? `gsgi_${ours.get(name)}` : name);
 }
 
 /** With numbers in the fewest digits that are the same float32. */
