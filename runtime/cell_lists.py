@@ -1,5 +1,6 @@
 """Which Gaussians reach each cell of space: an octree of lists, made at load for look-ups at single points."""
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -15,10 +16,10 @@ SPLIT_MIN = 24  # Gaussians in a cell that is worth eight more
 SLACK = 1e-5  # of a root's edge and of an ellipsoid's radius; covers the rounding of float32, here and in shaders
 CHUNK = 8192  # pairs whose children are tested at once: their temporary arrays stay in the L2 cache
 
-# The longer a cell is than its Gaussians, the more are listed that do not reach a point; the longer it is, the more
-# points of surfaces read its list. So it is split where its edge over their lengths, times its edge over the median of
-# all lengths, is larger than this. It grows with their number: few have short lists, and those of Sponza take 1 MB.
-FINEST, COARSEST, FINENESS_COUNT = 0.07, 0.235, 26_000
+# A cell is split where its edge over the mean length of its Gaussians is larger than this times the fourth root of its
+# edge over the median of all lengths: small Gaussians, which lie where people look, get the shorter lists. It grows
+# with the number of Gaussians, for few take little memory.
+FINEST, COARSEST, FINENESS_COUNT = 0.32, 0.5, 15_000
 HOISTED = 0.75  # the share of children with lists, above which what is in them is listed in the parent instead
 
 _TINY = np.finfo(np.float32).tiny
@@ -86,8 +87,8 @@ def cell_lists(gaussians: Gaussians, radius: float) -> CellLists:
     typical = np.median(length)
     low, edge, size = _grid(gaussians.position[used], np.minimum(length, 2 * typical))
     bodies = _ellipsoids(gaussians, used, radius, low)
-    fineness = float(np.clip(len(used) / FINENESS_COUNT, FINEST, COARSEST) * typical)
-    levels = _descend(bodies, edge, size, 1 / length, fineness)
+    fineness = float(np.clip(len(used) / FINENESS_COUNT, FINEST, COARSEST))
+    levels = _descend(bodies, edge, size, 1 / length, fineness, float(typical))
     low_side, high_side = bodies.centre - bodies.bound, bodies.centre + bodies.bound
     sticks_out = ~((low_side > 0) & (high_side < (size * edge)[:, None])).all(axis=0)
     first, child, entry = _assemble(levels, np.flatnonzero(sticks_out), int(size.prod()))
@@ -134,16 +135,18 @@ def _ellipsoids(gaussians: Gaussians, used: np.ndarray, radius: float, low: np.n
 
 
 def _descend(
-    bodies: _Ellipsoids, edge: np.float32, size: np.ndarray, shortness: np.ndarray, fineness: float
+    bodies: _Ellipsoids, edge: np.float32, size: np.ndarray, shortness: np.ndarray, fineness: float, typical: float
 ) -> list[_Level]:
-    """All levels, from the grid's cells to those that need no split. `shortness`: 1 / the length (N,) of each, 1/m."""
+    """All levels, from the grid's cells to those that need no split. `shortness`: 1 / the length (N,) of each, 1/m;
+    `typical`: the median of lengths, m."""
     gaussian, node, middle = _roots(bodies, edge, size)
     parent, half, levels = np.zeros(len(node), np.int64), edge / 2, []
     slack = np.float32(SLACK * edge)
     while True:
         count = np.bincount(node, minlength=middle.shape[1])
-        wish = float(2 * half) ** 2 * np.bincount(node, weights=shortness[gaussian], minlength=middle.shape[1])
-        split = (count >= SPLIT_MIN) & (wish > fineness * count) & (len(levels) < DEPTH_MAX)
+        wish = float(2 * half) * np.bincount(node, weights=shortness[gaussian], minlength=middle.shape[1])
+        least = fineness * math.sqrt(math.sqrt(float(2 * half) / typical))
+        split = (count >= SPLIT_MIN) & (wish > least * count) & (len(levels) < DEPTH_MAX)
         child = np.where(split, 8 * np.cumsum(split) - 8, -1)
         levels.append(_Level(gaussian, node, parent, child))
         if not split.any():

@@ -4,9 +4,9 @@ const ROOTS = 8; // cells along the longest edge of the box, before any is split
 const DEPTH_MAX = 20; // splits of a root; float32 coordinates within it have 24 bits
 const SPLIT_MIN = 24; // Gaussians in a cell that is worth eight more
 const SLACK = 1e-5; // of a root's edge and of an ellipsoid's radius; covers the rounding of float32 in shaders
-const FINEST = 0.07; // of a leaf: its edge over lengths, times its edge over their median
-const COARSEST = 0.235;
-const FINENESS_COUNT = 26000; // it grows with the number of Gaussians in between
+const FINEST = 0.32; // edge of a leaf over the mean length of its Gaussians, over the fourth root of edge over median
+const COARSEST = 0.5;
+const FINENESS_COUNT = 15000; // it grows with the number of Gaussians in between
 const HOISTED = 0.75; // the share of children with lists, above which what is in them is listed in the parent instead
 const TINY = 1.2e-38; // the smallest normal float32
 
@@ -54,7 +54,7 @@ export function appendLists({ position, rotation, scale, opacity }, radius, cell
         body.set([reach * shortest, 1 / lengths[i]], REACH);
     });
 
-    const numbers = [...used.keys()], fineness = typical * min(max(used.length / FINENESS_COUNT, FINEST), COARSEST);
+    const numbers = [...used.keys()], fineness = min(max(used.length / FINENESS_COUNT, FINEST), COARSEST);
     const seen = new Uint8Array(used.length), above = new Uint8Array(used.length);
 
     /** The tree below a cell: the bodies that reach it, of `members`, and of these the ones that it lists itself. */
@@ -62,7 +62,7 @@ export function appendLists({ position, rotation, scale, opacity }, radius, cell
         const wide = half + SLACK * edge;
         members = members.filter((i) => near(bodies, SIZE * i, middle, wide) && meet(bodies, SIZE * i, wide));
         const wish = members.reduce((sum, i) => sum + bodies[SIZE * i + SHORTNESS], 0);
-        if (members.length < SPLIT_MIN || depth === DEPTH_MAX || 4 * half * half * wish <= fineness * members.length)
+        if (members.length < SPLIT_MIN || depth === DEPTH_MAX || 2 * half * wish <= fineness * (2 * half / typical) ** 0.25 * members.length)
             return { members, list: members };
         const children = Array.from({ length: 8 }, (_, corner) =>
             grow(members, AXES.map((k) => middle[k] + (corner << k & 4 ? half : -half) / 2), half / 2, depth + 1));

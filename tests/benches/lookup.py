@@ -4,6 +4,7 @@ import time
 
 import numpy as np
 import scenes
+from surface_frames import seen_points
 
 from benches.splats import fastest, grid, on_surfaces, room
 from gsgi.runtime.gaussians import Bake, Gaussians, SurfaceBlend
@@ -11,6 +12,7 @@ from gsgi.runtime.gltf.reader import read_gltf
 
 COUNTS = 1_000, 10_000
 SIZE = 1280, 720
+FRAME = 160, 90  # px, of the frames whose surfaces are looked up
 POINTS = 20_000  # on surfaces, for the lists
 FRAMES = 4  # of which the fastest counts
 READ = """
@@ -36,17 +38,24 @@ def lookup_lists() -> list[dict]:
 
 
 def lookup_bakes() -> list[dict]:
-    """The same of both levels of default bakes, at points spread over all surfaces of their scenes."""
-    from gsgi.baker.views.surface_points import Triangles
+    """The same of both levels of default bakes, at what the cameras of their scenes see."""
+    from gsgi.runtime.gl.context import create_context
+    from gsgi.runtime.gl.renderer import DeferredRenderer
 
     from .default_bakes import default_bake, scene_files
 
-    rows = []
+    ctx, rows = create_context(), []
     for path in scene_files():
-        points, bake = Triangles(read_gltf(path)).sample(POINTS, seed=1).position, default_bake(path, "surface").read()
+        scene, bake = read_gltf(path), default_bake(path, "surface").read()
+        renderer, seen = DeferredRenderer(ctx, scene, bake, *FRAME), []
+        for camera in scene.cameras.values():
+            renderer.render(camera)
+            depth = renderer.read("depth").reshape(FRAME[::-1])
+            seen.append(seen_points(depth, camera)[depth > 0])
+        renderer.release()
         for name, level in (("fine", bake.gaussians), ("coarse", bake.coarse)):
             named = {"scene": path.stem, "level": name, "gaussians": len(level)}
-            rows.append(named | lists_of(level, bake.blend.radius, points))
+            rows.append(named | lists_of(level, bake.blend.radius, np.concatenate(seen).astype(np.float32)))
     return rows
 
 

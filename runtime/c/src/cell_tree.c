@@ -7,9 +7,9 @@
 
 #define ROOTS 8      /* cells along the longest edge of the box, before any is split */
 #define SPLIT_MIN 24 /* bodies in a cell that is worth eight more */
-#define FINEST 0.07  /* edge of a leaf over their lengths, times its edge over the median of all lengths */
-#define COARSEST 0.235
-#define FINENESS_COUNT 26000.0 /* it grows with the number of bodies in between */
+#define FINEST 0.32  /* edge of a leaf over the mean length of its bodies, over the fourth root of edge over median */
+#define COARSEST 0.5
+#define FINENESS_COUNT 15000.0 /* it grows with the number of bodies in between */
 
 void* gsgi__tree_take(const gsgi__tree* b, size_t count, size_t size) {
     if (size > 0 && count > SIZE_MAX / 2 / size) return NULL;
@@ -126,14 +126,14 @@ static bool make_roots(gsgi__tree* b) {
 static uint32_t judge(const gsgi__tree* b, gsgi__depth* d, float half, double fineness, bool last) {
     uint32_t* found = gsgi__tree_take(b, d->nodes, sizeof *found);
     double* wish = gsgi__tree_take(b, d->nodes, sizeof *wish);
-    const double edge = (double)(2.0f * half);
+    const double edge = (double)(2.0f * half), least = fineness * sqrt(sqrt(edge / (double)b->typical));
     uint32_t children = found && wish ? 0 : GSGI_NOWHERE;
     for (uint32_t p = 0; p < d->pairs && children == 0; ++p) {
         ++found[d->node[p]];
         wish[d->node[p]] += (double)(1.0f / b->bodies[d->body[p]].length);
     }
     for (uint32_t i = 0; i < d->nodes && children != GSGI_NOWHERE; ++i) {
-        const bool large = edge * edge * wish[i] > fineness * found[i];
+        const bool large = edge * wish[i] > least * found[i];
         const bool split = !last && found[i] >= SPLIT_MIN && large && children <= GSGI_NOWHERE - 16;
         d->child[i] = split ? children : GSGI_NOWHERE;
         if (split) children += 8;
@@ -166,7 +166,7 @@ static bool add_child_pairs(const gsgi__tree* b, const gsgi__depth* d, gsgi__dep
 }
 
 static bool make_depths(gsgi__tree* b) {
-    const double fineness = fmin(fmax(b->count / FINENESS_COUNT, FINEST), COARSEST) * (double)b->typical;
+    const double fineness = fmin(fmax(b->count / FINENESS_COUNT, FINEST), COARSEST);
     const float slack = (float)GSGI_CELLS_SLACK * b->edge;
     float half = b->edge / 2.0f;
     if (!make_roots(b)) return false;
