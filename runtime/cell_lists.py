@@ -144,7 +144,7 @@ def _descend(
     slack = np.float32(SLACK * edge)
     while True:
         count = np.bincount(node, minlength=middle.shape[1])
-        wish = float(2 * half) * np.bincount(node, weights=shortness[gaussian], minlength=middle.shape[1])
+        wish = float(2 * half) * np.bincount(node, weights=shortness.take(gaussian), minlength=middle.shape[1])
         least = fineness * math.sqrt(math.sqrt(float(2 * half) / typical))
         split = (count >= SPLIT_MIN) & (wish > least * count) & (len(levels) < DEPTH_MAX)
         child = np.where(split, 8 * np.cumsum(split) - 8, -1)
@@ -153,13 +153,13 @@ def _descend(
             return levels
         half /= 2
         found = []
-        pair = np.flatnonzero(split[node])
+        pair = np.flatnonzero(split.take(node))
         for begin in range(0, len(pair), CHUNK):
             some = pair[begin : begin + CHUNK]
-            met, corner = _met_children(bodies, gaussian[some], middle, node[some], half, slack)
-            found.append((some[met], corner))
+            met, corner = _met_children(bodies, gaussian.take(some), middle, node.take(some), half, slack)
+            found.append((some.take(met), corner))
         parent, corner = (np.concatenate(each) for each in zip(*found, strict=True))
-        gaussian, node = gaussian[parent], child[node[parent]] + corner
+        gaussian, node = gaussian.take(parent), child.take(node.take(parent)) + corner
         middle = (middle[:, split][:, :, None] + half * _CORNERS.T[:, None]).reshape(3, -1)
 
 
@@ -241,14 +241,14 @@ def _assemble(levels: list[_Level], outside: np.ndarray, roots: int) -> tuple[np
         reached[below.node] = True
         inhabited[level.child >= 0] = reached.reshape(-1, 8).sum(axis=1)
         found = np.bincount(below.parent[listed[0]], minlength=len(level.node))
-        listed.insert(0, (level.child < 0)[level.node] | (found > HOISTED * inhabited[level.node]))
+        listed.insert(0, (level.child < 0).take(level.node) | (found > (HOISTED * inhabited).take(level.node)))
     # What is listed in a node is listed nowhere below.
     above, keys, entries, children, begin = np.zeros(1, bool), [], [], [], 0
     for depth, level in enumerate(levels):
-        above = above[level.parent]
+        above = above.take(level.parent)
         own = np.flatnonzero(listed[depth] & ~above)
-        keys.append(begin + level.node[own])
-        entries.append(level.gaussian[own])
+        keys.append(begin + level.node.take(own))
+        entries.append(level.gaussian.take(own))
         above = above | listed[depth]
         begin += len(level.child)
         if depth == 0:

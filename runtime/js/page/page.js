@@ -53,7 +53,7 @@ async function load() {
 
 /** Draws the shadow maps, and brings the triangles to the GPU: all that needs no baked light. */
 function drawShadows(renderer, scene) {
-    scene.overrideMaterial = new THREE.MeshBasicMaterial();
+    scene.overrideMaterial = new THREE.MeshBasicMaterial({ colorWrite: false });
     renderer.render(scene, new THREE.PerspectiveCamera());
     scene.overrideMaterial = null;
 }
