@@ -20,7 +20,7 @@ from benches.host_state import host_state
 from benches.leak import leak
 from benches.light_groups import light_groups
 from benches.looks import looks
-from benches.lookup import lookup_lists, lookup_passes, lookup_points
+from benches.lookup import lookup_bakes, lookup_lists, lookup_passes, lookup_points
 from benches.motion import motion
 from benches.order import order
 from benches.relief import relief
@@ -59,6 +59,7 @@ BENCHES = {
         light_groups,
         relief,
         looks,
+        lookup_bakes,
         format,
         front,
         web,

@@ -114,6 +114,12 @@ class Host:
         return texture(gl, z if encoding.depth == "linear" else window), texture(gl, normal)
 
 
+def rg16(gl, normal: np.ndarray) -> moderngl.Texture:
+    """Normals (H, W, 3) in two channels of 16 bits, as G-buffers without signs hold them."""
+    stored = np.rint((octahedral(normal) + 1) / 2 * 65535).astype(np.uint16)
+    return gl.texture(normal.shape[1::-1], 2, stored.tobytes(), dtype="nu2")
+
+
 def octahedral(n: np.ndarray) -> np.ndarray:
     p = n[..., :2] / np.abs(n).sum(axis=-1, keepdims=True)
     folded = (1 - np.abs(p[..., ::-1])) * np.where(p >= 0, 1, -1)

@@ -10,14 +10,17 @@ import moderngl
 from gsgi.runtime.errors import UnsupportedError
 
 REQUIRED_VERSION = 330
-_ADVICE = "install Mesa's drivers (Debian: libegl1 libgl1-mesa-dri, or libosmesa6)"
+_ADVICE = {
+    "win32": "install the driver of the graphics card, or Mesa's opengl32.dll beside python.exe",
+    "darwin": "run it as a user who is logged in at the screen",
+}
+_MESA = "install Mesa's drivers (Debian: libegl1 libgl1-mesa-dri, or libosmesa6)"
 
 # GL/osmesa.h: FORMAT RGBA, DEPTH_BITS 0, PROFILE CORE, version 3.3, end.
 _OSMESA_ATTRIBUTES = (0x22, 0x1908, 0x30, 0, 0x33, 0x34, 0x36, REQUIRED_VERSION // 100, 0x37, 3, 0)
 _GL_UNSIGNED_BYTE = 0x1401
 
-_NAMES = {"egl": "EGL", "osmesa": "OSMesa", "system": {"win32": "WGL", "darwin": "CGL"}.get(sys.platform, "GLX")}
-BACKENDS = ("auto", *_NAMES)
+BACKENDS = ("auto", "egl", "osmesa", "system")
 
 
 class OSMesa:
@@ -70,8 +73,8 @@ def create_context(
 ) -> moderngl.Context:
     """OpenGL 3.3 core context without a window.
 
-    `backend`: "egl"; "osmesa"; "system", what the system's windows use: WGL, CGL, or GLX, which needs a display;
-    "auto": WGL on Windows, CGL on macOS, else EGL, then OSMesa.
+    `backend`: "egl"; "osmesa"; "system", what the system's windows use, by moderngl: WGL, CGL, or GLX, which needs a
+    display; "auto": WGL on Windows, CGL on macOS (neither has been run on such a machine), else EGL, then OSMesa.
 
     `device` is the index of an EGL device, from 0; if it is given, only EGL is tried. `say` is called with one line
     that names the chosen backend and says why an earlier one failed. The new context is current. `with ctx:` makes it
@@ -89,11 +92,16 @@ def create_context(
             reasons[name] = " ".join(str(error).split())
             continue
         if say:
-            failed = (f"; {_NAMES[other]} failed: {reason}" for other, reason in reasons.items())
-            say("".join((f"OpenGL: {_NAMES[name]}, {renderer_string(context)}", *failed)))
+            failed = (f"; {_name(other)} failed: {reason}" for other, reason in reasons.items())
+            say("".join((f"OpenGL: {_name(name)}, {renderer_string(context)}", *failed)))
         return context
     tried = "; ".join(f"{name}: {reason}" for name, reason in reasons.items())
-    raise UnsupportedError(f"no OpenGL 3.3 context ({tried}); {_ADVICE}")
+    raise UnsupportedError(f"no OpenGL 3.3 context ({tried}); {_ADVICE.get(sys.platform, _MESA)}")
+
+
+def _name(backend: str) -> str:
+    system = {"win32": "WGL", "darwin": "CGL"}.get(sys.platform, "GLX")
+    return {"egl": "EGL", "osmesa": "OSMesa", "system": system}[backend]
 
 
 def _source(name: str, device: int | None) -> dict:

@@ -24,7 +24,7 @@ function bare(source) {
 /** Without the space that only people need. */
 function packed(source) {
     const lines = source.replace(/^ +/gm, "").replace(/ +/g, " ").trim().split("\n");
-    const code = (line) => line.replace(/ ?([-+*\/%=<>?:,;{}()|&]) ?/g, "$1");
+    const code = (line) => line.replace(/ ?([-+*\/%=<>?!:,;{}()|&]) ?/g, "$1");
     return lines.map((line) => (line.startsWith("#") ? `${line}\n` : code(line))).join("").replace(/(?<=[^\n])#/g, "\n#");
 }
 
@@ -35,7 +35,7 @@ function resolved(source) {
 }
 
 const COUNTS = ["FINE_SH_COUNT", "COARSE_SH_COUNT", "RELIEF_COUNT"];
-const SEEN = [...COUNTS, "indirect", "gaussians", "cells", "lists"]; // what hosts name, behind the prefix
+const TEXTURES = ["gaussians", "cells", "lists"];
 
 const DEFINE = /^#define (\w+).*\n/gm;
 const FUNCTION = /^\w+ (\w+)\([^)]*\) \{\n[^]*?^\}\n/gm;
@@ -52,13 +52,13 @@ function needed(source, kept) {
     return source;
 }
 
-/** With the value of each define that is no longer than its name in its place. */
+/** With the value of each define that is no longer than a line for it in its place. */
 function inlined(source) {
-    for (let found; (found = /^#define (\w+) +(\S{1,8}|\(.*\)) *\n/m.exec(source)); ) {
+    for (let found; (found = /^#define (\w+) +(\S{1,10}|\(.*\)) *\n/m.exec(source)); ) {
         const [line, name, value] = found;
         source = source.replace(line, "").replace(new RegExp(`\\b${name}\\b`, "g"), value);
     }
-    return source;
+    return source.replace(/\(\((\d) \+ 1\) \* \(\1 \+ 1\)\)/g, (_, degree) => (Number(degree) + 1) ** 2);
 }
 
 /** With the prefix gsgi_ before each name of ours that is visible in a shader. */
@@ -68,24 +68,68 @@ function prefixed(source) {
     return source.replace(new RegExp(`\\b(${own.join("|")})\\b`, "g"), "gsgi_$1");
 }
 
-/** With short names of variables, parameters and members, which begin with _, and of what hosts do not name. */
+/** With the uniforms in the place of the parameters that pass them on; fetch_uint(), which reads two, keeps its own. */
+function bound(source) {
+    const uniforms = /^uniform .*\n/gm, declared = source.match(uniforms).join("");
+    const body = source.replace(uniforms, "")
+        .replace(/highp u?sampler2D (?:gaussians|cells|lists),\s*|highp sampler2D data, /g, "") // parameters
+        .replace(/\b(?:gsgi_)?gaussians, (?:(?:gsgi_)?cells, (?:gsgi_)?lists, )?/g, "") // arguments
+        .replace("texelFetch(data, ", "texelFetch(gaussians, "); // the first, of fetch_data()
+    return declared + body.replace(new RegExp(`\\b(${TEXTURES.join("|")})\\b`, "g"), "gsgi_$1");
+}
+
+/** The n-th name of one letter, or of two. */
+function letters(n) {
+    const last = String.fromCharCode(97 + n % 26);
+    return n < 26 ? last : letters(Math.floor(n / 26) - 1) + last;
+}
+
+/** The new name of each of `names`, the most frequent in `text` first, the shortest that are not in `taken`. */
+function shortNames(names, text, taken = []) {
+    const count = (name) => text.match(new RegExp(`\\b${name}\\b`, "g")).length;
+    const free = Array.from({ length: 99 }, (_, n) => letters(n)).filter((name) => !taken.includes(name));
+    return new Map([...new Set(names)].sort((a, b) => count(b) - count(a)).map((name, i) => [name, free[i]]));
+}
+
+/** The first groups of all that a pattern finds. */
+function found(pattern, text) {
+    return [...text.matchAll(pattern)].map((match) => match[1]);
+}
+
+/** With short names of variables, parameters and members of structs, and behind the prefix of functions and structs. */
 function shortened(source) {
-    const types = /(?:\b(?:float|int|uint|bool|vec[234]|u?sampler2D)|[$]Reader) (\w{3,})\b(?!\()/g, others = /,(\w{3,})=/g;
-    const declared = [...source.matchAll(types), ...source.matchAll(others)];
-    const swizzle = /^([xyzw]+|[rgba]+|[stpq]+)$/;
-    const names = new Set(declared.map((found) => found[1]).filter((name) => !swizzle.test(name)));
-    const short = new Map([...names].map((name, i) => [name, `_${i.toString(36)}`]));
-    const own = new Set([...source.matchAll(/\$(\w+)/g)].map((found) => found[1]).filter((name) => !SEEN.includes(name)));
-    const ours = new Map([...own].map((name, i) => [name, `f${i.toString(36)}`])); // no __, which GLSL reserves
-    return source.replace(/\$(\w+)/g, (all, name) => `$${ours.get(name) ?? name}`)
-        .replace(/(?<!\$)\b\w+\b/g, (name) => short.get(name) ?? name);
+    const locals = source.replace(FUNCTION, (text) => {
+        const type = /\b(?:float|int|uint|bool|[iu]?vec[234]|u?sampler2D|gsgi_Reader) (\w+)\b(?! *\()/g;
+        const short = shortNames([...found(type, text), ...found(/, (\w+) = /g, text)], text);
+        return text.replace(/(?<![.\w])\w+\b/g, (name) => short.get(name) ?? name);
+    });
+    const struct = source.match(STRUCT).join(""), kept = found(/ (\w)(?=;|\[)/g, struct);
+    const members = shortNames(found(/ (\w{3,})(?=;|\[)/g, struct), source, [...kept, ..."xyzwrgbastpq"]); // no swizzles
+    const flat = locals
+        .replace(STRUCT, (text) => text.replace(/(?<= )\w+(?=;|\[)/g, (name) => members.get(name) ?? name))
+        .replace(/(?<=\.)\w{3,}\b/g, (name) => members.get(name) ?? name);
+    const seen = [...COUNTS, ...TEXTURES, "indirect"].map((name) => `gsgi_${name}`); // what hosts name
+    const ours = shortNames(found(/(gsgi_\w+)/g, flat).filter((name) => !seen.includes(name)), flat);
+    COUNTS.forEach((name, i) => ours.set(`gsgi_${name}`, i)); // lookupSource() puts the counts in the place of numbers
+    return flat.replace(/gsgi_\w+/g, (name) => ours.has(name) ? `gsgi_${ours.get(name)}` : name);
+}
+
+/** With numbers in the fewest digits that are the same float32. */
+function rounded(source) {
+    return source.replace(/(?<![\w.])\d+\.\d+(?![\w.])/g, (text) => {
+        for (let digits = 1; ; ++digits) {
+            const short = Number(Number(text).toPrecision(digits));
+            if (Math.fround(short) !== Math.fround(text)) continue;
+            return Number.isInteger(short) ? `${short}.` : String(short).replace(/^0\./, ".");
+        }
+    }).replace(/\bvec[234]\([\w., ]+\)/g, (vector) => vector.replace(/(?<![\w.])(\d)\.(?![\w.])/g, "$1"));
 }
 
 function shaders() {
     const whole = bare(expanded("surface/gsgi_indirect.glsl"));
+    const ours = prefixed(needed(bound(resolved(whole)), ["gsgi_indirect"]));
     // A $, which no name has, stands for the prefix.
-    const named = packed(inlined(prefixed(needed(resolved(whole), ["gsgi_indirect"])))).replaceAll("gsgi_", "$");
-    const lookup = shortened(named);
+    const lookup = packed(shortened(inlined(rounded(ours)))).replaceAll("gsgi_", "$");
     const value = (name) => new RegExp(`#define ${name} +(\\S+)`).exec(whole)[1];
     const numbers = CONSTANTS.map((name) => `export const ${name} = ${value(name)};\n`).join("");
     return `${NOTE}${numbers}export const LOOKUP = \`${lookup}\n\`;\n`;

@@ -1,34 +1,34 @@
 /** Light groups of a .gsgi file; runtime/file/FORMAT.md is the specification. */
-import { Streams } from "./level.js";
+import { GROUP_BYTES, expect } from "./format.js";
+import { openStreams } from "./integers.js";
+import { readLight } from "./level.js";
 import { BASE } from "./weights.js";
 
-const HEAD_BYTES = 5;
-
 /** The group in the section from `begin` to `end`; `levels` are the records of both levels. */
-export function decodeGroup(bytes, { begin, end }, levels, expect) {
-    let at = begin + HEAD_BYTES;
-    expect(at <= end, begin, "group");
-    const [lightSteps, shSteps, slopeSteps, nameBytes, count] = bytes.subarray(begin, at);
-    expect(lightSteps && shSteps && slopeSteps, begin, "group");
-    const text = (field, size) => {
-        expect(at + size <= end, at, field);
+export function decodeGroup(bytes, [begin, end], levels) {
+    let at = begin + GROUP_BYTES;
+    expect(at <= end, begin);
+    const head = bytes.subarray(begin, at), steps = head.subarray(0, 3), patterns = [];
+    expect(steps.every((each) => each), begin);
+    const text = (size) => {
+        expect(at + size <= end, at);
         try {
             const options = { fatal: true, ignoreBOM: true };
             return new TextDecoder("utf-8", options).decode(bytes.subarray(at, at += size));
         } catch {
-            expect(false, at, field);
+            expect(false, at);
         }
     };
-    const name = text("group.name", nameBytes), patterns = [];
-    expect(name && !/[^\P{C}]|[^\P{Z} ]/u.test(name), begin, "group.name");
-    for (let i = 0; i < count; ++i) {
-        expect(at + 2 <= end, at, "group.pattern");
+    const name = text(head[3]);
+    expect(name && !/[^\P{C}]|[^\P{Z} ]/u.test(name), begin);
+    while (patterns.length < head[4]) {
+        expect(at + 2 <= end, at);
         at += 2;
-        patterns.push(text("group.pattern", bytes[at - 2] | bytes[at - 1] << 8));
+        patterns.push(text(bytes[at - 2] | bytes[at - 1] << 8));
     }
-    expect((name === BASE) === !count, begin, "group.pattern_count");
-    const streams = new Streams(bytes, at, end, "group", expect);
-    const [fine, coarse] = levels.map((level) => streams.light({ ...level, lightSteps, shSteps, slopeSteps }));
+    expect((name === BASE) === !patterns.length, begin);
+    const streams = openStreams(bytes, at, end);
+    const [fine, coarse] = levels.map(({ count, degree, basis }) => readLight(streams, count, degree, basis, steps));
     streams.finish();
     return { name, patterns, fine, coarse };
 }

@@ -61,7 +61,7 @@ export interface OverBake extends Header {
 /** The content of a .gsgi file. */
 export type Bake = SurfaceBake | OverBake;
 
-/** A file that no encoder can have written; the message names byte and field. */
+/** A file that no encoder can have written; the message names the byte from which on it makes no sense. */
 export class FormatError extends Error {}
 
 /** The bake in the bytes of a .gsgi file. Throws FormatError. */

@@ -22,9 +22,8 @@ export function texelCount({ shDegree, relief }) {
  * several bakes can be read in one shader. The uniforms are PREFIXgaussians, a sampler2D, PREFIXcells and PREFIXlists,
  * usampler2D: the textures of lookupTables().
  */
-export function lookupSource([fine, coarse, relief = 0], prefix = "gsgi_") {
-    const defines = `#define $FINE_SH_COUNT ${fine}\n#define $COARSE_SH_COUNT ${coarse}\n#define $RELIEF_COUNT ${relief}\n`;
-    return (defines + LOOKUP).replaceAll("$", prefix);
+export function lookupSource(shCounts, prefix = "gsgi_") {
+    return LOOKUP.replace(/\$\d/g, ([, number]) => shCounts[number] ?? 0).replaceAll("$", prefix);
 }
 
 /** Writes coefficients, slopes and relief into the texels of a level. */

@@ -1,6 +1,6 @@
 /** The textures that the GLSL of lookup.js reads. */
 
-import { axesOf, cellLists } from "./cell_lists.js";
+import { appendLists, axesOf } from "./cell_lists.js";
 import { HEADER_TEXELS, texelCount, writeLight } from "./lookup.js";
 import { DATA_WIDTH, SCALE_MIN } from "./shaders.js";
 
@@ -19,38 +19,35 @@ export function lookupTables(bake, maxSize = 2048) {
         throw new RangeError(`the bake has the operator "${bake.operator}": only light of "surface" can be looked up`);
     const { sharpness, cutoff, floor } = bake.blend, origin = originOf(bake).map(Math.fround);
     const radius = Math.sqrt(-2 * Math.log(cutoff));
-    const header = [], texels = [], cells = [], lists = [0]; // no list begins at 0
-    let firstTexel = HEADER_TEXELS;
+    const header = [], texels = Array(4 * HEADER_TEXELS), cells = [], lists = [0]; // no list begins at 0
     for (const [decoded, power] of [[bake.fine, sharpness], [bake.coarse, 0]]) {
-        const level = local(decoded, origin), grid = cellLists(level, radius), rows = gaussianTexels(level);
-        header.push(...grid.low, 1 / grid.edge, ...grid.size, cells.length, firstTexel, power, 0, 0);
-        appendLists(grid.nodes, cells, lists);
-        firstTexel += rows.length / 4;
-        texels.push(rows);
+        const level = local(decoded, origin), firstNode = cells.length;
+        const { low, edge, size } = appendLists(level, radius, cells, lists);
+        header.push(...low, 1 / edge, ...size, firstNode, texels.length / 4, power, 0, 0);
+        for (const number of gaussianTexels(level)) texels.push(number);
     }
     header.push(...origin, cutoff, floor, 0, 0, 0);
+    texels.splice(0, header.length, ...header);
     const most = Math.min(EXACT, maxSize * DATA_WIDTH);
-    if (Math.max(firstTexel, cells.length, lists.length) > most)
+    if (Math.max(texels.length / 4, cells.length, lists.length) > most)
         throw new RangeError(`${bake.fine.count} Gaussians: too many for a look-up in textures of ${maxSize} rows`);
     const short = Math.max(bake.fine.count, bake.coarse.count) <= 1 << 16;
     return {
         width: DATA_WIDTH,
-        gaussians: padded(Float32Array, 4, [header, ...texels]),
-        cells: padded(Uint32Array, 1, [cells]),
-        lists: padded(short ? Uint16Array : Uint32Array, 1, [lists]),
+        gaussians: padded(Float32Array, 4, texels),
+        cells: padded(Uint32Array, 1, cells),
+        lists: padded(short ? Uint16Array : Uint32Array, 1, lists),
     };
 }
 
 /** The middle of a bake that lies far from the world's origin, where float32 is too coarse; else the origin. */
 function originOf({ fine, coarse }) {
-    const low = [0, 0, 0].fill(Infinity), high = [0, 0, 0].fill(-Infinity);
-    for (const { position } of [fine, coarse])
-        position.forEach((x, i) => {
-            low[i % 3] = Math.min(low[i % 3], x);
-            high[i % 3] = Math.max(high[i % 3], x);
-        });
-    const middle = low.map((x, k) => (x + high[k]) / 2);
-    const far = Math.hypot(...middle) > FAR * Math.hypot(...low.map((x, k) => high[k] - x));
+    const bounds = [0, 1, 2].map((k) => {
+        const x = Float32Array.from([...fine.position, ...coarse.position].filter((_, i) => i % 3 === k)).sort();
+        return [x[0], x.at(-1)];
+    });
+    const middle = bounds.map(([low, high]) => (low + high) / 2);
+    const far = Math.hypot(...middle) > FAR * Math.hypot(...bounds.map(([low, high]) => high - low));
     return far ? middle : [0, 0, 0];
 }
 
@@ -64,38 +61,20 @@ function gaussianTexels(level) {
     const { count, position, rotation, scale, opacity } = level;
     const stride = 4 * texelCount(level), texels = new Float32Array(stride * count);
     for (let i = 0; i < count; ++i) {
-        const at = stride * i, axes = axesOf(rotation.subarray(4 * i, 4 * i + 4));
-        for (let j = 0; j < 3; ++j) {
-            texels[at + j] = position[3 * i + j];
-            texels[at + 4 + j] = axes[0][j] / scale[3 * i];
-            texels[at + 8 + j] = axes[1][j] / scale[3 * i + 1];
-        }
-        texels[at + 3] = Math.min(opacity[i], 1);
-        texels[at + 7] = 1 / scale[3 * i + 2];
+        const [first, second] = axesOf(rotation.subarray(4 * i)), deviation = scale.subarray(3 * i);
+        texels.set([
+            ...position.subarray(3 * i, 3 * i + 3), Math.min(opacity[i], 1),
+            ...first.map((x) => x / deviation[0]), 1 / deviation[2],
+            ...second.map((x) => x / deviation[1]),
+        ], stride * i);
     }
     writeLight(texels, level);
     return texels;
 }
 
-/** Appends the words of the nodes of one level to `cells`, and what they point to to `lists`. */
-function appendLists(nodes, cells, lists) {
-    const firstNode = cells.length;
-    for (const { entries, child } of nodes) {
-        cells.push(child || entries.length ? 2 * lists.length + (child ? 1 : 0) : 0);
-        if (child) lists.push((firstNode + child) & 0xffff, (firstNode + child) >>> 16);
-        if (child || entries.length) lists.push(entries.length);
-        for (const entry of entries) lists.push(entry);
-    }
-}
-
-/** The numbers of `parts` in whole rows of texels of that many channels. */
-function padded(Kind, channels, parts) {
-    const count = parts.reduce((sum, part) => sum + part.length, 0), row = DATA_WIDTH * channels;
-    const result = new Kind(Math.max(Math.ceil(count / row), 1) * row);
-    let at = 0;
-    for (const part of parts) {
-        result.set(part, at);
-        at += part.length;
-    }
+/** The numbers in whole rows of texels of that many channels. */
+function padded(Kind, channels, numbers) {
+    const row = DATA_WIDTH * channels, result = new Kind(Math.ceil(numbers.length / row) * row);
+    result.set(numbers);
     return result;
 }

@@ -1,21 +1,20 @@
 /** An add-on for three.js (WebGLRenderer): the light of a .gsgi file on every lit material of a scene. */
 
 import {
-    DataTexture, FileLoader, FloatType, Loader, Matrix4, Object3D, RGBAFormat, RedIntegerFormat, UnsignedIntType,
-    UnsignedShortType,
+    DataTexture, FileLoader, FloatType, Matrix4, Object3D, RGBAFormat, RedIntegerFormat, UnsignedIntType, UnsignedShortType,
 } from "three";
 import { lookupSource, recolour, shCounts } from "./lookup.js";
 import { groupNames, weighted } from "./weights.js";
 
-const LIT = ["isMeshStandardMaterial", "isMeshLambertMaterial", "isMeshPhongMaterial", "isMeshToonMaterial"];
+const LIT = ["Standard", "Lambert", "Phong", "Toon"]; // materials; physical ones are standard ones
 const CHUNK = "#include <lights_fragment_begin>";
 
 /** Loads .gsgi files: `scene.add(await new GsgiLoader().loadAsync("room.gsgi"))`. */
-export class GsgiLoader extends Loader {
+export class GsgiLoader extends FileLoader {
+    responseType = "arraybuffer";
+
     /** Calls onLoad(light) with an IndirectLight; errors go to onError. */
     load(url, onLoad, onProgress, onError) {
-        const loader = new FileLoader(this.manager).setPath(this.path).setResponseType("arraybuffer")
-            .setRequestHeader(this.requestHeader).setWithCredentials(this.withCredentials);
         const fail = (error) => {
             error.message = `${url}: ${error.message}`;
             if (onError) onError(error);
@@ -26,7 +25,7 @@ export class GsgiLoader extends Loader {
             this.manager.itemStart(url);
             this.parseAsync(data).then(onLoad).catch(fail).finally(() => this.manager.itemEnd(url));
         };
-        loader.load(url, parse, onProgress, onError);
+        super.load(url, parse, onProgress, onError);
     }
 
     /**
@@ -81,12 +80,12 @@ export class IndirectLight extends Object3D {
             const made = new DataTexture(data, width, data.length / (width * channels), format, type);
             return Object.assign(made, { internalFormat, needsUpdate: true });
         };
+        const integers = (data) => texture(data, 1, RedIntegerFormat,
+            data.BYTES_PER_ELEMENT > 2 ? UnsignedIntType : UnsignedShortType, `R${8 * data.BYTES_PER_ELEMENT}UI`);
         this.#uniforms = {
             gaussians: texture(gaussians, 4, RGBAFormat, FloatType, "RGBA32F"),
-            cells: texture(cells, 1, RedIntegerFormat, UnsignedIntType, "R32UI"),
-            lists: lists instanceof Uint16Array
-                ? texture(lists, 1, RedIntegerFormat, UnsignedShortType, "R16UI")
-                : texture(lists, 1, RedIntegerFormat, UnsignedIntType, "R32UI"),
+            cells: integers(cells),
+            lists: integers(lists),
             from_world: new Matrix4(),
             intensity: 1,
         };
@@ -122,7 +121,7 @@ export class IndirectLight extends Object3D {
         root.traverse((object) => {
             if (!object.isMesh) return;
             for (const material of [object.material].flat())
-                if (material && LIT.some((kind) => material[kind])) this.#lit.add(material);
+                if (material && LIT.some((kind) => material[`isMesh${kind}Material`])) this.#lit.add(material);
         });
         for (const material of this.#lit) {
             left.delete(material);
@@ -188,8 +187,8 @@ class Patch {
     #lights = [];
     #slots = []; // uniforms of each light
     #renderers = new Set();
-    #saved = {};
-    #hooks = {};
+    #hook; // the material's onBeforeCompile while it shows a light
+    #undo = [];
 
     static of(material) {
         if (!patches.has(material)) patches.set(material, new Patch(material));
@@ -204,7 +203,7 @@ class Patch {
     show(light, root) {
         const known = this.#lights.includes(light);
         if (!known) this.#lights.push(light);
-        const changed = !known || this.#material.onBeforeCompile !== this.#hooks.onBeforeCompile;
+        const changed = !known || this.#material.onBeforeCompile !== this.#hook;
         if (changed) this.#install();
         this.#lights.forEach((each, i) => {
             const { uniforms, root: home } = each.look, slot = (this.#slots[i] ??= {});
@@ -232,37 +231,26 @@ class Patch {
 
     #install() {
         this.#restore();
-        const material = this.#material, saved = this.#saved, lights = this.#lights.map((light) => light.look.shCounts);
-        for (const name of ["onBeforeCompile", "customProgramCacheKey"])
-            saved[name] = { own: Object.hasOwn(material, name), value: original(material[name]) };
-        this.#hooks = {
-            onBeforeCompile: (shader, renderer) => {
-                saved.onBeforeCompile.value.call(material, shader, renderer);
-                this.#renderers.add(renderer);
-                this.#bind(shader.uniforms);
-                this.#inject(shader, lights);
-            },
-            customProgramCacheKey: () => {
-                const before = Object.create(material, { onBeforeCompile: { value: saved.onBeforeCompile.value } });
-                return `${saved.customProgramCacheKey.value.call(before)} gsgi ${lights.join(" ")}`;
-            },
+        const material = this.#material, lights = this.#lights.map((light) => light.look.shCounts);
+        const own = { value: original(material.onBeforeCompile) };
+        this.#hook = (shader, renderer) => {
+            own.value.call(material, shader, renderer);
+            this.#renderers.add(renderer);
+            this.#bind(shader.uniforms);
+            this.#inject(shader, lights);
         };
-        for (const [name, hook] of Object.entries(this.#hooks)) {
-            replaced.set(hook, saved[name].value);
-            material[name] = hook;
-        }
+        this.#undo = [
+            override(material, "onBeforeCompile", () => this.#hook),
+            override(material, "customProgramCacheKey", (before) => () =>
+                `${before.call(Object.create(material, { onBeforeCompile: own }))} gsgi ${lights.join(" ")}`),
+        ];
         material.needsUpdate = true;
     }
 
     #restore() {
-        const material = this.#material;
-        for (const [name, hook] of Object.entries(this.#hooks)) {
-            if (material[name] !== hook) continue; // somebody else has set another one meanwhile
-            if (this.#saved[name].own) material[name] = this.#saved[name].value;
-            else delete material[name];
-        }
-        this.#hooks = {};
-        material.needsUpdate = true;
+        for (const undo of this.#undo) undo();
+        this.#undo = [];
+        this.#material.needsUpdate = true;
     }
 
     #inject(shader, lights) {
@@ -273,18 +261,30 @@ class Patch {
         // B belongs to the normal before any normal map, and may follow the map. Three.js divides irradiance by pi,
         // which B has behind it.
         let functions = "";
-        let sum = `vec4 gsgi_x = vec4(((vec4(-vViewPosition, 1) - viewMatrix[3]) * viewMatrix).xyz, 1);
-vec4 gsgi_n = vec4(nonPerturbedNormal, 0) * viewMatrix, gsgi_m = vec4(normal, 0) * viewMatrix;`;
+        let sum = `vec4 gsgi_x=vec4(((vec4(-vViewPosition,1)-viewMatrix[3])*viewMatrix).xyz,1),
+gsgi_n=vec4(nonPerturbedNormal,0)*viewMatrix,gsgi_m=vec4(normal,0)*viewMatrix;`;
         lights.forEach((counts, i) => {
             const own = `gsgi${i}_`, world = `${own}from_world`, intensity = `${own}intensity`;
             functions += `${lookupSource(counts, own)}uniform mat4 ${world};uniform float ${intensity};\n`;
-            sum += `if (${intensity} > 0.0) irradiance += PI * ${intensity} *
-${own}indirect((${world} * gsgi_x).xyz, mat3(${world}) * gsgi_n.xyz, mat3(${world}) * gsgi_m.xyz);`;
+            sum += `if(${intensity}>0.)irradiance+=PI*${intensity}*
+${own}indirect((${world}*gsgi_x).xyz,mat3(${world})*gsgi_n.xyz,mat3(${world})*gsgi_m.xyz);`;
         });
         shader.fragmentShader = shader.fragmentShader
             .replace("void main() {", `${functions}void main() {`)
             .replace(CHUNK, `${CHUNK}\n${sum}`);
     }
+}
+
+/** Puts `make(before)` in the place of a method; returns what undoes that, unless another one has been set meanwhile. */
+function override(material, name, make) {
+    const own = Object.hasOwn(material, name), before = original(material[name]), hook = make(before);
+    replaced.set(hook, before);
+    material[name] = hook;
+    return () => {
+        if (material[name] !== hook) return;
+        if (own) material[name] = before;
+        else delete material[name];
+    };
 }
 
 /** A function that is not ours: some hosts copy onBeforeCompile from one material to another. */

@@ -41,7 +41,7 @@ function sum(level, parts) {
     });
     if (!level.slope) return { ...level, sh, relief };
     // Slopes that change the sum as those of the parts do theirs, as far as one pair for all channels can: least squares.
-    const dot = (a, b) => f(f(f(a[0] * b[0]) + f(a[1] * b[1])) + f(a[2] * b[2]));
+    const dot = (a, b) => a.map((x, c) => x * b[c]).reduce((sum, product) => f(sum + product));
     const slope = level.slope.map((_, i) => {
         const first = (i >> 1) * stride, constant = sh.subarray(first, first + 3), gradient = new Float32Array(3);
         for (const part of parts)

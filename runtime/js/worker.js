@@ -2,7 +2,4 @@
 
 import { prepare } from "./prepare.js";
 
-onmessage = ({ data }) => {
-    const { bake, tables } = prepare(data);
-    postMessage({ bake, tables }, [tables.gaussians.buffer, tables.cells.buffer, tables.lists.buffer]);
-};
+onmessage = ({ data }) => postMessage(prepare(data));

@@ -4,12 +4,15 @@ import time
 
 import numpy as np
 import scenes
+from surface_frames import seen_points
 
 from benches.splats import fastest, grid, on_surfaces, room
-from gsgi.runtime.gaussians import Bake, SurfaceBlend
+from gsgi.runtime.gaussians import Bake, Gaussians, SurfaceBlend
+from gsgi.runtime.gltf.reader import read_gltf
 
 COUNTS = 1_000, 10_000
 SIZE = 1280, 720
+FRAME = 160, 90  # px, of the frames whose surfaces are looked up
 POINTS = 20_000  # on surfaces, for the lists
 FRAMES = 4  # of which the fastest counts
 READ = """
@@ -26,23 +29,49 @@ void main() {
 def lookup_lists() -> list[dict]:
     """Lists of the fine level: Gaussians listed per Gaussian that reaches a surface point, bytes on the GPU, build."""
     from gsgi.baker.views.surface_points import Triangles
-    from gsgi.runtime.cell_lists import cell_lists
-    from gsgi.runtime.gl.indirect_lookup import lookup_tables
 
     points, rows = Triangles(room()).sample(POINTS, seed=1).position, []
     for count in COUNTS:
         bake = bake_of(count)
-        level, radius = bake.gaussians, bake.blend.radius
-        seconds = fastest({(): lambda level=level, radius=radius: cell_lists(level, radius)})[()]
-        lists = cell_lists(level, radius)
-        listed, reaching = pairs(lists, level, radius, points)
-        gaussians, cells, entries = (table.nbytes for table in lookup_tables(bake))
-        rows.append({
-            "gaussians": count, "reach": round(reaching / len(points), 1), "listed": round(listed / len(points), 1),
-            "listed_per_reach": round(listed / reaching, 2), "build_ms": round(1e3 * seconds),
-            "lists_kB": round((cells + entries) / 1e3), "gaussians_kB": round(gaussians / 1e3),
-        })  # fmt: skip
+        rows.append({"gaussians": count} | lists_of(bake.gaussians, bake.blend.radius, points))
     return rows
+
+
+def lookup_bakes() -> list[dict]:
+    """The same of both levels of default bakes, at what the cameras of their scenes see."""
+    from gsgi.runtime.gl.context import create_context
+    from gsgi.runtime.gl.renderer import DeferredRenderer
+
+    from .default_bakes import default_bake, scene_files
+
+    ctx, rows = create_context(), []
+    for path in scene_files():
+        scene, bake = read_gltf(path), default_bake(path, "surface").read()
+        renderer, seen = DeferredRenderer(ctx, scene, bake, *FRAME), []
+        for camera in scene.cameras.values():
+            renderer.render(camera)
+            depth = renderer.read("depth").reshape(FRAME[::-1])
+            seen.append(seen_points(depth, camera)[depth > 0])
+        renderer.release()
+        for name, level in (("fine", bake.gaussians), ("coarse", bake.coarse)):
+            named = {"scene": path.stem, "level": name, "gaussians": len(level)}
+            rows.append(named | lists_of(level, bake.blend.radius, np.concatenate(seen).astype(np.float32)))
+    return rows
+
+
+def lists_of(level: Gaussians, radius: float, points: np.ndarray) -> dict:
+    """What the lists of a level cost, and hold at points (N, 3)."""
+    from gsgi.runtime.cell_lists import cell_lists
+
+    lists = cell_lists(level, radius)
+    listed, reaching = pairs(lists, level, radius, points)
+    heads = (np.diff(lists.first) > 0) + 2 * (lists.child > 0)
+    return {
+        "reach": round(reaching / len(points), 1), "listed": round(listed / len(points), 1),
+        "listed_per_reach": round(listed / reaching, 2),
+        "build_ms": round(1e3 * fastest({(): lambda: cell_lists(level, radius)})[()]),
+        "lists_kB": round((4 * len(lists.child) + 2 * len(lists.entry) + 2 * heads.sum()) / 1e3),
+    }  # fmt: skip
 
 
 def lookup_passes() -> list[dict]:

@@ -5,7 +5,9 @@
 
 #include <string.h>
 
-/* Mark where pairs are listed: in leaves, and where all children that sheets cross would list them. */
+#define HOISTED 0.75 /* of the children with lists: what more of them would list is listed in the parent instead */
+
+/* Mark where pairs are listed: in leaves, and where most children would list them. */
 static bool mark_listed(gsgi__tree* b) {
     for (int l = 0; l < b->used; ++l) {
         gsgi__depth* d = &b->depths[l];
@@ -16,18 +18,21 @@ static bool mark_listed(gsgi__tree* b) {
     for (int l = b->used - 2; l >= 0; --l) {
         gsgi__depth* d = &b->depths[l];
         const gsgi__depth* below = &b->depths[l + 1];
-        uint8_t* found = gsgi__tree_take(b, d->pairs, 1);
-        if (!found) return false;
-        for (uint32_t q = 0; q < below->pairs; ++q)
-            if (below->listed[q] && below->crossed[below->node[q]]) ++found[below->parent[q]];
-        for (uint32_t p = 0; p < d->pairs; ++p) {
+        uint8_t *found = gsgi__tree_take(b, d->pairs, 1), *inhabited = gsgi__tree_take(b, below->nodes, 1);
+        for (uint32_t q = 0; q < below->pairs && found && inhabited; ++q) {
+            found[below->parent[q]] += below->listed[q];
+            inhabited[below->node[q]] = 1;
+        }
+        for (uint32_t p = 0; p < d->pairs && found && inhabited; ++p) {
             const uint32_t child = d->child[d->node[p]];
-            unsigned needed = 0;
+            unsigned children = 0;
             for (uint32_t corner = 0; corner < 8 && child != GSGI_NOWHERE; ++corner)
-                needed += below->crossed[child + corner];
-            d->listed[p] = child == GSGI_NOWHERE || (found[p] > 0 && found[p] == needed);
+                children += inhabited[child + corner];
+            d->listed[p] = child == GSGI_NOWHERE || found[p] > HOISTED * children;
         }
         gsgi__release(b->callbacks, found);
+        gsgi__release(b->callbacks, inhabited);
+        if (!found || !inhabited) return false;
     }
     /* What is listed in a node is listed nowhere below. */
     for (int l = 0; l < b->used; ++l) {

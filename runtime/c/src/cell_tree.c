@@ -6,10 +6,10 @@
 #include <string.h>
 
 #define ROOTS 8      /* cells along the longest edge of the box, before any is split */
-#define SPLIT_MIN 12 /* sheets in a cell that is worth eight more */
-#define FINEST 0.3   /* edge of a leaf over the mean in-plane radius of the Gaussians in it */
-#define COARSEST 0.4
-#define FINEST_COUNT 2600.0 /* which grows with the number of Gaussians from this on */
+#define SPLIT_MIN 24 /* bodies in a cell that is worth eight more */
+#define FINEST 0.32  /* edge of a leaf over the mean length of its bodies, over the fourth root of edge over median */
+#define COARSEST 0.5
+#define FINENESS_COUNT 15000.0 /* it grows with the number of bodies in between */
 
 void* gsgi__tree_take(const gsgi__tree* b, size_t count, size_t size) {
     if (size > 0 && count > SIZE_MAX / 2 / size) return NULL;
@@ -25,30 +25,28 @@ static int ascending(const void* a, const void* b) {
 
 /* Low corner, edge and number of cells of a grid around the centres, and most of what they reach. */
 static bool make_grid(gsgi__tree* b, const gsgi__level* level, float radius) {
-    float* bounds = gsgi__tree_take(b, b->count, sizeof *bounds);
-    if (!bounds) return false;
-    float near_low[3], near_high[3], far_low[3], far_high[3], high[3], widest = 0.0f;
+    float* lengths = gsgi__tree_take(b, b->count, sizeof *lengths);
+    if (!lengths) return false;
     for (uint32_t i = 0; i < b->count; ++i) {
         const float* shape = level->shape.texels + (size_t)b->bodies[i].gaussian * GSGI_SHAPE_FLOATS;
-        const float bound =
+        lengths[i] = b->bodies[i].length =
             radius * fmaxf(gsgi__body_scale(shape, 0), fmaxf(gsgi__body_scale(shape, 1), gsgi__body_scale(shape, 2)));
-        for (int k = 0; k < 3; ++k) {
-            near_low[k] = i ? fminf(near_low[k], shape[k]) : shape[k];
-            near_high[k] = i ? fmaxf(near_high[k], shape[k]) : shape[k];
-            far_low[k] = i ? fminf(far_low[k], shape[k] - bound) : shape[k] - bound;
-            far_high[k] = i ? fmaxf(far_high[k], shape[k] + bound) : shape[k] + bound;
-        }
-        bounds[i] = bound;
     }
-    qsort(bounds, b->count, sizeof *bounds, ascending);
+    qsort(lengths, b->count, sizeof *lengths, ascending);
     const uint32_t half = b->count / 2;
-    const float margin = 2.0f * (b->count % 2 ? bounds[half] : (bounds[half - 1] + bounds[half]) / 2.0f);
-    gsgi__release(b->callbacks, bounds);
-    for (int k = 0; k < 3; ++k) {
-        b->low[k] = fmaxf(far_low[k], near_low[k] - margin);
-        high[k] = fminf(far_high[k], near_high[k] + margin);
-        widest = fmaxf(widest, high[k] - b->low[k]);
+    b->typical = b->count % 2 ? lengths[half] : (lengths[half - 1] + lengths[half]) / 2.0f;
+    gsgi__release(b->callbacks, lengths);
+
+    float high[3], widest = 0.0f;
+    for (uint32_t i = 0; i < b->count; ++i) {
+        const float* shape = level->shape.texels + (size_t)b->bodies[i].gaussian * GSGI_SHAPE_FLOATS;
+        const float reach = fminf(b->bodies[i].length, 2.0f * b->typical);
+        for (int k = 0; k < 3; ++k) {
+            b->low[k] = i ? fminf(b->low[k], shape[k] - reach) : shape[k] - reach;
+            high[k] = i ? fmaxf(high[k], shape[k] + reach) : shape[k] + reach;
+        }
     }
+    for (int k = 0; k < 3; ++k) widest = fmaxf(widest, high[k] - b->low[k]);
     b->edge = widest / (float)ROOTS;
     for (int k = 0; k < 3; ++k)
         b->size[k] = (int32_t)fminf(fmaxf(ceilf((high[k] - b->low[k]) / b->edge), 1.0f), (float)ROOTS);
@@ -80,7 +78,7 @@ static bool add_pair(const gsgi__tree* b, gsgi__depth* d, uint32_t body, uint32_
 
 static bool allocate_nodes(const gsgi__tree* b, gsgi__depth* d) {
     return (d->middle = gsgi__tree_take(b, d->nodes, sizeof *d->middle)) &&
-           (d->child = gsgi__tree_take(b, d->nodes, 4)) && (d->crossed = gsgi__tree_take(b, d->nodes, 1));
+           (d->child = gsgi__tree_take(b, d->nodes, 4));
 }
 
 static void cells_of(const gsgi__tree* b, const gsgi__body* a, int32_t from[3], int32_t to[3]) {
@@ -123,26 +121,25 @@ static bool make_roots(gsgi__tree* b) {
     return add_root_pairs(b, d);
 }
 
-/* Mark which nodes sheets cross, and number the children of those that are large for the Gaussians of these sheets.
- * Returns the number of children, or GSGI_NOWHERE without memory. */
+/* Number the children of nodes that are large for the bodies in them. Returns the number of children, or GSGI_NOWHERE
+ * without memory. */
 static uint32_t judge(const gsgi__tree* b, gsgi__depth* d, float half, double fineness, bool last) {
-    gsgi__sheets* found = gsgi__tree_take(b, d->nodes, sizeof *found);
-    uint32_t children = 0;
-    if (!found) return GSGI_NOWHERE;
-    for (uint32_t p = 0; p < d->pairs; ++p) {
-        const gsgi__body* a = &b->bodies[d->body[p]];
-        float offset[3];
-        for (int k = 0; k < 3; ++k) offset[k] = a->centre[k] - d->middle[d->node[p]][k];
-        gsgi__body_count_sheet(a, offset, half, &found[d->node[p]]);
+    uint32_t* found = gsgi__tree_take(b, d->nodes, sizeof *found);
+    double* wish = gsgi__tree_take(b, d->nodes, sizeof *wish);
+    const double edge = (double)(2.0f * half), least = fineness * sqrt(sqrt(edge / (double)b->typical));
+    uint32_t children = found && wish ? 0 : GSGI_NOWHERE;
+    for (uint32_t p = 0; p < d->pairs && children == 0; ++p) {
+        ++found[d->node[p]];
+        wish[d->node[p]] += (double)(1.0f / b->bodies[d->body[p]].length);
     }
-    for (uint32_t i = 0; i < d->nodes; ++i) {
-        d->crossed[i] = found[i].crossing > 0;
-        const bool large = (double)(2.0f * half) * found[i].wish > fineness * found[i].crossing;
-        const bool split = !last && found[i].through >= SPLIT_MIN && large && children <= GSGI_NOWHERE - 16;
+    for (uint32_t i = 0; i < d->nodes && children != GSGI_NOWHERE; ++i) {
+        const bool large = edge * wish[i] > least * found[i];
+        const bool split = !last && found[i] >= SPLIT_MIN && large && children <= GSGI_NOWHERE - 16;
         d->child[i] = split ? children : GSGI_NOWHERE;
         if (split) children += 8;
     }
     gsgi__release(b->callbacks, found);
+    gsgi__release(b->callbacks, wish);
     return children;
 }
 
@@ -169,7 +166,7 @@ static bool add_child_pairs(const gsgi__tree* b, const gsgi__depth* d, gsgi__dep
 }
 
 static bool make_depths(gsgi__tree* b) {
-    const double fineness = fmin(fmax(FINEST * sqrt(b->count / FINEST_COUNT), FINEST), COARSEST);
+    const double fineness = fmin(fmax(b->count / FINENESS_COUNT, FINEST), COARSEST);
     const float slack = (float)GSGI_CELLS_SLACK * b->edge;
     float half = b->edge / 2.0f;
     if (!make_roots(b)) return false;
@@ -204,7 +201,7 @@ bool gsgi__tree_create(gsgi__tree* b, const gsgi__level* level, double radius) {
 void gsgi__tree_destroy(gsgi__tree* b) {
     for (int l = 0; l < b->used; ++l) {
         const gsgi__depth* d = &b->depths[l];
-        void* const arrays[] = {d->body, d->node, d->parent, d->middle, d->child, d->crossed, d->listed, d->above};
+        void* const arrays[] = {d->body, d->node, d->parent, d->middle, d->child, d->listed, d->above};
         for (size_t i = 0; i < sizeof arrays / sizeof *arrays; ++i) gsgi__release(b->callbacks, arrays[i]);
     }
     gsgi__release(b->callbacks, b->bodies);

@@ -13,30 +13,22 @@
 /* An ellipsoid; lengths are relative to the low corner of the grid, m. The shortest axis comes first. */
 typedef struct gsgi__body {
     uint32_t gaussian;
-    float centre[3], axes[3][3], deviation[3];
+    float centre[3];
     float whiten[3][3]; /* the axes, times the shortest deviation over theirs */
-    float metric[3][3]; /* transpose(whiten) whiten */
+    float inverse[3];   /* 1 / the square of the length of what each coordinate becomes */
     float bound[3];     /* half the bounding box */
     float reach;        /* the shortest semi-axis */
+    float length;       /* the longest */
 } gsgi__body;
-
-/* What the sheets of the bodies in a node count for, when it is to be judged. */
-typedef struct gsgi__sheets {
-    uint32_t through, crossing;
-    double wish;
-} gsgi__sheets;
 
 /* Standard deviation along an axis, m, as the operator reads it. */
 float gsgi__body_scale(const float* shape, int axis);
 
-/* Fill in all but the index of a Gaussian, of which `shape` are the texels. */
+/* Fill in all but the length and the index of a Gaussian, of which `shape` are the texels. */
 void gsgi__body_make(const float low[3], const float* shape, double radius, gsgi__body* to);
 
 /* Whether a body meets a cube; `offset` is from the cube's middle to the body's centre. */
 bool gsgi__body_meets(const gsgi__body* a, const float offset[3], float half);
-
-/* Count the sheet of a body in a node. */
-void gsgi__body_count_sheet(const gsgi__body* a, const float offset[3], float half, gsgi__sheets* node);
 
 /* ---- cell_tree.c ---- */
 
@@ -46,7 +38,6 @@ typedef struct gsgi__depth {
     uint32_t *body, *node, *parent; /* per pair; parent: the pair of the depth above */
     float (*middle)[3];             /* per node */
     uint32_t* child;                /* per node: the first of the eight of the depth below; GSGI_NOWHERE: a leaf */
-    uint8_t* crossed;               /* per node: whether sheets cross it */
     uint8_t *listed, *above;        /* per pair: whether it is listed here; whether it is here or above */
 } gsgi__depth;
 
@@ -55,6 +46,7 @@ typedef struct gsgi__tree {
     gsgi__body* bodies;
     uint32_t count;
     float low[3], edge;
+    float typical; /* the median of all lengths, m */
     int32_t size[3];
     gsgi__depth depths[GSGI_DEPTH_MAX + 1];
     int used; /* depths */

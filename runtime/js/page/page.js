@@ -6,6 +6,7 @@ import { FlyControls } from "./fly.js";
 import { buildScene, fetchBytes, onlyIndirect } from "./scene.js";
 
 const MID_GREY = 0.18; // what the log-average luminance is exposed to
+const METERED = 64; // px, of the frame that exposure goes by
 const WEIGHT_MAX = 1e15; // of a light group
 const element = (id) => document.getElementById(id);
 
@@ -18,7 +19,7 @@ function fail(message) {
 
 function createRenderer() {
     const canvas = element("canvas");
-    const gl = canvas.getContext("webgl2", { antialias: true, powerPreference: "high-performance" });
+    const gl = canvas.getContext("webgl2", { antialias: false, powerPreference: "high-performance" });
     if (!gl) throw new Error("This page needs WebGL 2, which this browser does not offer or has turned off.");
     if (!gl.getExtension("EXT_color_buffer_float"))
         throw new Error("This page needs float textures that can be drawn to (EXT_color_buffer_float), which this device lacks.");
@@ -34,19 +35,27 @@ function createRenderer() {
 }
 
 /** Reads everything beside the page; shows how much of it has come. */
-async function load(renderer) {
+async function load() {
     const description = JSON.parse(await (await fetchBytes("scene.json")).text());
     let loaded = 0;
     const progress = (bytes) => { element("bar").value = (loaded += bytes) / description.bytes; };
     const fetchOne = (name) => fetchBytes(name, progress);
     document.title = description.title;
-    const [built, light] = await Promise.all([
-        buildScene(description, fetchOne, renderer),
-        fetchOne(description.light).then((blob) => blob.arrayBuffer()).then((data) => new GsgiLoader().parseAsync(data)),
-    ]);
+    const data = fetchOne(description.data), bytes = await (await fetchOne(description.light)).arrayBuffer();
+    const reading = new GsgiLoader().parseAsync(bytes); // in a worker, while this thread waits for a context
+    const renderer = createRenderer(), built = await buildScene(description, data, fetchOne, renderer);
+    drawShadows(renderer, built.scene);
+    const light = await reading;
     light.position.set(...description.origin).negate();
     built.scene.add(light);
-    return { description, light, ...built };
+    return { renderer, description, light, ...built };
+}
+
+/** Draws the shadow maps, and brings the triangles to the GPU: all that needs no baked light. */
+function drawShadows(renderer, scene) {
+    scene.overrideMaterial = new THREE.MeshBasicMaterial({ colorWrite: false });
+    renderer.render(scene, new THREE.PerspectiveCamera());
+    scene.overrideMaterial = null;
 }
 
 /** A slider for the weight of a light group; `change(weight)` hears of it. */
@@ -60,13 +69,11 @@ function groupSlider(name, change) {
 }
 
 /** The exposure that shows the frame's log-average luminance as mid-grey (Reinhard et al. 2002). */
-function autoExposure(renderer, render) {
-    const target = new THREE.WebGLRenderTarget(128, 128, { type: THREE.FloatType });
-    const pixels = new Float32Array(4 * 128 * 128);
-    renderer.setRenderTarget(target);
-    render();
-    renderer.readRenderTargetPixels(target, 0, 0, 128, 128, pixels);
-    renderer.setRenderTarget(null);
+function autoExposure(renderer, renderRadiance) {
+    const target = new THREE.WebGLRenderTarget(METERED, METERED, { type: THREE.FloatType });
+    const pixels = new Float32Array(4 * METERED * METERED);
+    renderRadiance(target);
+    renderer.readRenderTargetPixels(target, 0, 0, METERED, METERED, pixels);
     target.dispose();
     let sum = 0, count = 0;
     for (let i = 0; i < pixels.length; i += 4) {
@@ -104,11 +111,11 @@ function createDeveloped() {
     return { target, quad };
 }
 
-function start(renderer, { description, light, scene, depth, blended, dim, unshadowed }) {
+function start({ renderer, description, light, scene, depth, blended, dim, unshadowed }) {
     const camera = new THREE.PerspectiveCamera(), canvas = renderer.domElement, sky = scene.getObjectByName("sky");
     const [low, high] = description.bounds.map((corner) => new THREE.Vector3(...corner));
     const size = low.distanceTo(high);
-    const developed = blended.length ? createDeveloped() : null;
+    const developed = createDeveloped();
     let wanted = true, then = 0, milliseconds = 0, automatic = 1;
     const draw = () => { wanted = true; };
 
@@ -170,21 +177,23 @@ function start(renderer, { description, light, scene, depth, blended, dim, unsha
 
     function resize() {
         renderer.setSize(innerWidth, innerHeight, false);
-        developed?.target.setSize(canvas.width, canvas.height);
+        developed.target.setSize(canvas.width, canvas.height);
         camera.aspect = innerWidth / innerHeight;
         camera.updateProjectionMatrix();
         draw();
     }
 
     function render() {
-        const output = renderer.getRenderTarget();
-        if (developed) renderer.setRenderTarget(developed.target);
+        renderRadiance(developed.target);
+        renderer.setRenderTarget(null);
+        renderer.render(developed.quad, camera);
+    }
+
+    function renderRadiance(target) {
+        renderer.setRenderTarget(target);
         renderer.clear();
         renderer.render(depth, camera);
         renderer.render(scene, camera);
-        if (!developed) return;
-        renderer.setRenderTarget(output);
-        renderer.render(developed.quad, camera);
     }
 
     /** Milliseconds of a frame, the median of `count`, each waited for. */
@@ -239,24 +248,25 @@ function start(renderer, { description, light, scene, depth, blended, dim, unsha
     addEventListener("hashchange", read);
     place(settings.camera);
     apply();
-    automatic = autoExposure(renderer, render);
+    automatic = autoExposure(renderer, renderRadiance);
     read();
     requestAnimationFrame(frame);
-    return { renderer, scene, camera, light, settings, set, drawSoon, render, measure };
+    /** Resolves once the first frame has been drawn. */
+    const shown = new Promise((resolve) => requestAnimationFrame(() => requestAnimationFrame(resolve)));
+    return { shown, renderer, scene, camera, light, settings, set, drawSoon, render, measure };
 }
 
 try {
-    const renderer = createRenderer(), loaded = await load(renderer), page = start(renderer, loaded);
+    const loaded = await load(), page = start(loaded);
     element("loading").hidden = true;
     element("panel").hidden = false;
     document.documentElement.dataset.ready = Math.round(performance.now()); // ms since the address was opened
-    const images = loaded.loadImages(page.drawSoon).then(() => {
-        element("bar").hidden = true;
-        page.render();
-        document.documentElement.dataset.loaded = Math.round(performance.now());
-    });
     window.gsgi = page; // for the console, and for tests
-    await images;
+    await page.shown;
+    await loaded.loadImages(page.drawSoon);
+    element("bar").hidden = true;
+    page.render();
+    document.documentElement.dataset.loaded = Math.round(performance.now());
 } catch (error) {
     fail(error.message);
     throw error;

@@ -116,16 +116,16 @@ export async function fetchBytes(name, progress = () => {}) {
 }
 
 /**
- * The three.js scene of scene.json, whose files come from `fetchOne(name)` as Blobs, a scene `depth` of its opaque
- * triangles, which drawn first keeps what is hidden from looking up its light, and the meshes that are `blended`.
+ * The three.js scene of scene.json, whose `triangles` come as a promised Blob and other files from `fetchOne(name)` as
+ * further ones, a scene `depth` of its opaque triangles, which drawn first keeps what is hidden from looking up its light, and the meshes that are `blended`.
  *
  * Its textures show their mean until `loadImages(changed)` has read them; that calls `changed()` after each.
  */
-export async function buildScene(description, fetchOne, renderer) {
+export async function buildScene(description, triangles, fetchOne, renderer) {
     patchShaders();
     const scene = new THREE.Scene(), depth = new THREE.Scene(), blended = [];
     const [data, environment, ...images] = await Promise.all([
-        fetchOne(description.data).then((blob) => blob.arrayBuffer()),
+        triangles.then((blob) => blob.arrayBuffer()),
         description.environment && fetchOne(description.environment.file).then((blob) => blob.arrayBuffer()),
         ...description.images.map(({ mean }) => createImageBitmap(new ImageData(Uint8ClampedArray.from(mean), 1, 1))),
     ]);

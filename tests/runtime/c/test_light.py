@@ -19,6 +19,7 @@ from host import (
     projection,
     projection_for,
     rasterised,
+    rg16,
     texture,
     turned,
 )
@@ -39,6 +40,12 @@ def test_so_they_are_in_every_encoding(gl, context, host, depth, normal, space):
     encoding = Encoding(depth, normal, space)
     textures, clip = host.textures(gl, encoding), projection_for(encoding)
     check_same(gl, context, SURFACE, textures, CAMERA.view_from_world, clip, encoding=encoding)
+
+
+def test_octahedral_normals_in_a_texture_of_16_bits(gl, context, host):
+    encoding = Encoding("window", "octahedral unsigned")
+    textures = host.textures(gl, encoding)[0], rg16(gl, host.normal)
+    check_same(gl, context, SURFACE, textures, CAMERA.view_from_world, projection(), encoding=encoding)
 
 
 def test_the_pixels_of_over_are_those_of_python(gl, context, host):

@@ -1,10 +1,12 @@
 """Headless contexts."""
 
 import os
+import platform
 import subprocess
 import sys
 from types import SimpleNamespace
 
+import glcontext
 import pytest
 from repository import SCENES
 
@@ -41,13 +43,52 @@ def test_the_context_of_the_systems_windows_draws_floats(display):
     assert len(child.stdout.splitlines()) == 1
 
 
-@pytest.mark.parametrize(("platform", "asked"), [("win32", {}), ("darwin", {}), ("linux", {"backend": "egl"})])
-def test_a_desktop_draws_by_its_own(monkeypatch, platform, asked):
-    found = []
-    monkeypatch.setattr(context.sys, "platform", platform)
-    monkeypatch.setattr(context.moderngl, "create_context", lambda **source: found.append(source))
-    create_context("auto")
-    assert [{k: v for k, v in each.items() if k == "backend"} for each in found] == [asked]
+class Desktop:
+    """Stands for the module of glcontext, and the context that it makes, of a system that is not here: its drawing is
+    that of EGL."""
+
+    def __init__(self, broken: str = ""):
+        self.broken, self.asked = broken, []
+
+    def create_context(self, **how):
+        self.asked.append(how)
+        if self.broken:
+            raise Exception(self.broken)
+        return glcontext.get_backend_by_name("egl")(**how)
+
+
+DESKTOPS = {"win32": ("Windows", "wgl", "WGL"), "darwin": ("Darwin", "darwin", "CGL")}
+
+
+@pytest.fixture(params=DESKTOPS)
+def desktop(request, monkeypatch, gl):
+    """(desktop, the name of what it draws by) on a machine that says it is a desktop of that system."""
+    system, module, name = DESKTOPS[request.param]
+    made = Desktop()
+    monkeypatch.setattr(context.sys, "platform", request.param)
+    monkeypatch.setattr(platform, "system", lambda: system)
+    monkeypatch.setitem(sys.modules, f"glcontext.{module}", made)
+    yield made, name
+    gl.__enter__()
+
+
+def test_a_desktop_draws_by_its_own(desktop):
+    (stand_in, name), lines = desktop, []
+    with create_context("auto", say=lines.append) as made:
+        texture = made.texture((1, 1), 4)
+        made.framebuffer(texture).clear(1, 0, 1, 1)
+        assert texture.read() == b"\xff\x00\xff\xff"
+        assert lines == [f"OpenGL: {name}, {renderer_string(made)}"]
+    assert [how["mode"] for how in stand_in.asked] == ["standalone"]
+
+
+def test_a_desktop_without_opengl_says_what_helps_there(desktop):
+    stand_in, name = desktop
+    stand_in.broken = "cannot select a pixel format"
+    with pytest.raises(UnsupportedError, match=r"\(system: cannot select a pixel format\); ") as caught:
+        create_context()
+    assert "Debian" not in str(caught.value)
+    assert ("opengl32.dll" in str(caught.value)) == (name == "WGL")
 
 
 def test_a_device_that_is_not_there_is_not_replaced_by_another(gl):

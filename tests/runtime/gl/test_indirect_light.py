@@ -5,7 +5,7 @@ import itertools
 import moderngl
 import numpy as np
 import pytest
-from host import CAMERA, SIZE, Host, bake, drawn, pixels, projection, texture
+from host import CAMERA, SIZE, Host, bake, drawn, pixels, projection, projection_for, rg16, texture
 
 from gsgi.runtime.gaussians import Bake
 from gsgi.runtime.gl.context import create_context
@@ -35,6 +35,15 @@ def test_every_encoding_gives_the_same_light(gl, host, depth, normal, space):
     assert host.indirect.mean() > 0.2
     assert host.indirect.max() < 1
     assert np.abs(drawn(light, gl, host) - host.indirect).max() <= 2**-11
+    light.release()
+
+
+def test_octahedral_normals_in_a_texture_of_16_bits(gl, host):
+    encoding = Encoding("window", "octahedral unsigned")
+    light = IndirectLight(gl, bake(), encoding, splat_scale=1)
+    textures = host.textures(gl, encoding)[0], rg16(gl, host.normal)
+    found = pixels(light.draw(*textures, CAMERA.view_from_world, projection_for(encoding)))[..., :3]
+    assert np.abs(found - host.indirect).max() <= 2**-10
     light.release()
 
 
