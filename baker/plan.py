@@ -136,6 +136,12 @@ class Plan:
         return self._gathered_samples(error, surface_budget.connected_layers(self._layers))
 
     @property
+    def traced_samples(self) -> float:
+        """Whichever of these two a bake has traced; the former before it has traced the light in which paths end."""
+        light = self.sampler.known_light if self.settings.operator == "surface" else None
+        return self.connected_samples if light and light.connected else self.samples
+
+    @property
     def _layers(self) -> int:
         """Most layers of paths of each chunk of surface samples."""
         return surface_layers(self.settings.budget, self.settings.samples)[0]
@@ -156,13 +162,12 @@ class Plan:
         """Number of paths for the light in which those of the samples end; 0 with `over`."""
         return known_paths(self.settings.bounces) if self.settings.operator == "surface" else 0
 
-    @property
-    def paths(self) -> float:
-        """Expected number of all paths that a fit with the whole budget is traced for.
+    def paths(self, samples: float) -> float:
+        """Expected number of all paths that a fit with the whole budget is traced for, with so many `samples`.
 
         Pixels that show no surface are counted and take none.
         """
-        return self.points * self.samples + self.free_paths + self.known_paths
+        return self.points * samples + self.free_paths + self.known_paths
 
     @property
     def whole_paths(self) -> float:

@@ -100,7 +100,8 @@ def _group_rows(plan: Plan) -> list[tuple[str, str, str]]:
     """What light groups cost, if there are some."""
     if not plan.groups:
         return []
-    cost = f"the light of each is traced apart, from the same points, about {plan.paths / 1e6:.0f} M paths each"
+    paths = plan.paths(plan.samples) / 1e6
+    cost = f"the light of each is traced apart, from the same points, about {paths:.0f} M paths each"
     return [("light groups", f"{len(plan.groups)}", f"{', '.join(plan.groups)}: {cost}")]
 
 

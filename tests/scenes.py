@@ -42,6 +42,12 @@ def furnace(albedo: float = 0.5, emission: float = 1.0) -> Scene:
     return Scene(tuple(box()), (wall,), cameras={"inside": inside_camera()})
 
 
+def spot_room() -> Scene:
+    """A closed grey cube with a narrow spot in its middle, which lights a small patch of the floor."""
+    spot = Light("spot", np.full(3, 9.0), np.zeros(3), np.array([0.0, -1.0, 0.0]), cos_inner=0.99, cos_outer=0.97)
+    return Scene(tuple(box()), (WHITE,), lights=(spot,))
+
+
 def inside_camera() -> Camera:
     """A camera near the middle of `box()`, looking down -Z and a little to the side."""
     return look_at(np.array([0.2, 0.1, 0.7]), np.array([0.0, -0.2, -1.0]), np.array([0.0, 1.0, 0.0]), 1.0, 0.01)

@@ -207,7 +207,7 @@ class Sampler:
     @property
     def connected(self) -> bool:
         """Whether paths are connected to lit places, which is known once this is prepared."""
-        return self.known_light is not None and len(self.known_light.a.lit) > 0
+        return self.known_light is not None and self.known_light.connected
 
     @property
     def rounds(self) -> tuple["Known", ...]:

@@ -99,6 +99,11 @@ class KnownLight:
     a: IrradianceCache
     b: IrradianceCache
 
+    @property
+    def connected(self) -> bool:
+        """Whether paths are connected to lit places."""
+        return len(self.a.lit) > 0
+
 
 def cell_keys(position: np.ndarray, normal: np.ndarray, origin: np.ndarray, size: float, level: int) -> np.ndarray:
     """Keys (N,) uint64 of the cells of a level in which points (N, 3) with normals (N, 3) lie."""

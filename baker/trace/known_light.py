@@ -37,8 +37,8 @@ def known_light(
         return light
     from .learned_places import learn
 
-    connected = _with(light, *(learn(tracer, position, normal, seed) for seed in range(2)))
-    return connected if len(connected.a.lit) and _pays(tracer, position, normal, bounces, light, connected) else light
+    other = _with(light, *(learn(tracer, position, normal, seed) for seed in range(2)))
+    return other if other.connected and _pays(tracer, position, normal, bounces, light, other) else light
 
 
 def _pays(tracer: Tracer, position, normal, bounces: int, plain: KnownLight, connected: KnownLight) -> bool:
@@ -64,7 +64,7 @@ def known_light_again(
     So paths that meet nothing changed bring the same bits.
     """
     light = IrradianceCache.halves(position, normal, a, b, tracer.blocked, edited.a)
-    if not len(edited.a.lit):
+    if not edited.connected:
         return light
     from .learned_places import lit_again
 

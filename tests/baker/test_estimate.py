@@ -19,6 +19,7 @@ from gsgi.baker.settings import OPERATORS, Settings
 from gsgi.baker.surface import budget, fits, samples
 from gsgi.baker.surface.budget import COARSE_SHARE, FREE_PER_GAUSSIAN
 from gsgi.baker.surface.group_light import SOLUTIONS
+from gsgi.baker.trace import known_light
 from gsgi.baker.trace.tracer import PASS_SAMPLES
 
 CHUNK = 1 << 10
@@ -69,6 +70,16 @@ def test_a_bake_traces_the_paths_that_were_announced(closed, traced, monkeypatch
     job.run(replace(plan), Progress(), lambda data, count: None, evaluate=False)
     assert sum(traced) == report["paths"]
     assert report["samples"] == (3 if operator == "over" else 4) * PASS_SAMPLES
+
+
+def test_a_bake_whose_paths_are_connected_reports_the_fewer_that_it_traced(monkeypatch):
+    monkeypatch.setattr(known_light, "PAYS", 0.0)
+    place_quickly(monkeypatch.setattr)
+    plan = make_plan(scenes.spot_room(), SETTINGS, Progress(), Cache())
+    assert plan.samples == 4 * PASS_SAMPLES
+    report = job.run(plan, Progress(), lambda data, count: None, evaluate=False).as_dict()
+    assert report["samples"] == plan.connected_samples == 2 * PASS_SAMPLES
+    assert report["paths"] == plan.points * 2 * PASS_SAMPLES + plan.free_paths + plan.known_paths
 
 
 def test_the_table_says_how_many_paths_there_are(closed):

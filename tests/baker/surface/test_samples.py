@@ -22,7 +22,7 @@ from gsgi.baker.trace import cached_tracer, known_light
 from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.baker.trace.tracer import BOUNCES_MAX, Tracer
 from gsgi.runtime.camera import Camera, look_at
-from gsgi.runtime.scene import Environment, Light, Material, Scene
+from gsgi.runtime.scene import Environment, Material, Scene
 
 CHUNK = 4096
 BOUNCES = 2
@@ -324,9 +324,7 @@ def test_quiet_points_take_no_further_layers(traced):
 
 def test_paths_that_are_connected_take_a_quarter_of_the_layers(traced, monkeypatch):
     monkeypatch.setattr(known_light, "PAYS", 0.0)
-    spot = Light("spot", np.full(3, 9.0), np.zeros(3), np.array([0.0, -1.0, 0.0]), cos_inner=0.99, cos_outer=0.97)
-    room = Scene(tuple(scenes.box()), (Material("wall", (0.5, 0.5, 0.5, 1.0)),), lights=(spot,))
-    connected = prepared(gathering(room))
+    connected = prepared(gathering(scenes.spot_room()))
     assert connected.connected
     assert not prepared(gathering(scenes.furnace())).connected
     advanced = []
