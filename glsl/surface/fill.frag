@@ -1,5 +1,5 @@
-// Combines both levels of the `surface` operator into one pair of sums, before upsampling, and finds the squares of four
-// points between which all pixels show one smooth surface.
+// Combines both levels of the `surface` operator into one pair of sums, before upsampling, and finds the squares of
+// four points between which all pixels show one smooth surface.
 #include "surface/weight.glsl"
 
 uniform highp sampler2D fine_sums;

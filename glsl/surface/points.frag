@@ -52,13 +52,13 @@ ivec2 chosen_texel(ivec2 target, out bool even) {
 #else
 // Step of depth, relative to the distance, above which pixels show different surfaces.
 #define DEPTH_STEP 0.1
-// In an even block all pixels show a surface, and none is further from the middle's tangent plane than this, relative to
-// the distance from the eye: less than a pixel is wide.
+// In an even block all pixels show a surface, and none is further from the middle's tangent plane than this, relative
+// to the distance from the eye: less than a pixel is wide.
 #define EVEN 0.001
 
 // The middle of the block or, if the block shows several surfaces, the nearest and the farthest alternately in a
-// checkerboard pattern, so that any three neighbours contain both. Surfaces take precedence over the background. `even`:
-// whether the block shows one even surface.
+// checkerboard pattern, so that any three neighbours contain both. Surfaces take precedence over the background.
+// `even`: whether the block shows one even surface.
 ivec2 chosen_texel(ivec2 target, out bool even) {
     ivec2 last = ivec2(size) - 1;
     ivec2 middle = min(target * SPLAT_SCALE + SPLAT_SCALE / 2, last), near_texel = middle, far_texel = middle;
