@@ -11,10 +11,14 @@ vec3 world_from_fragment(vec2 fragment, float depth, vec2 axis, mat4 world_from_
     return (world_from_offset * vec4(depth * vec3(fragment - axis, 1.0), 1.0)).xyz;
 }
 
-// The same with parallel rays, if `parallel`: `world_from_offset` then transforms (fragment - axis, depth, 1).
+// What `world_from_offset` transforms to world space. If rays are `parallel`, that is (fragment - axis, depth, 1).
+vec4 offset_from_fragment(vec2 fragment, float depth, vec2 axis, bool parallel) {
+    vec2 across = fragment - axis;
+    return vec4(parallel ? across : depth * across, depth, 1.0);
+}
+
 vec3 world_from_fragment(vec2 fragment, float depth, vec2 axis, mat4 world_from_offset, bool parallel) {
-    if (!parallel) return world_from_fragment(fragment, depth, axis, world_from_offset);
-    return (world_from_offset * vec4(fragment - axis, depth, 1.0)).xyz;
+    return (world_from_offset * offset_from_fragment(fragment, depth, axis, parallel)).xyz;
 }
 
 // Distance, m, that says how coarse pixels are at `depth`: parallel rays count as from as far as the image is high.

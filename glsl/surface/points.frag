@@ -32,7 +32,8 @@ uniform int sector_class;  // of those that are read now
 uniform float sector_margin;  // m
 #endif
 
-layout(location = 0) out vec4 out_position;  // world space, m; with SECTORS the weight of the one that is read, else 1
+// World space, m; with SECTORS the weight of the one that is read, else 1. It is negative unless the block is even.
+layout(location = 0) out vec4 out_position;
 layout(location = 1) out vec4 out_plane;     // tangent plane: unit normal n, world space; -n . position; 0: no surface
 #if RELIEF
 layout(location = 2) out vec4 out_bend;      // mapped minus interpolated normal, world space
@@ -44,22 +45,34 @@ float depth_at(ivec2 texel) {
 }
 
 #if SPLAT_SCALE == 1
-ivec2 chosen_texel(ivec2 target) {
+ivec2 chosen_texel(ivec2 target, out bool even) {
+    even = true;
     return target;
 }
 #else
 // Step of depth, relative to the distance, above which pixels show different surfaces.
 #define DEPTH_STEP 0.1
+// In an even block all pixels show a surface, and none is further from the middle's tangent plane than this, relative
+// to the distance from the eye: less than a pixel is wide.
+#define EVEN 0.001
 
 // The middle of the block or, if the block shows several surfaces, the nearest and the farthest alternately in a
 // checkerboard pattern, so that any three neighbours contain both. Surfaces take precedence over the background.
-ivec2 chosen_texel(ivec2 target) {
+// `even`: whether the block shows one even surface.
+ivec2 chosen_texel(ivec2 target, out bool even) {
     ivec2 last = ivec2(size) - 1;
     ivec2 middle = min(target * SPLAT_SCALE + SPLAT_SCALE / 2, last), near_texel = middle, far_texel = middle;
     float seen = depth_at(middle), nearest = seen, farthest = seen;
+    vec3 n = normal_from_texel(texelFetch(normal, ivec2(corner) + middle, 0), world_from_view);
+    vec3 x = world_from_fragment(vec2(middle) + 0.5, seen, axis, world_from_offset, parallel);
+    vec4 plane = vec4(n, -dot(n, x)) * world_from_offset;
+    float tolerance = EVEN * viewing_distance(seen, size.y, world_from_offset, parallel);
+    even = true;
     for (int i = 0; i < SPLAT_SCALE * SPLAT_SCALE; ++i) {
         ivec2 texel = min(target * SPLAT_SCALE + ivec2(i % SPLAT_SCALE, i / SPLAT_SCALE), last);
         float d = depth_at(texel);
+        float off = abs(dot(plane, offset_from_fragment(vec2(texel) + 0.5, d, axis, parallel)));
+        even = even && d > 0.0 && off < tolerance;  // NaN fails the test
         if (d > 0.0 && (d < nearest || nearest <= 0.0)) {
             nearest = d;
             near_texel = texel;
@@ -76,7 +89,8 @@ ivec2 chosen_texel(ivec2 target) {
 #endif
 
 void main() {
-    ivec2 texel = chosen_texel(ivec2(gl_FragCoord.xy));
+    bool even;
+    ivec2 texel = chosen_texel(ivec2(gl_FragCoord.xy), even);
     float view_depth = depth_at(texel);
     out_position = vec4(world_from_fragment(vec2(texel) + 0.5, view_depth, axis, world_from_offset, parallel), 1.0);
     bool seen = view_depth > 0.0;
@@ -99,6 +113,7 @@ void main() {
     vec3 m = normal_from_texel(texelFetch(mapped, ivec2(corner) + texel, 0), world_from_view);
     out_bend = vec4(dot(m, m) > 0.0 ? m - n : vec3(0.0), 0.0);
 #endif
+    if (!(seen && even)) out_position.w = -out_position.w;
     out_plane = seen ? vec4(n, -dot(n, out_position.xyz)) : vec4(0.0);
     // Nothing is nearer than 0, so no Gaussian passes the depth test where there is no surface.
     gl_FragDepth = seen ? window_depth(view_depth, near) : 0.0;

@@ -3,6 +3,7 @@
 #include "lib/camera.glsl"
 #include "lib/constants.glsl"
 #include "surface/host.glsl"
+#include "surface/taps.glsl"
 #include "surface/weight.glsl"
 
 #if SPLAT_SCALE > 1
@@ -55,26 +56,22 @@ vec4 upsampled(ivec2 texel) {
     vec3 n = normal_from_texel(texelFetch(normal, ivec2(corner) + texel, 0), world_from_view);
     float tolerance = 1.0 / (PLANE_TOLERANCE * viewing_distance(view_depth, size.y, world_from_offset, parallel));
 
-    // Interpolate linearly over the triangle of the three nearest points: two opposite corners of a square, one other.
-    vec2 place = vec2(texel - SPLAT_SCALE / 2) / float(SPLAT_SCALE), part = fract(place);
-    ivec2 low = ivec2(floor(place)), last = textureSize(filled_sums, 0) - 1;
-    ivec2 side = part.x > part.y ? ivec2(1, 0) : ivec2(0, 1);
-    float far = max(part.x, part.y), near = min(part.x, part.y);
-    vec3 by_place = vec3(1.0 - far, far - near, near) + BLUR;
-    vec4 sum = vec4(0.0);
-    float most_alike = 0.0;
-    for (int i = 0; i < 3; ++i) {  // the sums are 0 where there is no surface
-        ivec2 tap = clamp(low + (i == 0 ? ivec2(0) : i == 1 ? side : ivec2(1)), ivec2(0), last);
-        float weight = alike(texelFetch(surface_plane, tap, 0), x, n, tolerance);
-        most_alike = max(most_alike, weight);
-        sum += by_place[i] * (weight + OTHERS) * texelFetch(filled_sums, tap, 0);
-    }
+    ivec2 last = textureSize(filled_sums, 0) - 1;
+    Taps taps = nearest_taps(texel, SPLAT_SCALE, last);
+    float low = alike(texelFetch(surface_plane, taps.low, 0), x, n, tolerance);
+    float other = alike(texelFetch(surface_plane, taps.other, 0), x, n, tolerance);
+    float high = alike(texelFetch(surface_plane, taps.high, 0), x, n, tolerance);
+    vec3 weights = (taps.weights + BLUR) * (vec3(low, other, high) + OTHERS);
+    vec4 sum = weights.x * unsigned_sums(texelFetch(filled_sums, taps.low, 0))  // 0 where there is no surface
+             + weights.y * unsigned_sums(texelFetch(filled_sums, taps.other, 0))
+             + weights.z * unsigned_sums(texelFetch(filled_sums, taps.high, 0));
     // On wires and at outlines, often none of the three points shows the pixel's surface, but one around them does.
-    float need = 1.0 - most_alike / ALIKE_ENOUGH;
+    float need = 1.0 - max(low, max(other, high)) / ALIKE_ENOUGH;
     int around = view_depth > 0.0 && need > 0.0 ? 16 : 0;  // llvmpipe exits loops early, but skips no branch
     for (int i = 0; i < around; ++i) {
-        ivec2 tap = clamp(low - 1 + ivec2(i % 4, i / 4), ivec2(0), last);
-        sum += need * alike(texelFetch(surface_plane, tap, 0), x, n, tolerance) * texelFetch(filled_sums, tap, 0);
+        ivec2 tap = clamp(taps.square - 1 + ivec2(i % 4, i / 4), ivec2(0), last);
+        float weight = need * alike(texelFetch(surface_plane, tap, 0), x, n, tolerance);
+        sum += weight * unsigned_sums(texelFetch(filled_sums, tap, 0));
     }
     return view_depth > 0.0 ? sum : vec4(0.0);
 }

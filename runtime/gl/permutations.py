@@ -154,6 +154,7 @@ PASSES: dict[str, dict[str, Callable[[Any], int]]] = {
         "COARSE": lambda reading: reading.coarse,
         "SECTORS": lambda reading: reading.sectors,
     },
+    "surface/smooth": {"SPLAT_SCALE": lambda reading: reading.splat_scale},  # Reading; created if sums are upsampled
     "surface/resolve": {  # Reading
         "SPLAT_SCALE": lambda reading: reading.splat_scale,
         "COARSE": lambda reading: reading.coarse and reading.splat_scale == 1,

@@ -47,15 +47,15 @@ class SurfaceSplats:
         self._points = FullScreenPass(ctx, "surface/points", read, **defines("surface/points", reading))
         if box is not None:
             self._points.set(box_low=box[0], box_high=box[1])
-        weight = ["surface_position"] if reading.sectors else []
         self._gap = None
         if reading.coarse:
             self._gap = FullScreenPass(ctx, "surface/gap", ("fine_sums",))
-        levels = "fine_sums", *(["coarse_sums"] if reading.coarse else []), *weight
+        levels = "fine_sums", *(["coarse_sums"] if reading.coarse else []), "surface_position", "surface_plane"
         upsampled = "filled_sums", "surface_plane", "normal", "depth"
-        self._fill = None
+        self._fill = self._smooth = None
         if reading.splat_scale > 1:
             self._fill = FullScreenPass(ctx, "surface/fill", levels, **defines("surface/fill", reading))
+            self._smooth = FullScreenPass(ctx, "surface/smooth", ("filled_sums",), **defines("surface/smooth", reading))
         textures = upsampled if self._fill else levels
         self._resolve = FullScreenPass(ctx, "surface/resolve", textures, **defines("surface/resolve", reading))
 
@@ -116,16 +116,22 @@ class SurfaceSplats:
 
     def _resolve_sums(self, targets: SurfaceTargets, surfaces: tuple, host: dict, added: bool) -> None:
         """Turn sums into light, which replaces what `indirect` holds unless it is `added`."""
-        weight = [targets.position] if self._tables() else []
-        levels = [targets.fine, *([targets.coarse] if targets.coarse else []), *weight]
+        levels = [targets.fine, *([targets.coarse] if targets.coarse else []), targets.position, targets.plane]
         self.ctx.enable_only(moderngl.NOTHING)
         if self._fill:
             self._fill.draw(targets.filled_sums, *levels)
             levels = targets.filled, targets.plane, *surfaces
-        if added:
-            self.ctx.enable_only(moderngl.BLEND)
-            self.ctx.blend_func = moderngl.ONE, moderngl.ONE
-        self._resolve.draw(targets.resolved, *levels, **(host if self._fill else {}))
+        blended = moderngl.BLEND if added else moderngl.NOTHING
+        self.ctx.blend_func = moderngl.ONE, moderngl.ONE
+        if self._smooth:
+            self._write_depth(blended)
+            self._smooth.draw(targets.smooth, targets.filled)
+            self.ctx.depth_func = "<"
+            self.ctx.enable_only(blended | moderngl.DEPTH_TEST)
+            self._resolve.draw(targets.resolved, *levels, **host)
+        else:
+            self.ctx.enable_only(blended)
+            self._resolve.draw(targets.resolved, *levels)
 
     def points_read(self, gl: Functions, texels: np.ndarray, corner: tuple[int, int]) -> Points:
         """What the last draw() read. `texels` (H, W, 4) are those of the whole normal texture."""
@@ -149,7 +155,8 @@ class SurfaceSplats:
         self._release_passes()
 
     def _release_passes(self) -> None:
-        for resource in (self._points, self._gap, self._fill, self._resolve, self.targets, self._programs):
+        passes = self._points, self._gap, self._fill, self._smooth, self._resolve
+        for resource in (*passes, self.targets, self._programs):
             if resource is not None:
                 resource.release()
 
@@ -165,9 +172,9 @@ class SurfaceSplats:
         self.ctx.blend_func = moderngl.ONE, moderngl.ONE
         self.ctx.depth_func = "<"
 
-    def _write_depth(self) -> None:
+    def _write_depth(self, blended: int = moderngl.NOTHING) -> None:
         """Let every fragment write its depth. Without the depth test no depth is written."""
-        self.ctx.enable_only(moderngl.DEPTH_TEST)
+        self.ctx.enable_only(blended | moderngl.DEPTH_TEST)
         self.ctx.depth_func = "1"  # always
 
     def _targets_for(self, pinhole: Pinhole) -> SurfaceTargets:

@@ -23,16 +23,20 @@ class SurfaceTargets:
         self.filled = ctx.texture(self.read_size, 4, dtype="f4") if splat_scale > 1 else None
         self.indirect = ctx.texture(size, 4, dtype="f2")
         self._nearest = ctx.depth_renderbuffer(self.read_size)
+        self._rest = ctx.depth_renderbuffer(size) if splat_scale > 1 else None
         self.points = ctx.framebuffer([self.position, self.plane, *([self.bend] if relief else [])], self._nearest)
         self.gap = ctx.framebuffer(depth_attachment=self._nearest)
         self.filled_sums = ctx.framebuffer(self.filled) if self.filled else None
-        self.resolved = ctx.framebuffer(self.indirect)
+        self.smooth = ctx.framebuffer(self.indirect, self._rest) if self._rest else None
+        self.resolved = ctx.framebuffer(self.indirect, self._rest)
+        self.resolved.depth_mask = False
         self.fine_sums = self._sums(ctx, self.fine)
         self.coarse_sums = self._sums(ctx, self.coarse) if coarse else None
 
     def release(self) -> None:
         """Free the GPU memory."""
-        framebuffers = self.points, self.gap, self.resolved, self.fine_sums, self.coarse_sums, self.filled_sums
+        sums = self.fine_sums, self.coarse_sums, self.filled_sums
+        framebuffers = self.points, self.gap, *sums, self.smooth, self.resolved
         textures = (
             self.position,
             self.plane,
@@ -42,6 +46,7 @@ class SurfaceTargets:
             self.filled,
             self.indirect,
             self._nearest,
+            self._rest,
         )
         for resource in (*framebuffers, *textures):
             if resource is not None:

@@ -61,6 +61,16 @@ GLuint gsgi__target_texture(gsgi_light* light, GLenum format, int32_t width, int
     return gsgi__texture_of(&light->context->gl, whole, width, height, NULL);
 }
 
+GLuint gsgi__target_depth(gsgi_light* light, int32_t width, int32_t height) {
+    const gsgi__gl* gl = &light->context->gl;
+    GLuint renderbuffer;
+    gl->GenRenderbuffers(1, &renderbuffer);
+    gl->BindRenderbuffer(GL_RENDERBUFFER, renderbuffer);
+    gl->RenderbufferStorage(GL_RENDERBUFFER, GL_DEPTH_COMPONENT24, width, height);
+    light->targets.bytes += 4 * (size_t)width * height;
+    return renderbuffer;
+}
+
 gsgi_result gsgi__target(gsgi_light* light, const GLuint colors[GSGI_TARGETS], GLuint depth, GLuint* framebuffer) {
     const gsgi__gl* gl = &light->context->gl;
     GLenum buffers[GSGI_TARGETS] = {GL_NONE};
@@ -89,7 +99,7 @@ void gsgi__targets_release(gsgi_light* light) {
     if (!light->context->lost) {
         gl->DeleteFramebuffers(sizeof framebuffers / sizeof *framebuffers, framebuffers); /* 0 is ignored */
         gl->DeleteTextures(sizeof textures / sizeof *textures, textures);
-        gl->DeleteRenderbuffers(1, &t->depth);
+        gl->DeleteRenderbuffers(2, (GLuint[2]){t->depth, t->rest});
     }
     memset(&light->targets, 0, sizeof light->targets);
 }

@@ -101,7 +101,7 @@ static const char* const uniform_names[U_COUNT] = {
 static const struct { const char* name; GLint unit; } samplers[] = {
     {"shape_data", 0}, {"sh_data", 1}, {"surface_position", 2}, {"surface_plane", 3}, {"slope_data", 4},
     {"surface_bend", 5}, {"relief_data", 6},
-    {"normal", 0}, {"depth", 1}, {"mapped", 2}, {"fine_sums", 2}, {"coarse_sums", 4}, {"filled_sums", 2},
+    {"normal", 0}, {"depth", 1}, {"mapped", 2}, {"fine_sums", 6}, {"coarse_sums", 4}, {"filled_sums", 2},
     {"albedo", 0}, {"indirect", 1}};
 /* clang-format on */
 

@@ -113,8 +113,13 @@ void gsgi_light_destroy(gsgi_light* light) {
     if (!light) return;
     const gsgi_context* context = light->context;
     const gsgi__gl* gl = &context->gl;
-    const gsgi__program* programs[] = {&light->points,           &light->gap,       &light->fill,
-                                       &light->resolve,          &light->add_light, &light->levels[0].program,
+    const gsgi__program* programs[] = {&light->points,
+                                       &light->gap,
+                                       &light->fill,
+                                       &light->smooth,
+                                       &light->resolve,
+                                       &light->add_light,
+                                       &light->levels[0].program,
                                        &light->levels[1].program};
     gsgi__targets_release(light);
     for (size_t i = 0; i < sizeof programs / sizeof *programs && !context->lost; ++i)

@@ -24,7 +24,8 @@ typedef struct gsgi__targets {
     int32_t width, height;           /* px, of the view; 0: none yet */
     int32_t read_width, read_height; /* px */
     size_t bytes;
-    GLuint position, plane, bend, fine, coarse, filled, indirect, depth;
+    GLuint position, plane, bend, fine, coarse, filled, indirect;
+    GLuint depth, rest; /* renderbuffers; `rest`, as large as the view: 0 where surface/smooth has all light */
     GLuint points, gap, fine_sums, coarse_sums, filled_sums, resolved; /* framebuffers */
 } gsgi__targets;
 
@@ -44,7 +45,7 @@ struct gsgi_light {
     gsgi__camera camera;
     bool has_view, has_drawn;
     gsgi__gaussians levels[2];
-    gsgi__program points, gap, fill, resolve, add_light;
+    gsgi__program points, gap, fill, smooth, resolve, add_light;
     gsgi__targets targets;
     gsgi__checked checked;
     int32_t viewport[4]; /* of the last cull */
@@ -77,6 +78,7 @@ void gsgi__draw_triangle(const gsgi_context* context, const gsgi__program* progr
 void gsgi__draw_gaussians(const gsgi_light* light, int level, GLsizei vertices);
 /* Texture of a target, or 0; its bytes are added to those of the light's targets. */
 GLuint gsgi__target_texture(gsgi_light* light, GLenum format, int32_t width, int32_t height);
+GLuint gsgi__target_depth(gsgi_light* light, int32_t width, int32_t height); /* a renderbuffer */
 /* Framebuffer with these attachments; those that are 0 are left out. Fails if the driver does not take it. */
 gsgi_result gsgi__target(gsgi_light* light, const GLuint colors[GSGI_TARGETS], GLuint depth, GLuint* framebuffer);
 void gsgi__targets_release(gsgi_light* light);

@@ -81,6 +81,8 @@ gsgi_result gsgi__surface_create(gsgi_light* light) {
         result = create_pass(light, "surface/fill", gsgi__shader_surface_fill_frag, defines, &light->fill);
         if (result) return result;
         gsgi__set_float(gl, &light->fill, "weight_floor", light->info.weight_floor);
+        result = create_pass(light, "surface/smooth", gsgi__shader_surface_smooth_frag, defines, &light->smooth);
+        if (result) return result;
     }
     result = create_pass(light, "surface/resolve", gsgi__shader_surface_resolve_frag, defines, &light->resolve);
     if (!result) gsgi__set_float(gl, &light->resolve, "weight_floor", light->info.weight_floor);
@@ -90,7 +92,6 @@ gsgi_result gsgi__surface_create(gsgi_light* light) {
 /* Sums are whole floats: halves have 11 significant bits, so that after 2,048 Gaussians of the same weight each further
  * one would be lost. */
 gsgi_result gsgi__surface_create_targets(gsgi_light* light) {
-    const gsgi__gl* gl = &light->context->gl;
     const int32_t scale = light->options.splat_scale, width = light->camera.width, height = light->camera.height;
     const int32_t read_width = (width + scale - 1) / scale, read_height = (height + scale - 1) / scale;
     gsgi__targets* t = &light->targets;
@@ -105,10 +106,8 @@ gsgi_result gsgi__surface_create_targets(gsgi_light* light) {
     if (has_coarse(light)) t->coarse = gsgi__target_texture(light, GL_RGBA32F, read_width, read_height);
     if (scale > 1) t->filled = gsgi__target_texture(light, GL_RGBA32F, read_width, read_height);
     t->indirect = gsgi__target_texture(light, GL_RGBA16F, width, height);
-    gl->GenRenderbuffers(1, &t->depth);
-    gl->BindRenderbuffer(GL_RENDERBUFFER, t->depth);
-    gl->RenderbufferStorage(GL_RENDERBUFFER, GL_DEPTH_COMPONENT24, read_width, read_height);
-    t->bytes += 4 * (size_t)read_width * read_height;
+    t->depth = gsgi__target_depth(light, read_width, read_height);
+    if (scale > 1) t->rest = gsgi__target_depth(light, width, height);
 
     const struct {
         GLuint colors[GSGI_TARGETS], depth, *framebuffer;
@@ -118,7 +117,7 @@ gsgi_result gsgi__surface_create_targets(gsgi_light* light) {
                    {{t->coarse}, t->depth, &t->coarse_sums, t->coarse != 0},
                    {{0}, t->depth, &t->gap, t->coarse != 0},
                    {{t->filled}, 0, &t->filled_sums, t->filled != 0},
-                   {{t->indirect}, 0, &t->resolved, true}};
+                   {{t->indirect}, t->rest, &t->resolved, true}};
     gsgi_result result = GSGI_OK;
     for (size_t i = 0; i < sizeof targets / sizeof *targets && !result; ++i)
         if (targets[i].needed)
@@ -198,27 +197,34 @@ static void draw_passes(const gsgi_light* light, GLuint depth, GLuint normal, GL
     draw_level(light, GSGI_FINE, t->fine_sums);
     if (t->coarse) {
         write_depth(gl, t->gap);
-        gsgi__bind_texture(gl, 2, t->fine);
+        gsgi__bind_texture(gl, 6, t->fine);
         gsgi__draw_triangle(context, &light->gap);
         draw_level(light, GSGI_COARSE, t->coarse_sums);
     }
 
     gsgi__blend(gl, false, GL_ONE, GL_ZERO);
     gl->Disable(GL_DEPTH_TEST);
-    gsgi__bind_texture(gl, 2, t->fine);
+    gsgi__bind_texture(gl, 6, t->fine);
     gsgi__bind_texture(gl, 4, t->coarse);
     if (t->filled) {
+        gsgi__bind_texture(gl, 2, t->position);
+        gsgi__bind_texture(gl, 3, t->plane);
         gl->BindFramebuffer(GL_DRAW_FRAMEBUFFER, t->filled_sums);
         gsgi__draw_triangle(context, &light->fill);
         gsgi__bind_texture(gl, 0, normal);
         gsgi__bind_texture(gl, 1, depth);
         gsgi__bind_texture(gl, 2, t->filled);
-        gsgi__bind_texture(gl, 3, t->plane);
+        gsgi__viewport(gl, 0, 0, t->width, t->height);
+        write_depth(gl, t->resolved);
+        gsgi__draw_triangle(context, &light->smooth);
+        gl->DepthFunc(GL_LESS);
+        gl->DepthMask(GL_FALSE);
         set_host(light, &light->resolve);
     }
     gl->BindFramebuffer(GL_DRAW_FRAMEBUFFER, t->resolved);
     gsgi__viewport(gl, 0, 0, t->width, t->height);
     gsgi__draw_triangle(context, &light->resolve);
+    gl->Disable(GL_DEPTH_TEST);
 }
 
 void gsgi__surface_draw(const gsgi_light* light, GLuint depth, GLuint normal, GLuint mapped) {

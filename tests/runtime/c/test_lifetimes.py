@@ -84,7 +84,7 @@ def test_stats_are_of_the_last_cull_and_draw(gl, context, host):
         assert abs(stats.drawn[level] - len(seen)) <= 1  # the matrices' floats
     assert stats.drawn[0] < len(decoded.gaussians)
     area = SIZE[0] * SIZE[1]
-    assert stats.target_bytes == 8 * area + (68 + 16) * area // 4
+    assert stats.target_bytes == (8 + 4) * area + (68 + 16) * area // 4
     light.reset()
     assert light.stats().target_bytes == 0
     light.destroy()

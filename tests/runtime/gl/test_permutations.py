@@ -75,6 +75,7 @@ SUBJECTS = {
     ]
     + [Level(g, SurfaceBlend(), False, relief, sectors=True) for g in of_degree(0, 2) for relief in BOTH],
     "surface/fill": READINGS,
+    "surface/smooth": READINGS,
     "surface/resolve": READINGS,
     "surface/add_light": encodings(),
     "frame/blend": [None, (1, 9, 0), (4, 1, 3)],

@@ -10,7 +10,7 @@ from surface_frames import draw, nothing, one, room, seen_points, surface_gaussi
 
 from gsgi.runtime.camera import look_at
 from gsgi.runtime.gaussians import Bake, Gaussians, SurfaceBlend
-from gsgi.runtime.gl.renderer import DeferredRenderer
+from gsgi.runtime.gl.renderer import DeferredRenderer, pixels
 from gsgi.runtime.scene import Scene
 
 SIZE = 160, 120
@@ -108,6 +108,25 @@ def test_a_wire_keeps_its_own_light(gl, splat_scale):
     low, depth, _ = draw(gl, fine, scene=scene, camera=FRONT, size=SIZE, splat_scale=splat_scale)
     assert (depth < 3).sum() >= SIZE[1]
     assert np.allclose(low, np.where(depth[..., None] < 3, 0.2, 0.9), rtol=1e-3)
+
+
+@SCALES
+def test_only_squares_that_show_one_surface_are_smooth(gl, splat_scale):
+    """A card before a wall, a ledge half a percent before the card, and nothing beside the wall."""
+    card, ledge = wall(-2.0, (-0.5, -0.5), (0.5, 0.5)), wall(-1.99, (0.2, -0.4), (0.213, 0.4))
+    scene = Scene((wall(-3.0, (-1.2, -1.2), (1.2, 1.2)), card, ledge), (scenes.WHITE,))
+    fine = lit(scene, lambda position, _: np.ones_like(position))
+    renderer = DeferredRenderer(gl, scene, Bake(fine, SurfaceBlend(), coarse=nothing()), *SIZE, splat_scale)
+    renderer.render(FRONT)
+    depth, filled = renderer.read("depth"), pixels(renderer.splats._splats.targets.filled)[..., 3]
+    renderer.release()
+    smooth = np.argwhere(filled[::-1] < 0)
+    assert len(smooth) > 0.2 * filled.size
+    rows = depth[::-1]
+    for row, column in smooth:
+        square = rows[row * splat_scale : (row + 2) * splat_scale, column * splat_scale : (column + 2) * splat_scale]
+        assert square.min() > 0, (row, column)
+        assert np.ptp(square) < 1e-3, (row, column)
 
 
 @SCALES
