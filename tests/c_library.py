@@ -100,6 +100,24 @@ class Stats(Sized):
     )  # fmt: skip
 
 
+class WorldOptions(Sized):
+    _fields_ = (("struct_size", c_size_t), ("callbacks", Callbacks), ("budget", c_uint64), ("fade", c_float))
+
+
+class WorldInfo(Sized):
+    _fields_ = (
+        ("struct_size", c_size_t), ("sector_count", c_uint32), ("resident_count", c_uint32), ("scene", c_uint64),
+        ("effects", c_uint32), ("changing", c_int32), ("margin", c_double), ("budget", c_uint64), ("memory", c_uint64),
+    )  # fmt: skip
+
+
+class Sector(Sized):
+    _fields_ = (
+        ("struct_size", c_size_t), ("file", c_char_p), ("bytes", c_uint64), ("memory", c_uint64), ("low", c_double * 3),
+        ("high", c_double * 3), ("bake", c_void_p), ("weight", c_float),
+    )  # fmt: skip
+
+
 def need_compiler() -> None:
     """Skip the test where the library cannot be built."""
     for tool in ("cmake", "cc"):
@@ -125,6 +143,25 @@ class Messages(list):
     def __init__(self):
         self._log = LOG(lambda severity, message, user: self.append(message.decode()))
         self.callbacks = Callbacks(log=self._log)
+
+
+class Budget:
+    """Callbacks that allocate `count` blocks and no more, and keep what is not released."""
+
+    def __init__(self, count: int):
+        self.left, self.blocks = count, {}
+        self.callbacks = Callbacks(allocate=ALLOCATE(self._allocate), release=RELEASE(self._release))
+
+    def _allocate(self, size, user):
+        if not self.left:
+            return None
+        self.left -= 1
+        block = ctypes.create_string_buffer(size)
+        self.blocks[ctypes.addressof(block)] = block
+        return ctypes.addressof(block)
+
+    def _release(self, memory, user):
+        del self.blocks[memory]
 
 
 class Library:
@@ -244,6 +281,77 @@ class Lookup:
         self.functions.gsgi_lookup_close(self.handle)
 
 
+class World:
+    """A gsgi_world of a manifest on disk: its `result`; the files are read in this thread."""
+
+    def __init__(self, library: Library, path: Path, data: bytes | None = None, **options):
+        self.library, self.functions, self.messages = library, library.functions, Messages()
+        self.folder, self.handle = path.parent, c_void_p()
+        data = path.read_bytes() if data is None else data
+        given = WorldOptions(callbacks=self.messages.callbacks, **options)
+        arguments = data, c_size_t(len(data)), ctypes.byref(given), ctypes.byref(self.handle)
+        self.result = self.functions.gsgi_world_open(*arguments)
+
+    @property
+    def info(self) -> WorldInfo:
+        info = WorldInfo()
+        assert self.functions.gsgi_world_read_info(self.handle, ctypes.byref(info)) == OK
+        return info
+
+    def sector(self, number: int) -> Sector:
+        sector = Sector()
+        assert self.functions.gsgi_world_read_sector(self.handle, c_uint32(number), ctypes.byref(sector)) == OK
+        return sector
+
+    @property
+    def weights(self) -> dict[int, float]:
+        """Those of the sectors in memory, by number."""
+        sectors = map(self.sector, range(self.info.sector_count))
+        return {number: sector.weight for number, sector in enumerate(sectors) if sector.bake}
+
+    def update(self, eye, seconds: float) -> int:
+        """The sector that is asked for, or -1."""
+        load = c_int32()
+        arguments = (c_float * 3)(*eye), c_double(seconds), ctypes.byref(load)
+        assert self.functions.gsgi_world_update(self.handle, *arguments) == OK
+        return load.value
+
+    def open(self, number: int, data: bytes | None = None) -> tuple[int, c_void_p]:
+        """The result, and the bake of a sector's bytes: by default those of its file."""
+        bake = c_void_p()
+        data = (self.folder / self.sector(number).file.decode()).read_bytes() if data is None else data
+        options = OpenOptions(callbacks=self.messages.callbacks, sampling=1)
+        arguments = data, c_size_t(len(data)), ctypes.byref(options), ctypes.byref(bake)
+        return self.functions.gsgi_world_open_sector(self.handle, c_uint32(number), *arguments), bake
+
+    def add(self, number: int, bake: c_void_p | None) -> int:
+        return self.functions.gsgi_world_add(self.handle, c_uint32(number), bake)
+
+    def step(self, eye, seconds: float) -> int:
+        """Update, and read what is asked for, which is returned."""
+        if (number := self.update(eye, seconds)) >= 0:
+            result, bake = self.open(number)
+            assert result == OK, self.messages
+            assert self.add(number, bake) == OK, self.messages
+        return number
+
+    def settle(self, eye) -> None:
+        """Read at once what is wanted around an eye."""
+        while self.step(eye, np.inf) >= 0:
+            pass
+
+    def sample(self, position: np.ndarray, normal: np.ndarray) -> np.ndarray:
+        """B (N, 3) float32 at points (N, 3) with normals (N, 3)."""
+        arrays = [np.ascontiguousarray(array, np.float32) for array in (position, normal)]
+        light = np.empty_like(arrays[0])
+        pointers = (array.ctypes.data_as(c_void_p) for array in (*arrays, light))
+        assert self.functions.gsgi_world_sample(self.handle, c_size_t(len(light)), *pointers) == OK
+        return light
+
+    def close(self) -> None:
+        self.functions.gsgi_world_close(self.handle)
+
+
 class Context:
     """A gsgi_context in a context of moderngl, which is current. With `oldest` it is told that this is OpenGL 3.3."""
 
@@ -271,10 +379,10 @@ class Context:
 
 
 class Light:
-    """A gsgi_light; `encoding` is a gsgi.Encoding."""
+    """A gsgi_light of a file's bytes or of a world; `encoding` is a gsgi.Encoding."""
 
     def __init__(
-        self, context: Context, data: bytes, encoding, splat_scale: int = 0, box=None, top_down: bool = False,
+        self, context: Context, data: bytes | World, encoding, splat_scale: int = 0, box=None, top_down: bool = False,
         relief: bool = False,
     ):  # fmt: skip
         self.context, self.functions, self.handle = context, context.library.functions, c_void_p()
@@ -286,10 +394,13 @@ class Light:
         options.depth_range[:] = encoding.depth_range
         if box is not None:
             options.box_low[:], options.box_high[:] = box
-        bake = context.library.opened(data)
-        arguments = context.handle, bake, ctypes.byref(options), ctypes.byref(self.handle)
-        self.result = self.functions.gsgi_light_create(*arguments)
-        context.library.close(bake)
+        made = ctypes.byref(options), ctypes.byref(self.handle)
+        if isinstance(data, World):
+            self.result = self.functions.gsgi_light_create_world(context.handle, data.handle, *made)
+        else:
+            bake = context.library.opened(data)
+            self.result = self.functions.gsgi_light_create(context.handle, bake, *made)
+            context.library.close(bake)
 
     def cull(self, view_from_world: np.ndarray, clip_from_view: np.ndarray, viewport) -> int:
         view = View(viewport=tuple(viewport))
@@ -305,6 +416,9 @@ class Light:
 
     def recolour(self, bake: c_void_p) -> int:
         return self.functions.gsgi_light_recolour(self.handle, bake)
+
+    def follow(self, world: World) -> int:
+        return self.functions.gsgi_light_follow(self.handle, world.handle)
 
     def add(self, framebuffer: int, albedo: int) -> int:
         return self.functions.gsgi_light_add(self.handle, c_uint32(framebuffer), c_uint32(albedo))

@@ -24,8 +24,8 @@
  * where a function destroys.
  *
  * Threads. The library has no global state. A bake changes in gsgi_bake_weigh alone, so any number of threads may read
- * it at other times. A context and its lights belong to one thread at a time, with that OpenGL context current, but for
- * gsgi_light_cull.
+ * it at other times. A world belongs to one thread at a time, but for gsgi_world_open_sector. A context and its lights
+ * belong to one thread at a time, with that OpenGL context current, but for gsgi_light_cull.
  */
 #ifndef GSGI_H
 #define GSGI_H
@@ -235,6 +235,88 @@ GSGI_API gsgi_result gsgi_lookup_recolour(gsgi_lookup* lookup, const gsgi_bake* 
 
 GSGI_API void gsgi_lookup_close(gsgi_lookup* lookup);
 
+/* ---- Worlds: light in sectors, one .gsgi file each, and a manifest that lists them ------------------------------ */
+
+/* A world tells which sectors are to be in memory around an eye, and fades their light in and out. It opens no file and
+ * has no thread: the host reads what is asked for, in a job if it likes.
+ *
+ *     gsgi_world_open(manifest, size, &world_options, &world);        once, from level.gsgi.json in memory
+ *     gsgi_light_create_world(context, world, &light_options, &light);
+ *
+ *     gsgi_world_update(world, eye, seconds, &load);                  each frame
+ *     if (load >= 0) start_job(load);
+ *     gsgi_light_follow(light, world);
+ *     gsgi_light_cull(light, &view);                                  and draw and add, as of a single bake
+ *
+ *     job:   data = all of the file gsgi_sector.file, in the folder of the manifest
+ *            gsgi_world_open_sector(world, load, data, size, &open_options, &bake)    in any thread
+ *     then:  gsgi_world_add(world, load, bake)                        between frames, in the thread of updates
+ *
+ * The numbers are those of Python's gsgi.World: which sectors, their weights, and the light. */
+typedef struct gsgi_world gsgi_world;
+
+typedef struct gsgi_world_options {
+    size_t struct_size;
+    gsgi_callbacks callbacks;
+    uint64_t budget; /* bytes of Gaussians in memory, as the manifest counts them; 0: 256 MiB */
+    float fade;      /* s, in which light comes and goes; 0: 1.5 */
+} gsgi_world_options;
+
+typedef struct gsgi_world_info {
+    size_t struct_size;
+    uint32_t sector_count, resident_count; /* the latter: in memory */
+    uint64_t scene;                        /* fingerprint of the scene's triangles */
+    uint32_t effects;                      /* as of gsgi_info */
+    int32_t changing;                      /* whether the last update has left something to read or to fade */
+    double margin;                         /* m; on both sides of a border light turns into that of the other sector */
+    uint64_t budget, memory;               /* bytes; the latter: of the Gaussians in memory, never above the budget */
+} gsgi_world_info;
+
+typedef struct gsgi_sector {
+    size_t struct_size;
+    const char* file; /* relative to the folder of the manifest, inside of it, UTF-8; lives as long as the world */
+    uint64_t bytes;   /* of the file */
+    uint64_t memory;  /* bytes of its Gaussians */
+    double low[3];    /* corners of its box, world space, m */
+    double high[3];
+    const gsgi_bake* bake; /* until the next update; NULL: not in memory */
+    float weight;          /* factor on its light, 0 to 1 */
+} gsgi_sector;
+
+/* Read the `size` bytes of a manifest, which may be freed afterwards. `options` may be NULL. What docs/worlds.md says a
+ * reader refuses is GSGI_INVALID_FILE, a budget below the largest sector GSGI_INVALID_ARGUMENT. Safe for untrusted
+ * files: a sector, of which there are at most 4,096, takes 600 bytes. */
+GSGI_API gsgi_result gsgi_world_open(const void* manifest, size_t size, const gsgi_world_options* options,
+                                     gsgi_world** world);
+
+/* Fill `info`, and `sector` for one of 0 to sector_count - 1; their struct_size is set. */
+GSGI_API gsgi_result gsgi_world_read_info(const gsgi_world* world, gsgi_world_info* info);
+GSGI_API gsgi_result gsgi_world_read_sector(const gsgi_world* world, uint32_t number, gsgi_sector* sector);
+
+/* Let `seconds` pass with an eye at a place, world space, m. Sectors whose light has gone are freed. `load` gets the
+ * number of the sector whose file is to be read next, or -1: there is none, or gsgi_world_add has not answered yet.
+ * Light changes so little per call that no step shows; INFINITY as `seconds` lets it change at once, for tools and
+ * where the camera jumps: read what is asked for until nothing is. */
+GSGI_API gsgi_result gsgi_world_update(gsgi_world* world, const float eye[3], double seconds, int32_t* load);
+
+/* Decode the bytes of a sector's file as gsgi_bake_open does. GSGI_INVALID_FILE for any other file than the one that
+ * the manifest describes by size and SHA-256. It reads of the world what never changes: it may run in any thread
+ * while others use the world, and calls the callbacks of its own `options`. */
+GSGI_API gsgi_result gsgi_world_open_sector(const gsgi_world* world, uint32_t number, const void* data, size_t size,
+                                            const gsgi_open_options* options, gsgi_bake** bake);
+
+/* Answer what update asked for: the world has the bake from now on and closes it. NULL says that the file could not be
+ * read: the sector is not asked for again, and the others go on. After an error the bake is still the host's, and the
+ * answer open; GSGI_INVALID_FILE: it blends otherwise than the sectors before. */
+GSGI_API gsgi_result gsgi_world_add(gsgi_world* world, uint32_t number, gsgi_bake* bake);
+
+/* B at `count` surface points, as gsgi_bake_sample gives it, of the sectors in memory. Open them with `sampling`. */
+GSGI_API gsgi_result gsgi_world_sample(const gsgi_world* world, size_t count, const float* positions,
+                                       const float* normals, float* light);
+
+/* Free the world and the bakes in it. Lights that were made of it stay as they are. */
+GSGI_API void gsgi_world_close(gsgi_world* world);
+
 /* ---- OpenGL --------------------------------------------------------------------------------------------------- */
 
 /* Address of the OpenGL function `name`, such as "glBindTexture", or NULL. eglGetProcAddress, glfwGetProcAddress and
@@ -339,6 +421,17 @@ GSGI_API gsgi_result gsgi_light_create(gsgi_context* context, const gsgi_bake* b
  * draw on. It uploads 16 bytes for each four numbers of SH of a Gaussian, 16 with slopes. */
 GSGI_API gsgi_result gsgi_light_recolour(gsgi_light* light, const gsgi_bake* bake);
 
+/* Compile the passes that read several sectors at once. `options` may be NULL. The light has no sectors until
+ * gsgi_light_follow. */
+GSGI_API gsgi_result gsgi_light_create_world(gsgi_context* context, const gsgi_world* world,
+                                             const gsgi_light_options* options, gsgi_light** light);
+
+/* Take over which sectors of the world, the one of which the light was made, are in memory, and their weights: upload
+ * those that came, and free those that went. The first of each kind (gsgi_info.sh_degree, sloped, relief) compiles a
+ * program. Call it each frame after gsgi_world_update and gsgi_world_add; a sector that came shows from the next
+ * cull on. The world may be changed or closed afterwards. */
+GSGI_API gsgi_result gsgi_light_follow(gsgi_light* light, const gsgi_world* world);
+
 /* Free the light, with its memory on the GPU. The host's textures are kept. */
 GSGI_API void gsgi_light_destroy(gsgi_light* light);
 
@@ -358,7 +451,8 @@ GSGI_API gsgi_result gsgi_light_cull(gsgi_light* light, const gsgi_view* view);
 /* Draw B for the view of the last cull, from the names of the host's depth and normal textures, which are 2D, single
  * sample and of one size (`over` reads neither). `indirect`, if not NULL, gets the name of the library's texture:
  * RGBA16F (RGBA32F for `over`), as large as the viewport, its rows in the order of the host's; valid until the next
- * draw, reset or destroy. Its alpha is 1 with `surface`, and 1 - transmittance with `over`.
+ * draw, reset or destroy. Its alpha is 1 with `surface`, 1 - transmittance with `over`, and
+ * says nothing with a world.
  *
  * Where OpenGL can tell the textures' formats (3.3, ES 3.1), those that cannot be what the light's options say are
  * GSGI_INVALID_ARGUMENT. They are checked when another texture or viewport is given. */

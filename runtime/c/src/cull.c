@@ -9,7 +9,7 @@
 #define DIGITS (1u << DIGIT_BITS)
 
 bool gsgi__culled_create(gsgi__culled* culled, const gsgi_callbacks* callbacks, const gsgi__level* level,
-                         const gsgi_info* info) {
+                         const gsgi_info* info, const double shift[3]) {
     const bool sorts = info->blend == GSGI_OVER;
     const size_t count = level->count, words = sorts ? 8 : 5;
     culled->count = level->count;
@@ -31,9 +31,9 @@ bool gsgi__culled_create(gsgi__culled* culled, const gsgi_callbacks* callbacks, 
         float reach = info->radius;
         /* opacity * exp(-r^2 / 2) falls to alpha_min at r standard deviations */
         if (sorts) reach = sqrtf(2.0f * logf(fmaxf(shape[3] / info->alpha_min, 1.0f)));
-        culled->x[i] = shape[0];
-        culled->y[i] = shape[1];
-        culled->z[i] = shape[2];
+        culled->x[i] = (float)(shape[0] + shift[0]);
+        culled->y[i] = (float)(shape[1] + shift[1]);
+        culled->z[i] = (float)(shape[2] + shift[2]);
         culled->radius[i] = reach * fmaxf(scale[0], fmaxf(scale[1], scale[2]));
     }
     return true;

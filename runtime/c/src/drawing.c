@@ -18,10 +18,10 @@ void gsgi__draw_triangle(const gsgi_context* context, const gsgi__program* progr
     context->gl.DrawArrays(GL_TRIANGLES, 0, 3);
 }
 
-void gsgi__draw_gaussians(const gsgi_light* light, int l, GLsizei vertices) {
+void gsgi__draw_gaussians(const gsgi_light* light, const gsgi__part* part, int l, GLsizei vertices) {
     const gsgi__gl* gl = &light->context->gl;
-    const gsgi__culled* culled = &light->culled[l];
-    const gsgi__gaussians* level = &light->levels[l];
+    const gsgi__culled* culled = &part->culled[l];
+    const gsgi__gaussians* level = &part->levels[l];
     gsgi__bind_texture(gl, 0, level->shape);
     gsgi__bind_texture(gl, 1, level->sh);
     if (level->slope) gsgi__bind_texture(gl, 4, level->slope);

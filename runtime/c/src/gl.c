@@ -95,13 +95,14 @@ gsgi_result gsgi__gl_load(gsgi__gl* gl, const gsgi_context_options* options) {
 /* clang-format off */
 static const char* const uniform_names[U_COUNT] = {
     "view_from_world", "world_from_view", "world_from_offset", "axis", "centre", "corner", "depth_ends", "depth_line",
-    "eye", "focal", "margin", "near", "parallel", "size", "z_to_clip"};
+    "eye", "focal", "margin", "near", "parallel", "sector_class", "sector_count", "sector_high",
+    "sector_low", "size", "z_to_clip"};
 
 /* Samplers of all passes. A sampler's unit is the same in each pass that has it. */
 static const struct { const char* name; GLint unit; } samplers[] = {
     {"shape_data", 0}, {"sh_data", 1}, {"surface_position", 2}, {"surface_plane", 3}, {"slope_data", 4},
     {"surface_bend", 5}, {"relief_data", 6},
-    {"normal", 0}, {"depth", 1}, {"mapped", 2}, {"fine_sums", 6}, {"coarse_sums", 4}, {"filled_sums", 2},
+    {"normal", 0}, {"depth", 1}, {"mapped", 2}, {"sectors", 3}, {"fine_sums", 6}, {"coarse_sums", 4}, {"filled_sums", 2},
     {"albedo", 0}, {"indirect", 1}};
 /* clang-format on */
 

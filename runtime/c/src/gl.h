@@ -201,6 +201,10 @@ typedef enum gsgi__uniform {
     U_MARGIN,
     U_NEAR,
     U_PARALLEL,
+    U_SECTOR_CLASS,
+    U_SECTOR_COUNT,
+    U_SECTOR_HIGH,
+    U_SECTOR_LOW,
     U_SIZE,
     U_Z_TO_CLIP,
     U_COUNT

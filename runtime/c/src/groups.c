@@ -2,6 +2,7 @@
  * runtime/file/FORMAT.md is the specification of both. */
 #include "groups.h"
 #include "level.h"
+#include "text.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -11,23 +12,6 @@
 #define WEIGHT_MAX 1e15f
 
 /* ---- Text ---- */
-
-/* The code point of the UTF-8 at `*at`, which is moved past it; -1 where there is none. */
-static int32_t next_character(const uint8_t* data, size_t* at, size_t end) {
-    static const int32_t least[4] = {0, 0x80, 0x800, 0x10000}; /* of characters that take so many bytes more */
-    const uint8_t first = data[(*at)++];
-    const int more = first < 0x80 ? 0 : first >> 5 == 6 ? 1 : first >> 4 == 14 ? 2 : first >> 3 == 30 ? 3 : -1;
-    if (more < 0) return -1;
-    int32_t code = more ? first & (0x3F >> more) : first;
-    for (int i = 0; i < more; ++i) {
-        if (*at == end || data[*at] >> 6 != 2) return -1;
-        code = code << 6 | (data[(*at)++] & 0x3F);
-    }
-    const bool surrogate = code >= 0xD800 && code < 0xE000;
-    return code < least[more] || code > 0x10FFFF || surrogate ? -1 : code;
-}
-
-static bool is_control(int32_t code) { return code < 0x20 || (code >= 0x7F && code < 0xA0); }
 
 static gsgi_result expected_bytes(gsgi__reader* reader, size_t bytes) {
     char expected[32];
@@ -42,9 +26,9 @@ static gsgi_result read_text(gsgi__reader* reader, size_t size, const char* fiel
     *controls = false;
     if (size > reader->end - begin) return expected_bytes(reader, size);
     for (size_t at = begin; at < begin + size;) {
-        const int32_t code = next_character(reader->data, &at, begin + size);
+        const int32_t code = gsgi__next_character(reader->data, &at, begin + size);
         if (code < 0) return gsgi__unexpected(reader, begin, "UTF-8");
-        *controls = *controls || is_control(code);
+        *controls = *controls || gsgi__is_control(code);
     }
     reader->at = begin + size;
     return GSGI_OK;

@@ -128,9 +128,9 @@ typedef struct gsgi__culled {
     uint32_t *keys, *sorted_index, *sorted_keys; /* `over`: to sort */
 } gsgi__culled;
 
-/* Returns false if there is no memory. */
+/* Of positions that are moved by `shift`, m. Returns false if there is no memory. */
 bool gsgi__culled_create(gsgi__culled* culled, const gsgi_callbacks* callbacks, const gsgi__level* level,
-                         const gsgi_info* info);
+                         const gsgi_info* info, const double shift[3]);
 void gsgi__culled_destroy(gsgi__culled* culled, const gsgi_callbacks* callbacks);
 
 /* Spheres that reach into the pyramid of the view, by ascending index. */

@@ -1,6 +1,7 @@
 /* Lights: what is made once, and the frame's calls. */
 #include "light.h"
 #include "shaders.h"
+#include "world.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -26,39 +27,16 @@ static gsgi_result check_options(const gsgi_light_options* o, const gsgi_callbac
     return GSGI_OK;
 }
 
-/* Data textures, instance buffer and vertex array of a level. */
-static gsgi_result upload(gsgi_light* light, const gsgi_bake* bake, int l) {
-    const gsgi__gl* gl = &light->context->gl;
-    const gsgi__level* level = &bake->levels[l];
-    gsgi__gaussians* to = &light->levels[l];
-    const gsgi__texels none = {NULL, 0, 0};
-    const gsgi__texels* texels[] = {&level->shape, &level->sh, &level->slope, light->relief ? &level->relief : &none};
-    const gsgi__format floats = {GL_RGBA32F, GL_RGBA, GL_FLOAT};
-    GLuint* textures[] = {&to->shape, &to->sh, &to->slope, &to->relief};
-    if (level->count == 0) return GSGI_OK;
-    for (int t = 0; t < 4; ++t) {
-        if (texels[t]->rows > (uint32_t)gl->texture_size_max)
-            return gsgi__fail(&light->context->callbacks, GSGI_UNSUPPORTED,
-                              "bake: %u Gaussians are more than this driver's textures hold", level->count);
-        if (texels[t]->rows > 0)
-            *textures[t] = gsgi__texture_of(gl, floats, GSGI_DATA_WIDTH, (int32_t)texels[t]->rows, texels[t]->texels);
-    }
-    gl->GenBuffers(1, &to->index);
-    gl->GenVertexArrays(1, &to->strips);
-    gl->BindVertexArray(to->strips);
-    gl->BindBuffer(GL_ARRAY_BUFFER, to->index);
-    gl->EnableVertexAttribArray(0);
-    gl->VertexAttribIPointer(0, 1, GL_UNSIGNED_INT, 0, NULL);
-    gl->VertexAttribDivisor(0, 1);
-    return GSGI_OK;
-}
-
+/* The passes of a light, and the only part of one that is made of a bake. */
 static gsgi_result create_on_gpu(gsgi_light* light, const gsgi_bake* bake) {
     const gsgi_context* context = light->context;
     char defines[64];
     gsgi_result result = GSGI_OK;
-    for (int l = 0; l < 2 && !result; ++l) result = upload(light, bake, l);
-    if (!result) result = light->info.blend == GSGI_SURFACE ? gsgi__surface_create(light) : gsgi__over_create(light);
+    if (bake) {
+        result = gsgi__part_create(light, bake, light->relief, &light->parts[0]);
+        if (!result) light->part_count = 1;
+    }
+    if (!result && light->info.blend == GSGI_SURFACE) result = gsgi__surface_create(light);
     if (!result) {
         snprintf(defines, sizeof defines, "#define ALBEDO_SRGB %d\n", light->options.albedo == GSGI_ALBEDO_SRGB);
         result = gsgi__program_create(&context->gl, &context->callbacks, "surface/add_light",
@@ -68,72 +46,89 @@ static gsgi_result create_on_gpu(gsgi_light* light, const gsgi_bake* bake) {
     return result;
 }
 
-gsgi_result gsgi_light_create(gsgi_context* context, const gsgi_bake* bake, const gsgi_light_options* given,
-                              gsgi_light** out) {
+/* A light without parts, with checked options. */
+static gsgi_result create_empty(gsgi_context* context, const gsgi_light_options* given, gsgi_light** out) {
     const gsgi_callbacks* callbacks = &context->callbacks;
     gsgi_light_options options;
-    gsgi__state host;
     gsgi_result result = gsgi__read_options(given, &options, sizeof options);
     if (result) return gsgi__fail(callbacks, result, "options: struct_size is not that of any version of this library");
     if (options.splat_scale == 0) options.splat_scale = 2;
     if (options.depth_range[0] == 0.0f && options.depth_range[1] == 0.0f) options.depth_range[1] = 1.0f;
     if ((result = gsgi__check_context(context)) || (result = check_options(&options, callbacks))) return result;
-    if (!bake || !out) return gsgi__fail(callbacks, GSGI_INVALID_ARGUMENT, "bake, light: must not be NULL");
-
     gsgi_light* light = gsgi__allocate(callbacks, sizeof *light);
     if (!light) return gsgi__fail(callbacks, GSGI_OUT_OF_MEMORY, "light: no memory");
     memset(light, 0, sizeof *light);
     light->context = context;
     light->options = options;
-    light->info = bake->info;
-    light->relief = options.relief && bake->info.relief;
-    if (light->relief) light->info.light_bytes += gsgi__texel_bytes(&bake->levels[GSGI_FINE].relief);
-    memcpy(light->origin, bake->origin, sizeof light->origin);
-    light->crc = bake->crc;
-    for (int l = 0; l < 2 && !result; ++l)
-        if (!gsgi__culled_create(&light->culled[l], callbacks, &bake->levels[l], &bake->info))
-            result = gsgi__fail(callbacks, GSGI_OUT_OF_MEMORY, "light: no memory");
-    if (!result) {
-        gsgi__drain_errors(context);
-        gsgi__state_begin(&context->gl, context->state, &host);
-        result = create_on_gpu(light, bake);
-        gsgi_result memory = gsgi__check_memory(context);
-        if (!result) result = memory;
-        gsgi__state_end(&context->gl, context->state, &host);
-    }
-    if (result) {
-        gsgi_light_destroy(light);
-        return result;
-    }
     *out = light;
     return GSGI_OK;
+}
+
+/* Make the light's passes, and its part of a bake, which may be NULL; or destroy it. */
+static gsgi_result complete(gsgi_light* light, const gsgi_bake* bake, gsgi_light** out) {
+    const gsgi_context* context = light->context;
+    gsgi__state host;
+    gsgi__drain_errors(context);
+    gsgi__state_begin(&context->gl, context->state, &host);
+    gsgi_result result = create_on_gpu(light, bake);
+    gsgi_result memory = gsgi__check_memory(context);
+    if (!result) result = memory;
+    gsgi__state_end(&context->gl, context->state, &host);
+    if (result)
+        gsgi_light_destroy(light);
+    else
+        *out = light;
+    return result;
+}
+
+gsgi_result gsgi_light_create(gsgi_context* context, const gsgi_bake* bake, const gsgi_light_options* given,
+                              gsgi_light** out) {
+    const gsgi_callbacks* callbacks = &context->callbacks;
+    gsgi_light* light;
+    if (!bake || !out) return gsgi__fail(callbacks, GSGI_INVALID_ARGUMENT, "bake, light: must not be NULL");
+    gsgi_result result = create_empty(context, given, &light);
+    if (result) return result;
+    light->info = bake->info;
+    light->relief = light->options.relief && bake->info.relief;
+    light->coarse = bake->info.gaussian_count[GSGI_COARSE] > 0;
+    memcpy(light->origin, bake->origin, sizeof light->origin);
+    light->crc = bake->crc;
+    if (!(light->parts = gsgi__allocate(callbacks, sizeof *light->parts))) {
+        gsgi_light_destroy(light);
+        return gsgi__fail(callbacks, GSGI_OUT_OF_MEMORY, "light: no memory");
+    }
+    return complete(light, bake, out);
+}
+
+gsgi_result gsgi_light_create_world(gsgi_context* context, const gsgi_world* world, const gsgi_light_options* given,
+                                    gsgi_light** out) {
+    gsgi_light* light;
+    if (!world || !out) return gsgi__fail(&context->callbacks, GSGI_INVALID_ARGUMENT, "world, light: must not be NULL");
+    gsgi_result result = create_empty(context, given, &light);
+    if (result) return result;
+    light->info.blend = GSGI_SURFACE;
+    light->relief = light->options.relief && world->effects & GSGI_EFFECT_NORMAL_MAP;
+    light->coarse = light->sectors = true;
+    light->margin = world->margin;
+    gsgi__world_origin(world, light->origin);
+    return complete(light, NULL, out);
 }
 
 void gsgi_light_destroy(gsgi_light* light) {
     if (!light) return;
     const gsgi_context* context = light->context;
     const gsgi__gl* gl = &context->gl;
-    const gsgi__program* programs[] = {&light->points,
-                                       &light->gap,
-                                       &light->fill,
-                                       &light->smooth,
-                                       &light->resolve,
-                                       &light->add_light,
-                                       &light->levels[0].program,
-                                       &light->levels[1].program};
+    const gsgi__program* passes[] = {&light->points, &light->gap,     &light->fill,
+                                     &light->smooth, &light->resolve, &light->add_light};
     gsgi__targets_release(light);
-    for (size_t i = 0; i < sizeof programs / sizeof *programs && !context->lost; ++i)
-        gl->DeleteProgram(programs[i]->name);
-    for (int l = 0; l < 2; ++l) {
-        const gsgi__gaussians* level = &light->levels[l];
-        const GLuint textures[] = {level->shape, level->sh, level->slope, level->relief};
-        if (!context->lost) {
-            gl->DeleteTextures(4, textures);
-            gl->DeleteBuffers(1, &level->index);
-            gl->DeleteVertexArrays(1, &level->strips);
-        }
-        gsgi__culled_destroy(&light->culled[l], &context->callbacks);
+    for (uint32_t i = 0; i < light->part_count; ++i) gsgi__part_destroy(context, light->parts[i]);
+    if (!context->lost) {
+        for (size_t i = 0; i < sizeof passes / sizeof *passes; ++i) gl->DeleteProgram(passes[i]->name);
+        for (uint32_t i = 0; i < light->program_count; ++i) gl->DeleteProgram(light->programs[i].name);
+        gl->DeleteTextures(1, &light->table);
     }
+    gsgi__release(&context->callbacks, light->parts);
+    gsgi__release(&context->callbacks, light->rows);
     gsgi__release(&context->callbacks, light);
 }
 
@@ -155,11 +150,7 @@ gsgi_result gsgi_light_cull(gsgi_light* light, const gsgi_view* given) {
     light->camera = camera;
     light->has_view = true;
     light->has_drawn = false;
-    for (int l = 0; l < 2; ++l)
-        if (light->info.blend == GSGI_SURFACE)
-            gsgi__cull_pyramid(&light->culled[l], &camera);
-        else
-            gsgi__cull_and_sort(&light->culled[l], &camera, &light->info);
+    gsgi__cull_parts(light);
     return GSGI_OK;
 }
 
@@ -169,16 +160,16 @@ gsgi_result gsgi_light_recolour(gsgi_light* light, const gsgi_bake* bake) {
     gsgi__state host;
     gsgi_result result = gsgi__check_context(context);
     if (result) return result;
-    if (!bake || bake->crc != light->crc || bake->info.gaussian_count[0] != light->info.gaussian_count[0])
+    if (!bake || light->sectors || bake->crc != light->crc ||
+        bake->info.gaussian_count[0] != light->info.gaussian_count[0])
         return gsgi__fail(&context->callbacks, GSGI_INVALID_ARGUMENT, "bake: not the one that the light was made of");
     gsgi__state_begin(gl, context->state, &host);
     for (int l = 0; l < 2; ++l) {
         const gsgi__level* level = &bake->levels[l];
-        if (level->count > 0) gsgi__write_rows(gl, light->levels[l].sh, level->sh.rows, level->sh.texels);
-        if (light->levels[l].slope)
-            gsgi__write_rows(gl, light->levels[l].slope, level->slope.rows, level->slope.texels);
-        if (light->levels[l].relief)
-            gsgi__write_rows(gl, light->levels[l].relief, level->relief.rows, level->relief.texels);
+        const gsgi__gaussians* to = &light->parts[0]->levels[l];
+        if (level->count > 0) gsgi__write_rows(gl, to->sh, level->sh.rows, level->sh.texels);
+        if (to->slope) gsgi__write_rows(gl, to->slope, level->slope.rows, level->slope.texels);
+        if (to->relief) gsgi__write_rows(gl, to->relief, level->relief.rows, level->relief.texels);
     }
     gsgi__state_end(gl, context->state, &host);
     return GSGI_OK;
@@ -266,10 +257,12 @@ gsgi_result gsgi_light_add(gsgi_light* light, uint32_t framebuffer, uint32_t alb
 }
 
 gsgi_result gsgi_light_stats(const gsgi_light* light, gsgi_stats* stats) {
-    gsgi_stats found = {sizeof found,
-                        {light->culled[0].visible, light->culled[1].visible},
-                        light->info.light_bytes,
-                        light->targets.bytes};
+    gsgi_stats found = {.struct_size = sizeof found, .target_bytes = light->targets.bytes};
+    for (uint32_t i = 0; i < light->part_count; ++i) {
+        const gsgi__part* part = light->parts[i];
+        for (int l = 0; l < 2; ++l) found.drawn[l] += part->culled[l].visible;
+        found.gaussian_bytes += part->bytes;
+    }
     return gsgi__write_struct(&found, sizeof found, stats);
 }
 
@@ -279,6 +272,7 @@ gsgi_result gsgi_light_reset(gsgi_light* light) {
     gsgi__targets_release(light);
     memset(&light->checked, 0, sizeof light->checked);
     light->has_view = light->has_drawn = false;
-    for (int l = 0; l < 2; ++l) light->culled[l].visible = 0;
+    for (uint32_t i = 0; i < light->part_count; ++i)
+        for (int l = 0; l < 2; ++l) light->parts[i]->culled[l].visible = 0;
     return GSGI_OK;
 }

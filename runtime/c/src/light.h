@@ -4,6 +4,8 @@
 
 #include "gl.h"
 
+#define GSGI_KINDS 24 /* of levels: by SH degree, slope and relief, fine or coarse */
+
 struct gsgi_context {
     gsgi_callbacks callbacks;
     gsgi_state state;
@@ -16,8 +18,20 @@ struct gsgi_context {
 /* The Gaussians of a level on the GPU, and the pass that draws them. */
 typedef struct gsgi__gaussians {
     GLuint shape, sh, slope, relief, index, strips; /* data textures, instance buffer, vertex array */
-    gsgi__program program;
+    const gsgi__program* program;                   /* of the light */
 } gsgi__gaussians;
+
+/* What a light has of one bake. */
+typedef struct gsgi__part {
+    gsgi__culled culled[2];
+    gsgi__gaussians levels[2];
+    size_t bytes; /* on the GPU */
+    bool in_view;
+    /* of a sector of a world: */
+    uint32_t serial, class;
+    float low[3], high[3], weight; /* its box for glsl/surface/sector.glsl, from the light's origin */
+    float ball[4];                 /* centre and radius of a ball around all that it lights */
+} gsgi__part;
 
 /* Targets for one size of the view. Those of `surface` are as large as the readings but for `indirect`. */
 typedef struct gsgi__targets {
@@ -39,12 +53,19 @@ struct gsgi_light {
     gsgi_light_options options;
     gsgi_info info;
     bool relief; /* whether B follows normal maps */
+    bool coarse; /* whether there is a coarse level */
     double origin[3];
     uint32_t crc; /* of the file */
-    gsgi__culled culled[2];
+    gsgi__part** parts;
+    uint32_t part_count;
+    bool sectors; /* whether the parts are those of a world */
+    double margin;
+    float* rows;  /* of `table`: for each part, lowest corner and weight, highest corner and class */
+    GLuint table; /* what glsl/surface/points.frag reads of sectors */
     gsgi__camera camera;
     bool has_view, has_drawn;
-    gsgi__gaussians levels[2];
+    gsgi__program programs[GSGI_KINDS]; /* that draw levels, one for each kind of them */
+    uint32_t kinds[GSGI_KINDS], program_count;
     gsgi__program points, gap, fill, smooth, resolve, add_light;
     gsgi__targets targets;
     gsgi__checked checked;
@@ -75,7 +96,7 @@ void gsgi__use_sampler(const gsgi_context* context);
 /* A pass over all pixels of the framebuffer and viewport that are set. */
 void gsgi__draw_triangle(const gsgi_context* context, const gsgi__program* program);
 /* Upload which Gaussians of a level are visible, and draw a strip of `vertices` for each. */
-void gsgi__draw_gaussians(const gsgi_light* light, int level, GLsizei vertices);
+void gsgi__draw_gaussians(const gsgi_light* light, const gsgi__part* part, int level, GLsizei vertices);
 /* Texture of a target, or 0; its bytes are added to those of the light's targets. */
 GLuint gsgi__target_texture(gsgi_light* light, GLenum format, int32_t width, int32_t height);
 GLuint gsgi__target_depth(gsgi_light* light, int32_t width, int32_t height); /* a renderbuffer */
@@ -84,13 +105,27 @@ gsgi_result gsgi__target(gsgi_light* light, const GLuint colors[GSGI_TARGETS], G
 void gsgi__targets_release(gsgi_light* light);
 void gsgi__clear_color(const gsgi__gl* gl, GLuint framebuffer);
 
+/* ---- parts.c ---- */
+
+/* Upload a bake; the part is the caller's. `relief`: whether its B follows normal maps. */
+gsgi_result gsgi__part_create(gsgi_light* light, const gsgi_bake* bake, bool relief, gsgi__part** part);
+void gsgi__part_destroy(const gsgi_context* context, gsgi__part* part);
+void gsgi__cull_parts(gsgi_light* light);
+
 /* ---- surface.c, over.c ---- */
+
+/* The program that draws a level of a bake, made when it is first asked for. */
+gsgi_result gsgi__surface_program(gsgi_light* light, const gsgi_info* info, int level, bool relief,
+                                  const gsgi__program** program);
+gsgi_result gsgi__over_program(gsgi_light* light, const gsgi__program** program);
+
+/* Tell the passes of the blend of the light's file, or of its sectors. */
+void gsgi__surface_set_floor(const gsgi_light* light);
 
 /* The passes; the targets for the size of the view; a frame. */
 gsgi_result gsgi__surface_create(gsgi_light* light);
 gsgi_result gsgi__surface_create_targets(gsgi_light* light);
 void gsgi__surface_draw(const gsgi_light* light, GLuint depth, GLuint normal, GLuint mapped);
-gsgi_result gsgi__over_create(gsgi_light* light);
 gsgi_result gsgi__over_create_targets(gsgi_light* light);
 void gsgi__over_draw(const gsgi_light* light);
 

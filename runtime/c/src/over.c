@@ -6,20 +6,22 @@
 
 #define QUAD_CORNERS 4
 
-gsgi_result gsgi__over_create(gsgi_light* light) {
+gsgi_result gsgi__over_program(gsgi_light* light, const gsgi__program** to) {
     const gsgi_context* context = light->context;
     const gsgi__gl* gl = &context->gl;
     const gsgi_info* info = &light->info;
-    gsgi__program* program = &light->levels[GSGI_FINE].program;
+    gsgi__program* program = &light->programs[0];
     char defines[64];
     snprintf(defines, sizeof defines, "#define SH_DEGREE %u\n", info->sh_degree[GSGI_FINE]);
     gsgi_result result = gsgi__program_create(gl, &context->callbacks, "over/splat", gsgi__shader_over_splat_vert,
                                               gsgi__shader_over_splat_frag, defines, program);
     if (result) return result;
+    light->program_count = 1;
     gsgi__set_float(gl, program, "near", info->near_plane);
     gsgi__set_float(gl, program, "dilation", info->dilation);
     gsgi__set_float(gl, program, "alpha_min", info->alpha_min);
     gsgi__set_float(gl, program, "alpha_max", info->alpha_max);
+    *to = program;
     return GSGI_OK;
 }
 
@@ -35,9 +37,10 @@ void gsgi__over_draw(const gsgi_light* light) {
     const gsgi_context* context = light->context;
     const gsgi__gl* gl = &context->gl;
     const gsgi__camera* c = &light->camera;
-    const gsgi__program* program = &light->levels[GSGI_FINE].program;
+    const gsgi__part* part = light->parts[0];
+    const gsgi__program* program = part->levels[GSGI_FINE].program;
     gsgi__clear_color(gl, light->targets.resolved);
-    if (light->culled[GSGI_FINE].visible == 0) return;
+    if (part->culled[GSGI_FINE].visible == 0) return;
     gsgi__blend(gl, true, GL_ONE, GL_ONE_MINUS_SRC_ALPHA);
     gsgi__viewport(gl, 0, 0, c->width, c->height);
     gsgi__use_sampler(context);
@@ -48,5 +51,5 @@ void gsgi__over_draw(const gsgi_light* light) {
     gl->Uniform2f(program->at[U_FOCAL], (float)c->fx, (float)c->fy);
     gl->Uniform2f(program->at[U_CENTRE], (float)c->cx, (float)c->cy);
     gl->Uniform2f(program->at[U_SIZE], (float)c->width, (float)c->height);
-    gsgi__draw_gaussians(light, GSGI_FINE, QUAD_CORNERS);
+    gsgi__draw_gaussians(light, part, GSGI_FINE, QUAD_CORNERS);
 }

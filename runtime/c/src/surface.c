@@ -7,8 +7,6 @@
 #define OUTLINE_CORNERS 8 /* vertices of a strip; OUTLINE_CORNERS of glsl/lib/ellipsoid.glsl */
 #define DEFINES_MAX 512
 
-static bool has_coarse(const gsgi_light* light) { return light->info.gaussian_count[GSGI_COARSE] > 0; }
-
 static bool has_box(const gsgi_light_options* options) {
     for (int k = 0; k < 3; ++k)
         if (options->box_low[k] != 0.0f || options->box_high[k] != 0.0f) return true;
@@ -26,32 +24,53 @@ static gsgi_result create_pass(gsgi_light* light, const char* name, const char* 
 static void reading_defines(const gsgi_light* light, char defines[DEFINES_MAX]) {
     const gsgi_light_options* o = &light->options;
     snprintf(defines, DEFINES_MAX,
-             "#define SECTORS 0\n"
-             "#define RELIEF %d\n#define SPLAT_SCALE %d\n#define BOX %d\n#define COARSE %d\n#define DEPTH_BUFFER %d\n"
+             "#define SECTORS %d\n#define RELIEF %d\n#define SPLAT_SCALE %d\n#define BOX %d\n#define COARSE "
+             "%d\n#define DEPTH_BUFFER %d\n"
              "#define NORMAL_OCTAHEDRAL %d\n#define NORMAL_OCTAHEDRAL_UNSIGNED %d\n#define NORMAL_UNSIGNED %d\n"
              "#define NORMAL_VIEW_SPACE %d\n",
-             light->relief, (int)o->splat_scale, has_box(o), has_coarse(light), o->depth != GSGI_DEPTH_LINEAR,
-             o->normal == GSGI_NORMAL_OCTAHEDRAL, o->normal == GSGI_NORMAL_OCTAHEDRAL_UNSIGNED,
-             o->normal == GSGI_NORMAL_UNSIGNED, o->normal_space == GSGI_SPACE_VIEW);
+             light->sectors, light->relief, (int)o->splat_scale, has_box(o), light->coarse,
+             o->depth != GSGI_DEPTH_LINEAR, o->normal == GSGI_NORMAL_OCTAHEDRAL,
+             o->normal == GSGI_NORMAL_OCTAHEDRAL_UNSIGNED, o->normal == GSGI_NORMAL_UNSIGNED,
+             o->normal_space == GSGI_SPACE_VIEW);
 }
 
-static gsgi_result create_level(gsgi_light* light, int l) {
+gsgi_result gsgi__surface_program(gsgi_light* light, const gsgi_info* info, int l, bool relief,
+                                  const gsgi__program** to) {
     const gsgi_context* context = light->context;
     const gsgi__gl* gl = &context->gl;
-    const gsgi_info* info = &light->info;
+    const uint32_t kind =
+        info->sh_degree[l] << 3 | (uint32_t)info->sloped[l] << 2 | (uint32_t)relief << 1 | (uint32_t)l;
     char defines[DEFINES_MAX];
+    for (uint32_t i = 0; i < light->program_count; ++i)
+        if (light->kinds[i] == kind) {
+            *to = &light->programs[i];
+            return GSGI_OK;
+        }
     snprintf(defines, sizeof defines,
              "#define SH_DEGREE %u\n#define NORMAL_POWER %u\n#define SLOPED %d\n"
-             "#define RELIEF %d\n#define SECTORS 0\n",
-             info->sh_degree[l], l == GSGI_FINE ? info->sharpness : 0u, info->sloped[l], light->relief);
-    gsgi__program* program = &light->levels[l].program;
+             "#define RELIEF %d\n#define SECTORS %d\n",
+             info->sh_degree[l], l == GSGI_FINE ? info->sharpness : 0u, info->sloped[l], relief, light->sectors);
+    gsgi__program* program = &light->programs[light->program_count];
     gsgi_result result =
         gsgi__program_create(gl, &context->callbacks, "surface/gaussians", gsgi__shader_surface_gaussians_vert,
                              gsgi__shader_surface_gaussians_frag, defines, program);
     if (result) return result;
     gsgi__set_float(gl, program, "radius", info->radius);
     gsgi__set_float(gl, program, "cutoff", info->cutoff);
+    if (light->sectors) gsgi__set_float(gl, program, "sector_margin", light->margin);
+    light->kinds[light->program_count++] = kind;
+    *to = program;
     return GSGI_OK;
+}
+
+void gsgi__surface_set_floor(const gsgi_light* light) {
+    const gsgi__gl* gl = &light->context->gl;
+    const gsgi__program* passes[] = {&light->gap, &light->fill, &light->resolve};
+    for (int i = 0; i < 3; ++i)
+        if (passes[i]->name) {
+            gl->UseProgram(passes[i]->name);
+            gsgi__set_float(gl, passes[i], "weight_floor", light->info.weight_floor);
+        }
 }
 
 gsgi_result gsgi__surface_create(gsgi_light* light) {
@@ -70,22 +89,19 @@ gsgi_result gsgi__surface_create(gsgi_light* light) {
                           (float)(corners[i][0] - light->origin[0]), (float)(corners[i][1] - light->origin[1]),
                           (float)(corners[i][2] - light->origin[2]));
     }
-    for (int l = 0; l < 2; ++l)
-        if (light->info.gaussian_count[l] > 0 && (result = create_level(light, l))) return result;
-    if (has_coarse(light)) {
+    if (light->sectors) gsgi__set_float(gl, &light->points, "sector_margin", light->margin);
+    if (light->coarse) {
         result = create_pass(light, "surface/gap", gsgi__shader_surface_gap_frag, "", &light->gap);
         if (result) return result;
-        gsgi__set_float(gl, &light->gap, "weight_floor", light->info.weight_floor);
     }
     if (o->splat_scale > 1) {
         result = create_pass(light, "surface/fill", gsgi__shader_surface_fill_frag, defines, &light->fill);
         if (result) return result;
-        gsgi__set_float(gl, &light->fill, "weight_floor", light->info.weight_floor);
         result = create_pass(light, "surface/smooth", gsgi__shader_surface_smooth_frag, defines, &light->smooth);
         if (result) return result;
     }
     result = create_pass(light, "surface/resolve", gsgi__shader_surface_resolve_frag, defines, &light->resolve);
-    if (!result) gsgi__set_float(gl, &light->resolve, "weight_floor", light->info.weight_floor);
+    if (!result) gsgi__surface_set_floor(light);
     return result;
 }
 
@@ -103,7 +119,7 @@ gsgi_result gsgi__surface_create_targets(gsgi_light* light) {
     t->plane = gsgi__target_texture(light, GL_RGBA32F, read_width, read_height);
     if (light->relief) t->bend = gsgi__target_texture(light, GL_RGBA16F, read_width, read_height);
     t->fine = gsgi__target_texture(light, GL_RGBA32F, read_width, read_height);
-    if (has_coarse(light)) t->coarse = gsgi__target_texture(light, GL_RGBA32F, read_width, read_height);
+    if (light->coarse) t->coarse = gsgi__target_texture(light, GL_RGBA32F, read_width, read_height);
     if (scale > 1) t->filled = gsgi__target_texture(light, GL_RGBA32F, read_width, read_height);
     t->indirect = gsgi__target_texture(light, GL_RGBA16F, width, height);
     t->depth = gsgi__target_depth(light, read_width, read_height);
@@ -154,14 +170,13 @@ static void write_depth(const gsgi__gl* gl, GLuint framebuffer) {
     gl->DepthMask(GL_TRUE);
 }
 
-/* Sums of a level, where the depth buffer lets Gaussians pass. */
-static void draw_level(const gsgi_light* light, int l, GLuint framebuffer) {
+/* Add a part's sums of a level, where the depth buffer lets Gaussians pass. */
+static void draw_level(const gsgi_light* light, const gsgi__part* part, int l) {
     const gsgi__gl* gl = &light->context->gl;
     const gsgi__camera* c = &light->camera;
-    const gsgi__program* program = &light->levels[l].program;
+    const gsgi__program* program = part->levels[l].program;
     const double scale = light->options.splat_scale, rows = light->targets.read_height - c->height / scale;
-    gsgi__clear_color(gl, framebuffer);
-    if (light->culled[l].visible == 0) return;
+    if (part->culled[l].visible == 0) return;
     gsgi__blend(gl, true, GL_ONE, GL_ONE);
     gl->Enable(GL_DEPTH_TEST);
     gl->DepthFunc(GL_LESS);
@@ -174,14 +189,28 @@ static void draw_level(const gsgi_light* light, int l, GLuint framebuffer) {
     gl->Uniform2f(program->at[U_FOCAL], (float)(c->fx / scale), (float)(c->fy / scale));
     gl->Uniform2f(program->at[U_CENTRE], (float)(c->cx / scale), (float)(c->cy / scale + rows));
     gl->Uniform1f(program->at[U_MARGIN], scale > 1.0 ? 0.5f : 0.0f);
+    if (light->sectors) {
+        gl->Uniform3f(program->at[U_SECTOR_LOW], part->low[0], part->low[1], part->low[2]);
+        gl->Uniform3f(program->at[U_SECTOR_HIGH], part->high[0], part->high[1], part->high[2]);
+    }
     gsgi__bind_texture(gl, 2, light->targets.position);
     gsgi__bind_texture(gl, 3, light->targets.plane);
     if (light->targets.bend) gsgi__bind_texture(gl, 5, light->targets.bend);
-    gsgi__draw_gaussians(light, l, OUTLINE_CORNERS);
+    gsgi__draw_gaussians(light, part, l, OUTLINE_CORNERS);
 }
 
-/* The passes of a frame, in the order of glsl/README.md. */
-static void draw_passes(const gsgi_light* light, GLuint depth, GLuint normal, GLuint mapped) {
+static bool is_read(const gsgi__part* part, uint32_t class) { return part->in_view && part->class == class; }
+
+static void draw_levels(const gsgi_light* light, uint32_t class, int l, GLuint framebuffer) {
+    gsgi__clear_color(&light->context->gl, framebuffer);
+    for (uint32_t i = 0; i < light->part_count; ++i)
+        if (is_read(light->parts[i], class)) draw_level(light, light->parts[i], l);
+}
+
+/* The passes of a frame, in the order of glsl/README.md, for the parts of a class. Their light replaces what is there,
+ * unless it is `added`. */
+static void draw_passes(const gsgi_light* light, uint32_t class, bool added, GLuint depth, GLuint normal,
+                        GLuint mapped) {
     const gsgi_context* context = light->context;
     const gsgi__gl* gl = &context->gl;
     const gsgi__targets* t = &light->targets;
@@ -192,23 +221,28 @@ static void draw_passes(const gsgi_light* light, GLuint depth, GLuint normal, GL
     gsgi__bind_texture(gl, 1, depth);
     if (light->relief) gsgi__bind_texture(gl, 2, mapped ? mapped : normal); /* the same: nothing is bent */
     set_host(light, &light->points);
+    if (light->sectors) {
+        gsgi__bind_texture(gl, 3, light->table);
+        gl->Uniform1i(light->points.at[U_SECTOR_COUNT], (GLint)light->part_count);
+        gl->Uniform1i(light->points.at[U_SECTOR_CLASS], (GLint)class);
+    }
     gsgi__draw_triangle(context, &light->points);
 
-    draw_level(light, GSGI_FINE, t->fine_sums);
+    draw_levels(light, class, GSGI_FINE, t->fine_sums);
     if (t->coarse) {
         write_depth(gl, t->gap);
         gsgi__bind_texture(gl, 6, t->fine);
         gsgi__draw_triangle(context, &light->gap);
-        draw_level(light, GSGI_COARSE, t->coarse_sums);
+        draw_levels(light, class, GSGI_COARSE, t->coarse_sums);
     }
 
     gsgi__blend(gl, false, GL_ONE, GL_ZERO);
     gl->Disable(GL_DEPTH_TEST);
-    gsgi__bind_texture(gl, 6, t->fine);
+    gsgi__bind_texture(gl, 2, t->position);
+    gsgi__bind_texture(gl, 3, t->plane);
     gsgi__bind_texture(gl, 4, t->coarse);
+    gsgi__bind_texture(gl, 6, t->fine);
     if (t->filled) {
-        gsgi__bind_texture(gl, 2, t->position);
-        gsgi__bind_texture(gl, 3, t->plane);
         gl->BindFramebuffer(GL_DRAW_FRAMEBUFFER, t->filled_sums);
         gsgi__draw_triangle(context, &light->fill);
         gsgi__bind_texture(gl, 0, normal);
@@ -216,6 +250,7 @@ static void draw_passes(const gsgi_light* light, GLuint depth, GLuint normal, GL
         gsgi__bind_texture(gl, 2, t->filled);
         gsgi__viewport(gl, 0, 0, t->width, t->height);
         write_depth(gl, t->resolved);
+        gsgi__blend(gl, added, GL_ONE, added ? GL_ONE : GL_ZERO);
         gsgi__draw_triangle(context, &light->smooth);
         gl->DepthFunc(GL_LESS);
         gl->DepthMask(GL_FALSE);
@@ -223,8 +258,19 @@ static void draw_passes(const gsgi_light* light, GLuint depth, GLuint normal, GL
     }
     gl->BindFramebuffer(GL_DRAW_FRAMEBUFFER, t->resolved);
     gsgi__viewport(gl, 0, 0, t->width, t->height);
+    gsgi__blend(gl, added, GL_ONE, added ? GL_ONE : GL_ZERO);
     gsgi__draw_triangle(context, &light->resolve);
     gl->Disable(GL_DEPTH_TEST);
+}
+
+/* The lowest class from `first` on that a part in view has; UINT32_MAX: there is none. */
+static uint32_t next_class(const gsgi_light* light, uint32_t first) {
+    uint32_t lowest = UINT32_MAX;
+    for (uint32_t i = 0; i < light->part_count; ++i) {
+        const gsgi__part* part = light->parts[i];
+        if (part->in_view && part->class >= first && part->class < lowest) lowest = part->class;
+    }
+    return lowest;
 }
 
 void gsgi__surface_draw(const gsgi_light* light, GLuint depth, GLuint normal, GLuint mapped) {
@@ -234,7 +280,10 @@ void gsgi__surface_draw(const gsgi_light* light, GLuint depth, GLuint normal, GL
     gsgi__readable readable[3];
     for (int i = 0; i < count; ++i) readable[i] = gsgi__make_readable(gl, read[i]);
     gsgi__use_sampler(light->context);
-    draw_passes(light, depth, normal, mapped);
+    uint32_t class = next_class(light, 0);
+    draw_passes(light, class, false, depth, normal, mapped);
+    while (class < UINT32_MAX && (class = next_class(light, class + 1)) < UINT32_MAX)
+        draw_passes(light, class, true, depth, normal, mapped);
     for (int i = count; i-- > 0;) /* the reverse order: they may be the same texture */
         gsgi__unmake_readable(gl, &readable[i]);
 }

@@ -2,29 +2,23 @@
 
 import ctypes
 import re
-import struct
-import subprocess
 
 import numpy as np
 import oracle
 import pytest
 from c_library import (
-    ALLOCATE,
     INVALID_ARGUMENT,
     INVALID_FILE,
     OK,
     OUT_OF_MEMORY,
-    RELEASE,
     SOURCE,
     UNSUPPORTED,
-    Callbacks,
+    Budget,
     Info,
     OpenOptions,
-    build,
     check_refusals,
 )
 from gsgi_files import NONSENSE, STORED, changed, damaged_files, example, reseal, stored, surface_example
-from repository import TESTS
 from surface_cases import grouped, with_relief
 
 from gsgi.runtime.file import codec
@@ -124,9 +118,8 @@ def test_random_damage_is_refused_where_python_refuses_it(library, name):
     assert 0.05 < np.mean(refused) < 0.95
 
 
-def test_sanitizers_find_nothing_in_damaged_files(tmp_path):
+def test_sanitizers_find_nothing_in_damaged_files(sanitized):
     """AddressSanitizer and UndefinedBehaviorSanitizer abort at the first read or shift that C does not allow."""
-    folder = build(tmp_path, source=TESTS / "runtime" / "c" / "fuzz")
     corpus = [*FILES.values()]
     corpus += [changed(codec.encode(bake), field, value) for bake, field, value in NONSENSE]
     corpus += [stored(name)[:length] for name in STORED for length in range(0, 200, 7)]
@@ -135,31 +128,8 @@ def test_sanitizers_find_nothing_in_damaged_files(tmp_path):
     corpus += [
         reseal(small[:i] + bytes([small[i] ^ 1 << k]) + small[i + 1 :]) for i in range(300, len(small)) for k in (0, 5)
     ]
-    files = tmp_path / "corpus"
-    files.write_bytes(b"".join(struct.pack("<I", len(data)) + data for data in corpus))
-    run = subprocess.run([folder / "open", files], capture_output=True, text=True)
-    assert run.returncode == 0, run.stderr
-    opened = int(re.fullmatch(r"(\d+) opened, (\d+) refused\n", run.stdout)[1])
+    opened = sanitized("open", corpus)
     assert len(FILES) + 200 < opened < len(corpus) - 200
-
-
-class Budget:
-    """Callbacks that allocate `count` blocks and no more, and keep what is not released."""
-
-    def __init__(self, count: int):
-        self.left, self.blocks = count, {}
-        self.callbacks = Callbacks(allocate=ALLOCATE(self._allocate), release=RELEASE(self._release))
-
-    def _allocate(self, size, user):
-        if not self.left:
-            return None
-        self.left -= 1
-        block = ctypes.create_string_buffer(size)
-        self.blocks[ctypes.addressof(block)] = block
-        return ctypes.addressof(block)
-
-    def _release(self, memory, user):
-        del self.blocks[memory]
 
 
 @pytest.mark.parametrize(

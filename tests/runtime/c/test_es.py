@@ -2,12 +2,15 @@
 
 import numpy as np
 import pytest
-from c_library import OK, Context, Light
+import worlds
+from c_library import OK, Context, Light, World
 from c_light import OVER, SURFACE, of_python, read_floats
 from gl_dump import Dump
-from host import CAMERA, SIZE, call, projection, texture
+from host import CAMERA, SIZE, call, pixels, projection, texture
 
 from gsgi.runtime.gl.host_textures import Encoding
+from gsgi.runtime.gl.indirect_light import IndirectLight
+from gsgi.runtime.world.world import World as PythonWorld
 
 # What a host may have set that would change the light.
 HOSTILE = [
@@ -66,3 +69,39 @@ def test_opengl_es_draws_the_same_and_finds_its_state(drawn_in_opengl, host, es_
     np.testing.assert_array_equal(found[1][..., :3], lit)
     light.destroy()
     context.destroy()
+
+
+@pytest.fixture
+def world_in_opengl(gl, host, tmp_path):
+    """The manifest of a world, and what IndirectLight draws of it (H, W, 4)."""
+    boxes = worlds.cells(2, 1, 2, edge=1) - np.array([1.0, 0.5, 1])
+    path = worlds.write(tmp_path, [worlds.in_box(box, seed) for seed, box in enumerate(boxes)], boxes)
+    with PythonWorld(path) as world:
+        world.settle()
+        light = IndirectLight(gl, world)
+        matrices = np.float32(CAMERA.view_from_world), np.float32(projection())
+        found = pixels(light.draw(*host.textures(gl, Encoding()), *matrices))
+        light.release()
+    return path, found
+
+
+def test_a_world_has_the_pixels_of_opengl_and_the_state_stays(world_in_opengl, host, es_gl, library):
+    gl, (path, expected) = es_gl, world_in_opengl
+    textures = host.textures(gl, Encoding())
+    for name, *arguments in HOSTILE:
+        call(gl, name, *arguments)
+    dump = Dump(gl)
+    context, world = Context(library, gl), World(library, path)
+    light = Light(context, world, Encoding())
+    world.settle([0, 0, 0])
+    assert light.follow(world) == OK, context.messages
+    assert dump.changed() == set()
+    assert light.cull(CAMERA.view_from_world, projection(), (0, 0, *SIZE)) == OK
+    result, name = light.draw(*(made.glo for made in textures))
+    assert result == OK, context.messages
+    assert dump.changed() == set()
+    np.testing.assert_array_equal(read_floats(gl, name, SIZE), expected)
+    assert expected[..., :3].any(axis=-1).mean() > 0.2
+    light.destroy()
+    context.destroy()
+    world.close()

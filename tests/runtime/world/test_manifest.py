@@ -1,6 +1,5 @@
 """Manifests: what is written is read, and whatever lies is refused in one line."""
 
-import json
 from contextlib import suppress
 from pathlib import Path
 
@@ -20,13 +19,6 @@ def path(tmp_path) -> Path:
     return worlds.write(tmp_path, bakes, worlds.cells(3, 1, 1))
 
 
-def changed(path: Path, change) -> Path:
-    value = json.loads(path.read_text())
-    value = change(value) or value
-    path.write_text(json.dumps(value))
-    return path
-
-
 def test_a_manifest_is_read_as_it_was_written(path):
     manifest = read_manifest(path)
     assert (manifest.scene, manifest.effects, manifest.margin) == (7, Effects.EMISSIVE, worlds.MARGIN)
@@ -36,43 +28,10 @@ def test_a_manifest_is_read_as_it_was_written(path):
     assert manifest.read(2).gaussians.sh[0, 0, 0] == pytest.approx(3 / 0.2821, rel=0.05)
 
 
-def sector(n: int, **members):
-    return lambda value: value["sectors"][n].update(members)
-
-
-LIES = {
-    "another version": (lambda v: v.update(version=2), "version: expected 1, got 2"),
-    "no manifest": (lambda _: [1], "expected an object, got [1]"),
-    "another format": (lambda v: v.update(format=None), "format: expected 'gsgi world', got null"),
-    "a member that is none": (lambda v: v.update(seed=1), "seed: expected no such member, got 1"),
-    "a member too few": (lambda v: v.pop("margin") and None, 'margin: expected a value, got "none"'),
-    "no sector": (lambda v: v.update(sectors=[]), "sectors: expected an array of 1 to 4096 values, got []"),
-    "no margin": (lambda v: v.update(margin=0), "margin: expected more than 0, got 0.0"),
-    "an unknown effect": (lambda v: v.update(effects=["fog"]), "effects: expected names of"),
-    "a box inside out": (sector(1, high=[1, 2, 2]), "sectors[1].high: expected more than low, [2.0, 0.0, 0.0], got"),
-    "boxes that overlap": (
-        sector(1, low=[1.5, 0, 0]),
-        "sectors[1]: expected a box of its own, got one that overlaps sectors[0]",
-    ),
-    "other neighbours": (sector(0, neighbours=[2]), "sectors[0].neighbours: expected [1], got [2]"),
-    "a neighbour that is no sector": (sector(0, neighbours=[3]), "sectors[0].neighbours: expected a whole number"),
-    "a number that is none": (
-        sector(0, low=["a", 0, 0]),
-        'sectors[0].low: expected a finite number, at most 1e12, got "a"',
-    ),
-    "an infinite number": (sector(0, low=[float("inf"), 0, 0]), "expected JSON: Infinity is no number of JSON"),
-    "a file elsewhere": (
-        sector(0, file="../level.gsgi"),
-        'sectors[0].file: expected a path inside its folder, got "../level',
-    ),
-    "another size": (sector(2, bytes=7), "sectors[2].bytes: expected"),
-}
-
-
-@pytest.mark.parametrize(("change", "message"), LIES.values(), ids=LIES)
+@pytest.mark.parametrize(("change", "message"), worlds.LIES.values(), ids=worlds.LIES)
 def test_a_manifest_that_lies_is_refused(path, change, message):
     with pytest.raises(FormatError) as caught:
-        read_manifest(changed(path, change))
+        read_manifest(worlds.changed(path, change))
     text = str(caught.value)
     assert text.startswith(f"{path}: {message}"), text
     assert "\n" not in text
@@ -81,7 +40,7 @@ def test_a_manifest_that_lies_is_refused(path, change, message):
 
 def test_text_that_would_break_a_line_is_escaped(path):
     with pytest.raises(FormatError, match=r'sectors\[0\].file: expected a path inside its folder, got "\\ud800\\n"$'):
-        read_manifest(changed(path, sector(0, file="\ud800\n")))
+        read_manifest(worlds.changed(path, worlds.sector(0, file="\ud800\n")))
 
 
 def test_no_damage_gives_another_error(path):
@@ -98,7 +57,7 @@ def test_no_damage_gives_another_error(path):
         for value in (None, True, 1e400, 10**30, [], {}, [[]], [{}], "", [None]):
             path.write_bytes(data)
             with suppress(FormatError, FileError):
-                read_manifest(changed(path, lambda v, name=name, value=value: v.update({name: value})))
+                read_manifest(worlds.changed(path, lambda v, name=name, value=value: v.update({name: value})))
 
 
 def test_a_missing_file_is_told_at_once(path):
@@ -120,7 +79,7 @@ def test_another_file_of_the_same_size_is_told_when_it_is_read(path):
 
 def test_memory_is_what_the_file_takes(path):
     with pytest.raises(FormatError, match="memory: expected 5, as the manifest says, got"):
-        read_manifest(changed(path, sector(1, memory=5))).read(1)
+        read_manifest(worlds.changed(path, worlds.sector(1, memory=5))).read(1)
 
 
 def test_files_of_over_are_no_sectors(tmp_path):
@@ -131,4 +90,4 @@ def test_files_of_over_are_no_sectors(tmp_path):
     (tmp_path / name).write_bytes(data)
     digest = worlds.hashlib.sha256(data).hexdigest()
     with pytest.raises(FormatError, match="operator: expected surface, as all sectors of a world have, got over"):
-        read_manifest(changed(path, sector(0, sha256=digest, bytes=len(data)))).read(0)
+        read_manifest(worlds.changed(path, worlds.sector(0, sha256=digest, bytes=len(data)))).read(0)

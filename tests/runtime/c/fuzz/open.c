@@ -1,5 +1,4 @@
-/* Opens untrusted bytes and reads all that a bake gives: for libFuzzer, or for a file of files, each after its length.
- */
+/* Opens untrusted bytes and reads all that a bake gives: for libFuzzer, or for main.c. */
 #include "gsgi.h"
 
 #include <stdio.h>
@@ -7,9 +6,10 @@
 #include <string.h>
 
 int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size);
+int open_and_read(const uint8_t* data, size_t size);
 
 /* Returns 1 if the bytes were opened. */
-static int open_and_read(const uint8_t* data, size_t size) {
+int open_and_read(const uint8_t* data, size_t size) {
     gsgi_open_options options = {.struct_size = sizeof options, .sampling = 1};
     gsgi_info info = {.struct_size = sizeof info};
     gsgi_bake* bake;
@@ -73,22 +73,3 @@ int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     free(sealed);
     return 0;
 }
-
-#ifndef FUZZER
-int main(int argc, char** argv) {
-    FILE* file = argc == 2 ? fopen(argv[1], "rb") : NULL;
-    int counts[2] = {0, 0};
-    uint8_t length[4];
-    if (!file) return 1;
-    while (fread(length, 1, 4, file) == 4) {
-        size_t size = length[0] | (size_t)length[1] << 8 | (size_t)length[2] << 16 | (size_t)length[3] << 24;
-        uint8_t* data = malloc(size ? size : 1); /* of just that size, so that reads beyond it are found */
-        if (!data || fread(data, 1, size, file) != size) return 1;
-        ++counts[open_and_read(data, size)];
-        free(data);
-    }
-    fclose(file);
-    printf("%d opened, %d refused\n", counts[1], counts[0]);
-    return 0;
-}
-#endif
