@@ -47,7 +47,9 @@ def seen_light(surface: SurfaceSamples, free: SurfaceSamples, triangles: Triangl
     Those of the `surface` come first. Where light varies among neighbours on the same surface, they may lie on both
     sides of a wall. Where all is as good as black, the level is not below LEAK of the light nearby, so that a black
     room does not take the Gaussians of the bright one beside it. In free space it is nowhere below SPACE_LEAK of it:
-    otherwise black Gaussians fill the space behind bright walls, and smudge them.
+    otherwise black Gaussians fill the space behind bright walls, and smudge them. Of the noise relative to that level
+    and the noise of all blocks around, the lower counts: the latter takes in that of light behind a wall, the former
+    that of darker blocks.
     """
     samples = joined([surface, free])
     around, varies = _around(samples)
@@ -55,10 +57,11 @@ def seen_light(surface: SurfaceSamples, free: SurfaceSamples, triangles: Triangl
     bright = samples.indirect.mean(axis=1)
     light = _seen_mean(samples[varies], triangles, bright[varies], True)
     level[varies] = np.maximum(light, around.level.min(initial=np.inf))
+    noise = samples.blocks.noise(samples.indirect_a, samples.indirect_b)
+    noise = np.minimum(noise, around.noise / around.level * level)
     nearby = np.maximum(nearby_light(samples.position, bright), 0)
     black = level < BLACK * FAINT * bright.sum(dtype=np.float64) / max(len(bright), 1)
     level[black] = np.hypot(level[black], LEAK * nearby[black])
-    noise = np.where(black, around.noise / around.level * level, around.noise)
     space = slice(len(surface), None)
     level[space] = np.maximum(level[space], SPACE_LEAK * nearby[space])
     return LocalLight(level, noise)

@@ -76,17 +76,29 @@ class Blocks:
         """
         if not len(self.number):
             return LocalLight(np.empty(0, np.float32), np.empty(0, np.float32))
-        bright_a, bright_b = (half.mean(axis=1, dtype=np.float64) for half in (a, b))
-        light, variance = (
-            np.nan_to_num(values, posinf=0.0)
-            for values in ((bright_a + bright_b) / 2, np.square(bright_a - bright_b) / 4)
-        )
+        light, variance = _brightness(a, b)
         level, variance = self.means(light, variance)
         level = np.maximum(level, max(FAINT * float(light.mean()), LEAST))
-        group = np.arange(len(level)) // TOGETHER
-        relative = np.bincount(group, variance / np.square(level)) / np.bincount(group)
-        noise = np.sqrt(relative)[group] * level
+        noise = np.sqrt(_together(variance / np.square(level))) * level
         return LocalLight(*(values[self.number].astype(np.float32) for values in (level, noise)))
+
+    def noise(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        """The noise (S,) float32 of B's halves (S, 3), as in `light`, but averaged whatever the level of the blocks."""
+        (variance,) = self.means(_brightness(a, b)[1])
+        return np.sqrt(_together(variance))[self.number].astype(np.float32)
+
+
+def _brightness(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Brightness (S,) of the mean of two halves (S, 3) of B, and its variance (S,); 0 where they are not finite."""
+    bright_a, bright_b = (half.mean(axis=1, dtype=np.float64) for half in (a, b))
+    light, variance = (bright_a + bright_b) / 2, np.square(bright_a - bright_b) / 4
+    return np.nan_to_num(light, posinf=0.0), np.nan_to_num(variance, posinf=0.0)
+
+
+def _together(values: np.ndarray) -> np.ndarray:
+    """The mean of `values` (B,) of blocks over TOGETHER neighbours."""
+    group = np.arange(len(values)) // TOGETHER
+    return (np.bincount(group, values) / np.bincount(group))[group]
 
 
 def _widest(coordinates: np.ndarray, first: np.ndarray, size: np.ndarray) -> np.ndarray:

@@ -183,6 +183,17 @@ def test_black_space_behind_a_wall_counts_by_the_light_in_front():
     np.testing.assert_allclose(level[: len(surface)][dark], alone[dark], rtol=0.2)
 
 
+def test_noise_beside_a_wall_is_that_of_the_light_on_its_side():
+    dark, noise = 0.05, 0.1
+    samples = on_floor(dark=dark, noise=noise)
+    around = seen_light(samples, samples[:0], TRIANGLES)
+    blocks = samples.blocks.light(samples.indirect_a, samples.indirect_b)
+    mixed = (samples.position[:, 0] > 0) & (blocks.level > 4 * dark)
+    assert mixed.any()
+    assert blocks.noise[mixed].min() > 3 * noise * dark
+    assert (around.noise / around.level)[mixed].max() < noise
+
+
 def test_a_fit_that_knows_the_walls_keeps_light_on_its_side():
     samples, space = on_floor(noise=0.1), in_space(4000)
 

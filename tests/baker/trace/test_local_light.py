@@ -50,6 +50,17 @@ def test_noise_in_the_light_is_not_taken_for_noise_in_the_dark_beside_it():
     assert (found.level[dark] < 1).all()
 
 
+def test_noise_in_the_dark_counts_relative_to_its_level_or_as_it_is():
+    position, normal = floor()
+    bright = position[:, 0] > 0
+    a, b = halves(np.where(bright, 10.0, 0.1), np.where(bright, 0.1, 0.05))
+    blocks = Blocks.of(position, normal)
+    noise, relative = blocks.noise(a, b), blocks.light(a, b).noise
+    beside = bright & (relative > 0.2)  # blocks that dark ones neighbour
+    assert beside.any()
+    assert ((noise[beside] > 0.02) & (noise[beside] < 0.1)).all()
+
+
 def test_blocks_are_small_and_face_one_way_in_a_scene_of_any_extent():
     rng = np.random.default_rng(0)
     axis, sign = rng.integers(3, size=COUNT), rng.choice([-1, 1], COUNT)
