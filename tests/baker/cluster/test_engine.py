@@ -17,6 +17,7 @@ from small_tasks import FAULTS, SURFACE, SmallNode, baked, make_small, run
 from gsgi.baker.cluster import engine
 from gsgi.baker.cluster.node import Member
 from gsgi.baker.tasks import request
+from gsgi.runtime.file import codec
 
 os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
 pytest.importorskip("ray.cluster_utils", reason="no Ray: pip install 'gsgi[cluster]'")
@@ -123,6 +124,13 @@ def test_a_task_that_fails_again_and_again_is_named_and_the_rest_is_kept(cluster
     assert marks(cache) >= 7
     fails.unlink()
     assert baked(SURFACE, cache) == plain  # on this machine alone
+
+
+def test_light_groups_are_baked_apart_there_too(cluster, tmp_path):
+    grouped = [*SURFACE, "--group", "sky=environment"]
+    there = baked(grouped, tmp_path / "there", "--ray", cluster.address)
+    assert there == baked(grouped, tmp_path / "here")
+    assert [group.name for group in codec.decode(there[0]).groups] == ["base", "sky"]
 
 
 def test_nodes_of_another_version_take_no_tasks(cluster, tmp_path, monkeypatch, capsys):
