@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .cell_lists import cell_lists
+from .cell_lists import COARSE_PRICE, cell_lists
 from .constants import (
     HALF_MAX,
     SH_C0,
@@ -56,8 +56,8 @@ class Sampler:
         bake = weighted(bake, weights or {})
         self._origin, self._blend = origin_of_bake(bake), bake.blend
         bake = local_bake(bake, self._origin)
-        self._fine = _Level(bake.gaussians.clamped(), bake.blend, bake.blend.sharpness)
-        self._coarse = _Level(bake.coarse.clamped(), bake.blend, 0)
+        self._fine = _Level(bake.gaussians.clamped(), bake.blend, bake.blend.sharpness, 1)
+        self._coarse = _Level(bake.coarse.clamped(), bake.blend, 0, COARSE_PRICE)
 
     def sample(self, positions: np.ndarray, normals: np.ndarray, mapped: np.ndarray | None = None) -> np.ndarray:
         """The same as the function `sample`."""
@@ -106,9 +106,9 @@ def check_operator(bake: Bake) -> None:
 class _Level:
     """One level of Gaussians with its lists. `sharpness` 0: they face every direction."""
 
-    def __init__(self, gaussians: Gaussians, blend: SurfaceBlend, sharpness: int):
-        self._lists, self._cutoff, self._sharpness = cell_lists(gaussians, blend.radius), blend.cutoff, sharpness
-        self._first, self._entry = self._lists.first.astype(np.intp), self._lists.entry.astype(np.intp)
+    def __init__(self, gaussians: Gaussians, blend: SurfaceBlend, sharpness: int, price: float):
+        self._lists, self._cutoff, self._sharpness = cell_lists(gaussians, blend.radius, price), blend.cutoff, sharpness
+        self._first, self._entry = self._lists.by_octant()
         rotation, k = rotation_matrices(gaussians.rotation), gaussians.sh.shape[1]
         whiten = (rotation / gaussians.scale[:, None, :]).reshape(-1, 9)
         bound = HALF_MAX / SH_C0
@@ -131,14 +131,14 @@ class _Level:
         `bend` (N, 3) float32 is by how much normal maps change the normals.
         """
         result = np.zeros((len(points), 4), np.float32)
-        for index, node in self._lists.descend(points):
-            self._add(result, index, node, points, normals, bend)
+        for index, octant in self._lists.descend(points):
+            self._add(result, index, octant, points, normals, bend)
         return result
 
-    def _add(self, result, index, node, points, normals, bend) -> None:
-        """Add to `result` what the lists of `node` (M,) give at the points `index` (M,)."""
-        begin = self._first.take(node)
-        count = self._first.take(node + 1) - begin
+    def _add(self, result, index, octant, points, normals, bend) -> None:
+        """Add to `result` what the lists of `octant` (M,) give at the points `index` (M,)."""
+        begin = self._first.take(octant)
+        count = self._first.take(octant + 1) - begin
         listed = np.flatnonzero(count)
         index, begin, count = index.take(listed), begin.take(listed), count.take(listed)
         end = np.cumsum(count)

@@ -7,6 +7,7 @@
 #include "lib/sh.glsl"
 
 #define DATA_WIDTH    2048  // texels; every WebGL2 device supports textures this wide
+#define DATA_SHIFT    11    // 2 to the power of this is DATA_WIDTH
 #define SHAPE_TEXELS  3
 #define SH_TEXELS     ((SH_COUNT * 3 + 3) / 4)
 
@@ -18,7 +19,7 @@ struct Gaussian {
 };
 
 vec4 fetch_data(highp sampler2D data, int texel) {
-    return texelFetch(data, ivec2(texel % DATA_WIDTH, texel / DATA_WIDTH), 0);
+    return texelFetch(data, ivec2(texel & (DATA_WIDTH - 1), texel >> DATA_SHIFT), 0);
 }
 
 Gaussian fetch_gaussian(highp sampler2D shape, int index) {

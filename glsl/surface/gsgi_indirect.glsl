@@ -2,8 +2,7 @@
 #include "surface/lookup.glsl"
 
 uniform highp sampler2D gsgi_gaussians;
-uniform highp usampler2D gsgi_cells;
-uniform highp usampler2D gsgi_lists;
+uniform highp usampler2D gsgi_cells, gsgi_lists;
 
 // B, linear Rec.709 radiance for albedo 1: add albedo * B to the radiance of a surface. `position`: world space, m;
 // `normal`: world space, towards the side that is seen, before any normal map; `mapped`: after it, where there is one.

@@ -3,13 +3,15 @@
 // gaussians (RGBA32F), cells (R32UI) and lists (R16UI or R32UI) are DATA_WIDTH texels wide, row-major.
 //
 // gaussians: per level (low corner of the grid, 1 / edge of its cells) (cells along each axis, its first node)
-//            (its first Gaussian's texel, sharpness or 0, 0, 0); for both (origin, cutoff) (weight floor, 0, 0, 0);
-//            then 3 texels per Gaussian and one per SH coefficient: (position, opacity) (first axis / its scale,
-//            1 / scale of the third) (second axis / its scale, first slope) (SH 0, second slope) (SH 1, 0) ... and,
-//            with relief, three more per Gaussian of the fine level: (its relief along x, 0) (y, 0) (z, 0)
-// cells:     per node 0: nothing is listed in it, nor below it; else 2 * (its place in lists) + (1: it has children)
-// lists:     at a node's place, if it has children, low and high 16 bits of the first of the eight; then the number of
-//            Gaussians listed, then their indices
+//            (its first Gaussian's texel, sharpness or 0, its first child, 0); for both (origin, cutoff)
+//            (weight floor, 0, 0, 0); then 3 texels per Gaussian and one per SH coefficient: (position, opacity)
+//            (first axis / its scale, 1 / scale of the third) (second axis / its scale, first slope)
+//            (SH 0, second slope) (SH 1, 0) ... and, with relief, three more per Gaussian of the fine level: (its
+//            relief along x, 0) (y, 0) (z, 0)
+// cells:     per node 2 * (its place in lists) + (1: it has children); place 0, where lists holds 0, for nothing there
+// lists:     at a node's place, if it has children, which eight of the level they are; then the number of Gaussians
+//            listed; then per octant of the node a bit for each of them: whether it reaches there, 16 to a word, the
+//            lowest first; then their indices. Octants and children have the number 4 x + 2 y + z
 //
 // Defines: FINE_SH_COUNT and COARSE_SH_COUNT, the numbers of SH coefficients of the levels: 1, 4 or 9;
 // RELIEF_COUNT, that of texels with relief: 3, or 0 for light that does not follow normal maps.
@@ -20,7 +22,6 @@
 #include "surface/weight.glsl"
 
 #define LEVEL_TEXELS  3   // at the start of `gaussians`, for each of the two levels
-#define DEPTH_MAX     20  // splits of a cell of the grid
 
 // What a level's lists are read with.
 struct Reader {
@@ -33,8 +34,8 @@ struct Reader {
     int sharpness;       // 0: Gaussians face every direction
 };
 
-uint fetch_uint(highp usampler2D data, int texel) {
-    return texelFetch(data, ivec2(texel % DATA_WIDTH, texel / DATA_WIDTH), 0).r;
+int fetch_int(highp usampler2D data, int texel) {
+    return int(texelFetch(data, ivec2(texel & (DATA_WIDTH - 1), texel >> DATA_SHIFT), 0).r);
 }
 
 // sum w c and sum w of one Gaussian, as surface/gaussians.frag has them. The counts: literals, else loops stay loops.
@@ -42,7 +43,8 @@ vec4 read_gaussian(highp sampler2D gaussians, int index, int sh_count, int relie
     int texel = reader.first_texel + index * (3 + sh_count + relief_count);
     vec4 center = fetch_data(gaussians, texel);
     vec4 first = fetch_data(gaussians, texel + 1), second = fetch_data(gaussians, texel + 2);
-    vec3 y = reader.x - center.xyz, normal = cross(normalize(first.xyz), normalize(second.xyz));
+    float inverse_lengths = inversesqrt(dot(first.xyz, first.xyz)) * inversesqrt(dot(second.xyz, second.xyz));
+    vec3 y = reader.x - center.xyz, normal = cross(first.xyz, second.xyz) * inverse_lengths;
     vec3 e = vec3(dot(y, first.xyz), dot(y, second.xyz), first.w * dot(y, normal));
     float w = center.w * falloff(e, reader.cutoff);
     if (reader.sharpness > 0) w *= facing(dot(reader.n, normal), reader.sharpness);
@@ -50,7 +52,7 @@ vec4 read_gaussian(highp sampler2D gaussians, int index, int sh_count, int relie
     vec4 constant = fetch_data(gaussians, texel + 3);
     vec3 light = constant.rgb * (SH_C0 * (1.0 + dot(vec2(second.w, constant.w), e.xy)));
     for (int k = 1; k < sh_count; ++k) light += reader.basis[k] * fetch_data(gaussians, texel + 3 + k).rgb;
-    if (relief_count > 0 && reader.bend != vec3(0.0))
+    if (reader.bend != vec3(0.0))
         for (int k = 0; k < relief_count; ++k) light += reader.bend[k] * fetch_data(gaussians, texel + 3 + sh_count + k).rgb;
     return w * vec4(light, 1.0);
 }
@@ -68,25 +70,27 @@ vec4 read_level(
     bool inside = all(greaterThanEqual(at, vec3(0.0))) && all(lessThan(at, counts.xyz));
     vec3 cell = inside ? floor(at) : vec3(counts.x, 0.0, 0.0);  // the cell after the last is the node for all others
     vec3 part = inside ? at - cell : vec3(0.0);
-    int node = int(counts.w) + int((cell.x * counts.y + cell.y) * counts.z + cell.z);
+    int node = int(counts.w + (cell.x * counts.y + cell.y) * counts.z + cell.z);
 
     vec4 sums = vec4(0.0);
-    for (int depth = 0; depth <= DEPTH_MAX; ++depth) {
-        uint place = fetch_uint(cells, node);
-        if (place == 0u) break;
-        int at_list = int(place >> 1);
-        bool split = (place & 1u) == 1u;
-        if (split) {
-            part *= 2.0;
-            vec3 upper = step(1.0, part);
-            part -= upper;
-            node = int(fetch_uint(lists, at_list) | (fetch_uint(lists, at_list + 1) << 16))
-                 + int(dot(upper, vec3(4.0, 2.0, 1.0)));
-            at_list += 2;
+    for (;;) {
+        int place = fetch_int(cells, node), at_list = place >> 1;
+        bool split = (place & 1) > 0;
+        part *= 2.0;
+        vec3 upper = floor(part);
+        part -= upper;
+        int octant = int(dot(upper, vec3(4.0, 2.0, 1.0)));
+        if (split) node = int(rest.z) + 8 * fetch_int(lists, at_list++) + octant;
+        int count = fetch_int(lists, at_list++), entry = at_list + (count + 1) / 2;
+        for (int bit = octant * count, end = bit + count; bit < end; bit += 16) {
+            int word = at_list + (bit >> 4);
+            int bits = (fetch_int(lists, word) | fetch_int(lists, word + 1) << 16) >> (bit & 15);
+            for (bits &= 0xFFFF >> max(bit + 16 - end, 0); bits != 0; bits &= bits - 1) {
+                int lowest = (floatBitsToInt(float(bits & -bits)) >> 23) - 127;  // its number: the exponent of its value
+                sums += read_gaussian(gaussians, fetch_int(lists, entry + lowest), sh_count, relief_count, reader);
+            }
+            entry += 16;
         }
-        int last = at_list + int(fetch_uint(lists, at_list));
-        while (at_list < last)
-            sums += read_gaussian(gaussians, int(fetch_uint(lists, ++at_list)), sh_count, relief_count, reader);
         if (!split) break;
     }
     return sums;

@@ -6,7 +6,7 @@ from types import MappingProxyType
 import moderngl
 import numpy as np
 
-from gsgi.runtime.cell_lists import CellLists, cell_lists
+from gsgi.runtime.cell_lists import COARSE_PRICE, CellLists, cell_lists
 from gsgi.runtime.constants import HALF_MAX, SH_C0
 from gsgi.runtime.errors import UnsupportedError
 from gsgi.runtime.gaussians import Bake, Gaussians
@@ -112,16 +112,18 @@ def lookup_tables(bake: Bake) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     origin = origin_of_bake(bake)
     local, blend = local_bake(bake, origin), bake.blend
     header, gaussians, cells, lists = [], [], [], [np.zeros(1, np.uint32)]  # no list begins at 0
-    for level, sharpness in ((local.gaussians.clamped(), blend.sharpness), (local.coarse.clamped(), 0)):
-        grid, rows = cell_lists(level, blend.radius), _gaussian_texels(level)
+    levels = (local.gaussians.clamped(), blend.sharpness, 1), (local.coarse.clamped(), 0, COARSE_PRICE)
+    for level, sharpness, price in levels:
+        grid, rows = cell_lists(level, blend.radius, price), _gaussian_texels(level)
         first_node, first_texel = sum(map(len, cells)), HEADER_TEXELS + sum(map(len, gaussians))
-        header += [[*grid.low, 1 / grid.edge], [*grid.size, first_node], [first_texel, sharpness, 0, 0]]
-        for table, part in zip((cells, lists), _packed(grid, first_node, sum(map(len, lists))), strict=True):
+        first_child = first_node + grid.outside + 1
+        header += [[*grid.low, 1 / grid.edge], [*grid.size, first_node], [first_texel, sharpness, first_child, 0]]
+        for table, part in zip((cells, lists), _packed(grid, sum(map(len, lists))), strict=True):
             table.append(part)
         gaussians.append(rows)
     header += [[*origin, blend.cutoff], [blend.floor, 0, 0, 0]]
     entries = np.concatenate(lists)
-    kind = np.uint16 if max(len(local.gaussians), len(local.coarse)) <= 1 << 16 else np.uint32
+    kind = np.uint16 if entries.max() < 1 << 16 else np.uint32
     return (
         np.concatenate([np.array(header, np.float32), *gaussians]),
         np.concatenate(cells)[:, None],
@@ -164,16 +166,21 @@ def _colour(texels: np.ndarray, level: Gaussians) -> None:
         texels[:, 2:4, 3] = np.clip(level.slope, -1, 1)
 
 
-def _packed(grid: CellLists, first_node: int, first_place: int) -> tuple[np.ndarray, np.ndarray]:
+def _packed(grid: CellLists, first_place: int) -> tuple[np.ndarray, np.ndarray]:
     """Words (M,) of the nodes, and the part of `lists` that they point to, both uint32."""
     count, inner = np.diff(grid.first), grid.child > 0
-    head = np.where(inner, 3, np.where(count > 0, 1, 0))  # numbers before the first Gaussian
-    length = head + count
-    place = np.cumsum(length) - length
-    lists = np.zeros(int(length.sum()), np.uint32)
-    child = grid.child[inner] + first_node
-    lists[place[inner]], lists[place[inner] + 1] = child & 0xFFFF, child >> 16
-    used = head > 0
-    lists[(place + head - 1)[used]] = count[used]
-    lists[np.arange(len(grid.entry)) + np.repeat(place + head - grid.first[:-1], count)] = grid.entry
+    used = inner | (count > 0)
+    before = used.astype(int) + inner + (count + 1) // 2  # numbers before the first Gaussian
+    end = np.cumsum(before + count)
+    place, entries = end - count - before, end - count
+    lists = np.zeros(int(end[-1]), np.uint32)
+    lists[place[inner]] = (grid.child[inner] - grid.outside - 1) // 8
+    lists[(place + inner)[used]] = count[used]
+    node = np.repeat(np.arange(len(count)), count)
+    number = np.arange(len(node)) - grid.first[node]  # of the Gaussian in its list
+    lists[entries[node] + number] = grid.entry
+    listed, octant = np.nonzero(np.unpackbits(grid.octants[:, None], axis=1, bitorder="little"))
+    bit = octant * count[node].take(listed) + number.take(listed)
+    word = (place + inner + 1)[node].take(listed) + bit // 16
+    lists += np.bincount(word, weights=1 << bit % 16, minlength=len(lists)).astype(np.uint32)
     return np.where(used, 2 * (place + first_place) + inner, 0).astype(np.uint32), lists

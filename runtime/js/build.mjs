@@ -58,7 +58,9 @@ function inlined(source) {
         const [line, name, value] = found;
         source = source.replace(line, "").replace(new RegExp(`\\b${name}\\b`, "g"), value);
     }
-    return source.replace(/\(\((\d) \+ 1\) \* \(\1 \+ 1\)\)/g, (_, degree) => (Number(degree) + 1) ** 2);
+    return source
+        .replace(/\(\((\d) \+ 1\) \* \(\1 \+ 1\)\)/g, (_, degree) => (Number(degree) + 1) ** 2)
+        .replace(/\((\d+) - 1\)/g, (_, number) => Number(number) - 1);
 }
 
 /** With the prefix gsgi_ before each name of ours that is visible in a shader. */
@@ -68,7 +70,7 @@ function prefixed(source) {
     return source.replace(new RegExp(`\\b(${own.join("|")})\\b`, "g"), "gsgi_$1");
 }
 
-/** With the uniforms in the place of the parameters that pass them on; fetch_uint(), which reads two, keeps its own. */
+/** With the uniforms in the place of the parameters that pass them on; fetch_int(), which reads two, keeps its own. */
 function bound(source) {
     const uniforms = /^uniform .*\n/gm, declared = source.match(uniforms).join("");
     const body = source.replace(uniforms, "")

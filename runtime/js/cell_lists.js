@@ -1,103 +1,126 @@
 /** Which Gaussians reach each cell of space: an octree of lists, as runtime/cell_lists.py builds it. */
 
-const ROOTS = 8; // cells along the longest edge of the box, before any is split
-const DEPTH_MAX = 20; // splits of a root; float32 coordinates within it have 24 bits
-const SPLIT_MIN = 24; // Gaussians in a cell that is worth eight more
+const ROOTS = 16; // cells along the longest edge of the box at most, before any is split
+const SMALLEST = 1e-6; // half edge of what is split, of a root's; float32 coordinates within it have 24 bits
+const SPLIT_MIN = 16; // Gaussians in a cell that are worth eight more
 const SLACK = 1e-5; // of a root's edge and of an ellipsoid's radius; covers the rounding of float32 in shaders
-const FINEST = 0.32; // edge of a leaf over the mean length of its Gaussians, over the fourth root of edge over median
-const COARSEST = 0.5;
-const FINENESS_COUNT = 15000; // it grows with the number of Gaussians in between
-const HOISTED = 0.75; // the share of children with lists, above which what is in them is listed in the parent instead
-const TINY = 1.2e-38; // the smallest normal float32
+const SAVED = 16; // less octants, over SAVED_OF: the share of reads that listing in children saves
+const SAVED_OF = 28;
+const PRICED = 380; // Gaussians per sixteenth of a read that an entry is worth, of 4 to 16
+const FLATTEST = 16; // longest over shortest axis in the tests
 
-// What is known of an ellipsoid, SIZE numbers of one Float64Array; lengths are relative to `low` of the grid, m.
-const BOUND = 3; // after the centre [3]: half the bounding box [3]
-const WHITEN = 6; // axis i of coordinate j, times the shortest deviation over this one [3, 3]
-const INVERSE = 15; // 1 / the square of the length of what coordinate j becomes [3]
-const REACH = 18; // the shortest semi-axis
-const SHORTNESS = 19; // 1 / the longest
-const SIZE = 20;
-
-const AXES = [0, 1, 2], { abs, max, min } = Math;
+const AXES = [0, 1, 2], OCTANTS = [0, 1, 2, 3, 4, 5, 6, 7], { abs, max, min } = Math;
 
 /**
  * Appends lists of all Gaussians that have weight somewhere to `lists`, and the nodes by which they are found to
  * `cells`, both as glsl/surface/lookup.glsl describes them. Gaussians end `radius` standard deviations out.
  *
- * Returns the grid whose cells are the first nodes: `size` [3] cubes of `edge` m from `low` [3] on.
+ * Returns the grid whose cells are the first nodes, [low, edge, size]: `size` [3] cubes of `edge` m from `low` [3] on;
+ * and behind these the first child.
  */
-export function appendLists({ position, rotation, scale, opacity }, radius, cells, lists) {
+export function appendLists({ position, rotation, scale, opacity }, radius, coarse, cells, lists) {
     const used = [...opacity.keys()].filter((i) => opacity[i] > 0);
-    const lengths = used.map((i) => radius * max(...scale.subarray(3 * i, 3 * i + 3)));
-    if (!used.length) {
-        cells.push(0);
-        return { low: [0, 0, 0], edge: 1, size: [0, 0, 0] };
-    }
+    const { length } = used, lengths = used.map((i) => radius * max(...scale.subarray(3 * i, 3 * i + 3)));
+    if (!length) return [[0, 0, 0], 1, [0, 0, 0], cells.push(0)];
+    // The coarse level is read only where the fine one has little weight: memory counts 16 times.
+    const price = min(max(length / PRICED | 0, 4), 16) / (coarse ? 1 : 16);
 
     // The grid is around the centres, and most of what they reach.
-    const sorted = Float64Array.from(lengths).sort(), half = sorted.length >> 1;
-    const typical = (sorted[half] + sorted[sorted.length - 1 - half]) / 2;
-    const farthest = (k, sign) => sign * used.reduce(
-        (most, i, j) => max(most, sign * position[3 * i + k] + min(lengths[j], 2 * typical)), -Infinity);
-    const low = AXES.map((k) => Math.fround(farthest(k, -1))), extent = AXES.map((k) => farthest(k, 1) - low[k]);
-    const edge = Math.fround(max(...extent) / ROOTS), size = extent.map((x) => min(max(Math.ceil(x / edge), 1), ROOTS));
+    const typical = Float64Array.from(lengths).sort()[length >> 1];
+    const [low, high] = [-1, 1].map((sign) => AXES.map((k) => Math.fround(sign * used.reduce(
+        (most, i, j) => max(most, sign * position[3 * i + k] + min(lengths[j], 2 * typical)), -Infinity))));
+    const extent = high.map((x, k) => x - low[k]);
+    const roots = min(ROOTS, Math.ceil(Math.cbrt(length))), edge = Math.fround(max(...extent) / roots);
+    const size = extent.map((x) => min(max(Math.ceil(x / edge), 1), roots));
 
-    const reach = radius * (1 + SLACK), bodies = new Float64Array(SIZE * used.length);
-    used.forEach((index, i) => {
-        const axes = axesOf(rotation.subarray(4 * index)), body = bodies.subarray(SIZE * i);
+    const reach = radius * (1 + SLACK), homes = {}, [, rows, columns] = size;
+    // Of each ellipsoid, from `low` on, m: the centre, half the bounding box, the square of the shortest semi-axis,
+    // and the inverse covariance, times the square of the shortest deviation.
+    const bodies = used.map((index) => {
+        const axes = axesOf(rotation.subarray(4 * index)), centre = AXES.map((k) => position[3 * index + k] - low[k]);
         const deviations = scale.subarray(3 * index, 3 * index + 3), shortest = min(...deviations);
-        const whiten = axes.map((axis, k) => axis.map((x) => x * shortest / deviations[k]));
-        body.set(AXES.map((k) => position[3 * index + k] - low[k]));
-        body.set(AXES.map((k) => reach * Math.hypot(...axes.map((axis, j) => axis[k] * deviations[j]))), BOUND);
-        body.set(whiten.flat(), WHITEN);
-        body.set(AXES.map((k) => 1 / max(whiten.reduce((sum, row) => sum + row[k] ** 2, 0), TINY)), INVERSE);
-        body.set([reach * shortest, 1 / lengths[i]], REACH);
+        const unit = max(shortest, max(...deviations) / FLATTEST);
+        const [u, v] = AXES.filter((k) => k !== deviations.indexOf(shortest)); // of its plane
+        for (const a of AXES) for (const b of AXES) { // light is read at points one deviation apart
+            const point = centre.map((x, k) =>
+                x + (a - 1) * axes[u][k] * deviations[u] + (b - 1) * axes[v][k] * deviations[v]);
+            (homes[point.map((x) => x / edge | 0)] ??= []).push(point);
+        }
+        return [
+            ...centre, ...AXES.map((k) => reach * Math.hypot(...axes.map((axis, j) => axis[k] * deviations[j]))),
+            (reach * unit) ** 2, ...AXES.flatMap((j) => AXES.map((k) =>
+                axes.reduce((sum, axis, a) => sum + axis[j] * axis[k] * min(unit / deviations[a], 1) ** 2, 0))),
+        ];
     });
+    const below = used.map(() => 0), above = [...below], numbers = used.map((_, i) => i);
 
-    const numbers = [...used.keys()], fineness = min(max(used.length / FINENESS_COUNT, FINEST), COARSEST);
-    const seen = new Uint8Array(used.length), above = new Uint8Array(used.length);
-
-    /** The tree below a cell: the bodies that reach it, of `members`, and of these the ones that it lists itself. */
-    function grow(members, middle, half, depth) {
-        const wide = half + SLACK * edge;
-        members = members.filter((i) => near(bodies, SIZE * i, middle, wide) && meet(bodies, SIZE * i, wide));
-        const wish = members.reduce((sum, i) => sum + bodies[SIZE * i + SHORTNESS], 0);
-        if (members.length < SPLIT_MIN || depth === DEPTH_MAX || 2 * half * wish <= fineness * (2 * half / typical) ** 0.25 * members.length)
-            return { members, list: members };
-        const children = Array.from({ length: 8 }, (_, corner) =>
-            grow(members, AXES.map((k) => middle[k] + (corner << k & 4 ? half : -half) / 2), half / 2, depth + 1));
-        for (const child of children) for (const i of child.list) ++seen[i];
-        const least = HOISTED * children.filter((child) => child.members.length).length;
-        const list = members.filter((i) => seen[i] > least);
-        for (const i of members) seen[i] = 0;
-        return { members, list, children };
+    /**
+     * The tree below a cell: of each of `members`, which reach it, the octants that it reaches, or 0 if it is not listed
+     * here, and its cost; and the children.
+     */
+    function grow(members, points, middle, half) {
+        const crowds = OCTANTS.map(() => []);
+        for (const point of points) crowds[AXES.reduce((o, k) => 2 * o + (point[k] >= middle[k]), 0)].push(point);
+        half /= 2;
+        const middles = OCTANTS.map((o) => middle.map((x, k) => o << k & 4 ? x + half : x - half));
+        let children;
+        const pairs = members.map((i) => {
+            let octants = 0, crowd = 0, more = -1;
+            for (let o = 0; o < 8; ++o) if (!points[0] || meet(bodies[i], middles[o], half + SLACK * edge)) {
+                octants |= 1 << o;
+                crowd += crowds[o].length;
+                ++more;
+            }
+            const free = crowd * (SAVED - 1 - more) > price * SAVED_OF * more;
+            return [i, octants, crowd + price, free];
+        });
+        const pushed = pairs.filter((pair) => pair[3]);
+        if (pushed.length >= SPLIT_MIN && half > SMALLEST * edge) {
+            children = middles.map((each, o) => grow(
+                pushed.flatMap(([i, octants]) => octants >> o & 1 ? i : []), crowds[o], each, half));
+            for (const [each] of children) for (const [i, , cost] of each) below[i] += cost;
+        }
+        for (const pair of pairs) {
+            const [i, , here, free] = pair;
+            if (children && free && below[i] < here) {
+                pair[1] = 0;
+                pair[2] = below[i];
+            }
+            below[i] = 0;
+        }
+        return [pairs, children];
     }
 
     /** Writes a cell as the node `index`, without what is listed above it, and its children behind all others. */
-    function emit(index, { list, children }) {
-        const own = list.filter((i) => !above[i]), child = children ? cells.length : 0;
-        cells[index] = child || own.length ? 2 * lists.length + (child ? 1 : 0) : 0;
-        if (child) lists.push(child & 0xffff, child >>> 16);
-        if (cells[index]) lists.push(own.length);
-        for (const i of own) lists.push(used[i]);
-        if (!child) return;
+    function emit(index, [pairs, children]) {
+        const own = pairs.filter(([i, octants]) => octants && !above[i]), next = cells.length, count = own.length;
+        if (!children && !count) return;
+        cells[index] = 2 * lists.length + !!children;
+        if (children) lists.push((next - child) / 8);
+        lists.push(count);
+        const place = lists.length;
+        for (let bit = 0; bit < 8 * count; ++bit)
+            lists[place + (bit >> 4)] |= (own[bit % count][1] >> bit / count & 1) << bit % 16;
+        for (const [i] of own) lists.push(used[i]);
+        if (!children) return;
         cells.length += 8;
-        for (const i of own) above[i] = 1;
-        children.forEach((each, corner) => emit(child + corner, each));
-        for (const i of own) above[i] = 0;
+        for (const [i] of own) above[i] = 1;
+        children.forEach((each, o) => emit(next + o, each));
+        for (const [i] of own) above[i] = 0;
     }
 
-    const first = cells.length, [, rows, columns] = size, outside = size[0] * rows * columns;
-    cells.length += outside + 1;
+    const first = cells.length, outside = size[0] * rows * columns, child = first + outside + 1;
+    cells.length = child;
     for (let i = 0; i < outside; ++i) {
         const cell = [i / (rows * columns) | 0, (i / columns | 0) % rows, i % columns];
-        emit(first + i, grow(numbers, cell.map((x) => (x + 0.5) * edge), edge / 2, 0));
+        const middle = cell.map((x) => (x + 0.5) * edge);
+        const members = numbers.filter((j) => meet(bodies[j], middle, edge * (0.5 + SLACK)));
+        emit(first + i, grow(members, homes[cell] ?? [], middle, edge / 2));
     }
-    emit(first + outside, { list: numbers.filter((i) => AXES.some((k) => {
-        const centre = bodies[SIZE * i + k], bound = bodies[SIZE * i + BOUND + k];
-        return !(centre - bound > 0 && centre + bound < size[k] * edge);
-    })) });
-    return { low, edge, size };
+    const sticksOut = (i) => AXES.some((k) =>
+        !(abs(bodies[i][k] - size[k] * edge / 2) + bodies[i][3 + k] < size[k] * edge / 2));
+    emit(child - 1, [numbers.filter(sticksOut).map((i) => [i, 255])]);
+    return [low, edge, size, child];
 }
 
 /** The axes of a unit quaternion xyzw: the columns of its matrix (Shoemake 1985). */
@@ -109,46 +132,20 @@ export function axesOf([x, y, z, w]) {
     ];
 }
 
-const offset = new Float64Array(3); // from the middle of near()'s cube to the centre
-
-/** Whether the box around an ellipsoid meets the cube around `middle`. */
-function near(bodies, at, middle, half) {
-    for (let k = 0; k < 3; ++k) {
-        offset[k] = bodies[at + k] - middle[k];
-        if (abs(offset[k]) - half > bodies[at + BOUND + k]) return false;
-    }
-    return true;
-}
-
 /**
- * Whether an ellipsoid meets the cube from whose middle it is `offset` away.
+ * Whether an ellipsoid meets the cube around `middle`.
  *
- * It does if the cube's point nearest to the centre lies within. Else they are apart if a plane parts them. The best
- * plane is that across the gradient, at the cube's point nearest to the centre in standard deviations, of which a round
- * of descent along the axes comes close enough (Hildreth 1957); planes elsewhere part less, so no cube that is met is
- * lost.
+ * They do not if a plane parts them: one across an axis, or across the gradient of the distance in standard deviations,
+ * at the cube's middle or at its point nearest to the centre.
  */
-function meet(bodies, at, half) {
-    const [x, y, z] = offset, reach = bodies[at + REACH], w = at + WHITEN;
-    let u = 0, v = 0, t = 0, gap = 0; // what whitening makes of the way from the centre to the point
-    const move = (k, step) => {
-        u += bodies[w + k] * step;
-        v += bodies[w + 3 + k] * step;
-        t += bodies[w + 6 + k] * step;
+function meet(body, middle, half) {
+    const x = body[0] - middle[0], y = body[1] - middle[1], z = body[2] - middle[2];
+    const parted = (u, v, w) => {
+        const a = body[7] * u + body[8] * v + body[9] * w, b = body[10] * u + body[11] * v + body[12] * w;
+        const c = body[13] * u + body[14] * v + body[15] * w;
+        return a * x + b * y + c * z - half * (abs(a) + abs(b) + abs(c)) > Math.sqrt(body[6] * (a * u + b * v + c * w));
     };
-    const across = (k) => bodies[w + k] * u + bodies[w + 3 + k] * v + bodies[w + 6 + k] * t;
-    const px = clamp(x, half), py = clamp(y, half), pz = clamp(z, half);
-    move(0, px - x);
-    move(1, py - y);
-    move(2, pz - z);
-    if (u * u + v * v + t * t <= reach * reach) return true;
-    move(0, clamp(px - across(0) * bodies[at + INVERSE], half) - px);
-    move(1, clamp(py - across(1) * bodies[at + INVERSE + 1], half) - py);
-    move(2, clamp(pz - across(2) * bodies[at + INVERSE + 2], half) - pz);
-    const gx = across(0), gy = across(1), gz = across(2);
-    return !(-gx * x - gy * y - gz * z - half * (abs(gx) + abs(gy) + abs(gz)) > reach * Math.sqrt(u * u + v * v + t * t));
-}
-
-function clamp(x, half) {
-    return x < -half ? -half : x > half ? half : x;
+    const beyond = (k) => k - max(-half, min(k, half));
+    return abs(x) - half <= body[3] && abs(y) - half <= body[4] && abs(z) - half <= body[5]
+        && !parted(x, y, z) && !parted(beyond(x), beyond(y), beyond(z));
 }

@@ -22,8 +22,8 @@ export function lookupTables(bake, maxSize = 2048) {
     const header = [], texels = Array(4 * HEADER_TEXELS), cells = [], lists = [0]; // no list begins at 0
     for (const [decoded, power] of [[bake.fine, sharpness], [bake.coarse, 0]]) {
         const level = local(decoded, origin), firstNode = cells.length;
-        const { low, edge, size } = appendLists(level, radius, cells, lists);
-        header.push(...low, 1 / edge, ...size, firstNode, texels.length / 4, power, 0, 0);
+        const [low, edge, size, child] = appendLists(level, radius, !power, cells, lists);
+        header.push(...low, 1 / edge, ...size, firstNode, texels.length / 4, power, child, 0);
         for (const number of gaussianTexels(level)) texels.push(number);
     }
     header.push(...origin, cutoff, floor, 0, 0, 0);
@@ -31,7 +31,7 @@ export function lookupTables(bake, maxSize = 2048) {
     const most = Math.min(EXACT, maxSize * DATA_WIDTH);
     if (Math.max(texels.length / 4, cells.length, lists.length) > most)
         throw new RangeError(`${bake.fine.count} Gaussians: too many for a look-up in textures of ${maxSize} rows`);
-    const short = Math.max(bake.fine.count, bake.coarse.count) <= 1 << 16;
+    const short = lists.every((number) => number < 1 << 16);
     return {
         width: DATA_WIDTH,
         gaussians: padded(Float32Array, 4, texels),

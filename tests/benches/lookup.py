@@ -65,12 +65,13 @@ def lists_of(level: Gaussians, radius: float, points: np.ndarray) -> dict:
 
     lists = cell_lists(level, radius)
     listed, reaching = pairs(lists, level, radius, points)
-    heads = (np.diff(lists.first) > 0) + 2 * (lists.child > 0)
+    count, inner = np.diff(lists.first), lists.child > 0
+    words = ((count > 0) | inner).sum() + 2 * inner.sum() + ((count + 1) // 2 + count).sum()
     return {
         "reach": round(reaching / len(points), 1), "listed": round(listed / len(points), 1),
         "listed_per_reach": round(listed / reaching, 2),
         "build_ms": round(1e3 * fastest({(): lambda: cell_lists(level, radius)})[()]),
-        "lists_kB": round((4 * len(lists.child) + 2 * len(lists.entry) + 2 * heads.sum()) / 1e3),
+        "lists_kB": round((4 * len(lists.child) + 2 * words) / 1e3),
     }  # fmt: skip
 
 
@@ -158,12 +159,13 @@ def pairs(lists, level, radius: float, position: np.ndarray) -> tuple[int, int]:
     from gsgi.runtime.quaternions import rotation_matrices
 
     whiten = rotation_matrices(level.rotation) / level.scale[:, None, :]
+    first, entry = lists.by_octant()
     listed = reaching = 0
-    for index, node in lists.descend(position):
-        count = lists.first[node + 1] - lists.first[node]
+    for index, octant in lists.descend(position):
+        count = first[octant + 1] - first[octant]
         point = np.repeat(index, count)
         step = np.arange(len(point)) - np.repeat(np.cumsum(count) - count, count)
-        gaussian = lists.entry[np.repeat(lists.first[node], count) + step]
+        gaussian = entry[np.repeat(first[octant], count) + step]
         e = np.einsum("pi,pij->pj", position[point] - level.position[gaussian], whiten[gaussian])
         listed, reaching = listed + len(point), reaching + int(((e * e).sum(axis=1) <= radius**2).sum())
     return listed, reaching

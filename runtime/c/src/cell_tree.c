@@ -5,11 +5,16 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define ROOTS 8      /* cells along the longest edge of the box, before any is split */
-#define SPLIT_MIN 24 /* bodies in a cell that is worth eight more */
-#define FINEST 0.32  /* edge of a leaf over the mean length of its bodies, over the fourth root of edge over median */
-#define COARSEST 0.5
-#define FINENESS_COUNT 15000.0 /* it grows with the number of bodies in between */
+#define ROOTS 16     /* cells along the longest edge of the box at most, before any is split */
+#define SPLIT_MIN 16 /* bodies in a cell that are worth eight more */
+
+/* A body listed in a cell costs a read at each point in the octants that it reaches, and memory. Listed in the cell's
+ * children instead, it is read less by SAVED - reached of SAVED_OF points. Memory is worth up to a read per entry, or a
+ * sixteenth per PRICED bodies. */
+#define SAVED 16
+#define SAVED_OF 28
+#define PRICED 380
+#define CHEAPEST 4
 
 void* gsgi__tree_take(const gsgi__tree* b, size_t count, size_t size) {
     if (size > 0 && count > SIZE_MAX / 2 / size) return NULL;
@@ -34,45 +39,38 @@ static bool make_grid(gsgi__tree* b, const gsgi__level* level, float radius) {
     }
     qsort(lengths, b->count, sizeof *lengths, ascending);
     const uint32_t half = b->count / 2;
-    b->typical = b->count % 2 ? lengths[half] : (lengths[half - 1] + lengths[half]) / 2.0f;
+    const float typical = b->count % 2 ? lengths[half] : (lengths[half - 1] + lengths[half]) / 2.0f;
     gsgi__release(b->callbacks, lengths);
 
-    float high[3], widest = 0.0f;
+    float high[3] = {0.0f}, widest = 0.0f;
     for (uint32_t i = 0; i < b->count; ++i) {
         const float* shape = level->shape.texels + (size_t)b->bodies[i].gaussian * GSGI_SHAPE_FLOATS;
-        const float reach = fminf(b->bodies[i].length, 2.0f * b->typical);
+        const float reach = fminf(b->bodies[i].length, 2.0f * typical);
         for (int k = 0; k < 3; ++k) {
             b->low[k] = i ? fminf(b->low[k], shape[k] - reach) : shape[k] - reach;
             high[k] = i ? fmaxf(high[k], shape[k] + reach) : shape[k] + reach;
         }
     }
     for (int k = 0; k < 3; ++k) widest = fmaxf(widest, high[k] - b->low[k]);
-    b->edge = widest / (float)ROOTS;
+    uint32_t roots = 1;
+    while (roots < ROOTS && roots * roots * roots < b->count) ++roots;
+    b->edge = widest / (float)roots;
     for (int k = 0; k < 3; ++k)
-        b->size[k] = (int32_t)fminf(fmaxf(ceilf((high[k] - b->low[k]) / b->edge), 1.0f), (float)ROOTS);
-    return true;
-}
-
-static bool grow(const gsgi__tree* b, uint32_t** array, uint32_t count, uint32_t room) {
-    uint32_t* larger = gsgi__tree_take(b, room, sizeof **array);
-    if (!larger) return false;
-    if (count > 0) memcpy(larger, *array, count * sizeof **array);
-    gsgi__release(b->callbacks, *array);
-    *array = larger;
+        b->size[k] = (int32_t)fminf(fmaxf(ceilf((high[k] - b->low[k]) / b->edge), 1.0f), (float)roots);
     return true;
 }
 
 static bool add_pair(const gsgi__tree* b, gsgi__depth* d, uint32_t body, uint32_t node, uint32_t parent) {
-    if (d->pairs == d->room) {
+    if (d->count == d->room) {
         const uint32_t room = d->room ? 2 * d->room : 1024;
-        if (d->room > GSGI_NOWHERE / 2 || !grow(b, &d->body, d->pairs, room) || !grow(b, &d->node, d->pairs, room) ||
-            !grow(b, &d->parent, d->pairs, room))
-            return false;
+        gsgi__pair* larger = d->room > GSGI_NOWHERE / 2 ? NULL : gsgi__tree_take(b, room, sizeof *larger);
+        if (!larger) return false;
+        if (d->count > 0) memcpy(larger, d->pairs, d->count * sizeof *larger);
+        gsgi__release(b->callbacks, d->pairs);
+        d->pairs = larger;
         d->room = room;
     }
-    d->body[d->pairs] = body;
-    d->node[d->pairs] = node;
-    d->parent[d->pairs++] = parent;
+    d->pairs[d->count++] = (gsgi__pair){.body = body, .node = node, .parent = parent};
     return true;
 }
 
@@ -121,62 +119,124 @@ static bool make_roots(gsgi__tree* b) {
     return add_root_pairs(b, d);
 }
 
-/* Number the children of nodes that are large for the bodies in them. Returns the number of children, or GSGI_NOWHERE
- * without memory. */
-static uint32_t judge(const gsgi__tree* b, gsgi__depth* d, float half, double fineness, bool last) {
-    uint32_t* found = gsgi__tree_take(b, d->nodes, sizeof *found);
-    double* wish = gsgi__tree_take(b, d->nodes, sizeof *wish);
-    const double edge = (double)(2.0f * half), least = fineness * sqrt(sqrt(edge / (double)b->typical));
-    uint32_t children = found && wish ? 0 : GSGI_NOWHERE;
-    for (uint32_t p = 0; p < d->pairs && children == 0; ++p) {
-        ++found[d->node[p]];
-        wish[d->node[p]] += (double)(1.0f / b->bodies[d->body[p]].length);
+/* Put the points that lie in the grid into its cells. */
+static void place_readings(gsgi__tree* b) {
+    size_t kept = 0;
+    for (size_t i = 0; i < b->reading_count; ++i) {
+        gsgi__reading r = b->readings[i];
+        bool inside = true;
+        r.node = 0;
+        for (int k = 0; k < 3; ++k) {
+            const float at = r.part[k] / b->edge;
+            inside = inside && at >= 0.0f && at < (float)b->size[k];
+            const int32_t cell = inside ? (int32_t)at : 0;
+            r.part[k] = at - (float)cell;
+            r.node = r.node * (uint32_t)b->size[k] + (uint32_t)cell;
+        }
+        if (inside) b->readings[kept++] = r;
+    }
+    b->reading_count = kept;
+}
+
+/* The octants of all points, and how many are in each octant of the nodes: 8 per node. */
+static float* count_readings(gsgi__tree* b, uint32_t nodes) {
+    float* crowds = gsgi__tree_take(b, nodes, 8 * sizeof *crowds);
+    for (size_t i = 0; i < b->reading_count && crowds; ++i) {
+        gsgi__reading* r = &b->readings[i];
+        r->octant = 0;
+        for (int k = 0; k < 3; ++k) {
+            const float part = 2.0f * r->part[k], upper = part >= 1.0f ? 1.0f : 0.0f;
+            r->part[k] = part - upper;
+            r->octant = 2 * r->octant + (upper > 0.0f);
+        }
+        crowds[8 * r->node + r->octant] += 1.0f;
+    }
+    return crowds;
+}
+
+/* Move the points to the children of their nodes; drop those in leaves. */
+static void descend_readings(gsgi__tree* b, const gsgi__depth* d) {
+    size_t kept = 0;
+    for (size_t i = 0; i < b->reading_count; ++i) {
+        gsgi__reading r = b->readings[i];
+        if (d->child[r.node] == GSGI_NOWHERE) continue;
+        r.node = d->child[r.node] + r.octant;
+        b->readings[kept++] = r;
+    }
+    b->reading_count = kept;
+}
+
+/* Which octants of its node a pair's body reaches, and whether it is worth listing in children. */
+static void look_at(const gsgi__tree* b, const gsgi__depth* d, gsgi__pair* p, const float crowd[8], float half,
+                    float wide) {
+    const gsgi__body* a = &b->bodies[p->body];
+    int reached = 8;
+    bool empty = true;
+    for (int o = 0; o < 8; ++o) empty = empty && crowd[o] == 0.0f;
+    p->octants = 255;
+    if (!empty) {
+        p->octants = 0;
+        reached = 0;
+        for (int o = 0; o < 8; ++o) {
+            float offset[3];
+            for (int k = 0; k < 3; ++k) {
+                const float from_middle = a->centre[k] - d->middle[p->node][k];
+                offset[k] = o >> (2 - k) & 1 ? from_middle - half : from_middle + half;
+            }
+            if (!gsgi__body_meets(a, offset, wide)) continue;
+            p->octants |= (uint8_t)(1 << o);
+            p->crowd += crowd[o];
+            ++reached;
+        }
+    }
+    p->pushed = p->crowd * (float)(SAVED - reached) > b->price * SAVED_OF * (float)(reached - 1);
+}
+
+/* Look at all pairs, and number the children of nodes with enough that are pushed. Returns the number of children, or
+ * GSGI_NOWHERE without memory. */
+static uint32_t judge(gsgi__tree* b, gsgi__depth* d, float half, float wide, bool last) {
+    float* crowds = count_readings(b, d->nodes);
+    uint32_t* pushed = gsgi__tree_take(b, d->nodes, sizeof *pushed);
+    uint32_t children = crowds && pushed ? 0 : GSGI_NOWHERE;
+    for (uint32_t i = 0; i < d->count && children == 0; ++i) {
+        gsgi__pair* p = &d->pairs[i];
+        look_at(b, d, p, crowds + 8 * (size_t)p->node, half, wide);
+        pushed[p->node] += p->pushed;
     }
     for (uint32_t i = 0; i < d->nodes && children != GSGI_NOWHERE; ++i) {
-        const bool large = edge * wish[i] > least * found[i];
-        const bool split = !last && found[i] >= SPLIT_MIN && large && children <= GSGI_NOWHERE - 16;
+        const bool split = !last && pushed[i] >= SPLIT_MIN && children <= GSGI_NOWHERE - 16;
         d->child[i] = split ? children : GSGI_NOWHERE;
         if (split) children += 8;
     }
-    gsgi__release(b->callbacks, found);
-    gsgi__release(b->callbacks, wish);
+    for (uint32_t i = 0; i < d->count && children != GSGI_NOWHERE; ++i)
+        d->pairs[i].pushed = d->pairs[i].pushed && d->child[d->pairs[i].node] != GSGI_NOWHERE;
+    gsgi__release(b->callbacks, crowds);
+    gsgi__release(b->callbacks, pushed);
     return children;
 }
 
 /* The pairs of the depth below. */
-static bool add_child_pairs(const gsgi__tree* b, const gsgi__depth* d, gsgi__depth* below, float half, float slack) {
-    for (uint32_t p = 0; p < d->pairs; ++p) {
-        const uint32_t node = d->node[p];
-        if (d->child[node] == GSGI_NOWHERE) continue;
-        const gsgi__body* a = &b->bodies[d->body[p]];
-        for (uint32_t corner = 0; corner < 8; ++corner) {
-            float offset[3];
-            bool near = true; /* whether its box meets the cube, which is soon said */
-            for (int k = 0; k < 3; ++k) {
-                const float side = corner >> (2 - k) & 1 ? half : -half;
-                offset[k] = a->centre[k] - d->middle[node][k] - side;
-                near = near && !(fabsf(offset[k]) - (half + slack) > a->bound[k]);
-            }
-            if (near && gsgi__body_meets(a, offset, half + slack) &&
-                !add_pair(b, below, d->body[p], d->child[node] + corner, p))
-                return false;
-        }
+static bool add_child_pairs(const gsgi__tree* b, const gsgi__depth* d, gsgi__depth* below) {
+    for (uint32_t i = 0; i < d->count; ++i) {
+        const gsgi__pair* p = &d->pairs[i];
+        for (uint32_t corner = 0; corner < 8 && p->pushed; ++corner)
+            if (p->octants >> corner & 1 && !add_pair(b, below, p->body, d->child[p->node] + corner, i)) return false;
     }
     return true;
 }
 
 static bool make_depths(gsgi__tree* b) {
-    const double fineness = fmin(fmax(b->count / FINENESS_COUNT, FINEST), COARSEST);
     const float slack = (float)GSGI_CELLS_SLACK * b->edge;
     float half = b->edge / 2.0f;
     if (!make_roots(b)) return false;
+    place_readings(b);
     for (;;) {
         gsgi__depth* d = &b->depths[b->used - 1];
-        const uint32_t children = judge(b, d, half, fineness, b->used > GSGI_DEPTH_MAX);
+        half /= 2.0f;
+        const uint32_t children = judge(b, d, half, half + slack, b->used > GSGI_DEPTH_MAX);
         if (children == GSGI_NOWHERE) return false;
         if (children == 0) return true;
         gsgi__depth* below = &b->depths[b->used++];
-        half /= 2.0f;
         below->nodes = children;
         if (!allocate_nodes(b, below)) return false;
         for (uint32_t i = 0; i < d->nodes; ++i)
@@ -185,24 +245,34 @@ static bool make_depths(gsgi__tree* b) {
                     const float side = corner >> (2 - k) & 1 ? half : -half;
                     below->middle[d->child[i] + corner][k] = d->middle[i][k] + side;
                 }
-        if (!add_child_pairs(b, d, below, half, slack)) return false;
+        if (!add_child_pairs(b, d, below)) return false;
+        descend_readings(b, d);
     }
 }
 
-bool gsgi__tree_create(gsgi__tree* b, const gsgi__level* level, double radius) {
+bool gsgi__tree_create(gsgi__tree* b, const gsgi__level* level, double radius, uint32_t price) {
+    uint32_t sixteenths = b->count / PRICED;
+    sixteenths = sixteenths < CHEAPEST ? CHEAPEST : sixteenths > 16 ? 16 : sixteenths;
+    b->price = (float)(price * sixteenths) / 16.0f;
+    b->reading_count = (size_t)b->count * GSGI_BODY_POINTS;
     if (!make_grid(b, level, (float)radius)) return false;
+    if (!(b->readings = gsgi__tree_take(b, b->reading_count, sizeof *b->readings))) return false;
     for (uint32_t i = 0; i < b->count; ++i) {
         const float* shape = level->shape.texels + (size_t)b->bodies[i].gaussian * GSGI_SHAPE_FLOATS;
-        gsgi__body_make(b->low, shape, radius, &b->bodies[i]);
+        float points[GSGI_BODY_POINTS][3];
+        gsgi__body_make(b->low, shape, radius, &b->bodies[i], points);
+        for (int p = 0; p < GSGI_BODY_POINTS; ++p)
+            memcpy(b->readings[(size_t)i * GSGI_BODY_POINTS + p].part, points[p], sizeof points[p]);
     }
     return make_depths(b);
 }
 
 void gsgi__tree_destroy(gsgi__tree* b) {
     for (int l = 0; l < b->used; ++l) {
-        const gsgi__depth* d = &b->depths[l];
-        void* const arrays[] = {d->body, d->node, d->parent, d->middle, d->child, d->listed, d->above};
-        for (size_t i = 0; i < sizeof arrays / sizeof *arrays; ++i) gsgi__release(b->callbacks, arrays[i]);
+        gsgi__release(b->callbacks, b->depths[l].pairs);
+        gsgi__release(b->callbacks, b->depths[l].middle);
+        gsgi__release(b->callbacks, b->depths[l].child);
     }
+    gsgi__release(b->callbacks, b->readings);
     gsgi__release(b->callbacks, b->bodies);
 }

@@ -9,9 +9,9 @@
 #include <stdio.h>
 #include <string.h>
 
-#define HEADER_TEXELS 8        /* 2 * LEVEL_TEXELS + 2 of lookup.glsl */
-#define EXACT (1u << 24)       /* texels; floats count no further, in which the header says where things begin */
-#define SHORT_LISTS_MAX 65536u /* Gaussians whose indices fit in 16 bits */
+#define HEADER_TEXELS 8  /* 2 * LEVEL_TEXELS + 2 of lookup.glsl */
+#define EXACT (1u << 24) /* texels; floats count no further, in which the header says where things begin */
+#define SHORT_MAX 65535u /* the largest number of 16 bits */
 
 static float clamped(float x, float low, float high) { return x < low ? low : x > high ? high : x; }
 
@@ -66,23 +66,40 @@ static void put(gsgi_lookup* lookup, uint64_t at, uint32_t value) {
         ((uint32_t*)lookup->lists)[at] = value;
 }
 
-/* Numbers before the first Gaussian of a node's list. */
-static uint32_t head_of(const gsgi__cell_lists* from, uint32_t node) {
-    return from->child[node] ? 3 : from->first[node + 1] > from->first[node] ? 1 : 0;
+static uint32_t count_of(const gsgi__cell_lists* from, uint32_t node) {
+    return from->first[node + 1] - from->first[node];
+}
+
+/* The node of all points outside of the grid. */
+static uint32_t outside_of(const gsgi__cell_lists* from) {
+    return (uint32_t)(from->size[0] * from->size[1] * from->size[2]);
+}
+
+/* Which eight of the level the children of a node are. */
+static uint32_t eight_of(const gsgi__cell_lists* from, uint32_t node) {
+    return (from->child[node] - outside_of(from) - 1) / 8;
+}
+
+/* Numbers of a node's list. */
+static uint32_t length_of(const gsgi__cell_lists* from, uint32_t node) {
+    const uint32_t count = count_of(from, node), inner = from->child[node] != 0;
+    return (inner || count > 0) + inner + (count + 1) / 2 + count;
 }
 
 /* The nodes of a level, from `node` on, and their lists, from `place` on; returns where the next list begins. */
 static uint64_t write_lists(gsgi_lookup* lookup, const gsgi__cell_lists* from, uint32_t node, uint64_t place) {
     for (uint32_t i = 0; i < from->nodes; ++i) {
-        const uint32_t count = from->first[i + 1] - from->first[i], head = head_of(from, i), inner = head == 3;
-        if (head == 0) continue; /* the tables were cleared */
+        const uint32_t count = count_of(from, i), inner = from->child[i] != 0;
+        if (length_of(from, i) == 0) continue; /* the tables were cleared */
         lookup->cells[node + i] = (uint32_t)(2 * place + inner);
-        if (inner) {
-            const uint32_t child = from->child[i] + node;
-            put(lookup, place++, child & 0xFFFF);
-            put(lookup, place++, child >> 16);
-        }
+        if (inner) put(lookup, place++, eight_of(from, i));
         put(lookup, place++, count);
+        uint32_t word = 0, bit = 0; /* octant by octant */
+        for (; bit < 8 * count; ++bit) {
+            word |= (uint32_t)(from->octants[from->first[i] + bit % count] >> (bit / count) & 1) << bit % 16;
+            if (bit % 16 == 15) put(lookup, place++, word), word = 0;
+        }
+        if (bit % 16 != 0) put(lookup, place++, word);
         for (uint32_t k = 0; k < count; ++k) put(lookup, place++, from->entry[from->first[i] + k]);
     }
     return place;
@@ -113,13 +130,18 @@ static gsgi_result fill(gsgi_lookup* lookup, const gsgi_bake* bake, const gsgi__
         const gsgi__level* level = &bake->levels[l];
         texels += (uint64_t)level->count * texel_count_of(level);
         nodes += lists[l].nodes;
-        place += lists[l].entries;
-        for (uint32_t i = 0; i < lists[l].nodes; ++i) place += head_of(&lists[l], i);
-        if (level->count > most) most = level->count;
+        for (uint32_t i = 0; i < lists[l].nodes; ++i) {
+            const uint32_t count = count_of(&lists[l], i);
+            place += length_of(&lists[l], i);
+            if (count > most) most = count;
+            if (lists[l].child[i] && eight_of(&lists[l], i) > most) most = eight_of(&lists[l], i);
+        }
+        for (uint32_t k = 0; k < lists[l].entries; ++k)
+            if (lists[l].entry[k] > most) most = lists[l].entry[k];
     }
     if (texels > EXACT || nodes > EXACT || place > INT32_MAX)
         return gsgi__fail(&bake->callbacks, GSGI_UNSUPPORTED, "bake: too many Gaussians for a look-up");
-    lookup->info.list_bits = most <= SHORT_LISTS_MAX ? 16 : 32;
+    lookup->info.list_bits = most <= SHORT_MAX ? 16 : 32;
     if (!allocate(lookup, texels, nodes, place))
         return gsgi__fail(&bake->callbacks, GSGI_OUT_OF_MEMORY, "lookup: no memory");
 
@@ -140,7 +162,7 @@ static gsgi_result fill(gsgi_lookup* lookup, const gsgi_bake* bake, const gsgi__
                                 (float)nodes,
                                 (float)texels,
                                 (float)sharpness,
-                                0.0f,
+                                (float)(nodes + outside_of(&lists[l]) + 1),
                                 0.0f};
         memcpy(header + 12 * l, rows, sizeof rows);
         for (uint32_t i = 0; i < level->count; ++i)
@@ -184,7 +206,8 @@ gsgi_result gsgi_lookup_open(const gsgi_bake* bake, gsgi_lookup** out) {
     lookup->crc = bake->crc;
     const double radius = sqrt(-2.0 * log((double)bake->info.cutoff));
     for (int l = 0; l < 2 && !result; ++l)
-        if (!gsgi__cell_lists_create(&lists[l], callbacks, &bake->levels[l], radius))
+        if (!gsgi__cell_lists_create(&lists[l], callbacks, &bake->levels[l], radius,
+                                     l == GSGI_FINE ? 1 : GSGI_COARSE_PRICE))
             result = gsgi__fail(callbacks, GSGI_OUT_OF_MEMORY, "lookup: no memory");
     if (!result && !write_source(lookup, bake)) result = gsgi__fail(callbacks, GSGI_OUT_OF_MEMORY, "lookup: no memory");
     if (!result) result = fill(lookup, bake, lists);

@@ -10,7 +10,6 @@ from surface_cases import bent, gaussians, points, with_relief
 from surface_frames import CAMERA, SIZE, draw, nothing, one, room, surface_gaussians
 
 import gsgi
-from gsgi.runtime.cell_lists import DEPTH_MAX
 from gsgi.runtime.constants import GLSL_FOLDER
 from gsgi.runtime.errors import UnsupportedError
 from gsgi.runtime.gaussians import Bake, Gaussians, OverBlend, SurfaceBlend
@@ -165,7 +164,6 @@ def test_it_compiles_in_every_stage(gl, stage, header, bumpy):
 def test_the_header_of_the_texture_is_as_long_as_the_shader_takes_it():
     text = (GLSL_FOLDER / "surface" / "lookup.glsl").read_text(encoding="utf-8")
     assert f"#define LEVEL_TEXELS  {(HEADER_TEXELS - 2) // 2} " in text
-    assert f"#define DEPTH_MAX     {DEPTH_MAX} " in text
 
 
 def test_a_bake_of_the_other_operator_is_refused(gl):
