@@ -217,7 +217,7 @@ typedef struct gsgi_lookup_info {
     const uint32_t* cells;  /* R32UI, the sampler gsgi_cells */
     const void* lists;      /* R16UI or R32UI, the sampler gsgi_lists */
     uint32_t gaussian_rows, cell_rows, list_rows;
-    uint32_t list_bits; /* 16, or 32 for more than 65,536 Gaussians */
+    uint32_t list_bits; /* 16, or 32 where these are too few: for more than 65,536 Gaussians */
     size_t bytes;       /* of the three textures */
 } gsgi_lookup_info;
 

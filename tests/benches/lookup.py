@@ -39,6 +39,7 @@ def lookup_lists() -> list[dict]:
 
 def lookup_bakes() -> list[dict]:
     """The same of both levels of default bakes, at what the cameras of their scenes see."""
+    from gsgi.runtime.cell_lists import COARSE_PRICE
     from gsgi.runtime.gl.context import create_context
     from gsgi.runtime.gl.renderer import DeferredRenderer
 
@@ -53,24 +54,24 @@ def lookup_bakes() -> list[dict]:
             depth = renderer.read("depth").reshape(FRAME[::-1])
             seen.append(seen_points(depth, camera)[depth > 0])
         renderer.release()
-        for name, level in (("fine", bake.gaussians), ("coarse", bake.coarse)):
+        for name, level, price in (("fine", bake.gaussians, 1), ("coarse", bake.coarse, COARSE_PRICE)):
             named = {"scene": path.stem, "level": name, "gaussians": len(level)}
-            rows.append(named | lists_of(level, bake.blend.radius, np.concatenate(seen).astype(np.float32)))
+            rows.append(named | lists_of(level, bake.blend.radius, np.concatenate(seen).astype(np.float32), price))
     return rows
 
 
-def lists_of(level: Gaussians, radius: float, points: np.ndarray) -> dict:
+def lists_of(level: Gaussians, radius: float, points: np.ndarray, price: int = 1) -> dict:
     """What the lists of a level cost, and hold at points (N, 3)."""
     from gsgi.runtime.cell_lists import cell_lists
 
-    lists = cell_lists(level, radius)
+    lists = cell_lists(level, radius, price)
     listed, reaching = pairs(lists, level, radius, points)
     count, inner = np.diff(lists.first), lists.child > 0
     words = ((count > 0) | inner).sum() + 2 * inner.sum() + ((count + 1) // 2 + count).sum()
     return {
         "reach": round(reaching / len(points), 1), "listed": round(listed / len(points), 1),
         "listed_per_reach": round(listed / reaching, 2),
-        "build_ms": round(1e3 * fastest({(): lambda: cell_lists(level, radius)})[()]),
+        "build_ms": round(1e3 * fastest({(): lambda: cell_lists(level, radius, price)})[()]),
         "lists_kB": round((4 * len(lists.child) + 2 * words) / 1e3),
     }  # fmt: skip
 
