@@ -43,8 +43,7 @@ vec4 read_gaussian(highp sampler2D gaussians, int index, int sh_count, int relie
     int texel = reader.first_texel + index * (3 + sh_count + relief_count);
     vec4 center = fetch_data(gaussians, texel);
     vec4 first = fetch_data(gaussians, texel + 1), second = fetch_data(gaussians, texel + 2);
-    float inverse_lengths = inversesqrt(dot(first.xyz, first.xyz)) * inversesqrt(dot(second.xyz, second.xyz));
-    vec3 y = reader.x - center.xyz, normal = cross(first.xyz, second.xyz) * inverse_lengths;
+    vec3 y = reader.x - center.xyz, normal = cross(normalize(first.xyz), normalize(second.xyz));
     vec3 e = vec3(dot(y, first.xyz), dot(y, second.xyz), first.w * dot(y, normal));
     float w = center.w * falloff(e, reader.cutoff);
     if (reader.sharpness > 0) w *= facing(dot(reader.n, normal), reader.sharpness);

@@ -33,7 +33,7 @@ export function appendLists({ position, rotation, scale, opacity }, radius, coar
     const roots = min(ROOTS, Math.ceil(Math.cbrt(length))), edge = Math.fround(max(...extent) / roots);
     const size = extent.map((x) => min(max(Math.ceil(x / edge), 1), roots));
 
-    const reach = radius * (1 + SLACK), homes = {}, [, rows, columns] = size;
+    const reach = radius * (1 + SLACK), homes = {};
     // Of each ellipsoid, from `low` on, m: the centre, half the bounding box, the square of the shortest semi-axis,
     // and the inverse covariance, times the square of the shortest deviation.
     const bodies = used.map((index) => {
@@ -60,13 +60,14 @@ export function appendLists({ position, rotation, scale, opacity }, radius, coar
      */
     function grow(members, points, middle, half) {
         const crowds = OCTANTS.map(() => []);
-        for (const point of points) crowds[AXES.reduce((o, k) => 2 * o + (point[k] >= middle[k]), 0)].push(point);
+        for (const point of points)
+            crowds[4 * (point[0] >= middle[0]) + 2 * (point[1] >= middle[1]) + (point[2] >= middle[2])].push(point);
         half /= 2;
         const middles = OCTANTS.map((o) => middle.map((x, k) => o << k & 4 ? x + half : x - half));
         let children;
         const pairs = members.map((i) => {
             let octants = 0, crowd = 0, more = -1;
-            for (let o = 0; o < 8; ++o) if (!points[0] || meet(bodies[i], middles[o], half + SLACK * edge)) {
+            for (let o = 0; o < 8; ++o) if (meet(bodies[i], middles[o], half + SLACK * edge)) {
                 octants |= 1 << o;
                 crowd += crowds[o].length;
                 ++more;
@@ -77,7 +78,7 @@ export function appendLists({ position, rotation, scale, opacity }, radius, coar
         const pushed = pairs.filter((pair) => pair[3]);
         if (pushed.length >= SPLIT_MIN && half > SMALLEST * edge) {
             children = middles.map((each, o) => grow(
-                pushed.flatMap(([i, octants]) => octants >> o & 1 ? i : []), crowds[o], each, half));
+                pushed.filter((pair) => pair[1] >> o & 1).map(([i]) => i), crowds[o], each, half));
             for (const [each] of children) for (const [i, , cost] of each) below[i] += cost;
         }
         for (const pair of pairs) {
@@ -109,17 +110,21 @@ export function appendLists({ position, rotation, scale, opacity }, radius, coar
         for (const [i] of own) above[i] = 0;
     }
 
-    const first = cells.length, outside = size[0] * rows * columns, child = first + outside + 1;
-    cells.length = child;
-    for (let i = 0; i < outside; ++i) {
-        const cell = [i / (rows * columns) | 0, (i / columns | 0) % rows, i % columns];
-        const middle = cell.map((x) => (x + 0.5) * edge);
-        const members = numbers.filter((j) => meet(bodies[j], middle, edge * (0.5 + SLACK)));
-        emit(first + i, grow(members, homes[cell] ?? [], middle, edge / 2));
+    /** Writes the cells of the grid whose first coordinates are `cell`, of which `members` come near. */
+    function plant(members, cell) {
+        const k = cell.length;
+        if (k > 2) return emit(index++, grow(members, homes[cell] ?? [], cell.map((x) => (x + 0.5) * edge), edge / 2));
+        for (let x = 0; x < size[k]; ++x) plant(
+            members.filter((i) => abs(bodies[i][k] - (x + 0.5) * edge) - edge * (0.5 + SLACK) <= bodies[i][3 + k]), [...cell, x]);
     }
+
+    let index = cells.length;
+    const child = index + size[0] * size[1] * size[2] + 1;
+    cells.length = child;
+    plant(numbers, []);
     const sticksOut = (i) => AXES.some((k) =>
         !(abs(bodies[i][k] - size[k] * edge / 2) + bodies[i][3 + k] < size[k] * edge / 2));
-    emit(child - 1, [numbers.filter(sticksOut).map((i) => [i, 255])]);
+    emit(index, [numbers.filter(sticksOut).map((i) => [i, 255])]);
     return [low, edge, size, child];
 }
 
