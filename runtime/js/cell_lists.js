@@ -55,8 +55,8 @@ export function appendLists({ position, rotation, scale, opacity }, radius, coar
     const below = used.map(() => 0), above = [...below], numbers = used.map((_, i) => i);
 
     /**
-     * The tree below a cell: of each of `members`, which reach it, the octants that it reaches, or 0 if it is not listed
-     * here, and its cost; and the children.
+     * The tree below a cell: of each of `members`, which come near, the octants that it reaches, or 0 if it is not
+     * listed here, and its cost; and the children.
      */
     function grow(members, points, middle, half) {
         const crowds = OCTANTS.map(() => []);
@@ -114,8 +114,10 @@ export function appendLists({ position, rotation, scale, opacity }, radius, coar
     function plant(members, cell) {
         const k = cell.length;
         if (k > 2) return emit(index++, grow(members, homes[cell] ?? [], cell.map((x) => (x + 0.5) * edge), edge / 2));
-        for (let x = 0; x < size[k]; ++x) plant(
-            members.filter((i) => abs(bodies[i][k] - (x + 0.5) * edge) - edge * (0.5 + SLACK) <= bodies[i][3 + k]), [...cell, x]);
+        for (let x = 0; x < size[k]; ++x) {
+            const near = (i) => abs(bodies[i][k] - (x + 0.5) * edge) - edge * (0.5 + SLACK) <= bodies[i][3 + k];
+            plant(members.filter(near), [...cell, x]);
+        }
     }
 
     let index = cells.length;
