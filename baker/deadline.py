@@ -16,9 +16,10 @@ from .progress import Progress
 from .settings import BUDGET_MAX, Settings
 
 # What a bake may cost, from the least to the most: factor on the budget of medium quality, error, steps of the fit.
-# First the noise falls from that of a coarse bake, then the Gaussians become as many as with high quality, then the
-# noise falls further. Between two of them lie PARTS steps.
-LADDER = (1 / 4, 0.2, 80), (1, 0.2, 150), (1, 0.05, 150), (4, 0.05, 300), (4, 0.0125, 300)
+# First the fit takes all of its steps, then the Gaussians become as many as with medium quality, then the noise falls
+# from that of a coarse bake, then the Gaussians become as many as with high quality, then the noise falls further.
+# Between two of them lie PARTS steps.
+LADDER = (1 / 4, 0.2, 80), (1 / 4, 0.2, 300), (1, 0.2, 300), (1, 0.05, 300), (4, 0.05, 300), (4, 0.0125, 300)
 PARTS = 8
 LONGER = 2  # most steps of the fit, relative to those on the ladder, that fill the time up to the next rung
 

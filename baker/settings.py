@@ -31,7 +31,7 @@ BUDGET_MAX = 1 << 19
 
 QUALITIES = {
     "over": {"draft": Quality(1 / 4, 6, 1500), "medium": Quality(1, 12, 4000), "high": Quality(4, 24, 12000)},
-    "surface": {"draft": Quality(0.9 / 16, 0, 80), "medium": Quality(0.9 / 4, 0, 150), "high": Quality(0.9, 0, 300)},
+    "surface": {"draft": Quality(0.9 / 16, 0, 300), "medium": Quality(0.9 / 4, 0, 300), "high": Quality(0.9, 0, 300)},
 }
 
 SAMPLES = {"over": 256, "surface": 1024}  # most paths per pixel of a view, or per surface sample
