@@ -7,6 +7,7 @@ have the same light as before, up to chance: what another seed changes is the me
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
+from itertools import combinations
 
 import moderngl
 import numpy as np
@@ -173,11 +174,11 @@ class SameLight:
     room: Callable[[], Room]
 
     def error(self, layer: str, gl: moderngl.Context | None) -> float:
-        """The root mean square of the difference of B, in parts of the difference that another seed makes."""
-        first, again = (self.original().found(layer, gl, seed) for seed in (0, 1))
+        """The root mean square of the difference of B from three seeds, in parts of the differences between those."""
+        seeds = [self.original().found(layer, gl, seed) for seed in range(3)]
         found = self.room().found(layer, gl)
-        seen = ~np.isnan(first + again + found).any(axis=1)
-        assert seen.mean() > 0.9 * (~np.isnan(first).any(axis=1)).mean(), "the same surfaces are seen"
-        chance = np.square(again - first)[seen].mean()
+        seen = ~np.isnan(sum(seeds) + found).any(axis=1)
+        assert seen.mean() > 0.9 * (~np.isnan(seeds[0]).any(axis=1)).mean(), "the same surfaces are seen"
+        chance = np.mean([np.square(a - b)[seen].mean() for a, b in combinations(seeds, 2)])
         assert chance > 0
-        return float(np.sqrt(np.square(found - first)[seen].mean() / chance))
+        return float(np.sqrt(np.mean([np.square(found - other)[seen].mean() for other in seeds]) / chance))
