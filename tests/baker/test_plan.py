@@ -148,13 +148,16 @@ def test_steps_over_all_samples_are_no_matter_of_the_views():
 
 
 @pytest.mark.parametrize("operator", OPERATORS)
-def test_a_better_quality_is_fitted_for_at_least_as_long(operator):
+def test_a_better_quality_is_fitted_for_longer_unless_few_gaussians_have_farther_to_go(operator):
     for name in QUALITIES[operator]:
         assert planning._iterations(Settings(operator, name, views=10_000, iterations=3)) == 3
     assert planning._iterations(Settings(operator, views=1, iterations=0)) == 0
     draft, medium, high = QUALITIES[operator].values()
     assert draft < medium < high
-    assert draft.steps <= medium.steps <= high.steps
+    if operator == "surface":
+        assert draft.steps == medium.steps == high.steps
+    else:
+        assert draft.steps < medium.steps < high.steps
 
 
 @pytest.mark.parametrize("operator", OPERATORS)
