@@ -29,12 +29,13 @@ EDGE = 6.0
 FINER = 2  # times as many triangles as patches are asked for: with more, several make a patch
 
 POINTS, RAYS = 8, 32  # in each patch, and rays from each of them: its form factors
-VERTEX_RAYS = 512  # from each vertex
-EMITTED_PATHS, EMITTED_PATHS_VERTEX = 32, 256  # at these, for light straight from emitters and the environment
+VERTEX_RAYS = 256  # from each vertex, and as many again to where the light is
+EMITTED_PATHS, EMITTED_PATHS_VERTEX = 32, 1024  # at these, for light straight from emitters and the environment
 CONVERGED, ROUNDS = 1e-4, 200  # change of a round, relative to the light, and most rounds
 
-AT_ONCE = 1 << 12  # patches or vertices
+AT_ONCE = 1 << 11  # patches or vertices
 LIFT = 1e-5  # of the diagonal; rays start so far above their surface
+SHORT = 0.999  # of the way to a place that is seen no surface is met
 PULL = 0.25  # of the way to the middle of its triangles: there a vertex is lit, since walls meet at vertices
 BACKS = 0.25  # share of hits on backs above which a vertex is buried and takes its neighbours' light
 
@@ -134,11 +135,14 @@ class _Surface:
         below = np.minimum((way * self.normal).sum(axis=1, keepdims=True), 0)
         return ((way - below * self.normal) * (number > 0)[:, None]).astype(np.float32)
 
-    def seen(self, position: np.ndarray, normal: np.ndarray, rays: int, rng: np.random.Generator) -> np.ndarray:
-        """The triangles (N, rays) that `rays` rays from points (N, 3) meet, with the density of the cosine.
+    def seen(
+        self, position: np.ndarray, normal: np.ndarray, rays: int, rng: np.random.Generator
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The triangles (N, rays) that `rays` rays from points (N, 3) meet, with the density of the cosine, and where.
 
-        They are -1 where a ray meets none, and -2 where it meets the back of a single-sided one. Each point has an even
-        pattern of directions, turned and shifted at random.
+        They are -1 where a ray meets none, and -2 where it meets the back of a single-sided one; the places
+        (N, rays, 3) are those of the points there. Each point has an even pattern of directions, turned and shifted at
+        random.
         """
         around, across = rng.random((2, len(position), 1))
         u = (np.arange(rays) + 0.5) / rays
@@ -149,10 +153,56 @@ class _Surface:
         direction = (radius * np.cos(angle))[..., None] * tangent[:, None]
         direction += (radius * np.sin(angle))[..., None] * bitangent[:, None] + up
         origin = np.repeat(position + self.lift * normal, rays, axis=0)
-        found, triangle, _, back = self.hits.first(origin, direction.reshape(-1, 3))
-        seen = np.full(len(found), -1)
+        found, triangle, weight, back = self.hits.first(origin, direction.reshape(-1, 3))
+        seen, place = np.full(len(found), -1), origin.astype(np.float64)
         seen[found] = np.where(back & ~self.double_sided[triangle], -2, triangle)
-        return seen.reshape(-1, rays)
+        place[found] = (weight[..., None] * self.position[self.triangle[triangle]]).sum(axis=1)
+        return seen.reshape(-1, rays), place.reshape(-1, rays, 3)
+
+
+class _Gather:
+    """Gathers the radiance (F, 3) of the triangles of `surface`.
+
+    Half of the rays have the density of the cosine, and half end at points chosen by their light, which finds what is
+    small and bright; both are weighed by the balance heuristic (Veach 1995).
+    """
+
+    def __init__(self, surface: _Surface, radiance: np.ndarray):
+        self._surface, self._radiance = surface, radiance
+        power = radiance.mean(axis=1) * surface.area
+        self._below = np.cumsum(power)
+        self._density = radiance.mean(axis=1) / max(self._below[-1], 1e-30)  # of chosen points, per m^2
+
+    def at(self, position: np.ndarray, normal: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        """B (N, 3) at points (N, 3) with unit normals (N, 3), and the share (N,) of rays that meet backs."""
+        shape = len(position), VERTEX_RAYS
+        seen, place = self._surface.seen(position, normal, VERTEX_RAYS, rng)
+        light = self._weighed(position, normal, seen, place)
+        u = (np.arange(VERTEX_RAYS) + rng.random(shape)) / VERTEX_RAYS * self._below[-1]
+        chosen = np.minimum(np.searchsorted(self._below, u.reshape(-1), side="right"), len(self._below) - 1)
+        place = self._surface.inside(chosen, rng).reshape(*shape, 3)
+        lit = np.where(self._visible(position, normal, place), chosen.reshape(shape), -1)
+        return light + self._weighed(position, normal, lit, place), (seen == -2).mean(axis=1)
+
+    def _visible(self, position: np.ndarray, normal: np.ndarray, place: np.ndarray) -> np.ndarray:
+        """Which places (N, R, 3) points (N, 3) see."""
+        origin = (position + self._surface.lift * normal)[:, None]
+        way = (place - origin).reshape(-1, 3)
+        blocked = self._surface.hits.first(np.broadcast_to(origin, place.shape).reshape(-1, 3), way, SHORT)[0]
+        return ~blocked.reshape(place.shape[:2])
+
+    def _weighed(self, position: np.ndarray, normal: np.ndarray, seen: np.ndarray, place: np.ndarray) -> np.ndarray:
+        """What rays (N, R) that end at `place` (N, R, 3) on triangles `seen`, none where negative, give to B (N, 3)."""
+        surface, way = self._surface, place - position[:, None]
+        squared = np.maximum((way * way).sum(axis=2), 1e-30)
+        cosine = (way * normal[:, None]).sum(axis=2) / np.sqrt(squared)
+        there = -(way * surface.face[seen]).sum(axis=2) / np.sqrt(squared)
+        there = np.where(surface.double_sided[seen], np.abs(there), there)
+        told = (seen >= 0) & (cosine > 0) & (there > 0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            by_light = np.pi * self._density[seen] * squared / (cosine * there)  # relative to the cosine's density
+            weight = np.where(told, 1 / (1 + by_light), 0)
+        return (weight[..., None] * self._radiance[seen]).sum(axis=1) / VERTEX_RAYS
 
 
 def bake(ground: Ground, value: float, progress: Progress) -> Radiosity:
@@ -209,7 +259,7 @@ def _form_factors(ground: Ground, surface: _Surface, patch: np.ndarray, advance)
         albedo, _, there = materials(ground, position, normal)
         direct = ground.cold.tracer.direct(position, normal, normal)
         direct = direct + emitted(ground, position, normal, EMITTED_PATHS, first)
-        seen = surface.seen(position, normal, RAYS, rng)
+        seen, _ = surface.seen(position, normal, RAYS, rng)
         shape = -1, POINTS, 3
         found.append((
             (albedo * there[:, None]).reshape(shape).mean(axis=1), direct.reshape(shape).mean(axis=1),
@@ -223,14 +273,14 @@ def _at_vertices(ground: Ground, surface: _Surface, radiance: np.ndarray, advanc
     """B (V, 3) float16 at the vertices, from the radiance (F, 3) of triangles. Buried ones take that of neighbours."""
     rng = np.random.default_rng(ground.settings.seed)
     position = surface.position + PULL * surface.inwards()
-    radiance = np.concatenate([radiance, np.zeros((2, 3))])
+    gather = _Gather(surface, radiance)
     light, buried = np.zeros((len(position), 3)), np.zeros(len(position), bool)
     for first in range(0, len(position), AT_ONCE):
         some = slice(first, first + AT_ONCE)
         at, normal = position[some], surface.normal[some]
-        seen = surface.seen(at, normal, VERTEX_RAYS, rng)
-        light[some] = radiance[seen].mean(axis=1) + emitted(ground, at, normal, EMITTED_PATHS_VERTEX, first)
-        buried[some] = (seen == -2).mean(axis=1) > BACKS
+        gathered, backs = gather.at(at, normal, rng)
+        light[some] = gathered + emitted(ground, at, normal, EMITTED_PATHS_VERTEX, first)
+        buried[some] = backs > BACKS
         advance(len(at))
     edges = np.concatenate([surface.triangle[:, [i, (i + 1) % 3]] for i in range(3)])
     edges = np.concatenate([edges, edges[:, ::-1]])

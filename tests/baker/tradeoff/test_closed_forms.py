@@ -148,6 +148,25 @@ def test_patches_that_all_see_one_another_reach_the_geometric_series():
     np.testing.assert_allclose(nowhere, 1.4)
 
 
+@pytest.mark.parametrize("blocked", [False, True])
+def test_a_small_bright_patch_lights_the_points_that_see_it(blocked):
+    """Rays that do not aim at it seldom meet it: it fills a ten thousandth of what the points see."""
+    half, height, radiance = 0.01, 1.0, 400.0
+    corners = np.array([[-half, height, -half], [half, height, -half], [half, height, half], [-half, height, half]])
+    meshes = [scenes.floor(), scenes.quad(corners)]
+    if blocked:
+        meshes.append(scenes.floor(0.5, height / 2))
+    surface = radiosity._Surface(Scene(tuple(meshes), (scenes.WHITE,)))
+    light = np.zeros((len(surface.triangle), 3))
+    light[2:4] = radiance
+    x = np.linspace(-0.5, 0.5, 9)
+    position = np.stack([x, 0 * x, 0 * x], axis=1).astype(np.float32)
+    normal = np.tile(np.float32([0, 1, 0]), (len(x), 1))
+    found, _ = radiosity._Gather(surface, light).at(position, normal, np.random.default_rng(5))
+    expected = radiance * (2 * half) ** 2 * height**2 / np.pi / (x * x + height**2) ** 2
+    np.testing.assert_allclose(found, 0 if blocked else np.tile(expected[:, None], 3), rtol=1e-2)
+
+
 def test_halved_edges_are_short_and_leave_no_gaps():
     scene = Scene(tuple(scenes.box()), (scenes.WHITE,))
     finer = subdivided(scene, 0.4)
