@@ -8,6 +8,7 @@
 
 using namespace nb::literals;
 
+void bind_blocks(nb::module_& m);
 void bind_field(nb::module_& m);
 void bind_loss(nb::module_& m);
 void bind_sh(nb::module_& m);
@@ -32,6 +33,7 @@ NB_MODULE(_kernels, m)
         "Names of the instruction sets that this processor supports, slowest first.");
     m.def("set_instruction_set", &set_instruction_set, "name"_a,
         "Select the instruction set for later calls. The default is the fastest.");
+    bind_blocks(m);
     bind_field(m);
     bind_loss(m);
     bind_sh(m);

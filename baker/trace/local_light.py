@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gsgi.baker.native import kernels
 from gsgi.baker.neighbours import Neighbours
 
 LEAST_POINTS = 16  # in a block, whose mean light is what eyes adapt to; there are less than twice as many
@@ -44,20 +45,9 @@ class Blocks:
         A turn counts as much as a step across all points of a node. So blocks depend on no other length: neither on a
         wall's thickness nor on the extent of the scene.
         """
-        count = len(position)
-        coordinates = np.concatenate([position, normal], axis=1).astype(np.float64)
-        coordinates[:, :3] -= coordinates[:, :3].mean(axis=0) if count else 0
-        order, first = np.arange(count), np.zeros(1, np.int64)
-        for _ in range((count // LEAST_POINTS).bit_length() - 1):
-            size = np.diff(first, append=count)
-            of = np.repeat(np.arange(len(first)), size)
-            axis = _widest(coordinates, first, size)
-            inner = np.lexsort((coordinates[np.arange(count), axis[of]], of))
-            coordinates, order = coordinates[inner], order[inner]
-            first = np.column_stack([first, first + size // 2]).ravel()
-        number = np.empty(count, np.int64)
-        number[order] = np.repeat(np.arange(len(first)), np.diff(first, append=count))
-        return Blocks(number)
+        depth = max((len(position) // LEAST_POINTS).bit_length() - 1, 0)
+        points = (np.ascontiguousarray(array, np.float32) for array in (position, normal))
+        return Blocks(kernels.blocks(*points, depth))
 
     @cached_property
     def _count(self) -> np.ndarray:
@@ -99,14 +89,6 @@ def _together(values: np.ndarray) -> np.ndarray:
     """The mean of `values` (B,) of blocks over TOGETHER neighbours."""
     group = np.arange(len(values)) // TOGETHER
     return (np.bincount(group, values) / np.bincount(group))[group]
-
-
-def _widest(coordinates: np.ndarray, first: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """The axis along which the points of each node spread most; nodes begin at `first` and have `size` points each."""
-    mean, square = (np.add.reduceat(values, first) / size[:, None] for values in (coordinates, np.square(coordinates)))
-    spread = square - np.square(mean)
-    spread[:, 3:] *= spread[:, :3].sum(axis=1, keepdims=True)
-    return spread.argmax(axis=1)
 
 
 def local_light(position: np.ndarray, normal: np.ndarray, a: np.ndarray, b: np.ndarray) -> LocalLight:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from gsgi.baker.native import kernels
 from gsgi.baker.trace.local_light import FAINT, LEAST, LEAST_POINTS, NEARBY, ONE_IN, Blocks, local_light, nearby_light
 
 COUNT = 8192
@@ -81,6 +82,20 @@ def test_blocks_are_small_and_face_one_way_in_a_scene_of_any_extent():
             np.minimum.at(low, on_cube, values)
             np.maximum.at(high, on_cube, values)
             assert (np.max(high - low, axis=1)[np.unique(on_cube)] <= most).mean() > 0.8
+
+
+def test_blocks_are_the_same_for_any_number_of_threads_and_need_a_point_each():
+    position, normal = floor()
+    number = Blocks.of(position, normal).number
+    kernels.set_thread_count(1)
+    try:
+        np.testing.assert_array_equal(Blocks.of(position, normal).number, number)
+    finally:
+        kernels.set_thread_count(0)
+    with pytest.raises(ValueError, match="same length"):
+        kernels.blocks(position, normal[1:], 1)
+    with pytest.raises(ValueError, match="no point"):
+        kernels.blocks(position, normal, 14)
 
 
 def test_the_order_of_samples_is_kept_and_the_result_scales_with_the_light():
