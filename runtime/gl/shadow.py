@@ -1,5 +1,6 @@
 """Shadow atlas: linear depth as seen from a light, in one face or the six faces of a cube."""
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import moderngl
@@ -12,6 +13,7 @@ from .permutations import defines, face_count
 from .shader import program, set_uniforms
 
 FACE_SIZE = 1024  # px; on a cube's face, a texel spans about 0.1 degrees
+SPOT_SIZE, SUN_SIZE = 2048, 4096  # px; the face of a directional light covers the whole scene
 GUTTER = 4  # texels around a face; the normal offset and the filter stay within it
 _NEAR = 1e-5  # of the light's reach; depth is linear, so a close near plane costs nothing
 
@@ -44,7 +46,7 @@ def faces_of(light: Light, corners: np.ndarray) -> Faces:
     if face_count(light) == 6:
         size, axes, tangent = FACE_SIZE, _CUBE, 1.0
     else:
-        size, axes = 2 * FACE_SIZE, np.asarray(light.direction, float)[None]
+        size, axes = SPOT_SIZE, np.asarray(light.direction, float)[None]
         tangent = np.sqrt(1 - min(light.cos_outer, 0.9999) ** 2) / min(light.cos_outer, 0.9999)
     tangent *= size / (size - 2 * GUTTER)
     views = np.array([_view(axis, light.position) for axis in axes])
@@ -57,7 +59,7 @@ def faces_of(light: Light, corners: np.ndarray) -> Faces:
 
 
 def _orthographic(light: Light, corners: np.ndarray) -> Faces:
-    size, axis = 2 * FACE_SIZE, np.asarray(light.direction, float)
+    size, axis = SUN_SIZE, np.asarray(light.direction, float)
     view = _view(axis, corners.mean(axis=0))
     half = np.abs(corners @ view[:3, :3].T + view[:3, 3]).max(axis=0)
     half = np.maximum(half, 1e-6 * half.max())
@@ -80,14 +82,21 @@ def _view(axis: np.ndarray, origin: np.ndarray) -> np.ndarray:
 
 
 class Shadow:
-    """One atlas (3 x 2 faces of a cube, or one face of twice the size) that is redrawn for each light.
+    """One atlas (3 x 2 faces of a cube, or one larger face) that is redrawn for each of the `lights`.
 
     All triangles are drawn from both sides, so a single-sided wall stops light from either side.
     """
 
-    def __init__(self, ctx: moderngl.Context, geometry: Geometry, bounds: tuple[np.ndarray, np.ndarray]):
+    def __init__(
+        self,
+        ctx: moderngl.Context,
+        geometry: Geometry,
+        bounds: tuple[np.ndarray, np.ndarray],
+        lights: Iterable[Light],
+    ):
         self.ctx, self.geometry = ctx, geometry
-        self.size = (3 * FACE_SIZE, 2 * FACE_SIZE)
+        sun = any(light.kind == "directional" for light in lights)
+        self.size = (SUN_SIZE, SUN_SIZE) if sun else (3 * FACE_SIZE, 2 * FACE_SIZE)
         self.corners = np.stack(np.meshgrid(*np.transpose(bounds)), axis=-1).reshape(8, 3)
         self.atlas = ctx.depth_texture(self.size)
         self.atlas.compare_func = "<="
@@ -119,8 +128,9 @@ class Shadow:
             resource.release()
 
     def _fill(self, faces: Faces, tiles: list[tuple[int, int]]) -> None:
+        columns, rows = (faces.size * (max(place) + 1) for place in zip(*tiles, strict=True))
         self._target.use()
-        self._target.clear(depth=1.0)
+        self._target.clear(depth=1.0, viewport=(0, 0, columns, rows))
         self.ctx.enable_only(moderngl.DEPTH_TEST)
         for i, (column, row) in enumerate(tiles):
             self._target.viewport = (column * faces.size, row * faces.size, faces.size, faces.size)
