@@ -3,6 +3,7 @@
 import os
 import pathlib
 import shutil
+import signal
 import subprocess
 import sys
 
@@ -21,6 +22,12 @@ LONG = (
     "baker/views/test_placement.py",
     "hard_cases/test_cases.py",
 )
+
+
+def pytest_configure():
+    """Notice Ctrl-C, also where a shell that runs the tests in the background has told them to ignore it."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_collection_modifyitems(items):
