@@ -5,7 +5,9 @@ import pytest
 import scenes
 
 from gsgi.baker.tradeoff import light_volume, radiosity, voxel_cones
+from gsgi.baker.tradeoff.gather import Gather
 from gsgi.baker.tradeoff.lit_points import LitPoints
+from gsgi.baker.tradeoff.patched_surface import PatchedSurface
 from gsgi.baker.tradeoff.subdivision import subdivided
 from gsgi.baker.tradeoff.surroundings import texels
 from gsgi.baker.tradeoff.voxels import Grid, grid, trilinear
@@ -156,13 +158,13 @@ def test_a_small_bright_patch_lights_the_points_that_see_it(blocked):
     meshes = [scenes.floor(), scenes.quad(corners)]
     if blocked:
         meshes.append(scenes.floor(0.5, height / 2))
-    surface = radiosity._Surface(Scene(tuple(meshes), (scenes.WHITE,)))
+    surface = PatchedSurface(Scene(tuple(meshes), (scenes.WHITE,)))
     light = np.zeros((len(surface.triangle), 3))
     light[2:4] = radiance
     x = np.linspace(-0.5, 0.5, 9)
     position = np.stack([x, 0 * x, 0 * x], axis=1).astype(np.float32)
     normal = np.tile(np.float32([0, 1, 0]), (len(x), 1))
-    found, _ = radiosity._Gather(surface, light).at(position, normal, np.random.default_rng(5))
+    found, _ = Gather(surface, light).at(position, normal, np.random.default_rng(5))
     expected = radiance * (2 * half) ** 2 * height**2 / np.pi / (x * x + height**2) ** 2
     np.testing.assert_allclose(found, 0 if blocked else np.tile(expected[:, None], 3), rtol=1e-2)
 
