@@ -18,6 +18,5 @@ void bind_blocks(nb::module_& m)
 {
     m.def("blocks", blocks, "position"_a.noconvert(), "normal"_a.noconvert(), "depth"_a,
         "Return the leaf (S,) int64 of each point (S, 3) with a unit normal (S, 3) in a k-d tree of `depth` "
-        "levels "
-        "over both.");
+        "levels over both. What is not finite counts as 0.");
 }

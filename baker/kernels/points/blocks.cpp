@@ -3,6 +3,7 @@
 #include "parallel.h"
 
 #include <algorithm>
+#include <cmath>
 #include <numeric>
 #include <vector>
 
@@ -48,17 +49,23 @@ struct Order {
     }
 };
 
+// Only finite numbers have an order.
+double finite(float number)
+{
+    return std::isfinite(number) ? number : 0.0;
+}
+
 // Around the origin, where squares lose no digits.
 std::vector<Point> centred(size_t count, const float* position, const float* normal)
 {
     double middle[3] = {};
     for (size_t i = 0; i < 3 * count; ++i)
-        middle[i % 3] += position[i];
+        middle[i % 3] += finite(position[i]);
     std::vector<Point> points(count);
     for (size_t i = 0; i < count; ++i) {
         for (int axis = 0; axis < 3; ++axis) {
-            points[i].at[axis] = position[3 * i + axis] - middle[axis] / double(count);
-            points[i].at[3 + axis] = normal[3 * i + axis];
+            points[i].at[axis] = finite(position[3 * i + axis]) - middle[axis] / double(count);
+            points[i].at[3 + axis] = finite(normal[3 * i + axis]);
         }
         points[i].index = int64_t(i);
     }

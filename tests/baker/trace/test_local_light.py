@@ -98,6 +98,14 @@ def test_blocks_are_the_same_for_any_number_of_threads_and_need_a_point_each():
         kernels.blocks(position, normal, 14)
 
 
+def test_points_that_are_nowhere_have_blocks_too():
+    position, normal = floor()
+    position[::7], normal[::5], position[3] = np.nan, np.nan, np.inf
+    number = Blocks.of(position, normal).number
+    assert np.bincount(number).min() >= LEAST_POINTS
+    assert np.bincount(number).max() < 2 * LEAST_POINTS
+
+
 def test_the_order_of_samples_is_kept_and_the_result_scales_with_the_light():
     position, normal = floor()
     a, b = halves(1 + np.abs(position[:, 0]), 0.1)
