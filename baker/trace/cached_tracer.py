@@ -90,20 +90,16 @@ class CachedTracer:
         say: Callable[[str], None],
     ) -> list[TracedView]:
         """A square view of `size` px for each camera, the n-th from `seed` + n. Tells `say` how many were cached."""
-        keys = [
-            self.key("view", __name__, camera=camera, size=size, sampling=sampling, seed=seed + i)
-            for i, camera in enumerate(cameras)
-        ]
-        found = [self.cache.get(key) for key in keys]
-        views = [None if arrays is None else from_arrays(TracedView, arrays) for arrays in found]
-        missing = [i for i, view in enumerate(views) if view is None]
-        if len(missing) < len(keys):
-            say(f"{len(keys) - len(missing)} of {len(keys)} views from the cache")
-            advance((len(keys) - len(missing)) * size**2)
-        for i in missing:
-            views[i] = self._view(cameras[i], size, sampling, seed + i, advance)
-            self.cache.put(keys[i], to_arrays(views[i]))
-            advance(0, f"view {i + 1}/{len(keys)}")
+        views, known = [], 0
+        for i, camera in enumerate(cameras):
+            task = camera, size, sampling, seed + i
+            key = self.key("view", __name__, task=task)
+            view, found = self.once(key, TracedView, lambda task=task: self._view(*task, advance))
+            advance(size**2 if found else 0, f"view {i + 1}/{len(cameras)}")
+            views.append(view)
+            known += found
+        if known:
+            say(f"{known} of {len(cameras)} views from the cache")
         return views
 
     def reference(

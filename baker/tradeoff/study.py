@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 # Pixels of a drawn frame along each pixel of a reference. It is odd, so that one of them has the reference's pixel
 # centre for its own; passes of lower resolution then leave out as little of a surface as they do at a screen's size.
 MAGNIFIED = 5
-ROUNDS, ROUNDS_QUICK = 9, 3
+ROUNDS, ROUNDS_QUICK = 5, 3
 EVERY_QUICK = 2  # frames of one camera in this many are timed
 
 

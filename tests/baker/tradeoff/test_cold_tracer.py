@@ -9,6 +9,7 @@ from repository import SCENES
 
 from gsgi.baker.cache.store import MemoryCache
 from gsgi.baker.progress import Silent
+from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling
 from gsgi.baker.tradeoff.cold_tracer import ColdProgress, ColdTracer
 from gsgi.runtime.gltf.reader import read_gltf
 
@@ -53,6 +54,17 @@ def test_a_record_without_its_seconds_is_computed_anew(tracer):
     key = tracer.key("slow", __name__)
     tracer.kept.remove(f"seconds-{key.rpartition('-')[2]}")
     assert not staged(tracer)[2]
+
+
+def test_views_are_traced_once_for_all_fits(tracer):
+    cameras, said, seconds = list(tracer.scene.cameras.values()), [], []
+    for _ in range(2):
+        progress = ColdProgress(Silent(), tracer)
+        with progress.stage("irradiance") as advance:
+            tracer.views(cameras, 8, Sampling(PASS_SAMPLES), 0, advance, said.append)
+        seconds.append(progress.seconds["irradiance"])
+    assert said == [f"{len(cameras)} of {len(cameras)} views from the cache"]
+    assert seconds[1] > 0.5 * seconds[0]
 
 
 def test_finished_fits_are_not_found(tracer):
