@@ -6,10 +6,11 @@ const SPLIT_MIN = 16; // Gaussians in a cell that are worth eight more
 const SLACK = 1e-5; // of a root's edge and of an ellipsoid's radius; covers the rounding of float32 in shaders
 const SAVED = 16; // less octants, over SAVED_OF: the share of reads that listing in children saves
 const SAVED_OF = 28;
-const PRICED = 380; // Gaussians per sixteenth of a read that an entry is worth, of 4 to 16
+const PRICED = 240; // Gaussians per sixteenth of a read that an entry is worth, of 7 to 28
 const FLATTEST = 16; // longest over shortest axis in the tests
 
-const AXES = [0, 1, 2], OCTANTS = [0, 1, 2, 3, 4, 5, 6, 7], { abs, max, min } = Math;
+const STEPS = [-1.2, -0.4, 0.4, 1.2]; // deviations to points where light is read, in the plane of a Gaussian
+const AXES = [0, 1, 2], OCTANTS = [0, 1, 2, 3, 4, 5, 6, 7], { abs, ceil, fround, max, min } = Math;
 
 /**
  * Appends lists of all Gaussians that have weight somewhere to `lists`, and the nodes by which they are found to
@@ -20,39 +21,39 @@ const AXES = [0, 1, 2], OCTANTS = [0, 1, 2, 3, 4, 5, 6, 7], { abs, max, min } = 
  */
 export function appendLists({ position, rotation, scale, opacity }, radius, coarse, cells, lists) {
     const used = [...opacity.keys()].filter((i) => opacity[i] > 0);
-    const { length } = used, lengths = used.map((i) => radius * max(...scale.subarray(3 * i, 3 * i + 3)));
+    const { length } = used, scaleOf = (i) => scale.subarray(3 * i, 3 * i + 3);
+    const lengths = used.map((i) => radius * max(...scaleOf(i)));
     if (!length) return [[0, 0, 0], 1, [0, 0, 0], cells.push(0)];
     // The coarse level is read only where the fine one has little weight: memory counts 16 times.
-    const price = min(max(length / PRICED | 0, 4), 16) / (coarse ? 1 : 16);
+    const price = min(max(length / PRICED | 0, 7), 28) / (coarse ? 1 : 16);
 
     // The grid is around the centres, and most of what they reach.
-    const typical = Float64Array.from(lengths).sort()[length >> 1];
-    const [low, high] = [-1, 1].map((sign) => AXES.map((k) => Math.fround(sign * used.reduce(
+    const typical = [...lengths].sort((a, b) => a - b)[length >> 1];
+    const [low, high] = [-1, 1].map((sign) => AXES.map((k) => fround(sign * used.reduce(
         (most, i, j) => max(most, sign * position[3 * i + k] + min(lengths[j], 2 * typical)), -Infinity))));
     const extent = high.map((x, k) => x - low[k]);
-    const roots = min(ROOTS, Math.ceil(Math.cbrt(length))), edge = Math.fround(max(...extent) / roots);
-    const size = extent.map((x) => min(max(Math.ceil(x / edge), 1), roots));
+    const roots = min(ROOTS, ceil(length ** (1 / 3))), edge = fround(max(...extent) / roots);
+    const size = extent.map((x) => min(ceil(x / edge) || 1, roots));
 
     const reach = radius * (1 + SLACK), homes = {};
     // Of each ellipsoid, from `low` on, m: the centre, half the bounding box, the square of the shortest semi-axis,
     // and the inverse covariance, times the square of the shortest deviation.
     const bodies = used.map((index) => {
         const axes = axesOf(rotation.subarray(4 * index)), centre = AXES.map((k) => position[3 * index + k] - low[k]);
-        const deviations = scale.subarray(3 * index, 3 * index + 3), shortest = min(...deviations);
+        const deviations = scaleOf(index), shortest = min(...deviations);
         const unit = max(shortest, max(...deviations) / FLATTEST);
         const [u, v] = AXES.filter((k) => k !== deviations.indexOf(shortest)); // of its plane
-        for (const a of AXES) for (const b of AXES) { // light is read at points one deviation apart
-            const point = centre.map((x, k) =>
-                x + (a - 1) * axes[u][k] * deviations[u] + (b - 1) * axes[v][k] * deviations[v]);
+        for (const a of STEPS) for (const b of STEPS) {
+            const point = centre.map((x, k) => x + a * axes[u][k] * deviations[u] + b * axes[v][k] * deviations[v]);
             (homes[point.map((x) => x / edge | 0)] ??= []).push(point);
         }
         return [
             ...centre, ...AXES.map((k) => reach * Math.hypot(...axes.map((axis, j) => axis[k] * deviations[j]))),
-            (reach * unit) ** 2, ...AXES.flatMap((j) => AXES.map((k) =>
+            (reach * unit) ** 2, ...AXES.flatMap((j) => AXES.slice(j).map((k) =>
                 axes.reduce((sum, axis, a) => sum + axis[j] * axis[k] * min(unit / deviations[a], 1) ** 2, 0))),
         ];
     });
-    const below = used.map(() => 0), above = [...below], numbers = used.map((_, i) => i);
+    const below = used.map(() => 0), above = [], numbers = [...used.keys()];
 
     /**
      * The tree below a cell: of each of `members`, which come near, the octants that it reaches, or 0 if it is not
@@ -61,7 +62,7 @@ export function appendLists({ position, rotation, scale, opacity }, radius, coar
     function grow(members, points, middle, half) {
         const crowds = OCTANTS.map(() => []);
         for (const point of points)
-            crowds[4 * (point[0] >= middle[0]) + 2 * (point[1] >= middle[1]) + (point[2] >= middle[2])].push(point);
+            crowds[middle.reduce((octant, x, k) => 2 * octant + (point[k] >= x), 0)].push(point);
         half /= 2;
         const middles = OCTANTS.map((o) => middle.map((x, k) => o << k & 4 ? x + half : x - half));
         let children;
@@ -72,8 +73,7 @@ export function appendLists({ position, rotation, scale, opacity }, radius, coar
                 crowd += crowds[o].length;
                 ++more;
             }
-            const free = crowd * (SAVED - 1 - more) > price * SAVED_OF * more;
-            return [i, octants, crowd + price, free];
+            return [i, octants, crowd + price, crowd * (SAVED - 1 - more) > price * SAVED_OF * more];
         });
         const pushed = pairs.filter((pair) => pair[3]);
         if (pushed.length >= SPLIT_MIN && half > SMALLEST * edge) {
@@ -115,8 +115,9 @@ export function appendLists({ position, rotation, scale, opacity }, radius, coar
         const k = cell.length;
         if (k > 2) return emit(index++, grow(members, homes[cell] ?? [], cell.map((x) => (x + 0.5) * edge), edge / 2));
         for (let x = 0; x < size[k]; ++x) {
-            const near = (i) => abs(bodies[i][k] - (x + 0.5) * edge) - edge * (0.5 + SLACK) <= bodies[i][3 + k];
-            plant(members.filter(near), [...cell, x]);
+            const near = members.filter((i) =>
+                abs(bodies[i][k] - (x + 0.5) * edge) - edge * (0.5 + SLACK) <= bodies[i][3 + k]);
+            plant(near, [...cell, x]);
         }
     }
 
@@ -124,9 +125,9 @@ export function appendLists({ position, rotation, scale, opacity }, radius, coar
     const child = index + size[0] * size[1] * size[2] + 1;
     cells.length = child;
     plant(numbers, []);
-    const sticksOut = (i) => AXES.some((k) =>
-        !(abs(bodies[i][k] - size[k] * edge / 2) + bodies[i][3 + k] < size[k] * edge / 2));
-    emit(index, [numbers.filter(sticksOut).map((i) => [i, 255])]);
+    const sticksOut = numbers.filter((i) => size.some((count, k) =>
+        !(abs(bodies[i][k] - count * edge / 2) + bodies[i][3 + k] < count * edge / 2)));
+    emit(index, [sticksOut.map((i) => [i, 255])]);
     return [low, edge, size, child];
 }
 
@@ -142,17 +143,19 @@ export function axesOf([x, y, z, w]) {
 /**
  * Whether an ellipsoid meets the cube around `middle`.
  *
- * They do not if a plane parts them: one across an axis, or across the gradient of the distance in standard deviations,
- * at the cube's middle or at its point nearest to the centre.
+ * They do not if a plane parts them: one across an axis, or across the gradient of the distance in standard deviations.
+ * The latter is taken at a point of the cube where that distance is near its least: after one round of descent along the
+ * axes, from the point nearest to the ellipsoid's centre.
  */
 function meet(body, middle, half) {
     const x = body[0] - middle[0], y = body[1] - middle[1], z = body[2] - middle[2];
-    const parted = (u, v, w) => {
-        const a = body[7] * u + body[8] * v + body[9] * w, b = body[10] * u + body[11] * v + body[12] * w;
-        const c = body[13] * u + body[14] * v + body[15] * w;
-        return a * x + b * y + c * z - half * (abs(a) + abs(b) + abs(c)) > Math.sqrt(body[6] * (a * u + b * v + c * w));
-    };
-    const beyond = (k) => k - max(-half, min(k, half));
-    return abs(x) - half <= body[3] && abs(y) - half <= body[4] && abs(z) - half <= body[5]
-        && !parted(x, y, z) && !parted(beyond(x), beyond(y), beyond(z));
+    const within = (t, centre) => max(centre - half, min(t, centre + half));
+    let v = within(0, y), w = within(0, z);
+    if (abs(x) - half > body[3] || abs(v) > body[4] || abs(w) > body[5]) return false;
+    const u = within(-(body[8] * v + body[9] * w) / body[7], x);
+    v = within(-(body[8] * u + body[11] * w) / body[10], y);
+    w = within(-(body[9] * u + body[11] * v) / body[12], z);
+    const a = body[7] * u + body[8] * v + body[9] * w, b = body[8] * u + body[10] * v + body[11] * w;
+    const c = body[9] * u + body[11] * v + body[12] * w;
+    return !(a * x + b * y + c * z - half * (abs(a) + abs(b) + abs(c)) > Math.sqrt(body[6] * (a * u + b * v + c * w)));
 }

@@ -6,6 +6,7 @@ import { DATA_WIDTH, SCALE_MIN } from "./shaders.js";
 
 const FAR = 16; // distance from the origin in diagonals of the bake at which float32 becomes too coarse
 const EXACT = 1 << 24; // texels; float32 counts no further, in which the header says where things begin
+const { hypot, max, min } = Math;
 
 /**
  * What lookupSource() reads of a bake: texels in rows of `width`, filled up with zeros.
@@ -28,15 +29,13 @@ export function lookupTables(bake, maxSize = 2048) {
     }
     header.push(...origin, cutoff, floor, 0, 0, 0);
     texels.splice(0, header.length, ...header);
-    const most = Math.min(EXACT, maxSize * DATA_WIDTH);
-    if (Math.max(texels.length / 4, cells.length, lists.length) > most)
+    if (max(texels.length / 4, cells.length, lists.length) > min(EXACT, maxSize * DATA_WIDTH))
         throw new RangeError(`${bake.fine.count} Gaussians: too many for a look-up in textures of ${maxSize} rows`);
-    const short = lists.every((number) => number < 1 << 16);
     return {
         width: DATA_WIDTH,
         gaussians: padded(Float32Array, 4, texels),
         cells: padded(Uint32Array, 1, cells),
-        lists: padded(short ? Uint16Array : Uint32Array, 1, lists),
+        lists: padded(lists.every((number) => number < 1 << 16) ? Uint16Array : Uint32Array, 1, lists),
     };
 }
 
@@ -47,14 +46,14 @@ function originOf({ fine, coarse }) {
         return [x[0], x.at(-1)];
     });
     const middle = bounds.map(([low, high]) => (low + high) / 2);
-    const far = Math.hypot(...middle) > FAR * Math.hypot(...bounds.map(([low, high]) => high - low));
+    const far = hypot(...middle) > FAR * hypot(...bounds.map(([low, high]) => high - low));
     return far ? middle : [0, 0, 0];
 }
 
 /** A level relative to `origin`, with the scales that shaders can invert. */
 function local(level, origin) {
     const position = level.position.map((x, i) => x - origin[i % 3]);
-    return { ...level, position, scale: level.scale.map((x) => Math.max(x, SCALE_MIN)) };
+    return { ...level, position, scale: level.scale.map((x) => max(x, SCALE_MIN)) };
 }
 
 function gaussianTexels(level) {
@@ -63,7 +62,7 @@ function gaussianTexels(level) {
     for (let i = 0; i < count; ++i) {
         const [first, second] = axesOf(rotation.subarray(4 * i)), deviation = scale.subarray(3 * i);
         texels.set([
-            ...position.subarray(3 * i, 3 * i + 3), Math.min(opacity[i], 1),
+            ...position.subarray(3 * i, 3 * i + 3), min(opacity[i], 1),
             ...first.map((x) => x / deviation[0]), 1 / deviation[2],
             ...second.map((x) => x / deviation[1]),
         ], stride * i);

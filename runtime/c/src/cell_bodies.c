@@ -8,7 +8,7 @@
 
 static float dot3(const float a[3], const float b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
-static float clamped(float x, float half) { return x < -half ? -half : x > half ? half : x; }
+static float clamped(float x, float low, float high) { return x < low ? low : x > high ? high : x; }
 
 float gsgi__body_scale(const float* shape, int axis) {
     return fminf(fmaxf(shape[8 + axis], (float)SCALE_MIN), (float)SCALE_MAX);
@@ -16,7 +16,7 @@ float gsgi__body_scale(const float* shape, int axis) {
 
 void gsgi__body_make(const float low[3], const float* shape, double radius, gsgi__body* to,
                      float points[GSGI_BODY_POINTS][3]) {
-    static const float steps[3] = {-1.0f, 0.0f, 1.0f};
+    static const float steps[4] = {-1.2f, -0.4f, 0.4f, 1.2f}; /* deviations */
     const float reach = (float)(radius * (1.0 + GSGI_CELLS_SLACK));
     float axes[3][3], deviation[3], whiten[3][3];
     int order[3] = {0, 1, 2};
@@ -37,8 +37,8 @@ void gsgi__body_make(const float low[3], const float* shape, double radius, gsgi
         to->bound[j] = sqrtf(squares);
         to->centre[j] = shape[j] - low[j];
         for (int p = 0; p < GSGI_BODY_POINTS; ++p)
-            points[p][j] = to->centre[j] + steps[p / 3] * (axes[order[1]][j] * deviation[1]) +
-                           steps[p % 3] * (axes[order[2]][j] * deviation[2]);
+            points[p][j] = to->centre[j] + steps[p / 4] * (axes[order[1]][j] * deviation[1]) +
+                           steps[p % 4] * (axes[order[2]][j] * deviation[2]);
     }
     for (int i = 0; i < 3; ++i) deviation[i] = fmaxf(deviation[i], gsgi__body_scale(shape, order[2]) / FLATTEST);
     for (int i = 0; i < 3; ++i)
@@ -48,23 +48,20 @@ void gsgi__body_make(const float low[3], const float* shape, double radius, gsgi
     to->reach = reach * deviation[0] * (reach * deviation[0]);
 }
 
-/* Whether the plane across the gradient of the distance, at a cube's point `at` from the centre, parts the two. */
-static bool parted(const gsgi__body* a, const float at[3], const float offset[3], float half) {
-    static const int rows[3][3] = {{0, 1, 2}, {1, 3, 4}, {2, 4, 5}};
-    float across[3];
-    for (int j = 0; j < 3; ++j)
-        across[j] = a->inverse[rows[j][0]] * at[0] + a->inverse[rows[j][1]] * at[1] + a->inverse[rows[j][2]] * at[2];
-    const float gap = dot3(across, offset) - half * (fabsf(across[0]) + fabsf(across[1]) + fabsf(across[2]));
-    return gap > sqrtf(a->reach * dot3(across, at));
-}
-
-/* They do not if a plane parts them: one across an axis, or across the gradient of the distance in standard deviations,
- * at the cube's middle or at its point nearest to the centre. */
+/* They do not if a plane parts them: one across an axis, or across the gradient of the distance in standard deviations.
+ * The latter is taken at a point of the cube where that distance is near its least: after one round of descent along
+ * the axes, from the point nearest to the body's centre. */
 bool gsgi__body_meets(const gsgi__body* a, const float offset[3], float half) {
-    float near[3];
+    const float* m = a->inverse;
+    const float rows[3][3] = {{m[0], m[1], m[2]}, {m[1], m[3], m[4]}, {m[2], m[4], m[5]}};
+    float at[3], across[3]; /* at: from the point to the centre */
     for (int k = 0; k < 3; ++k) {
         if (fabsf(offset[k]) - half > a->bound[k]) return false;
-        near[k] = offset[k] - clamped(offset[k], half);
+        at[k] = offset[k] - clamped(offset[k], -half, half);
     }
-    return !parted(a, offset, offset, half) && !parted(a, near, offset, half);
+    for (int k = 0; k < 3; ++k)
+        at[k] = clamped(at[k] - dot3(rows[k], at) / rows[k][k], offset[k] - half, offset[k] + half);
+    for (int k = 0; k < 3; ++k) across[k] = dot3(rows[k], at);
+    const float gap = dot3(across, offset) - half * (fabsf(across[0]) + fabsf(across[1]) + fabsf(across[2]));
+    return !(gap > sqrtf(a->reach * dot3(across, at)));
 }

@@ -9,12 +9,13 @@
 #define SPLIT_MIN 16 /* bodies in a cell that are worth eight more */
 
 /* A body listed in a cell costs a read at each point in the octants that it reaches, and memory. Listed in the cell's
- * children instead, it is read less by SAVED - reached of SAVED_OF points. Memory is worth up to a read per entry, or a
- * sixteenth per PRICED bodies. */
+ * children instead, it is read less by SAVED - reached of SAVED_OF points. Memory is worth a sixteenth of a
+ * read per entry and PRICED bodies, from CHEAPEST to DEAREST of them. */
 #define SAVED 16
 #define SAVED_OF 28
-#define PRICED 380
-#define CHEAPEST 4
+#define PRICED 240
+#define CHEAPEST 7
+#define DEAREST 28
 
 void* gsgi__tree_take(const gsgi__tree* b, size_t count, size_t size) {
     if (size > 0 && count > SIZE_MAX / 2 / size) return NULL;
@@ -252,7 +253,7 @@ static bool make_depths(gsgi__tree* b) {
 
 bool gsgi__tree_create(gsgi__tree* b, const gsgi__level* level, double radius, uint32_t price) {
     uint32_t sixteenths = b->count / PRICED;
-    sixteenths = sixteenths < CHEAPEST ? CHEAPEST : sixteenths > 16 ? 16 : sixteenths;
+    sixteenths = sixteenths < CHEAPEST ? CHEAPEST : sixteenths > DEAREST ? DEAREST : sixteenths;
     b->price = (float)(price * sixteenths) / 16.0f;
     b->reading_count = (size_t)b->count * GSGI_BODY_POINTS;
     if (!make_grid(b, level, (float)radius)) return false;

@@ -6,7 +6,7 @@
 
 #define GSGI_CELLS_SLACK 1e-4 /* of a root's edge and of an ellipsoid's radius; covers the rounding of floats */
 #define GSGI_DEPTH_MAX 20     /* splits of a root; floats within it have 24 bits */
-#define GSGI_BODY_POINTS 9    /* where light is read: one deviation apart on the plane of each ellipsoid */
+#define GSGI_BODY_POINTS 16   /* where light is read: four by four on the plane of each ellipsoid */
 #define GSGI_NOWHERE UINT32_MAX
 
 /* ---- cell_bodies.c ---- */
