@@ -12,6 +12,7 @@ from .quaternions import rotation_matrices
 ROOTS = 16  # cells along the longest edge of the box at most, before any is split
 DEPTH_MAX = 20  # splits of a root; float32 coordinates within it have 24 bits
 SPLIT_MIN = 16  # Gaussians in a cell that are worth eight more
+PAIRS, PAIRS_EACH = 1 << 20, 32  # most pairs of a cell and a Gaussian at one depth: in all, and more for each Gaussian
 SLACK = 1e-4  # of a root's edge and of an ellipsoid's radius; covers the rounding of float32, here and in shaders
 FLATTEST = 16  # longest over shortest axis in the tests, where float32 could not hold the squares of more
 CHUNK = 8192  # pairs that are tested at once: their temporary arrays stay in the L2 cache
@@ -104,6 +105,8 @@ def cell_lists(gaussians: Gaussians, radius: float, price: int = 1) -> CellLists
     length = radius * gaussians.scale[used].max(axis=1)
     low, edge, size = _grid(gaussians.position[used], np.minimum(length, 2 * np.median(length)))
     bodies, points = _ellipsoids(gaussians, used, radius, low)
+    while size.max() > 1 and _root_spans(bodies, edge, size)[1].prod(axis=0).sum() > _most(bodies):
+        edge, size = 2 * edge, -(-size // 2)  # large ones would fill all cells
     entry_price = np.float32(price * np.clip(len(used) // PRICED, CHEAPEST, DEAREST) / 16)
     levels = _descend(bodies, points / edge, edge, size, entry_price)
     low_side, high_side = bodies[CENTRE] - bodies[BOUND], bodies[CENTRE] + bodies[BOUND]
@@ -181,7 +184,7 @@ def _descend(
         reached = _COUNT.take(octants)
         pushed = crowd * (SAVED - reached) > price * SAVED_OF * (reached - 1)
         split = np.bincount(node[pushed], minlength=count) >= SPLIT_MIN
-        if len(levels) == DEPTH_MAX:
+        if len(levels) == DEPTH_MAX or reached[pushed].sum() > _most(bodies):
             split[:] = False
         pushed &= split.take(node)
         child = np.where(split, 8 * np.cumsum(split) - 8, -1)
@@ -217,13 +220,7 @@ def _octants(
 
 def _roots(bodies: np.ndarray, edge: np.float32, size: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Pairs of Gaussians (P,) and the grid's cells (P,) that they reach, and the middles (3, R) of all cells."""
-    reach = bodies[BOUND] + np.float32(SLACK * edge)
-    with np.errstate(over="ignore"):
-        begin, end = (
-            np.clip(np.floor((bodies[CENTRE] + sign * reach) / edge), 0, size[:, None] - 1).astype(np.int64)
-            for sign in (-1, 1)
-        )
-    span = end - begin + 1
+    begin, span = _root_spans(bodies, edge, size)
     count = span.prod(axis=0)
     gaussian = np.repeat(np.arange(len(count)), count)
     step = np.arange(len(gaussian)) - np.repeat(np.cumsum(count) - count, count)
@@ -234,6 +231,22 @@ def _roots(bodies: np.ndarray, edge: np.float32, size: np.ndarray) -> tuple[np.n
     body = bodies.take(gaussian, axis=1)
     met = np.flatnonzero(_meet(body, body[CENTRE] - middle[:, node], np.float32(edge * (0.5 + SLACK))))
     return gaussian[met], node[met], middle
+
+
+def _root_spans(bodies: np.ndarray, edge: np.float32, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The lowest of the grid's cells that the boxes around Gaussians reach, and how many along each axis, (3, N)."""
+    reach = bodies[BOUND] + np.float32(SLACK * edge)
+    with np.errstate(over="ignore"):
+        begin, end = (
+            np.clip(np.floor((bodies[CENTRE] + sign * reach) / edge), 0, size[:, None] - 1).astype(np.int64)
+            for sign in (-1, 1)
+        )
+    return begin, end - begin + 1
+
+
+def _most(bodies: np.ndarray) -> int:
+    """Most pairs at one depth."""
+    return PAIRS + PAIRS_EACH * bodies.shape[1]
 
 
 def _meet(body: np.ndarray, offset, half: np.float32) -> np.ndarray:

@@ -73,12 +73,23 @@ class Sampler:
         ]
         return np.concatenate(read) if read else np.zeros((0, 3), np.float32)
 
-    def _read(self, positions: np.ndarray, normals: np.ndarray, mapped: np.ndarray | None) -> np.ndarray:
+    def weight(self, positions: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        """Weight (N,) float32 of the fine level at points (N, 3), m, with normals (N, 3): 0 where it has no light."""
+        points, normals, used = self._usable(positions, normals)
+        weight = np.zeros(len(positions), np.float32)
+        weight[used] = self._fine.sums(points, normals)[:, 3]
+        return weight
+
+    def _usable(self, positions: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Points from the origin, and unit normals, both (M, 3) float32, of those of (N,) bool that are in order."""
         with np.errstate(over="ignore", invalid="ignore"):
             points = (positions - self._origin).astype(np.float32)
         normals, pointing = _unit(normals)
         used = np.isfinite(points).all(axis=1) & pointing
-        points, normals, bend = points[used], normals[used], None
+        return points[used], normals[used], used
+
+    def _read(self, positions: np.ndarray, normals: np.ndarray, mapped: np.ndarray | None) -> np.ndarray:
+        (points, normals, used), bend = self._usable(positions, normals), None
         seen = normals  # by the coarse level, which has the light of all normals
         if mapped is not None:
             mapped, pointing = _unit(mapped[used])

@@ -20,7 +20,7 @@ from benches.host_state import host_state
 from benches.leak import leak
 from benches.light_groups import light_groups
 from benches.looks import looks
-from benches.lookup import lookup_bakes, lookup_lists, lookup_passes, lookup_points
+from benches.lookup import lookup_bakes, lookup_lists, lookup_points
 from benches.motion import motion
 from benches.order import order
 from benches.relief import relief
@@ -37,7 +37,7 @@ from repository import ROOT
 
 from gsgi.runtime.atomic import check_writable, write_atomic
 
-LOOKUP = lookup_lists, lookup_passes, lookup_points
+LOOKUP = lookup_lists, lookup_points
 PASSES = splats, order, host_state, c_library, *LOOKUP
 BENCHES = {
     bench.__name__: bench

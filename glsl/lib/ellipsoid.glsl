@@ -37,14 +37,6 @@ Ellipse ellipse_of(vec3 t, mat3 axes, float extent, vec2 focal, vec2 centre) {
     return Ellipse(pixel_from_view(t, focal, centre) + offset, ellipse_axes(f));
 }
 
-// The same under parallel rays; `focal` in px/m.
-Ellipse parallel_ellipse_of(vec3 t, mat3 axes, vec2 focal, vec2 centre) {
-    mat3 rows = transpose(axes);
-    vec3 x = focal.x * rows[0], y = -focal.y * rows[1], area = cross(x, y);
-    Footprint f = Footprint(vec3(dot(x, x), dot(x, y), dot(y, y)), dot(area, area));
-    return Ellipse(centre + focal * vec2(t.x, -t.y), ellipse_axes(f));
-}
-
 // Furthest extent along `normal`, in px from `centre`, of the part beyond depth `near` of an ellipsoid that crosses it.
 float clipped_reach(vec2 normal, vec3 t, mat3 axes, float extent, float near, vec2 focal) {
     // In the plane of depth and s, the coordinate along `normal` times depth, the ellipsoid is an ellipse. The largest
@@ -72,19 +64,15 @@ float clipped_reach(vec2 normal, vec3 t, mat3 axes, float extent, float near, ve
 }
 
 // Position of `vertex` of a triangle strip, in px. The strip fills a polygon around the part of an ellipsoid beyond the
-// depth `near`, enlarged by `margin` px along both axes of the image. `t`: centre in view space; `extent`:
-// half_extent(axes); `parallel`: whether rays are, and `focal` in px/m.
+// depth `near`. `t`: centre in view space; `extent`: half_extent(axes).
 vec2 outline_corner(
-    int vertex, vec3 t, mat3 axes, vec3 extent, float near, vec2 focal, vec2 centre, vec2 size, float margin,
-    bool parallel) {
-    Ellipse e;
-    if (parallel) e = parallel_ellipse_of(t, axes, focal, centre);
-    else e = ellipse_of(t, axes, extent.z, focal, centre);
+    int vertex, vec3 t, mat3 axes, vec3 extent, float near, vec2 focal, vec2 centre, vec2 size) {
+    Ellipse e = ellipse_of(t, axes, extent.z, focal, centre);
     vec2 half_size = 0.5 * size;
     float longer = length(e.axes[0]);
     // An ellipsoid that reaches the eye's plane has no ellipse; one that nearly reaches it has a huge one.
-    bool whole = parallel ? longer < OUTLINE_FARTHEST : -t.z - extent.z > near && longer < length(size);
-    bool placed = !parallel && dot(abs(focal), abs(t.xy) + extent.xy) < near * OUTLINE_FARTHEST;
+    bool whole = -t.z - extent.z > near && longer < length(size);
+    bool placed = dot(abs(focal), abs(t.xy) + extent.xy) < near * OUTLINE_FARTHEST;
 
     int corners = whole && longer < OUTLINE_SMALL ? 4 : OUTLINE_CORNERS, last = min(vertex, corners - 1);
     int corner = (last & 1) == 1 ? (last + 1) / 2 : (corners - last / 2) % corners;
@@ -100,11 +88,10 @@ vec2 outline_corner(
             float slimness = max(length(e.axes[1]) / longer, OUTLINE_SLIMMEST);
             normal = turned * normalize(vec2(slimness * normal.x, normal.y));
         }
-        float reach = whole ? length(normal * e.axes)
-                    : placed ? clipped_reach(normal, t, axes, extent.z, near, focal)
-                             : dot(abs(normal), half_size);
         normals[i] = normal;
-        reaches[i] = reach + margin * (abs(normal.x) + abs(normal.y));
+        reaches[i] = whole ? length(normal * e.axes)
+                   : placed ? clipped_reach(normal, t, axes, extent.z, near, focal)
+                            : dot(abs(normal), half_size);
     }
     // Intersect the two sides.
     vec2 across = reaches[0] * normals[1].yx - reaches[1] * normals[0].yx;

@@ -2,8 +2,6 @@
 //
 // shape texture, 3 texels per Gaussian:  (position xyz, opacity) (rotation xyzw) (scale xyz, 0)
 // sh texture, SH_TEXELS per Gaussian:    its K * 3 floats, coefficient by coefficient, padded with 0
-// slope texture, 1 texel per Gaussian:   (slope along the first axis, along the second, 0, 0)
-// relief texture, 3 texels per Gaussian: (red, green, blue, 0) along x, y, z
 #include "lib/sh.glsl"
 
 #define DATA_WIDTH    2048  // texels; every WebGL2 device supports textures this wide
@@ -41,19 +39,6 @@ void fetch_sh(highp sampler2D sh, int index, out vec3 coefficients[SH_COUNT]) {
     }
     for (int k = 0; k < SH_COUNT; ++k)
         coefficients[k] = vec3(values[3 * k], values[3 * k + 1], values[3 * k + 2]);
-}
-
-// Change of the constant SH band of Gaussian `index` per standard deviation along its first two axes, relative to it.
-vec2 fetch_slope(highp sampler2D slope, int index) {
-    return fetch_data(slope, index).xy;
-}
-
-// Change of the light of Gaussian `index` per unit by which a normal map bends the normal; columns: along x, y, z.
-mat3 fetch_relief(highp sampler2D relief, int index) {
-    mat3 result;
-    for (int axis = 0; axis < 3; ++axis)
-        result[axis] = clamp(fetch_data(relief, index * 3 + axis).xyz, -HALF_MAX, HALF_MAX);
-    return result;
 }
 
 // Light of Gaussian `index` for the unit direction `d` in world space: from the camera to its centre (`over` operator)

@@ -8,7 +8,8 @@ uniform highp usampler2D gsgi_cells, gsgi_lists;
 // `normal`: world space, towards the side that is seen, before any normal map; `mapped`: after it, where there is one.
 // Lengths of normals do not matter. For files whose light does not follow normal maps both functions are the same.
 vec3 gsgi_indirect(vec3 position, vec3 normal, vec3 mapped) {
-    return look_up(gsgi_gaussians, gsgi_cells, gsgi_lists, position, normal, mapped);
+    vec4 sums = look_up(gsgi_gaussians, gsgi_cells, gsgi_lists, position, normal, mapped);
+    return clamp(sums.a > 0.0 ? sums.rgb / sums.a : vec3(0.0), 0.0, HALF_MAX);
 }
 
 vec3 gsgi_indirect(vec3 position, vec3 normal) {

@@ -1,4 +1,4 @@
-// Reads B of the `surface` operator at any point, without its passes: from lists of Gaussians per cell of space.
+// Reads B of the `surface` operator at any point, from lists of Gaussians per cell of space.
 //
 // gaussians (RGBA32F), cells (R32UI) and lists (R16UI or R32UI) are DATA_WIDTH texels wide, row-major.
 //
@@ -22,6 +22,8 @@
 #include "surface/weight.glsl"
 
 #define LEVEL_TEXELS  3   // at the start of `gaussians`, for each of the two levels
+#define ORIGIN_TEXEL  6   // of both: origin and cutoff
+#define FLOOR_TEXEL   7
 
 // What a level's lists are read with.
 struct Reader {
@@ -38,7 +40,7 @@ int fetch_int(highp usampler2D data, int texel) {
     return int(texelFetch(data, ivec2(texel & (DATA_WIDTH - 1), texel >> DATA_SHIFT), 0).r);
 }
 
-// sum w c and sum w of one Gaussian, as surface/gaussians.frag has them. The counts: literals, else loops stay loops.
+// sum w c and sum w of one Gaussian. The counts: literals, else loops stay loops.
 vec4 read_gaussian(highp sampler2D gaussians, int index, int sh_count, int relief_count, Reader reader) {
     int texel = reader.first_texel + index * (3 + sh_count + relief_count);
     vec4 center = fetch_data(gaussians, texel);
@@ -95,24 +97,23 @@ vec4 read_level(
     return sums;
 }
 
-// B, linear radiance for albedo 1, at a point in world space (m) with a normal of any length. `mapped`: the normal as a
-// normal map bends it, of any length; 0: no map does.
-vec3 look_up(
+// sum w c and sum w of both levels, combined, at a point in world space (m) with a normal of any length. `mapped`: the
+// normal as a normal map bends it, of any length; 0: no map does.
+vec4 look_up(
     highp sampler2D gaussians, highp usampler2D cells, highp usampler2D lists, vec3 position, vec3 normal, vec3 mapped) {
-    vec4 common_to_both = fetch_data(gaussians, 2 * LEVEL_TEXELS);
-    float weight_floor = fetch_data(gaussians, 2 * LEVEL_TEXELS + 1).x;
+    vec4 origin = fetch_data(gaussians, ORIGIN_TEXEL);
+    float weight_floor = fetch_data(gaussians, FLOOR_TEXEL).x;
     Reader reader;
-    reader.x = position - common_to_both.xyz;
+    reader.x = position - origin.xyz;
     reader.n = dot(normal, normal) > 0.0 ? normalize(normal) : vec3(0.0);
     vec3 bent = dot(mapped, mapped) > 0.0 ? normalize(mapped) : reader.n;
     reader.bend = bent - reader.n;
-    reader.cutoff = common_to_both.w;
+    reader.cutoff = origin.w;
     sh_basis(reader.n, reader.basis);
     vec4 fine = read_level(gaussians, cells, lists, 0, FINE_SH_COUNT, RELIEF_COUNT, reader), coarse = vec4(0.0);
     if (fine.a < weight_floor) {
         if (RELIEF_COUNT > 0) sh_basis(bent, reader.basis);  // the coarse level has the light of all normals
         coarse = read_level(gaussians, cells, lists, 1, COARSE_SH_COUNT, 0, reader);
     }
-    vec4 sum = filled(fine, coarse, weight_floor);
-    return clamp(sum.a > 0.0 ? sum.rgb / sum.a : vec3(0.0), 0.0, HALF_MAX);
+    return filled(fine, coarse, weight_floor);
 }

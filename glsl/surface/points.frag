@@ -19,7 +19,6 @@ uniform vec2 depth_ends;
 uniform vec2 depth_line;
 uniform vec2 z_to_clip;
 uniform bool parallel;
-uniform float near;
 #if BOX
 uniform vec3 box_low;
 uniform vec3 box_high;
@@ -34,7 +33,8 @@ uniform float sector_margin;  // m
 
 // World space, m; with SECTORS the weight of the one that is read, else 1. It is negative unless the block is even.
 layout(location = 0) out vec4 out_position;
-layout(location = 1) out vec4 out_plane;     // tangent plane: unit normal n, world space; -n . position; 0: no surface
+// Tangent plane: unit normal n, world space; -n . position. (0, 0, 0, 1) if nothing tells the normal; 0: no surface.
+layout(location = 1) out vec4 out_plane;
 #if RELIEF
 layout(location = 2) out vec4 out_bend;      // mapped minus interpolated normal, world space
 #endif
@@ -114,7 +114,6 @@ void main() {
     out_bend = vec4(dot(m, m) > 0.0 ? m - n : vec3(0.0), 0.0);
 #endif
     if (!(seen && even)) out_position.w = -out_position.w;
-    out_plane = seen ? vec4(n, -dot(n, out_position.xyz)) : vec4(0.0);
-    // Nothing is nearer than 0, so no Gaussian passes the depth test where there is no surface.
-    gl_FragDepth = seen ? window_depth(view_depth, near) : 0.0;
+    vec4 plane = n == vec3(0.0) ? vec4(0.0, 0.0, 0.0, 1.0) : vec4(n, -dot(n, out_position.xyz));
+    out_plane = seen ? plane : vec4(0.0);
 }

@@ -1,12 +1,10 @@
-// Computes B from the sums of the `surface` operator by one division. At lower resolution, the filled sums of the
-// nearest points are added first, each weighted by how well its surface matches the pixel's.
+// Upsamples: adds the sums of the nearest points, each weighted by how well its surface matches the pixel's, and computes B
+// by one division.
 #include "lib/camera.glsl"
 #include "lib/constants.glsl"
 #include "surface/host.glsl"
 #include "surface/taps.glsl"
-#include "surface/weight.glsl"
 
-#if SPLAT_SCALE > 1
 uniform highp sampler2D filled_sums;
 uniform highp sampler2D surface_plane;
 uniform highp sampler2D normal;
@@ -21,20 +19,9 @@ uniform vec2 depth_ends;
 uniform vec2 depth_line;
 uniform vec2 z_to_clip;
 uniform bool parallel;
-#else
-uniform highp sampler2D fine_sums;
-#if COARSE
-uniform highp sampler2D coarse_sums;
-#endif
-#if SECTORS
-uniform highp sampler2D surface_position;
-#endif
-uniform float weight_floor;
-#endif
 
 layout(location = 0) out vec4 out_indirect;  // B
 
-#if SPLAT_SCALE > 1
 #define PLANE_TOLERANCE 0.01  // of the distance; a pixel further from a point's plane shows another surface
 #define BLUR 0.01             // added to the weights by position, so that no neighbour is left out
 #define OTHERS 1e-7           // weight of points of other surfaces, which matter only if there are no others
@@ -75,22 +62,9 @@ vec4 upsampled(ivec2 texel) {
     }
     return view_depth > 0.0 ? sum : vec4(0.0);
 }
-#endif
 
 void main() {
-    ivec2 texel = ivec2(gl_FragCoord.xy);
-#if SPLAT_SCALE > 1
-    vec4 sum = upsampled(texel);
-#else
-    vec4 fine = texelFetch(fine_sums, texel, 0), coarse = vec4(0.0);
-#if COARSE
-    if (fine.a < weight_floor) coarse = texelFetch(coarse_sums, texel, 0);
-#endif
-    vec4 sum = filled(fine, coarse, weight_floor);
-#if SECTORS
-    sum.rgb *= texelFetch(surface_position, texel, 0).w;
-#endif
-#endif
+    vec4 sum = upsampled(ivec2(gl_FragCoord.xy));
     vec3 light = sum.a > 0.0 ? sum.rgb / sum.a : vec3(0.0);
     out_indirect = vec4(clamp(light, 0.0, HALF_MAX), 1.0);
 }

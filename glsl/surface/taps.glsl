@@ -16,7 +16,7 @@ Taps nearest_taps(ivec2 texel, int splat_scale, ivec2 last) {
     return Taps(low, other, high, vec3(1.0 - far, far - near, near), square);
 }
 
-// Sums of a point, without the sign by which surface/fill.frag tells smooth squares.
+// Sums of a point, without the sign by which surface/read.frag tells smooth squares.
 vec4 unsigned_sums(vec4 filled) {
     return vec4(filled.rgb, abs(filled.a));
 }

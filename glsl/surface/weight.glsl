@@ -14,9 +14,9 @@ float facing(float cosine, int sharpness) {
 }
 
 // Combines the sums of both levels at one point: light of the coarse level fills the gap between the fine level's
-// weight and the floor.
+// weight and the floor. Without a Gaussian there is no weight.
 vec4 filled(vec4 fine, vec4 coarse, float weight_floor) {
-    float gap = max(0.0, weight_floor - fine.a);
-    vec3 light = gap > 0.0 && coarse.a > 0.0 ? gap * (coarse.rgb / coarse.a) : vec3(0.0);
+    float gap = max(0.0, weight_floor - fine.a) * sign(fine.a + coarse.a);
+    vec3 light = coarse.a > 0.0 ? gap * (coarse.rgb / coarse.a) : vec3(0.0);
     return vec4(fine.rgb + light, fine.a + gap);
 }

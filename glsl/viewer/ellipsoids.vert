@@ -42,7 +42,7 @@ void main() {
     vec3 towards = normalize(g.position - eye);
 #endif
     v_color = fetch_color(sh_data, gl_InstanceID, towards);
-    vec2 corner = outline_corner(gl_VertexID, t, axes, extent, near, focal, centre, size, 0.0, false);
+    vec2 corner = outline_corner(gl_VertexID, t, axes, extent, near, focal, centre, size);
     vec2 ndc = 2.0 * corner / size - 1.0;
     gl_Position = vec4(ndc.x, -ndc.y, 0.0, 1.0);
 }

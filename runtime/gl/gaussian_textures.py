@@ -10,30 +10,18 @@ DATA_WIDTH = 2048  # texels; DATA_WIDTH of glsl/lib/gaussian.glsl
 
 
 class GaussianTextures:
-    """The textures `shape` and `sh`, with the layout of glsl/lib/gaussian.glsl; `slope` is None without slopes, and
-    `relief` unless asked for.
+    """The textures `shape` and `sh`, with the layout of glsl/lib/gaussian.glsl.
 
     Raises UnsupportedError for more Gaussians than the driver's textures can hold.
     """
 
-    def __init__(self, ctx: moderngl.Context, gaussians: Gaussians, relief: bool = False):
-        self.shape = _data_texture(ctx, _shape_texels(gaussians))
-        self.sh = _data_texture(ctx, _sh_texels(gaussians))
-        self.slope = _data_texture(ctx, _slope_texels(gaussians)) if gaussians.sloped else None
-        self.relief = _data_texture(ctx, _relief_texels(gaussians)) if relief else None
-
-    def recolour(self, gaussians: Gaussians) -> None:
-        """Upload other coefficients, slopes and relief of the same Gaussians."""
-        light = (self.sh, _sh_texels), (self.slope, _slope_texels), (self.relief, _relief_texels)
-        for texture, texels in light:
-            if texture is not None:
-                texture.write(data_rows(texels(gaussians).reshape(-1, 4)))
+    def __init__(self, ctx: moderngl.Context, gaussians: Gaussians):
+        self.shape, self.sh = _data_texture(ctx, _shape_texels(gaussians)), _data_texture(ctx, _sh_texels(gaussians))
 
     def release(self) -> None:
         """Free the GPU memory."""
-        for texture in (self.shape, self.sh, self.slope, self.relief):
-            if texture is not None:
-                texture.release()
+        self.shape.release()
+        self.sh.release()
 
 
 def _shape_texels(gaussians: Gaussians) -> np.ndarray:
@@ -47,16 +35,6 @@ def _sh_texels(gaussians: Gaussians) -> np.ndarray:
     """(N, ceil(3 K / 4), 4) float32: the coefficients in order, padded with 0."""
     flat = gaussians.sh.reshape(len(gaussians), 3 * gaussians.sh.shape[1])
     return np.pad(flat, ((0, 0), (0, -flat.shape[1] % 4))).reshape(len(flat), (flat.shape[1] + 3) // 4, 4)
-
-
-def _slope_texels(gaussians: Gaussians) -> np.ndarray:
-    """(N, 1, 4) float32: both slopes, padded with 0."""
-    return np.pad(gaussians.slope, ((0, 0), (0, 4 - gaussians.slope.shape[1])))[:, None]
-
-
-def _relief_texels(gaussians: Gaussians) -> np.ndarray:
-    """(N, 3, 4) float32: the change along each axis, padded with 0."""
-    return np.pad(gaussians.relief, ((0, 0), (0, 0), (0, 1)))
 
 
 def _data_texture(ctx: moderngl.Context, texels: np.ndarray) -> moderngl.Texture:

@@ -22,13 +22,12 @@ _ALIKE = 0.8  # cosine between a normal and that of the depth's gradient, in the
 class Points(NamedTuple):
     """What the light pass reads in a view, (H, W, ...) float32, row 0 as in the textures.
 
-    `position` in world space, m; `normal` unit, 0 where the texel holds none; `weight` of the file's fine level;
-    `texel` (H, W, 4) of the normal texture, as it is stored.
+    `position` in world space, m; `normal` unit, 0 where the texel holds none; `texel` (H, W, 4) of the normal texture,
+    as it is stored.
     """
 
     position: np.ndarray
     normal: np.ndarray
-    weight: np.ndarray
     texel: np.ndarray
 
 
@@ -40,10 +39,11 @@ def floats(gl: Functions, texture: moderngl.Texture, size: tuple[int, int]) -> n
     return found
 
 
-def findings(points: Points, view: View, encoding: Encoding, box) -> list[str]:
+def findings(points: Points, weight: np.ndarray, view: View, encoding: Encoding, box) -> list[str]:
     """One sentence for each finding, which begins with the argument that it is about.
 
-    `view` and `box` (two corners (3,), or None) are in the space of `points`. Surfaces outside `box` are left out.
+    `weight` (H, W) is that of the light's fine level. `view` and `box` (two corners (3,), or None) are in the space of
+    `points`. Surfaces outside `box` are left out.
     """
     offset = points.position - view.world_from_view[:3, 3].astype(np.float32)
     back = view.world_from_view[:3, 2]
@@ -68,7 +68,7 @@ def findings(points: Points, view: View, encoding: Encoding, box) -> list[str]:
         towards = np.broadcast_to(back, offset.shape) if view.parallel else -offset
         found += _of_normals(points, towards, seen, encoding)
         why = "has no Gaussian: is it of this scene, in metres, and are depth and both matrices those of this frame?"
-        found.append(_share("bake", points.weight[seen] <= 0, why, _MANY))
+        found.append(_share("bake", weight[seen] <= 0, why, _MANY))
     return [*filter(None, found)]
 
 

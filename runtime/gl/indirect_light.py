@@ -11,6 +11,7 @@ import numpy as np
 from gsgi.runtime.gaussians import Bake, OverBlend, check_bake
 from gsgi.runtime.light_groups import Factors, Weights, factors_of, weighted
 from gsgi.runtime.rebase import local_bake, origin_of_bake, origin_of_boxes
+from gsgi.runtime.sampling import Sampler
 from gsgi.runtime.world.world import World
 
 from .fullscreen import FullScreenPass
@@ -25,14 +26,14 @@ from .host_checks import (
     check_target,
     texture_format,
 )
-from .host_contents import findings, floats, of_albedo
+from .host_contents import Points, findings, floats, of_albedo
 from .host_textures import OURS, Encoding
 from .permutations import defines
 from .profile import Profile
 from .splat import Splats
-from .surface_splat import SCALES, Box, SurfaceSplats
+from .surface_light import SCALES, Box, SurfaceLight
 from .view import View
-from .world_splats import WorldSplats
+from .world_light import WorldLight
 
 DEFAULT_SCALE = 2
 
@@ -82,11 +83,11 @@ class IndirectLight:
             self._sampler = ctx.sampler(filter=(moderngl.NEAREST, moderngl.NEAREST), compare_func="")
             local_box = None if box is None else tuple(np.asarray(corner) - self._origin for corner in box)
             if isinstance(bake, World):
-                self._splats = WorldSplats(ctx, bake, self._origin, int(splat_scale), encoding, local_box, relief)
+                self._splats = WorldLight(ctx, bake, self._origin, int(splat_scale), encoding, local_box, relief)
             elif isinstance(bake.blend, OverBlend):
                 self._splats = Splats(ctx, bake)
             else:
-                self._splats = SurfaceSplats(
+                self._splats = SurfaceLight(
                     ctx, bake, int(splat_scale), encoding, local_box, relief and bake.gaussians.bumpy
                 )
             features = defines("surface/add_light", encoding)
@@ -161,17 +162,26 @@ class IndirectLight:
         self.draw(depth, normal, view_from_world, clip_from_view, viewport)
         found, gl = [], self._state.gl
         with self._drawing():
-            if isinstance(self._splats, SurfaceSplats):
+            if isinstance(self._splats, SurfaceLight):
                 with self._state.readable(normal):
                     texels = floats(gl, normal, self._format("normal", normal).size)
                 points = self._splats.points_read(gl, texels, self._corner)
-                found += findings(points, self._view, self.encoding, self._splats.box)
+                found += findings(points, self._weight(points), self._view, self.encoding, self._splats.box)
             if albedo is not None:
                 format_ = self._format("albedo", albedo)
                 check_albedo(format_, self.encoding, self._size)
                 with self._state.readable(albedo):
                     found += of_albedo(floats(gl, albedo, format_.size))
         return found
+
+    def _weight(self, points: Points) -> np.ndarray:
+        """Weight (H, W) of the fine level at points that a view shows."""
+        position, normal = points.position.reshape(-1, 3), points.normal.reshape(-1, 3)
+        if isinstance(self._bake, World):
+            weight = self._bake.weight(position + self._origin, normal)
+        else:
+            weight = Sampler(self._bake).weight(position, normal)
+        return weight.reshape(points.position.shape[:2])
 
     def draw_view(
         self, view: View, depth: moderngl.Texture, normal: moderngl.Texture, corner: tuple[int, int] = (0, 0),

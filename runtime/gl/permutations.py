@@ -7,7 +7,7 @@ The file's effects record sets no define: it says what the stored light holds, n
 from collections.abc import Callable, Collection
 from typing import Any, NamedTuple
 
-from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
+from gsgi.runtime.gaussians import SurfaceBlend
 from gsgi.runtime.scene import Light, Material, TextureSlot
 
 from .host_textures import Encoding
@@ -28,29 +28,15 @@ class Triangles(NamedTuple):
     peeled: bool = False
 
 
-class Level(NamedTuple):
-    """One level of Gaussians of the `surface` operator.
-
-    `relief`: whether light follows normal maps; `sectors`: whether it is the light of one sector among others.
-    """
-
-    gaussians: Gaussians
-    blend: SurfaceBlend
-    coarse: bool
-    relief: bool = False
-    sectors: bool = False
-
-
 class Reading(NamedTuple):
-    """How the `surface` operator reads Gaussians.
+    """How the `surface` operator reads light.
 
-    `coarse`: whether there is a coarse level; `boxed`: whether only surfaces in a box are lit; `relief`:
-    whether light follows normal maps; `sectors`: whether several sectors have light.
+    `boxed`: whether only surfaces in a box are lit; `relief`: whether light follows normal maps; `sectors`: whether
+    several sectors have light.
     """
 
     splat_scale: int
     encoding: Encoding
-    coarse: bool
     boxed: bool
     relief: bool = False
     sectors: bool = False
@@ -142,23 +128,15 @@ PASSES: dict[str, dict[str, Callable[[Any], int]]] = {
         "SECTORS": lambda reading: reading.sectors,
         **_HOST,
     },
-    "surface/gaussians": {  # Level
-        "SH_DEGREE": lambda level: level.gaussians.sh_degree,
-        "NORMAL_POWER": lambda level: 0 if level.coarse else level.blend.sharpness,
-        "SLOPED": lambda level: level.gaussians.sloped,
-        "RELIEF": lambda level: level.relief,
-        "SECTORS": lambda level: level.sectors,
-    },
-    "surface/gap": {},  # created if there is a coarse level
-    "surface/fill": {  # Reading; created if sums are upsampled
-        "COARSE": lambda reading: reading.coarse,
-        "SECTORS": lambda reading: reading.sectors,
+    "surface/read": {  # (Reading, arguments of `lookup_defines`)
+        "SPLAT_SCALE": lambda part: part[0].splat_scale,
+        "RELIEF": lambda part: part[0].relief,
+        "SECTORS": lambda part: part[0].sectors,
+        **{name: lambda part, name=name: lookup_defines(*part[1])[name] for name in lookup_defines(0, 0, 0)},
     },
     "surface/smooth": {"SPLAT_SCALE": lambda reading: reading.splat_scale},  # Reading; created if sums are upsampled
-    "surface/resolve": {  # Reading
+    "surface/resolve": {  # Reading; created if sums are upsampled
         "SPLAT_SCALE": lambda reading: reading.splat_scale,
-        "COARSE": lambda reading: reading.coarse and reading.splat_scale == 1,
-        "SECTORS": lambda reading: reading.sectors and reading.splat_scale == 1,
         **_HOST,
     },
     "surface/add_light": {"ALBEDO_SRGB": lambda encoding: encoding.albedo_defines()["ALBEDO_SRGB"]},  # Encoding

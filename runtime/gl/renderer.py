@@ -25,7 +25,7 @@ from .indirect_lookup import IndirectLookup
 from .primary import Primary
 from .profile import Profile, measured
 from .shadow import Shadow
-from .surface_splat import SCALES
+from .surface_light import SCALES
 from .view import View
 
 

@@ -21,8 +21,8 @@ from panda3d.core import (
 from gsgi.runtime.errors import UnsupportedError
 from gsgi.runtime.file.reader import read_bake
 from gsgi.runtime.gaussians import Bake, Effects
-from gsgi.runtime.gl.indirect_lookup import lookup_tables, recoloured, sh_counts
 from gsgi.runtime.light_groups import Factors, Weights, factors_of, weighted
+from gsgi.runtime.lookup_tables import lookup_tables, recoloured, sh_counts
 from gsgi.runtime.sampling import check_operator
 
 from .layer import Layer

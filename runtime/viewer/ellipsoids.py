@@ -8,11 +8,11 @@ from gsgi.runtime.gl.gaussian_textures import GaussianTextures
 from gsgi.runtime.gl.permutations import defines
 from gsgi.runtime.gl.profile import Profile, measured
 from gsgi.runtime.gl.shader import program, set_uniforms
-from gsgi.runtime.gl.surface_level import OUTLINE_CORNERS
 from gsgi.runtime.gl.view import View
 from gsgi.runtime.rebase import local_bake, origin_of_bake
 
 RADIUS = 1.0  # standard deviations at which the ellipsoids are drawn
+OUTLINE_CORNERS = 8  # vertices of a strip; OUTLINE_CORNERS of glsl/lib/ellipsoid.glsl
 
 
 class Ellipsoids:

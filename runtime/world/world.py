@@ -10,6 +10,7 @@ import numpy as np
 
 from gsgi.runtime.errors import FormatError
 from gsgi.runtime.gaussians import Bake, Effects, LightGroup, SurfaceBlend
+from gsgi.runtime.lookup_tables import Tables, lookup_tables
 from gsgi.runtime.sampling import Sampler
 
 from .boxes import fading, windows
@@ -42,6 +43,11 @@ class Resident:
         """Reads its light at points."""
         return Sampler(self.bake)
 
+    @cached_property
+    def tables(self) -> Tables:
+        """By which shaders read its light."""
+        return lookup_tables(self.bake)
+
 
 class World:
     """A world's light, of which those sectors are in memory that are nearest to an eye.
@@ -54,8 +60,9 @@ class World:
 
     At most `budget` bytes of Gaussians are in memory, the nearest first; a thread reads the files. Light of a sector
     comes and goes within `fade` seconds, and there is none where no sector is in memory. All methods are to be called
-    from one thread. `changing` tells whether the last update() has left something to read or to fade. Raises FileError
-    and FormatError for the manifest, and ValueError for a budget below the largest sector.
+    from one thread. `changing` tells whether the last update() has left something to read or to fade. `drawn`, which
+    `IndirectLight` sets, lets the thread prepare sectors for shaders too. Raises FileError and FormatError for the
+    manifest, and ValueError for a budget below the largest sector.
     """
 
     def __init__(self, path: str | Path, budget: int = BUDGET, fade: float = FADE):
@@ -67,7 +74,7 @@ class World:
         self._blend: SurfaceBlend | None = None
         self._loader: Loader | None = None
         self._broken: list[int] = []
-        self.changing = False
+        self.changing = self.drawn = False
         if not self._memory.max() <= budget:
             largest = self.manifest.sectors[int(self._memory.argmax())]
             raise ValueError(f"budget: expected at least {largest.memory} bytes for {largest.file}, got {budget}")
@@ -111,7 +118,7 @@ class World:
         without that sector.
         """
         if self._loader is None:
-            self._loader = Loader(self.manifest.read)
+            self._loader = Loader(self._read)
         if (loaded := self._loader.finished()) is not None:
             self._add(*loaded)
         wanted = self._wanted(eye)
@@ -140,7 +147,7 @@ class World:
             del self._resident[number]
         for number in wanted:
             if number not in self._resident:
-                self._add(number, attempt(self.manifest.read, number))
+                self._add(number, attempt(self._read, number))
             self._resident[number] = _aged(self._resident[number], 1.0)
 
     def sample(self, positions: np.ndarray, normals: np.ndarray) -> np.ndarray:
@@ -159,6 +166,14 @@ class World:
             total += np.nan_to_num(window)
         # Around a box that is left out windows add up to more than 1.
         return light / np.maximum(total, 1)[:, None]
+
+    def weight(self, positions: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        """Weight (N,) float32 of the fine levels in memory at points (N, 3), m, with normals (N, 3)."""
+        weight = np.zeros(len(positions), np.float32)
+        for number, sector in self._resident.items():
+            here = np.flatnonzero(windows(self.windows[number], self.manifest.margin, positions) > 0)
+            weight[here] += sector.sampler.weight(positions[here], normals[here])
+        return weight
 
     def close(self) -> None:
         """Free all sectors and end the thread. Calling it twice is harmless."""
@@ -186,20 +201,26 @@ class World:
         fit = np.cumsum(self._memory[order]) <= self.budget
         return order[fit].tolist()
 
-    def _add(self, number: int, found: Bake | Exception) -> None:
-        if isinstance(found, Bake) and self._blend not in (None, found.blend):
+    def _read(self, number: int) -> Resident:
+        """A sector as it is in its file, ready to be drawn."""
+        sector = Resident(self.manifest.read(number), 0.0)
+        if self.drawn:
+            _ = sector.tables
+        return sector
+
+    def _add(self, number: int, found: Resident | Exception) -> None:
+        if isinstance(found, Resident) and self._blend not in (None, found.bake.blend):
             path = self.manifest.path.parent / self.manifest.sectors[number].file
-            found = FormatError(f"{path}: expected the blend of other sectors, {self._blend}, got {found.blend}")
+            found = FormatError(f"{path}: expected the blend of other sectors, {self._blend}, got {found.bake.blend}")
         if isinstance(found, Exception):
             self._broken.append(number)
             raise found
-        self._blend = found.blend
-        self._resident[number] = Resident(found, 0.0)
+        self._blend = found.bake.blend
+        self._resident[number] = found
 
 
 def _aged(sector: Resident, clock: float) -> Resident:
     """The sector at another time, with what has been prepared of it."""
     aged = replace(sector, clock=clock)
-    if "sampler" in vars(sector):
-        vars(aged)["sampler"] = sector.sampler
+    vars(aged).update({name: made for name, made in vars(sector).items() if name in ("sampler", "tables")})
     return aged

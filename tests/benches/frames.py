@@ -7,7 +7,7 @@ from gsgi.runtime.camera import Camera
 from gsgi.runtime.gl.context import create_context
 from gsgi.runtime.gl.profile import Profile
 from gsgi.runtime.gl.renderer import DeferredRenderer
-from gsgi.runtime.gl.surface_splat import SCALES
+from gsgi.runtime.gl.surface_light import SCALES
 
 from .default_bakes import DefaultBake, default_bake, scene_files
 from .drawn_frames import held_out_cameras, lit_scene

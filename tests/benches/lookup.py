@@ -1,9 +1,8 @@
-"""The look-up at single points beside the passes: lists, bytes, milliseconds."""
+"""The look-up at single points: lists, bytes, seconds."""
 
 import time
 
 import numpy as np
-import scenes
 from surface_frames import seen_points
 
 from benches.splats import fastest, grid, on_surfaces, room
@@ -11,19 +10,8 @@ from gsgi.runtime.gaussians import Bake, Gaussians, SurfaceBlend
 from gsgi.runtime.gltf.reader import read_gltf
 
 COUNTS = 1_000, 10_000
-SIZE = 1280, 720
 FRAME = 160, 90  # px, of the frames whose surfaces are looked up
 POINTS = 20_000  # on surfaces, for the lists
-FRAMES = 4  # of which the fastest counts
-READ = """
-uniform highp sampler2D position;
-uniform highp sampler2D plane;
-out vec4 light;
-void main() {
-    vec4 x = texelFetch(position, ivec2(gl_FragCoord.xy), 0), n = texelFetch(plane, ivec2(gl_FragCoord.xy), 0);
-    light = vec4(n == vec4(0.0) ? vec3(0.0) : gsgi_indirect(x.xyz, n.xyz), 1.0);
-}
-"""
 
 
 def lookup_lists() -> list[dict]:
@@ -74,66 +62,6 @@ def lists_of(level: Gaussians, radius: float, points: np.ndarray, price: int = 1
         "build_ms": round(1e3 * fastest({(): lambda: cell_lists(level, radius, price)})[()]),
         "lists_kB": round((4 * len(lists.child) + 2 * words) / 1e3),
     }  # fmt: skip
-
-
-def lookup_passes() -> list[dict]:
-    """Fastest of 12 draws at 1280 x 720: the passes at full, half and quarter resolution, and the look-up at the same
-    points. It would replace those passes that draw Gaussians; `of_them` is its share of theirs."""
-    from gsgi.runtime.gl.context import create_context
-    from gsgi.runtime.gl.gbuffer import GBuffer
-    from gsgi.runtime.gl.geometry import Geometry
-    from gsgi.runtime.gl.indirect_lookup import IndirectLookup
-    from gsgi.runtime.gl.shader import CORE, source
-    from gsgi.runtime.gl.surface_splat import SurfaceSplats
-    from gsgi.runtime.gl.view import View
-
-    ctx, rows = create_context(), []
-    gbuffer = GBuffer(ctx, Geometry(ctx, room()), SIZE)
-    camera = scenes.inside_camera()
-    gbuffer.draw(camera)
-    frame = View.of_camera(camera, SIZE), gbuffer.depth, gbuffer.interpolated
-    vertex = source("lib/fullscreen.vert", {}, [])
-    for count in COUNTS:
-        bake = bake_of(count)
-        lookup = IndirectLookup(ctx, bake)
-        program = ctx.program(vertex_shader=vertex, fragment_shader=CORE + lookup.source + READ)
-        program["position"], program["plane"] = 0, 1
-        triangle = ctx.vertex_array(program, [])
-        for scale in (1, 2, 4):
-            passes = SurfaceSplats(ctx, bake, scale)
-            passes.draw(*frame)
-            read_size = passes.targets.read_size
-            target = ctx.framebuffer(ctx.texture(read_size, 4, dtype="f2"))
-
-            def look_up(passes=passes, target=target, lookup=lookup, program=program, triangle=triangle) -> None:
-                ctx.enable_only(ctx.NOTHING)
-                target.use()
-                passes.targets.position.use(0)
-                passes.targets.plane.use(1)
-                lookup.bind(program, 2)
-                triangle.render(vertices=3)
-                ctx.finish()
-
-            calls = {("passes",): lambda p=passes: (p.draw(*frame), ctx.finish()), ("look-up",): look_up}
-            times = fastest(calls)
-            drawing = min(gaussians_ms(ctx, passes, frame) for _ in range(FRAMES))
-            rows.append({
-                "gaussians": count, "splat_scale": scale, "passes_ms": round(1e3 * times["passes",], 1),
-                "drawing_gaussians_ms": round(drawing, 1), "lookup_ms": round(1e3 * times["look-up",], 1),
-                "of_passes": round(times["look-up",] / times["passes",], 2),
-                "of_them": round(1e3 * times["look-up",] / drawing, 2),
-            })  # fmt: skip
-            passes.release()
-    return rows
-
-
-def gaussians_ms(ctx, passes, frame) -> float:
-    """Milliseconds of the passes of one draw that the look-up would replace."""
-    from gsgi.runtime.gl.profile import Profile
-
-    profile = Profile(ctx)
-    passes.draw(*frame, profile=profile)
-    return sum(cost.gpu_ms for cost in profile.passes if cost.name.startswith(("surface/gaussians", "surface/gap")))
 
 
 def lookup_points() -> list[dict]:

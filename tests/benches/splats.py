@@ -21,7 +21,7 @@ def splats() -> list[dict]:
     from gsgi.runtime.gl.gbuffer import GBuffer
     from gsgi.runtime.gl.geometry import Geometry
     from gsgi.runtime.gl.indirect_light import IndirectLight
-    from gsgi.runtime.gl.surface_splat import SCALES
+    from gsgi.runtime.gl.surface_light import SCALES
     from gsgi.runtime.gl.view import View
 
     ctx, rows = create_context(), []

@@ -20,7 +20,7 @@ from gsgi.runtime.constants import HALF_MAX
 from gsgi.runtime.gaussians import Bake
 from gsgi.runtime.gl.host_textures import Encoding
 from gsgi.runtime.gl.indirect_light import IndirectLight
-from gsgi.runtime.gl.surface_splat import SCALES
+from gsgi.runtime.gl.surface_light import SCALES
 
 from .build import gaussians
 from .case import Case, Measured, Tolerance

@@ -39,6 +39,14 @@ def test_random_gaussians(degree, sloped, floor):
     assert_equals_oracle(*levels, SurfaceBlend(cutoff=0.1, sharpness=3, floor=floor), *points(1000))
 
 
+def test_the_weight_is_that_of_the_fine_level():
+    levels, blend, where = (gaussians(60, 1), gaussians(20, 9, seed=7)), SurfaceBlend(cutoff=0.1), points(1000)
+    weight = gsgi.Sampler(Bake(levels[0], blend, coarse=levels[1])).weight(*where)
+    expected = oracle.read_surface(*levels, blend, *(each.astype(float) for each in where))[0][0, :, 3]
+    assert 0.2 < (expected > 0).mean() < 0.9
+    np.testing.assert_allclose(weight, expected, rtol=TOLERANCE, atol=1e-5)
+
+
 @pytest.mark.parametrize("floor", [0.0, 0.5])
 @pytest.mark.parametrize(("degree", "sloped"), [(0, True), (2, False)])
 def test_light_follows_normal_maps(degree, sloped, floor):

@@ -11,8 +11,8 @@ from gsgi.runtime.constants import GLSL_FOLDER
 from gsgi.runtime.gaussians import Bake, OverBlend, SurfaceBlend
 from gsgi.runtime.gl import host_textures, shader
 from gsgi.runtime.gl.host_textures import Encoding
-from gsgi.runtime.gl.permutations import PASSES, Level, Primitive, Reading, Triangles, defines, sampled
-from gsgi.runtime.gl.surface_splat import SCALES
+from gsgi.runtime.gl.permutations import PASSES, Primitive, Reading, Triangles, defines, sampled
+from gsgi.runtime.gl.surface_light import SCALES
 from gsgi.runtime.pyrender.materials import SLOTS
 from gsgi.runtime.scene import Light, Material, TextureSlot
 
@@ -54,13 +54,13 @@ def primitives() -> list[Primitive]:
     return [Primitive(*look, colored, **lit) for look, colored, lit in itertools.product(looks, BOTH, light)]
 
 
-def of_degree(*degrees: int, sloped: bool = False) -> list:
-    return [oracle.random_gaussians(1, degree, seed=0, sloped=sloped) for degree in degrees]
+def of_degree(*degrees: int) -> list:
+    return [oracle.random_gaussians(1, degree, seed=0) for degree in degrees]
 
 
-READINGS = [Reading(*each) for each in itertools.product(SCALES, encodings(), BOTH, BOTH)]
-READINGS += [Reading(2, encoding, True, True, relief=True) for encoding in encodings()]
-READINGS += [Reading(scale, Encoding(), True, False, sectors=True) for scale in (1, 2)]
+READINGS = [Reading(*each) for each in itertools.product(SCALES, encodings(), BOTH)]
+READINGS += [Reading(2, encoding, True, relief=True) for encoding in encodings()]
+READINGS += [Reading(scale, Encoding(), False, sectors=True) for scale in (1, 2)]
 SUBJECTS = {
     "frame/gbuffer": triangles(),
     "frame/background": BOTH,
@@ -68,13 +68,11 @@ SUBJECTS = {
     "frame/primary": lights(),
     "over/splat": of_degree(0, 1, 2, 3),
     "surface/points": READINGS,
-    "surface/gaussians": [
-        Level(g, SurfaceBlend(sharpness=sharpness), coarse, relief)
-        for sloped, sharpness, coarse, relief in itertools.product(BOTH, (1, 2, 4), BOTH, BOTH)
-        for g in of_degree(0, 1, 2, sloped=sloped)
-    ]
-    + [Level(g, SurfaceBlend(), False, relief, sectors=True) for g in of_degree(0, 2) for relief in BOTH],
-    "surface/fill": READINGS,
+    "surface/read": [
+        (Reading(scale, Encoding(), False, relief, sectors), counts)
+        for scale, relief, sectors in itertools.product(SCALES, BOTH, BOTH)
+        for counts in ((1, 9, 0), (4, 1, 3), (9, 4, 0))
+    ],
     "surface/smooth": READINGS,
     "surface/resolve": READINGS,
     "surface/add_light": encodings(),

@@ -8,26 +8,13 @@ from frames import bake, full_scene, surface_bake
 from gl_objects import alive
 
 from gsgi.baker.cli.commands.render import print_costs
-from gsgi.runtime.gaussians import Gaussians
 from gsgi.runtime.gl import shader
 from gsgi.runtime.gl.profile import Profile
 from gsgi.runtime.gl.renderer import DeferredRenderer
 from gsgi.runtime.scene import Scene
 
 SIZE = 96, 64
-SURFACE = [
-    "surface/points",
-    "surface/gaussians, fine",
-    "surface/gap",
-    "surface/gaussians, coarse",
-    "surface/resolve",
-    "frame/composite",
-]
-
-
-def fine_only():
-    baked = surface_bake()
-    return replace(baked, coarse=Gaussians(*(array[:0] for array in vars(baked.coarse).values())))
+SURFACE = ["surface/points", "surface/read", "frame/composite"]
 
 
 def measured(gl, scene: Scene, baked) -> dict:
@@ -53,7 +40,6 @@ def lit(**missing) -> Scene:
             ["frame/gbuffer", "frame/background", "frame/shadow", "frame/primary", "over/splat", "frame/composite"],
         ),
         (scenes.furnace(), surface_bake(), ["frame/gbuffer", *SURFACE]),
-        (scenes.furnace(), fine_only(), ["frame/gbuffer", *(name for name in SURFACE if name not in SURFACE[2:4])]),
     ],
 )
 def test_only_the_passes_that_are_called_for(gl, scene, baked, passes):
@@ -66,10 +52,11 @@ def test_costs_count_what_was_drawn(gl):
     assert everything["frame/composite"].fragments == pixels
     assert everything["frame/gbuffer"].fragments >= pixels - everything["frame/background"].fragments > 0
     assert 0 < everything["frame/primary"].fragments <= 3 * pixels  # one for each light, where it shines
-    assert 0 < everything["surface/gaussians, fine"].quads <= 500
-    assert 0 < everything["surface/gaussians, coarse"].quads <= 50
-    assert everything["surface/gaussians, fine"].fragments > pixels
-    assert {name for name, cost in everything.items() if cost.quads} == {SURFACE[1], SURFACE[3]}
+    assert everything["surface/read"].fragments == pixels
+    assert not any(cost.quads for cost in everything.values())
+    splats = measured(gl, lit(), bake())["over/splat"]
+    assert splats.quads > 0
+    assert splats.fragments > 0
     assert all(cost.cpu_ms > 0 for cost in everything.values())
     assert sum(cost.gpu_ms for cost in everything.values()) > 0
 
@@ -106,21 +93,19 @@ def on(compiled, prefix: str) -> set[str]:
 
 
 def test_a_plain_scene_compiles_no_code_for_any_effect(gl, compiled):
-    measured(gl, scenes.furnace(), fine_only())
+    measured(gl, scenes.furnace(), surface_bake())
     files = {name.partition(".")[0] for name, _ in compiled} - {"lib/fullscreen"}
     assert files == {
         "frame/gbuffer",
         "surface/points",
-        "surface/gaussians",
-        "surface/resolve",
+        "surface/read",
         "surface/add_light",
         "frame/composite",
         "frame/display",
     }
     assert on(compiled, "frame/gbuffer") == set()
     assert on(compiled, "surface/points") == {"SPLAT_SCALE", "NORMAL_OCTAHEDRAL"}
-    assert on(compiled, "surface/gaussians") == {"NORMAL_POWER"}
-    assert on(compiled, "surface/resolve") == {"SPLAT_SCALE", "NORMAL_OCTAHEDRAL"}
+    assert on(compiled, "surface/read") == {"SPLAT_SCALE", "FINE_SH_COUNT", "COARSE_SH_COUNT"}
 
 
 @pytest.mark.parametrize(

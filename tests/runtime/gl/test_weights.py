@@ -69,10 +69,10 @@ def test_the_look_up_reads_the_bake_of_that_light(gl, offset):
     position = (position + np.float32(offset)).astype(np.float32)
     lookup = IndirectLookup(gl, made)
     lookup.weights = WEIGHTS
-    texels = lookup.gaussians.read()
-    assert texels == IndirectLookup(gl, weighted(made, WEIGHTS)).gaussians.read()
+    texels = lookup.textures.gaussians.read()
+    assert texels == IndirectLookup(gl, weighted(made, WEIGHTS)).textures.gaussians.read()
     lookup.weights = {}
-    assert lookup.gaussians.read() == IndirectLookup(gl, made).gaussians.read() != texels
+    assert lookup.textures.gaussians.read() == IndirectLookup(gl, made).textures.gaussians.read() != texels
     light = read(gl, weighted(made, WEIGHTS), position, normal)
     np.testing.assert_allclose(light, gsgi.sample(made, position, normal, WEIGHTS), rtol=1e-3, atol=1e-3)
 

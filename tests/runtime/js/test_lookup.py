@@ -16,7 +16,7 @@ from gsgi.runtime.file import codec
 from gsgi.runtime.gaussians import Bake, SurfaceBlend
 from gsgi.runtime.gl import shader
 from gsgi.runtime.gl.gaussian_textures import DATA_WIDTH
-from gsgi.runtime.gl.indirect_lookup import lookup_tables
+from gsgi.runtime.lookup_tables import lookup_tables
 
 TABLES = TESTS / "runtime" / "js" / "tables.mjs"
 MAIN = """

@@ -95,6 +95,18 @@ def test_the_pass_follows_what_is_in_memory_and_frees_the_rest(gl, path):
         light.release()
 
 
+def test_the_thread_prepares_what_the_pass_uploads(gl, path):
+    """No frame waits for lists to be built."""
+    for drawn_by in (0, 1):
+        with World(path) as world:
+            lights = [IndirectLight(gl, world) for _ in range(drawn_by)]
+            while not world.resident:
+                world.update(np.zeros(3), 0.01)
+            assert all(("tables" in vars(sector)) == bool(lights) for sector in world.resident.values())
+            for light in lights:
+                light.release()
+
+
 def test_far_from_the_origin_a_world_is_as_precise(gl, tmp_path):
     """The pass reads it relative to its middle."""
     far = np.array([60000.0, 0, 0])
