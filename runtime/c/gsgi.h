@@ -131,15 +131,17 @@ typedef struct gsgi_info {
     double bounds_low[3]; /* of the centres of all Gaussians, world space, m; 0 without any */
     double bounds_high[3];
     size_t bake_bytes;    /* memory that the bake holds */
-    size_t light_bytes;   /* memory on the GPU that a light of it holds for Gaussians: 48 bytes each, 16 for each four
-                             numbers of SH (or part of four), 16 with slopes, 4 for its index */
+    size_t light_bytes;   /* memory on the GPU that a light of it holds for Gaussians. `surface`: 48 bytes each, and 16
+                             for each SH coefficient; lists by place come on top (gsgi_stats.gaussian_bytes has all).
+                             `over`: 48 each, 16 for each four numbers of SH (or part of four), 4 for its index */
     uint32_t group_count; /* light groups; 0 where the lights were not baked apart */
     int32_t relief;       /* whether the light of the fine level follows normal maps */
 } gsgi_info;
 
-/* The Gaussians of a level as texels of the data textures that glsl/lib/gaussian.glsl reads: RGBA32F, 2048 wide, row by
- * row. A renderer without OpenGL uploads them and runs the passes that glsl/README.md lists. They live as long as the
- * bake. Positions are relative to `origin`, m, which is 0 unless the scene lies far from the world's. */
+/* The Gaussians of a level as texels: RGBA32F, 2048 wide, row by row. `shape` and `sh` are the data textures that
+ * glsl/lib/gaussian.glsl reads. A renderer without OpenGL uploads those for `over`, and for `surface` the tables of
+ * gsgi_lookup_info, and runs the passes that glsl/README.md lists. They live as long as the bake. Positions are
+ * relative to `origin`, m, which is 0 unless the scene lies far from the world's. */
 typedef struct gsgi_texels {
     size_t struct_size;
     const float* shape;                       /* 3 texels per Gaussian: position, opacity; rotation xyzw; scale, 0 */
@@ -223,7 +225,10 @@ typedef struct gsgi_lookup_info {
 
 /* Make the tables of a bake, in a fraction of a second. `surface` files only; others are GSGI_UNSUPPORTED, and so is
  * one of more than 16 million texels. While it works it takes some 100 bytes for each pair of a Gaussian and a cell
- * that it reaches. The bake may be closed afterwards. */
+ * that it reaches. The bake may be closed afterwards.
+ *
+ * The tables take 16 bytes for each of 3 texels and of the SH coefficients of a Gaussian, for 3 more with relief, and
+ * lists, of default bakes some 150 bytes per Gaussian: more, where many lie at the same place. */
 GSGI_API gsgi_result gsgi_lookup_open(const gsgi_bake* bake, gsgi_lookup** lookup);
 
 /* Fill `info`, whose struct_size is set. */
@@ -300,14 +305,16 @@ GSGI_API gsgi_result gsgi_world_read_sector(const gsgi_world* world, uint32_t nu
 GSGI_API gsgi_result gsgi_world_update(gsgi_world* world, const float eye[3], double seconds, int32_t* load);
 
 /* Decode the bytes of a sector's file as gsgi_bake_open does. GSGI_INVALID_FILE for any other file than the one that
- * the manifest describes by size and SHA-256. It reads of the world what never changes: it may run in any thread
- * while others use the world, and calls the callbacks of its own `options`. */
+ * the manifest describes by size and SHA-256. It also makes the tables by which lights read the sector, as
+ * gsgi_lookup_open does, with its errors: the bake has them until it is closed, and they count in its bake_bytes, but
+ * not in the world's budget. It reads of the world what never changes: it may run in any thread while others use the
+ * world, and calls the callbacks of its own `options`. */
 GSGI_API gsgi_result gsgi_world_open_sector(const gsgi_world* world, uint32_t number, const void* data, size_t size,
                                             const gsgi_open_options* options, gsgi_bake** bake);
 
-/* Answer what update asked for: the world has the bake from now on and closes it. NULL says that the file could not be
- * read: the sector is not asked for again, and the others go on. After an error the bake is still the host's, and the
- * answer open; GSGI_INVALID_FILE: it blends otherwise than the sectors before. */
+/* Answer what update asked for, with a bake of gsgi_world_open_sector: the world has it from now on and closes it. NULL
+ * says that the file could not be read: the sector is not asked for again, and the others go on. After an error the
+ * bake is still the host's, and the answer open; GSGI_INVALID_FILE: it blends otherwise than the sectors before. */
 GSGI_API gsgi_result gsgi_world_add(gsgi_world* world, uint32_t number, gsgi_bake* bake);
 
 /* B at `count` surface points, as gsgi_bake_sample gives it, of the sectors in memory. Open them with `sampling`. */
@@ -330,7 +337,7 @@ typedef enum gsgi_state {
     /* All state that the library sets, or that would change what it draws, is read before and restored after. */
     GSGI_STATE_RESTORE = 0,
     /* Nothing is read. Afterwards the state that the library sets has OpenGL's initial values: no program, vertex
-     * array, framebuffer, renderbuffer and array or unpack buffer; no texture and sampler in units 0 to 6, unit 0
+     * array, framebuffer, renderbuffer and array or unpack buffer; no texture and sampler in units 0 to 5, unit 0
      * active; all switches off but dithering and multisampling, which are not touched; depth test LESS, all masks on,
      * blending ONE, ZERO; clip control and pixel store as a new context has them. Only the viewport stays as the
      * library set it. For hosts that set all state in each pass, or that can tell their state cache to forget. */
@@ -346,7 +353,7 @@ typedef struct gsgi_context_options {
 } gsgi_context_options;
 
 /* Load the functions of the OpenGL context that is current. It needs OpenGL 3.3, core or compatibility, or OpenGL ES
- * 3.0 with EXT_color_buffer_float and EXT_float_blend; GSGI_UNSUPPORTED names what lacks.
+ * 3.0 with EXT_color_buffer_float, for lights of `over` also EXT_float_blend; GSGI_UNSUPPORTED names what lacks.
  *
  * Call nothing of this library inside of queries, transform feedback or conditional rendering. Extensions of vendors
  * and, before OpenGL ES 3.2, blending by draw buffer are not looked at. GL_FRAMEBUFFER_SRGB is left as it is: enable
@@ -410,15 +417,18 @@ typedef struct gsgi_light_options {
     float depth_range[2]; /* of a depth buffer: the arguments of the glDepthRange it was drawn under; both 0: 0 and 1.
                              What lies outside shows no surface. */
     int32_t relief;       /* not 0: B follows normal maps, where the file says how (gsgi_info.relief), in
-                             gsgi_light_draw_mapped. It takes 48 bytes more per Gaussian of the fine level. */
+                             gsgi_light_draw_mapped. It takes 48 bytes more per Gaussian of the fine level; sectors of
+                             a world take them in any case. */
 } gsgi_light_options;
 
-/* Upload a bake and compile its passes. `options` may be NULL. The bake may be closed afterwards. */
+/* Upload a bake and compile its passes. For `surface` it first makes tables, as gsgi_lookup_open does, with its errors;
+ * the light of a bake with light groups keeps the texels of its Gaussians. `options` may be NULL. The bake may be
+ * closed afterwards. */
 GSGI_API gsgi_result gsgi_light_create(gsgi_context* context, const gsgi_bake* bake, const gsgi_light_options* options,
                                        gsgi_light** light);
 
 /* Give the light the colours that the bake, the one of which it was made, has now, after gsgi_bake_weigh: from the next
- * draw on. It uploads 16 bytes for each four numbers of SH of a Gaussian, 16 with slopes. */
+ * draw on. It uploads all of the Gaussians but their lists; of a bake without groups nothing. */
 GSGI_API gsgi_result gsgi_light_recolour(gsgi_light* light, const gsgi_bake* bake);
 
 /* Compile the passes that read several sectors at once. `options` may be NULL. The light has no sectors until
@@ -427,7 +437,7 @@ GSGI_API gsgi_result gsgi_light_create_world(gsgi_context* context, const gsgi_w
                                              const gsgi_light_options* options, gsgi_light** light);
 
 /* Take over which sectors of the world, the one of which the light was made, are in memory, and their weights: upload
- * those that came, and free those that went. The first of each kind (gsgi_info.sh_degree, sloped, relief) compiles a
+ * those that came, and free those that went. The first of each kind (gsgi_info.sh_degree, relief) compiles a
  * program. Call it each frame after gsgi_world_update and gsgi_world_add; a sector that came shows from the next
  * cull on. The world may be changed or closed afterwards. */
 GSGI_API gsgi_result gsgi_light_follow(gsgi_light* light, const gsgi_world* world);
@@ -444,8 +454,8 @@ typedef struct gsgi_view {
     int32_t viewport[4];       /* px: x, y of the corner where the rows begin, width, height */
 } gsgi_view;
 
-/* Find the Gaussians that a camera may see; for `over` sort them. Calls no OpenGL, so that it may run in a job, while
- * nothing else uses the light. The draws that follow are of this view. */
+/* Take a camera, and find what it may see: for `over` Gaussians, which are sorted, of a world the sectors. Calls no
+ * OpenGL, so that it may run in a job, while nothing else uses the light. The draws that follow are of this view. */
 GSGI_API gsgi_result gsgi_light_cull(gsgi_light* light, const gsgi_view* view);
 
 /* Draw B for the view of the last cull, from the names of the host's depth and normal textures, which are 2D, single
@@ -471,11 +481,12 @@ GSGI_API gsgi_result gsgi_light_add(gsgi_light* light, uint32_t framebuffer, uin
 
 typedef struct gsgi_stats {
     size_t struct_size;
-    uint32_t drawn[2];     /* Gaussians of the last cull, by gsgi_level */
-    size_t gaussian_bytes; /* on the GPU */
+    uint32_t drawn[2];     /* Gaussians of the last cull, by gsgi_level. `over`: those that the camera may see;
+                              `surface`: all of the bake, of a world those of the sectors in view */
+    size_t gaussian_bytes; /* on the GPU; `surface`: with their lists */
     size_t target_bytes;   /* on the GPU, for the size of the last draw. `over`: 16 bytes per pixel of the viewport.
-                              `surface`: 8, and 52 per reading (68 with a coarse level), 16 more from splat_scale 2 on,
-                              8 more with relief */
+                              `surface`: 8, and 32 per reading; from splat_scale 2 on 4 more, and 16 more per reading;
+                              8 more per reading with relief */
 } gsgi_stats;
 
 /* Fill `stats`, whose struct_size is set. */

@@ -9,7 +9,7 @@ import moderngl
 from .gl_functions import Functions
 from .gl_values import DRAW_BUFFERS, PIXEL_STORE, indexed_switches, switches, values
 
-UNITS = 7  # texture units that our passes use; moderngl's upload unit comes on top
+UNITS = 6  # texture units that our passes use; moderngl's upload unit comes on top
 State = dict[str, tuple]
 
 # Numbers of OpenGL's headers.

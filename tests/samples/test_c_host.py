@@ -77,11 +77,11 @@ def test_the_host_in_c_draws_what_our_own_renderer_draws(gl, host, tmp_path, ope
 
 
 def test_what_the_driver_lacks_is_named(host, tmp_path):
-    (tmp_path / "cornell.gsgi").write_bytes(codec.encode(bake("surface")))
+    (tmp_path / "cornell.gsgi").write_bytes(codec.encode(bake("over")))
     without = {"MESA_EXTENSION_OVERRIDE": "-GL_EXT_float_blend", "ASAN_OPTIONS": "detect_leaks=0"}
     command = [host, tmp_path / "cornell.gsgi", tmp_path / "frame.ppm", "es"]
     run = subprocess.run(command, env=os.environ | without, capture_output=True, text=True)
-    assert run.stderr == "gsgi: context: GL_EXT_float_blend is needed\n"
+    assert run.stderr == "gsgi: context: GL_EXT_float_blend is needed by the operator over\n"
 
 
 def test_a_file_that_is_none_is_one_line(host, tmp_path):

@@ -6,9 +6,8 @@
 cmake_minimum_required(VERSION 3.21)
 
 set(STAGES
-    lib/fullscreen.vert surface/points.frag surface/gaussians.vert surface/gaussians.frag surface/gap.frag
-    surface/fill.frag surface/smooth.frag surface/resolve.frag surface/add_light.frag surface/gsgi_indirect.glsl
-    over/splat.vert over/splat.frag)
+    lib/fullscreen.vert surface/points.frag surface/read.frag surface/smooth.frag surface/resolve.frag
+    surface/add_light.frag surface/gsgi_indirect.glsl over/splat.vert over/splat.frag)
 
 # Text of FOLDER/name in `result`, with the files included that are not in the global property `seen` yet.
 function(expand name result)

@@ -2,6 +2,7 @@
 #include "groups.h"
 #include "header.h"
 #include "level.h"
+#include "lookup.h"
 
 #include <math.h>
 
@@ -54,19 +55,19 @@ static void describe(gsgi_bake* bake, const gsgi__header* h) {
     info->bake_bytes = sizeof *bake + gsgi__group_bytes(bake);
     for (int l = 0; l < 2; ++l) {
         const gsgi__level* level = &bake->levels[l];
-        const gsgi__texels* textures[] = {&level->shape, &level->sh, &level->slope};
         info->gaussian_count[l] = level->count;
         info->sh_degree[l] = level->sh_degree;
         info->sloped[l] = level->sloped;
-        for (int t = 0; t < 3; ++t) {
-            const size_t bytes = gsgi__texel_bytes(textures[t]);
-            info->bake_bytes += bytes;
-            info->light_bytes += bytes;
-        }
-        info->light_bytes += level->count * sizeof(uint32_t);
-        info->bake_bytes += bake->grids[l].bytes + gsgi__texel_bytes(&level->relief);
+        info->bake_bytes += gsgi__texel_bytes(&level->shape) + gsgi__texel_bytes(&level->sh) +
+                            gsgi__texel_bytes(&level->slope) + gsgi__texel_bytes(&level->relief) + bake->grids[l].bytes;
     }
-    info->relief = bake->levels[GSGI_FINE].relief.rows > 0;
+    const gsgi__level* fine = &bake->levels[GSGI_FINE];
+    if (h->blend == GSGI_SURFACE)
+        info->light_bytes = gsgi__lookup_least_bytes(bake);
+    else
+        info->light_bytes =
+            gsgi__texel_bytes(&fine->shape) + gsgi__texel_bytes(&fine->sh) + fine->count * sizeof(uint32_t);
+    info->relief = fine->relief.rows > 0;
 }
 
 gsgi_result gsgi_bake_open(const void* data, size_t size, const gsgi_open_options* given, gsgi_bake** out) {
@@ -143,6 +144,7 @@ void gsgi_bake_close(gsgi_bake* bake) {
         gsgi__release(&callbacks, bake->levels[l].relief.texels);
         gsgi__grid_destroy(&bake->grids[l], &callbacks);
     }
+    gsgi_lookup_close(bake->lookup);
     gsgi__groups_release(bake);
     gsgi__release(&callbacks, bake);
 }

@@ -8,6 +8,10 @@
 #define ROOTS 16     /* cells along the longest edge of the box at most, before any is split */
 #define SPLIT_MIN 16 /* bodies in a cell that are worth eight more */
 
+/* Most pairs at one depth: in all, and more for each body. */
+#define PAIRS (1 << 20)
+#define PAIRS_EACH 32
+
 /* A body listed in a cell costs a read at each point in the octants that it reaches, and memory. Listed in the cell's
  * children instead, it is read less by SAVED - reached of SAVED_OF points. Memory is worth a sixteenth of a
  * read per entry and PRICED bodies, from CHEAPEST to DEAREST of them. */
@@ -86,6 +90,24 @@ static void cells_of(const gsgi__tree* b, const gsgi__body* a, int32_t from[3], 
         const float reach = a->bound[k] + slack, last = (float)(b->size[k] - 1);
         from[k] = (int32_t)fminf(fmaxf(floorf((a->centre[k] - reach) / b->edge), 0.0f), last);
         to[k] = (int32_t)fminf(fmaxf(floorf((a->centre[k] + reach) / b->edge), 0.0f), last);
+    }
+}
+
+static uint64_t most_pairs(const gsgi__tree* b) { return PAIRS + (uint64_t)PAIRS_EACH * b->count; }
+
+/* Take fewer, larger cells if large bodies would fill them all. */
+static void limit_roots(gsgi__tree* b) {
+    while (b->size[0] > 1 || b->size[1] > 1 || b->size[2] > 1) {
+        uint64_t pairs = 0;
+        for (uint32_t i = 0; i < b->count; ++i) {
+            int32_t from[3], to[3];
+            cells_of(b, &b->bodies[i], from, to);
+            pairs +=
+                (uint64_t)(to[0] - from[0] + 1) * (uint64_t)(to[1] - from[1] + 1) * (uint64_t)(to[2] - from[2] + 1);
+        }
+        if (pairs <= most_pairs(b)) return;
+        b->edge *= 2.0f;
+        for (int k = 0; k < 3; ++k) b->size[k] = (b->size[k] + 1) / 2;
     }
 }
 
@@ -199,11 +221,14 @@ static uint32_t judge(gsgi__tree* b, gsgi__depth* d, float half, float wide, boo
     float* crowds = count_readings(b, d->nodes);
     uint32_t* pushed = gsgi__tree_take(b, d->nodes, sizeof *pushed);
     uint32_t children = crowds && pushed ? 0 : GSGI_NOWHERE;
+    uint64_t below = 0;
     for (uint32_t i = 0; i < d->count && children == 0; ++i) {
         gsgi__pair* p = &d->pairs[i];
         look_at(b, d, p, crowds + 8 * (size_t)p->node, half, wide);
         pushed[p->node] += p->pushed;
+        for (int o = 0; o < 8 && p->pushed; ++o) below += p->octants >> o & 1;
     }
+    last = last || below > most_pairs(b);
     for (uint32_t i = 0; i < d->nodes && children != GSGI_NOWHERE; ++i) {
         const bool split = !last && pushed[i] >= SPLIT_MIN && children <= GSGI_NOWHERE - 16;
         d->child[i] = split ? children : GSGI_NOWHERE;
@@ -265,6 +290,7 @@ bool gsgi__tree_create(gsgi__tree* b, const gsgi__level* level, double radius, u
         for (int p = 0; p < GSGI_BODY_POINTS; ++p)
             memcpy(b->readings[(size_t)i * GSGI_BODY_POINTS + p].part, points[p], sizeof points[p]);
     }
+    limit_roots(b);
     return make_depths(b);
 }
 

@@ -1,4 +1,4 @@
-/* Which Gaussians a camera may see, and in which order. */
+/* What a camera may see; Gaussians of the `over` operator, and in which order. */
 #include "internal.h"
 #include "lib/constants.glsl"
 
@@ -9,9 +9,8 @@
 #define DIGITS (1u << DIGIT_BITS)
 
 bool gsgi__culled_create(gsgi__culled* culled, const gsgi_callbacks* callbacks, const gsgi__level* level,
-                         const gsgi_info* info, const double shift[3]) {
-    const bool sorts = info->blend == GSGI_OVER;
-    const size_t count = level->count, words = sorts ? 8 : 5;
+                         const gsgi_info* info) {
+    const size_t count = level->count, words = 8;
     culled->count = level->count;
     culled->visible = 0;
     if (count == 0) return true;
@@ -21,19 +20,16 @@ bool gsgi__culled_create(gsgi__culled* culled, const gsgi_callbacks* callbacks, 
     culled->z = culled->y + count;
     culled->radius = culled->z + count;
     culled->index = (uint32_t*)(culled->radius + count);
-    if (sorts) {
-        culled->keys = culled->index + count;
-        culled->sorted_index = culled->keys + count;
-        culled->sorted_keys = culled->sorted_index + count;
-    }
+    culled->keys = culled->index + count;
+    culled->sorted_index = culled->keys + count;
+    culled->sorted_keys = culled->sorted_index + count;
     for (size_t i = 0; i < count; ++i) {
         const float *shape = level->shape.texels + i * GSGI_SHAPE_FLOATS, *scale = shape + 8;
-        float reach = info->radius;
         /* opacity * exp(-r^2 / 2) falls to alpha_min at r standard deviations */
-        if (sorts) reach = sqrtf(2.0f * logf(fmaxf(shape[3] / info->alpha_min, 1.0f)));
-        culled->x[i] = (float)(shape[0] + shift[0]);
-        culled->y[i] = (float)(shape[1] + shift[1]);
-        culled->z[i] = (float)(shape[2] + shift[2]);
+        const float reach = sqrtf(2.0f * logf(fmaxf(shape[3] / info->alpha_min, 1.0f)));
+        culled->x[i] = shape[0];
+        culled->y[i] = shape[1];
+        culled->z[i] = shape[2];
         culled->radius[i] = reach * fmaxf(scale[0], fmaxf(scale[1], scale[2]));
     }
     return true;
@@ -43,7 +39,7 @@ void gsgi__culled_destroy(gsgi__culled* culled, const gsgi_callbacks* callbacks)
     gsgi__release(callbacks, culled->x);
 }
 
-void gsgi__cull_pyramid(gsgi__culled* culled, const gsgi__camera* camera) {
+bool gsgi__in_view(const gsgi__camera* camera, const float ball[4]) {
     /* Slopes, x and y over depth, of the image's edges; with parallel rays x and y themselves. A negative focal length
      * mirrors the image. */
     const double a = -camera->cx / camera->fx, b = (camera->width - camera->cx) / camera->fx;
@@ -51,25 +47,18 @@ void gsgi__cull_pyramid(gsgi__culled* culled, const gsgi__camera* camera) {
     const double edges[4] = {fmin(a, b), -fmax(a, b), fmin(c, d), -fmax(c, d)};
     double inward[5][3] = {{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, -1}};
     for (int p = 0; p < 4 && !camera->parallel; ++p) inward[p][2] = edges[p];
-    float planes[5][4];
     for (int p = 0; p < 5; ++p) {
+        float plane[4];
         const double length =
             sqrt(inward[p][0] * inward[p][0] + inward[p][1] * inward[p][1] + inward[p][2] * inward[p][2]);
         for (int k = 0; k < 4; ++k) {
             double sum = 0.0;
             for (int j = 0; j < 3; ++j) sum += inward[p][j] / length * camera->view_from_world.at[j][k];
-            planes[p][k] = (float)(camera->parallel && p < 4 && k == 3 ? sum - edges[p] : sum);
+            plane[k] = (float)(camera->parallel && p < 4 && k == 3 ? sum - edges[p] : sum);
         }
+        if (!(plane[0] * ball[0] + plane[1] * ball[1] + plane[2] * ball[2] + plane[3] >= -ball[3])) return false;
     }
-    culled->visible = 0;
-    for (uint32_t i = 0; i < culled->count; ++i) {
-        const float x = culled->x[i], y = culled->y[i], z = culled->z[i], outside = -culled->radius[i];
-        int inside = 1; /* NaN fails the comparisons */
-        for (int p = 0; p < 5; ++p)
-            inside &= planes[p][0] * x + planes[p][1] * y + planes[p][2] * z + planes[p][3] >= outside;
-        culled->index[culled->visible] = i;
-        culled->visible += (uint32_t)inside;
-    }
+    return true;
 }
 
 /* Sort `index` by rising key; equal keys keep their order. Radix sort, from the lowest digit on. */

@@ -18,21 +18,6 @@ void gsgi__draw_triangle(const gsgi_context* context, const gsgi__program* progr
     context->gl.DrawArrays(GL_TRIANGLES, 0, 3);
 }
 
-void gsgi__draw_gaussians(const gsgi_light* light, const gsgi__part* part, int l, GLsizei vertices) {
-    const gsgi__gl* gl = &light->context->gl;
-    const gsgi__culled* culled = &part->culled[l];
-    const gsgi__gaussians* level = &part->levels[l];
-    gsgi__bind_texture(gl, 0, level->shape);
-    gsgi__bind_texture(gl, 1, level->sh);
-    if (level->slope) gsgi__bind_texture(gl, 4, level->slope);
-    if (level->relief) gsgi__bind_texture(gl, 6, level->relief);
-    gl->BindBuffer(GL_ARRAY_BUFFER, level->index);
-    gl->BufferData(GL_ARRAY_BUFFER, (GLsizeiptr)(culled->count * sizeof *culled->index), NULL, GL_STREAM_DRAW);
-    gl->BufferSubData(GL_ARRAY_BUFFER, 0, (GLsizeiptr)(culled->visible * sizeof *culled->index), culled->index);
-    gl->BindVertexArray(level->strips);
-    gl->DrawArraysInstanced(GL_TRIANGLE_STRIP, 0, vertices, (GLsizei)culled->visible);
-}
-
 void gsgi__clear_color(const gsgi__gl* gl, GLuint framebuffer) {
     static const GLfloat zero[4] = {0.0f, 0.0f, 0.0f, 0.0f};
     gl->BindFramebuffer(GL_DRAW_FRAMEBUFFER, framebuffer);
@@ -94,12 +79,12 @@ gsgi_result gsgi__target(gsgi_light* light, const GLuint colors[GSGI_TARGETS], G
 void gsgi__targets_release(gsgi_light* light) {
     const gsgi__gl* gl = &light->context->gl;
     const gsgi__targets* t = &light->targets;
-    const GLuint framebuffers[] = {t->points, t->gap, t->fine_sums, t->coarse_sums, t->filled_sums, t->resolved};
-    const GLuint textures[] = {t->position, t->plane, t->bend, t->fine, t->coarse, t->filled, t->indirect};
+    const GLuint framebuffers[] = {t->points, t->filled_sums, t->resolved};
+    const GLuint textures[] = {t->position, t->plane, t->bend, t->filled, t->indirect};
     if (!light->context->lost) {
         gl->DeleteFramebuffers(sizeof framebuffers / sizeof *framebuffers, framebuffers); /* 0 is ignored */
         gl->DeleteTextures(sizeof textures / sizeof *textures, textures);
-        gl->DeleteRenderbuffers(2, (GLuint[2]){t->depth, t->rest});
+        gl->DeleteRenderbuffers(1, &t->rest);
     }
     memset(&light->targets, 0, sizeof light->targets);
 }

@@ -73,11 +73,10 @@ gsgi_result gsgi__gl_load(gsgi__gl* gl, const gsgi_context_options* options) {
     if (gl->version < (gl->es ? 300 : 330))
         return gsgi__fail(callbacks, GSGI_UNSUPPORTED, "context: OpenGL 3.3 or OpenGL ES 3.0 is needed, this is %s",
                           version);
+    gl->float_blend = !gl->es || has_extension(gl, "GL_EXT_float_blend");
     if (gl->es) {
-        static const char* const needed[] = {"GL_EXT_color_buffer_float", "GL_EXT_float_blend"};
-        for (int i = 0; i < 2; ++i)
-            if (!has_extension(gl, needed[i]))
-                return gsgi__fail(callbacks, GSGI_UNSUPPORTED, "context: %s is needed", needed[i]);
+        if (!has_extension(gl, "GL_EXT_color_buffer_float"))
+            return gsgi__fail(callbacks, GSGI_UNSUPPORTED, "context: GL_EXT_color_buffer_float is needed");
     } else {
         gl->GetIntegerv(GL_CONTEXT_PROFILE_MASK, &profile);
         gl->compatible = (profile & 2) != 0;
@@ -95,14 +94,13 @@ gsgi_result gsgi__gl_load(gsgi__gl* gl, const gsgi_context_options* options) {
 /* clang-format off */
 static const char* const uniform_names[U_COUNT] = {
     "view_from_world", "world_from_view", "world_from_offset", "axis", "centre", "corner", "depth_ends", "depth_line",
-    "eye", "focal", "margin", "near", "parallel", "sector_class", "sector_count", "sector_high",
+    "eye", "focal", "parallel", "sector_class", "sector_count", "sector_high",
     "sector_low", "size", "z_to_clip"};
 
 /* Samplers of all passes. A sampler's unit is the same in each pass that has it. */
 static const struct { const char* name; GLint unit; } samplers[] = {
-    {"shape_data", 0}, {"sh_data", 1}, {"surface_position", 2}, {"surface_plane", 3}, {"slope_data", 4},
-    {"surface_bend", 5}, {"relief_data", 6},
-    {"normal", 0}, {"depth", 1}, {"mapped", 2}, {"sectors", 3}, {"fine_sums", 6}, {"coarse_sums", 4}, {"filled_sums", 2},
+    {"shape_data", 0}, {"sh_data", 1}, {"gaussians", 0}, {"cells", 1}, {"surface_position", 2}, {"surface_plane", 3},
+    {"surface_bend", 4}, {"lists", 5}, {"normal", 0}, {"depth", 1}, {"mapped", 2}, {"sectors", 3}, {"filled_sums", 2},
     {"albedo", 0}, {"indirect", 1}};
 /* clang-format on */
 

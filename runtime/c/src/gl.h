@@ -178,6 +178,7 @@ typedef struct gsgi__gl {
     bool es, compatible;
     bool indexed;          /* switches and masks by draw buffer */
     bool indexed_blending; /* blend functions by draw buffer */
+    bool float_blend;      /* whether targets of whole floats can be blended */
     bool viewports, clip_control, texture_levels, stencil_textures;
     GLint texture_size_max, draw_buffers, color_attachments; /* the latter two at most GSGI_DRAW_BUFFERS */
 } gsgi__gl;
@@ -198,8 +199,6 @@ typedef enum gsgi__uniform {
     U_DEPTH_LINE,
     U_EYE,
     U_FOCAL,
-    U_MARGIN,
-    U_NEAR,
     U_PARALLEL,
     U_SECTOR_CLASS,
     U_SECTOR_COUNT,
@@ -226,7 +225,7 @@ void gsgi__set_matrix(const gsgi__gl* gl, const gsgi__program* program, gsgi__un
 
 /* ---- State ---- */
 
-#define GSGI_UNITS 7   /* texture units that the passes use */
+#define GSGI_UNITS 6   /* texture units that the passes use */
 #define GSGI_TARGETS 3 /* draw buffers that they write */
 #define GSGI_SWITCHES_MAX 32
 

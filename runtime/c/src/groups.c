@@ -2,6 +2,7 @@
  * runtime/file/FORMAT.md is the specification of both. */
 #include "groups.h"
 #include "level.h"
+#include "lookup.h"
 #include "text.h"
 
 #include <stdio.h>
@@ -242,6 +243,18 @@ static void scale_relief(const gsgi_bake* bake, size_t i, const float* sh, float
     }
 }
 
+static void sum_groups(gsgi_bake* bake, const float* weights) {
+    for (int l = 0; l < 2; ++l) {
+        const gsgi__level* level = &bake->levels[l];
+        for (size_t i = 0; i < level->count; ++i) {
+            float* sh = level->sh.texels + i * level->sh.floats;
+            sum_sh(bake, weights, l, i, sh);
+            if (level->sloped) sum_slopes(bake, weights, i, sh, level->slope.texels + 4 * i);
+            if (level->relief.texels) scale_relief(bake, i, sh, level->relief.texels + i * level->relief.floats);
+        }
+    }
+}
+
 gsgi_result gsgi_bake_weigh(gsgi_bake* bake, uint32_t group_count, const float* weights) {
     bool all_one = true;
     if (weights && group_count != bake->info.group_count)
@@ -254,18 +267,10 @@ gsgi_result gsgi_bake_weigh(gsgi_bake* bake, uint32_t group_count, const float* 
                               bake->groups[i / 3].name, (double)weights[i]);
         all_one = all_one && weights[i] == 1.0f;
     }
-    if (all_one) {
+    if (all_one)
         copy_light(bake, true);
-        return GSGI_OK;
-    }
-    for (int l = 0; l < 2; ++l) {
-        const gsgi__level* level = &bake->levels[l];
-        for (size_t i = 0; i < level->count; ++i) {
-            float* sh = level->sh.texels + i * level->sh.floats;
-            sum_sh(bake, weights, l, i, sh);
-            if (level->sloped) sum_slopes(bake, weights, i, sh, level->slope.texels + 4 * i);
-            if (level->relief.texels) scale_relief(bake, i, sh, level->relief.texels + i * level->relief.floats);
-        }
-    }
+    else
+        sum_groups(bake, weights);
+    if (bake->lookup) gsgi__lookup_recolour(bake->lookup, bake);
     return GSGI_OK;
 }

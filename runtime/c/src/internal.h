@@ -78,7 +78,8 @@ struct gsgi_bake {
     double origin[3]; /* m; positions are relative to it */
     gsgi__level levels[2];
     gsgi__grid grids[2];
-    uint32_t crc; /* of the file */
+    gsgi_lookup* lookup; /* of a sector of a world; else NULL */
+    uint32_t crc;        /* of the file */
     gsgi__group* groups;
     gsgi__group own; /* the light of the levels where all weights are 1; only where there are groups */
 };
@@ -110,7 +111,6 @@ typedef struct gsgi__camera {
     gsgi__matrix world_from_host;                     /* the host's own view space */
     bool parallel;                                    /* whether the projection is orthographic */
     double fx, fy, cx, cy;                            /* px (px/m if parallel); rows go down; negative: mirrored */
-    double near_plane;                                /* m; nothing nearer is seen */
     float depth_ends[2], depth_line[2], z_to_clip[2]; /* DepthCode of glsl/surface/host.glsl */
     int32_t x, y, width, height;                      /* px, of the viewport */
 } gsgi__camera;
@@ -120,21 +120,21 @@ gsgi_result gsgi__camera_of_view(const gsgi_view* view, const gsgi_light_options
 
 /* ---- cull.c ---- */
 
-/* What culling needs of a level, and what it found. */
+/* Whether a ball, centre and radius in m, reaches into the pyramid of the view. One of the radius NaN does not. */
+bool gsgi__in_view(const gsgi__camera* camera, const float ball[4]);
+
+/* What culling needs of the Gaussians of the `over` operator, and what it found. */
 typedef struct gsgi__culled {
     uint32_t count, visible;
     float *x, *y, *z, *radius; /* m; beyond the radius a Gaussian has no weight. All in one block, which x begins. */
     uint32_t* index;           /* the visible ones */
-    uint32_t *keys, *sorted_index, *sorted_keys; /* `over`: to sort */
+    uint32_t *keys, *sorted_index, *sorted_keys; /* to sort */
 } gsgi__culled;
 
-/* Of positions that are moved by `shift`, m. Returns false if there is no memory. */
+/* Returns false if there is no memory. */
 bool gsgi__culled_create(gsgi__culled* culled, const gsgi_callbacks* callbacks, const gsgi__level* level,
-                         const gsgi_info* info, const double shift[3]);
+                         const gsgi_info* info);
 void gsgi__culled_destroy(gsgi__culled* culled, const gsgi_callbacks* callbacks);
-
-/* Spheres that reach into the pyramid of the view, by ascending index. */
-void gsgi__cull_pyramid(gsgi__culled* culled, const gsgi__camera* camera);
 
 /* Gaussians that may be visible in the image, farthest first; at equal depth the earlier one is in front. */
 void gsgi__cull_and_sort(gsgi__culled* culled, const gsgi__camera* camera, const gsgi_info* info);

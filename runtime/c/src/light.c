@@ -1,5 +1,6 @@
 /* Lights: what is made once, and the frame's calls. */
 #include "light.h"
+#include "lookup.h"
 #include "shaders.h"
 #include "world.h"
 
@@ -33,7 +34,7 @@ static gsgi_result create_on_gpu(gsgi_light* light, const gsgi_bake* bake) {
     char defines[64];
     gsgi_result result = GSGI_OK;
     if (bake) {
-        result = gsgi__part_create(light, bake, light->relief, &light->parts[0]);
+        result = gsgi__part_create(light, bake, &light->parts[0]);
         if (!result) light->part_count = 1;
     }
     if (!result && light->info.blend == GSGI_SURFACE) result = gsgi__surface_create(light);
@@ -88,9 +89,12 @@ gsgi_result gsgi_light_create(gsgi_context* context, const gsgi_bake* bake, cons
     if (!bake || !out) return gsgi__fail(callbacks, GSGI_INVALID_ARGUMENT, "bake, light: must not be NULL");
     gsgi_result result = create_empty(context, given, &light);
     if (result) return result;
+    if (bake->info.blend == GSGI_OVER && !context->gl.float_blend) {
+        gsgi_light_destroy(light);
+        return gsgi__fail(callbacks, GSGI_UNSUPPORTED, "context: GL_EXT_float_blend is needed by the operator over");
+    }
     light->info = bake->info;
     light->relief = light->options.relief && bake->info.relief;
-    light->coarse = bake->info.gaussian_count[GSGI_COARSE] > 0;
     memcpy(light->origin, bake->origin, sizeof light->origin);
     light->crc = bake->crc;
     if (!(light->parts = gsgi__allocate(callbacks, sizeof *light->parts))) {
@@ -108,7 +112,7 @@ gsgi_result gsgi_light_create_world(gsgi_context* context, const gsgi_world* wor
     if (result) return result;
     light->info.blend = GSGI_SURFACE;
     light->relief = light->options.relief && world->effects & GSGI_EFFECT_NORMAL_MAP;
-    light->coarse = light->sectors = true;
+    light->sectors = true;
     light->margin = world->margin;
     gsgi__world_origin(world, light->origin);
     return complete(light, NULL, out);
@@ -118,8 +122,7 @@ void gsgi_light_destroy(gsgi_light* light) {
     if (!light) return;
     const gsgi_context* context = light->context;
     const gsgi__gl* gl = &context->gl;
-    const gsgi__program* passes[] = {&light->points, &light->gap,     &light->fill,
-                                     &light->smooth, &light->resolve, &light->add_light};
+    const gsgi__program* passes[] = {&light->points, &light->smooth, &light->resolve, &light->add_light};
     gsgi__targets_release(light);
     for (uint32_t i = 0; i < light->part_count; ++i) gsgi__part_destroy(context, light->parts[i]);
     if (!context->lost) {
@@ -163,14 +166,11 @@ gsgi_result gsgi_light_recolour(gsgi_light* light, const gsgi_bake* bake) {
     if (!bake || light->sectors || bake->crc != light->crc ||
         bake->info.gaussian_count[0] != light->info.gaussian_count[0])
         return gsgi__fail(&context->callbacks, GSGI_INVALID_ARGUMENT, "bake: not the one that the light was made of");
+    const gsgi__part* part = light->parts[0];
+    if (!part->lookup) return GSGI_OK; /* without groups light never changes */
+    gsgi__lookup_recolour(part->lookup, bake);
     gsgi__state_begin(gl, context->state, &host);
-    for (int l = 0; l < 2; ++l) {
-        const gsgi__level* level = &bake->levels[l];
-        const gsgi__gaussians* to = &light->parts[0]->levels[l];
-        if (level->count > 0) gsgi__write_rows(gl, to->sh, level->sh.rows, level->sh.texels);
-        if (to->slope) gsgi__write_rows(gl, to->slope, level->slope.rows, level->slope.texels);
-        if (to->relief) gsgi__write_rows(gl, to->relief, level->relief.rows, level->relief.texels);
-    }
+    gsgi__write_rows(gl, part->tables[0], part->lookup->info.gaussian_rows, part->lookup->gaussians);
     gsgi__state_end(gl, context->state, &host);
     return GSGI_OK;
 }
@@ -260,7 +260,7 @@ gsgi_result gsgi_light_stats(const gsgi_light* light, gsgi_stats* stats) {
     gsgi_stats found = {.struct_size = sizeof found, .target_bytes = light->targets.bytes};
     for (uint32_t i = 0; i < light->part_count; ++i) {
         const gsgi__part* part = light->parts[i];
-        for (int l = 0; l < 2; ++l) found.drawn[l] += part->culled[l].visible;
+        for (int l = 0; l < 2; ++l) found.drawn[l] += part->in_view ? part->drawn[l] : 0;
         found.gaussian_bytes += part->bytes;
     }
     return gsgi__write_struct(&found, sizeof found, stats);
@@ -272,7 +272,6 @@ gsgi_result gsgi_light_reset(gsgi_light* light) {
     gsgi__targets_release(light);
     memset(&light->checked, 0, sizeof light->checked);
     light->has_view = light->has_drawn = false;
-    for (uint32_t i = 0; i < light->part_count; ++i)
-        for (int l = 0; l < 2; ++l) light->parts[i]->culled[l].visible = 0;
+    for (uint32_t i = 0; i < light->part_count; ++i) light->parts[i]->in_view = false;
     return GSGI_OK;
 }

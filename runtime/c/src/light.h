@@ -4,7 +4,7 @@
 
 #include "gl.h"
 
-#define GSGI_KINDS 24 /* of levels: by SH degree, slope and relief, fine or coarse */
+#define GSGI_KINDS 18 /* of look-ups: by the SH degrees of both levels, and relief */
 
 struct gsgi_context {
     gsgi_callbacks callbacks;
@@ -15,18 +15,18 @@ struct gsgi_context {
     GLuint triangle; /* vertex array without attributes */
 };
 
-/* The Gaussians of a level on the GPU, and the pass that draws them. */
-typedef struct gsgi__gaussians {
-    GLuint shape, sh, slope, relief, index, strips; /* data textures, instance buffer, vertex array */
-    const gsgi__program* program;                   /* of the light */
-} gsgi__gaussians;
-
 /* What a light has of one bake. */
 typedef struct gsgi__part {
-    gsgi__culled culled[2];
-    gsgi__gaussians levels[2];
-    size_t bytes; /* on the GPU */
+    const gsgi__program* program; /* of the light: the pass that draws or reads it */
+    size_t bytes;                 /* on the GPU */
     bool in_view;
+    uint32_t drawn[2]; /* Gaussians by level, where it is in view: `surface` reads any of them */
+    /* `over`: */
+    gsgi__culled culled;
+    GLuint shape, sh, index, strips; /* data textures, instance buffer, vertex array */
+    /* `surface`: */
+    GLuint tables[3];    /* textures of its look-up */
+    gsgi_lookup* lookup; /* what gsgi_light_recolour needs of it; NULL: the bake has no light groups */
     /* of a sector of a world: */
     uint32_t serial, class;
     float low[3], high[3], weight; /* its box for glsl/surface/sector.glsl, from the light's origin */
@@ -38,9 +38,9 @@ typedef struct gsgi__targets {
     int32_t width, height;           /* px, of the view; 0: none yet */
     int32_t read_width, read_height; /* px */
     size_t bytes;
-    GLuint position, plane, bend, fine, coarse, filled, indirect;
-    GLuint depth, rest; /* renderbuffers; `rest`, as large as the view: 0 where surface/smooth has all light */
-    GLuint points, gap, fine_sums, coarse_sums, filled_sums, resolved; /* framebuffers */
+    GLuint position, plane, bend, filled, indirect;
+    GLuint rest; /* a renderbuffer of depth, as large as the view: 0 where surface/smooth has all light */
+    GLuint points, filled_sums, resolved; /* framebuffers */
 } gsgi__targets;
 
 /* Names that passed the checks for this viewport; others are looked at. 0: none did. */
@@ -53,7 +53,6 @@ struct gsgi_light {
     gsgi_light_options options;
     gsgi_info info;
     bool relief; /* whether B follows normal maps */
-    bool coarse; /* whether there is a coarse level */
     double origin[3];
     uint32_t crc; /* of the file */
     gsgi__part** parts;
@@ -64,9 +63,9 @@ struct gsgi_light {
     GLuint table; /* what glsl/surface/points.frag reads of sectors */
     gsgi__camera camera;
     bool has_view, has_drawn;
-    gsgi__program programs[GSGI_KINDS]; /* that draw levels, one for each kind of them */
-    uint32_t kinds[GSGI_KINDS], program_count;
-    gsgi__program points, gap, fill, smooth, resolve, add_light;
+    gsgi__program programs[GSGI_KINDS];           /* of parts: `surface` has one for each kind of look-up */
+    uint32_t kinds[GSGI_KINDS][3], program_count; /* kinds: counts of the look-up */
+    gsgi__program points, smooth, resolve, add_light;
     gsgi__targets targets;
     gsgi__checked checked;
     int32_t viewport[4]; /* of the last cull */
@@ -95,8 +94,6 @@ void gsgi__bind_texture(const gsgi__gl* gl, GLuint unit, GLuint texture);
 void gsgi__use_sampler(const gsgi_context* context);
 /* A pass over all pixels of the framebuffer and viewport that are set. */
 void gsgi__draw_triangle(const gsgi_context* context, const gsgi__program* program);
-/* Upload which Gaussians of a level are visible, and draw a strip of `vertices` for each. */
-void gsgi__draw_gaussians(const gsgi_light* light, const gsgi__part* part, int level, GLsizei vertices);
 /* Texture of a target, or 0; its bytes are added to those of the light's targets. */
 GLuint gsgi__target_texture(gsgi_light* light, GLenum format, int32_t width, int32_t height);
 GLuint gsgi__target_depth(gsgi_light* light, int32_t width, int32_t height); /* a renderbuffer */
@@ -107,20 +104,21 @@ void gsgi__clear_color(const gsgi__gl* gl, GLuint framebuffer);
 
 /* ---- parts.c ---- */
 
-/* Upload a bake; the part is the caller's. `relief`: whether its B follows normal maps. */
-gsgi_result gsgi__part_create(gsgi_light* light, const gsgi_bake* bake, bool relief, gsgi__part** part);
+/* Upload a bake; the part is the caller's. */
+gsgi_result gsgi__part_create(gsgi_light* light, const gsgi_bake* bake, gsgi__part** part);
 void gsgi__part_destroy(const gsgi_context* context, gsgi__part* part);
 void gsgi__cull_parts(gsgi_light* light);
 
+/* ---- lookup_textures.c ---- */
+
+/* Make the textures of a look-up, which are the caller's. Changes unit 0. */
+gsgi_result gsgi__lookup_textures(const gsgi_context* context, const gsgi_lookup* lookup, GLuint textures[3]);
+
 /* ---- surface.c, over.c ---- */
 
-/* The program that draws a level of a bake, made when it is first asked for. */
-gsgi_result gsgi__surface_program(gsgi_light* light, const gsgi_info* info, int level, bool relief,
-                                  const gsgi__program** program);
+/* The program that reads a look-up, made when it is first asked for. */
+gsgi_result gsgi__surface_program(gsgi_light* light, const gsgi_lookup* lookup, const gsgi__program** program);
 gsgi_result gsgi__over_program(gsgi_light* light, const gsgi__program** program);
-
-/* Tell the passes of the blend of the light's file, or of its sectors. */
-void gsgi__surface_set_floor(const gsgi_light* light);
 
 /* The passes; the targets for the size of the view; a frame. */
 gsgi_result gsgi__surface_create(gsgi_light* light);

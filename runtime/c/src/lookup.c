@@ -1,5 +1,4 @@
-/* The tables of the look-up function that glsl/surface/lookup.glsl describes. They are those of
- * runtime/gl/indirect_lookup.py. */
+/* The tables that glsl/surface/lookup.glsl describes. They are those of runtime/lookup_tables.py. */
 #include "cell_lists.h"
 #include "lib/constants.glsl"
 #include "lookup.h"
@@ -20,12 +19,25 @@ static uint32_t rows_of(uint64_t texels) {
     return rows > 0 ? (uint32_t)rows : 1;
 }
 
+/* A level as the look-up reads it. */
+static gsgi__level level_of(const gsgi_lookup* lookup, const gsgi_bake* bake, int l) {
+    gsgi__level level = bake->levels[l];
+    if (lookup->counts[2] == 0) memset(&level.relief, 0, sizeof level.relief);
+    return level;
+}
+
 static uint32_t sh_count_of(const gsgi__level* level) { return (level->sh_degree + 1) * (level->sh_degree + 1); }
 
 static uint32_t relief_count_of(const gsgi__level* level) { return level->relief.floats / 4; }
 
 /* Texels of a Gaussian. */
 static uint32_t texel_count_of(const gsgi__level* level) { return 3 + sh_count_of(level) + relief_count_of(level); }
+
+size_t gsgi__lookup_least_bytes(const gsgi_bake* bake) {
+    uint64_t texels = HEADER_TEXELS;
+    for (int l = 0; l < 2; ++l) texels += (uint64_t)bake->levels[l].count * (3 + sh_count_of(&bake->levels[l]));
+    return (size_t)rows_of(texels) * GSGI_DATA_WIDTH * 16;
+}
 
 /* The light of a Gaussian in its texels: SH coefficients; slopes in the corners; relief. */
 static void write_light(const gsgi__level* level, uint32_t i, float* to) {
@@ -105,6 +117,10 @@ static uint64_t write_lists(gsgi_lookup* lookup, const gsgi__cell_lists* from, u
     return place;
 }
 
+static gsgi_result no_memory(const gsgi_callbacks* callbacks) {
+    return gsgi__fail(callbacks, GSGI_OUT_OF_MEMORY, "lookup: no memory");
+}
+
 static bool allocate(gsgi_lookup* lookup, uint64_t texels, uint64_t nodes, uint64_t places) {
     gsgi_lookup_info* info = &lookup->info;
     info->gaussian_rows = rows_of(texels);
@@ -123,12 +139,13 @@ static bool allocate(gsgi_lookup* lookup, uint64_t texels, uint64_t nodes, uint6
     return true;
 }
 
-static gsgi_result fill(gsgi_lookup* lookup, const gsgi_bake* bake, const gsgi__cell_lists lists[2]) {
+static gsgi_result fill(gsgi_lookup* lookup, const gsgi_bake* bake, const double origin[3],
+                        const gsgi__cell_lists lists[2]) {
+    const gsgi__level levels[2] = {level_of(lookup, bake, GSGI_FINE), level_of(lookup, bake, GSGI_COARSE)};
     uint64_t texels = HEADER_TEXELS, nodes = 0, place = 1; /* no list begins at 0 */
     uint32_t most = 0;
     for (int l = 0; l < 2; ++l) {
-        const gsgi__level* level = &bake->levels[l];
-        texels += (uint64_t)level->count * texel_count_of(level);
+        texels += (uint64_t)levels[l].count * texel_count_of(&levels[l]);
         nodes += lists[l].nodes;
         for (uint32_t i = 0; i < lists[l].nodes; ++i) {
             const uint32_t count = count_of(&lists[l], i);
@@ -140,17 +157,16 @@ static gsgi_result fill(gsgi_lookup* lookup, const gsgi_bake* bake, const gsgi__
             if (lists[l].entry[k] > most) most = lists[l].entry[k];
     }
     if (texels > EXACT || nodes > EXACT || place > INT32_MAX)
-        return gsgi__fail(&bake->callbacks, GSGI_UNSUPPORTED, "bake: too many Gaussians for a look-up");
+        return gsgi__fail(&lookup->callbacks, GSGI_UNSUPPORTED, "bake: too many Gaussians for a look-up");
     lookup->info.list_bits = most <= SHORT_MAX ? 16 : 32;
-    if (!allocate(lookup, texels, nodes, place))
-        return gsgi__fail(&bake->callbacks, GSGI_OUT_OF_MEMORY, "lookup: no memory");
+    if (!allocate(lookup, texels, nodes, place)) return no_memory(&lookup->callbacks);
 
     float* header = lookup->gaussians;
     texels = HEADER_TEXELS;
     nodes = 0;
     place = 1;
     for (int l = 0; l < 2; ++l) {
-        const gsgi__level* level = &bake->levels[l];
+        const gsgi__level* level = &levels[l];
         const uint32_t sharpness = l == GSGI_FINE ? bake->info.sharpness : 0;
         const float rows[12] = {lists[l].low[0],
                                 lists[l].low[1],
@@ -171,46 +187,29 @@ static gsgi_result fill(gsgi_lookup* lookup, const gsgi_bake* bake, const gsgi__
         texels += (uint64_t)level->count * texel_count_of(level);
         nodes += lists[l].nodes;
     }
-    for (int k = 0; k < 3; ++k) header[24 + k] = (float)bake->origin[k];
+    for (int k = 0; k < 3; ++k) header[24 + k] = (float)(bake->origin[k] - origin[k]);
     header[27] = bake->info.cutoff;
     header[28] = bake->info.weight_floor;
     return GSGI_OK;
 }
 
-/* The function, behind the numbers of SH coefficients of both levels and of texels with relief. */
-static bool write_source(gsgi_lookup* lookup, const gsgi_bake* bake) {
-    char defines[128];
-    const gsgi__level* levels = bake->levels;
-    const int length = snprintf(
-        defines, sizeof defines, "#define FINE_SH_COUNT %u\n#define COARSE_SH_COUNT %u\n#define RELIEF_COUNT %u\n",
-        sh_count_of(&levels[GSGI_FINE]), sh_count_of(&levels[GSGI_COARSE]), relief_count_of(&levels[GSGI_FINE]));
-    const size_t rest = strlen(gsgi__shader_surface_gsgi_indirect_glsl);
-    if (!(lookup->source = gsgi__allocate(&lookup->callbacks, (size_t)length + rest + 1))) return false;
-    memcpy(lookup->source, defines, (size_t)length);
-    memcpy(lookup->source + length, gsgi__shader_surface_gsgi_indirect_glsl, rest + 1);
-    return true;
-}
-
-gsgi_result gsgi_lookup_open(const gsgi_bake* bake, gsgi_lookup** out) {
-    if (!bake || !out) return GSGI_INVALID_ARGUMENT;
-    const gsgi_callbacks* callbacks = &bake->callbacks;
+gsgi_result gsgi__lookup_create(const gsgi_callbacks* callbacks, const gsgi_bake* bake, const double origin[3],
+                                bool relief, gsgi_lookup** out) {
     gsgi__cell_lists lists[2] = {{.nodes = 0}, {.nodes = 0}};
     gsgi_result result = GSGI_OK;
-    *out = NULL;
-    if (bake->info.blend != GSGI_SURFACE)
-        return gsgi__fail(callbacks, GSGI_UNSUPPORTED, "bake: a look-up needs a file of the `surface` operator");
     gsgi_lookup* lookup = gsgi__allocate(callbacks, sizeof *lookup);
-    if (!lookup) return gsgi__fail(callbacks, GSGI_OUT_OF_MEMORY, "lookup: no memory");
+    if (!lookup) return no_memory(callbacks);
     memset(lookup, 0, sizeof *lookup);
     lookup->callbacks = *callbacks;
     lookup->crc = bake->crc;
+    for (int l = 0; l < 2; ++l) lookup->counts[l] = sh_count_of(&bake->levels[l]);
+    lookup->counts[2] = relief ? relief_count_of(&bake->levels[GSGI_FINE]) : 0;
     const double radius = sqrt(-2.0 * log((double)bake->info.cutoff));
     for (int l = 0; l < 2 && !result; ++l)
         if (!gsgi__cell_lists_create(&lists[l], callbacks, &bake->levels[l], radius,
                                      l == GSGI_FINE ? 1 : GSGI_COARSE_PRICE))
-            result = gsgi__fail(callbacks, GSGI_OUT_OF_MEMORY, "lookup: no memory");
-    if (!result && !write_source(lookup, bake)) result = gsgi__fail(callbacks, GSGI_OUT_OF_MEMORY, "lookup: no memory");
-    if (!result) result = fill(lookup, bake, lists);
+            result = no_memory(callbacks);
+    if (!result) result = fill(lookup, bake, origin, lists);
     for (int l = 0; l < 2; ++l) gsgi__cell_lists_destroy(&lists[l], callbacks);
     if (result)
         gsgi_lookup_close(lookup);
@@ -219,15 +218,59 @@ gsgi_result gsgi_lookup_open(const gsgi_bake* bake, gsgi_lookup** out) {
     return result;
 }
 
+void gsgi__lookup_defines(const gsgi_lookup* lookup, char defines[GSGI_LOOKUP_DEFINES]) {
+    snprintf(defines, GSGI_LOOKUP_DEFINES,
+             "#define FINE_SH_COUNT %u\n#define COARSE_SH_COUNT %u\n#define RELIEF_COUNT %u\n", lookup->counts[0],
+             lookup->counts[1], lookup->counts[2]);
+}
+
+/* The function, behind its defines. */
+static bool write_source(gsgi_lookup* lookup) {
+    char defines[GSGI_LOOKUP_DEFINES];
+    gsgi__lookup_defines(lookup, defines);
+    const size_t length = strlen(defines), rest = strlen(gsgi__shader_surface_gsgi_indirect_glsl);
+    if (!(lookup->source = gsgi__allocate(&lookup->callbacks, length + rest + 1))) return false;
+    memcpy(lookup->source, defines, length);
+    memcpy(lookup->source + length, gsgi__shader_surface_gsgi_indirect_glsl, rest + 1);
+    return true;
+}
+
+gsgi_result gsgi_lookup_open(const gsgi_bake* bake, gsgi_lookup** out) {
+    static const double origin[3] = {0.0, 0.0, 0.0};
+    if (!bake || !out) return GSGI_INVALID_ARGUMENT;
+    *out = NULL;
+    if (bake->info.blend != GSGI_SURFACE)
+        return gsgi__fail(&bake->callbacks, GSGI_UNSUPPORTED, "bake: a look-up needs a file of the `surface` operator");
+    gsgi_lookup* lookup;
+    gsgi_result result = gsgi__lookup_create(&bake->callbacks, bake, origin, true, &lookup);
+    if (result) return result;
+    if (!write_source(lookup)) {
+        gsgi_lookup_close(lookup);
+        return no_memory(&bake->callbacks);
+    }
+    *out = lookup;
+    return GSGI_OK;
+}
+
+void gsgi__lookup_keep_gaussians(gsgi_lookup* lookup) {
+    gsgi__release(&lookup->callbacks, lookup->cells);
+    gsgi__release(&lookup->callbacks, lookup->lists);
+    lookup->cells = lookup->lists = NULL;
+}
+
+void gsgi__lookup_recolour(gsgi_lookup* lookup, const gsgi_bake* bake) {
+    float* to = lookup->gaussians + 4 * HEADER_TEXELS;
+    for (int l = 0; l < 2; ++l) {
+        const gsgi__level level = level_of(lookup, bake, l);
+        for (uint32_t i = 0; i < level.count; ++i, to += 4 * texel_count_of(&level)) write_light(&level, i, to);
+    }
+}
+
 gsgi_result gsgi_lookup_recolour(gsgi_lookup* lookup, const gsgi_bake* bake) {
     if (!lookup || !bake) return GSGI_INVALID_ARGUMENT;
     if (bake->crc != lookup->crc)
         return gsgi__fail(&bake->callbacks, GSGI_INVALID_ARGUMENT, "bake: not the one that the look-up was made of");
-    float* to = lookup->gaussians + 4 * HEADER_TEXELS;
-    for (int l = 0; l < 2; ++l) {
-        const gsgi__level* level = &bake->levels[l];
-        for (uint32_t i = 0; i < level->count; ++i, to += 4 * texel_count_of(level)) write_light(level, i, to);
-    }
+    gsgi__lookup_recolour(lookup, bake);
     return GSGI_OK;
 }
 

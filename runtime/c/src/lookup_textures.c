@@ -2,21 +2,16 @@
 #include "light.h"
 #include "lookup.h"
 
-gsgi_result gsgi_lookup_upload(gsgi_context* context, const gsgi_lookup* lookup, uint32_t textures[3]) {
-    gsgi__state host;
-    gsgi_result result = context ? gsgi__check_context(context) : GSGI_INVALID_ARGUMENT;
-    if (result) return result;
-    if (!lookup || !textures)
-        return gsgi__fail(&context->callbacks, GSGI_INVALID_ARGUMENT, "lookup, textures: must not be NULL");
+#include <string.h>
+
+gsgi_result gsgi__lookup_textures(const gsgi_context* context, const gsgi_lookup* lookup, GLuint textures[3]) {
     const gsgi__gl* gl = &context->gl;
     const gsgi_lookup_info* info = &lookup->info;
     const bool narrow = info->list_bits == 16;
     const uint32_t most = (uint32_t)gl->texture_size_max;
     if (info->gaussian_rows > most || info->cell_rows > most || info->list_rows > most)
         return gsgi__fail(&context->callbacks, GSGI_UNSUPPORTED,
-                          "lookup: it has more texels than this driver's textures hold");
-    gsgi__drain_errors(context);
-    gsgi__state_begin(gl, context->state, &host);
+                          "bake: its look-up has more texels than this driver's textures hold");
     const gsgi__format formats[3] = {
         {GL_RGBA32F, GL_RGBA, GL_FLOAT},
         {GL_R32UI, GL_RED_INTEGER, GL_UNSIGNED_INT},
@@ -25,11 +20,22 @@ gsgi_result gsgi_lookup_upload(gsgi_context* context, const gsgi_lookup* lookup,
     const uint32_t rows[3] = {info->gaussian_rows, info->cell_rows, info->list_rows};
     for (int t = 0; t < 3; ++t)
         textures[t] = gsgi__texture_of(gl, formats[t], GSGI_DATA_WIDTH, (int32_t)rows[t], texels[t]);
-    result = gsgi__check_memory(context);
-    if (result) {
-        gl->DeleteTextures(3, textures);
-        textures[0] = textures[1] = textures[2] = 0;
-    }
+    return GSGI_OK;
+}
+
+gsgi_result gsgi_lookup_upload(gsgi_context* context, const gsgi_lookup* lookup, uint32_t textures[3]) {
+    gsgi__state host;
+    gsgi_result result = context ? gsgi__check_context(context) : GSGI_INVALID_ARGUMENT;
+    if (result) return result;
+    if (!lookup || !textures)
+        return gsgi__fail(&context->callbacks, GSGI_INVALID_ARGUMENT, "lookup, textures: must not be NULL");
+    const gsgi__gl* gl = &context->gl;
+    GLuint made[3] = {0, 0, 0};
+    gsgi__drain_errors(context);
+    gsgi__state_begin(gl, context->state, &host);
+    result = gsgi__lookup_textures(context, lookup, made);
+    if (!result && (result = gsgi__check_memory(context))) gl->DeleteTextures(3, made);
+    if (!result) memcpy(textures, made, sizeof made);
     gsgi__state_end(gl, context->state, &host);
     return result;
 }

@@ -38,9 +38,10 @@ void gsgi__over_draw(const gsgi_light* light) {
     const gsgi__gl* gl = &context->gl;
     const gsgi__camera* c = &light->camera;
     const gsgi__part* part = light->parts[0];
-    const gsgi__program* program = part->levels[GSGI_FINE].program;
+    const gsgi__culled* culled = &part->culled;
+    const gsgi__program* program = part->program;
     gsgi__clear_color(gl, light->targets.resolved);
-    if (part->culled[GSGI_FINE].visible == 0) return;
+    if (culled->visible == 0) return;
     gsgi__blend(gl, true, GL_ONE, GL_ONE_MINUS_SRC_ALPHA);
     gsgi__viewport(gl, 0, 0, c->width, c->height);
     gsgi__use_sampler(context);
@@ -51,5 +52,11 @@ void gsgi__over_draw(const gsgi_light* light) {
     gl->Uniform2f(program->at[U_FOCAL], (float)c->fx, (float)c->fy);
     gl->Uniform2f(program->at[U_CENTRE], (float)c->cx, (float)c->cy);
     gl->Uniform2f(program->at[U_SIZE], (float)c->width, (float)c->height);
-    gsgi__draw_gaussians(light, part, GSGI_FINE, QUAD_CORNERS);
+    gsgi__bind_texture(gl, 0, part->shape);
+    gsgi__bind_texture(gl, 1, part->sh);
+    gl->BindBuffer(GL_ARRAY_BUFFER, part->index);
+    gl->BufferData(GL_ARRAY_BUFFER, (GLsizeiptr)(culled->count * sizeof *culled->index), NULL, GL_STREAM_DRAW);
+    gl->BufferSubData(GL_ARRAY_BUFFER, 0, (GLsizeiptr)(culled->visible * sizeof *culled->index), culled->index);
+    gl->BindVertexArray(part->strips);
+    gl->DrawArraysInstanced(GL_TRIANGLE_STRIP, 0, QUAD_CORNERS, (GLsizei)culled->visible);
 }

@@ -1,78 +1,70 @@
 /* What a light has of its bakes: one, or the sectors of a world that are in memory. */
 #include "light.h"
+#include "lookup.h"
 #include "world.h"
 
 #include <math.h>
 #include <string.h>
 
-/* The texels of positions that are moved by `shift`, m, which are the caller's to release; those of the level if that
- * is 0. NULL: no memory. */
-static float* moved(const gsgi_callbacks* callbacks, const gsgi__level* level, const double shift[3]) {
-    if (shift[0] == 0.0 && shift[1] == 0.0 && shift[2] == 0.0) return level->shape.texels;
-    const size_t bytes = gsgi__texel_bytes(&level->shape);
-    float* shape = gsgi__allocate(callbacks, bytes);
-    if (!shape) return NULL;
-    memcpy(shape, level->shape.texels, bytes);
-    for (size_t i = 0; i < level->count; ++i)
-        for (int k = 0; k < 3; ++k) {
-            float* at = shape + i * GSGI_SHAPE_FLOATS + k;
-            *at = (float)(*at + shift[k]);
-        }
-    return shape;
-}
-
-/* Data textures, instance buffer and vertex array of a level. */
-static gsgi_result upload(const gsgi_light* light, const gsgi__level* level, bool relief, const double shift[3],
-                          gsgi__gaussians* to) {
+/* Data textures, instance buffer and vertex array of a bake of the `over` operator. */
+static gsgi_result upload_gaussians(gsgi_light* light, const gsgi_bake* bake, gsgi__part* part) {
     const gsgi_context* context = light->context;
     const gsgi__gl* gl = &context->gl;
-    const gsgi__texels none = {NULL, 0, 0};
-    const gsgi__texels* texels[] = {&level->shape, &level->sh, &level->slope, relief ? &level->relief : &none};
+    const gsgi__level* level = &bake->levels[GSGI_FINE];
+    const gsgi__texels* texels[] = {&level->shape, &level->sh};
     const gsgi__format floats = {GL_RGBA32F, GL_RGBA, GL_FLOAT};
-    GLuint* textures[] = {&to->shape, &to->sh, &to->slope, &to->relief};
-    for (int t = 0; t < 4; ++t)
+    GLuint* textures[] = {&part->shape, &part->sh};
+    if (!gsgi__culled_create(&part->culled, &context->callbacks, level, &bake->info))
+        return gsgi__fail(&context->callbacks, GSGI_OUT_OF_MEMORY, "light: no memory");
+    part->bytes = bake->info.light_bytes;
+    if (level->count == 0) return GSGI_OK;
+    for (int t = 0; t < 2; ++t)
         if (texels[t]->rows > (uint32_t)gl->texture_size_max)
             return gsgi__fail(&context->callbacks, GSGI_UNSUPPORTED,
                               "bake: %u Gaussians are more than this driver's textures hold", level->count);
-    float* shape = moved(&context->callbacks, level, shift);
-    if (!shape) return gsgi__fail(&context->callbacks, GSGI_OUT_OF_MEMORY, "light: no memory");
-    for (int t = 0; t < 4; ++t)
-        if (texels[t]->rows > 0)
-            *textures[t] =
-                gsgi__texture_of(gl, floats, GSGI_DATA_WIDTH, (int32_t)texels[t]->rows, t ? texels[t]->texels : shape);
-    if (shape != level->shape.texels) gsgi__release(&context->callbacks, shape);
-    gl->GenBuffers(1, &to->index);
-    gl->GenVertexArrays(1, &to->strips);
-    gl->BindVertexArray(to->strips);
-    gl->BindBuffer(GL_ARRAY_BUFFER, to->index);
+    for (int t = 0; t < 2; ++t)
+        *textures[t] = gsgi__texture_of(gl, floats, GSGI_DATA_WIDTH, (int32_t)texels[t]->rows, texels[t]->texels);
+    gl->GenBuffers(1, &part->index);
+    gl->GenVertexArrays(1, &part->strips);
+    gl->BindVertexArray(part->strips);
+    gl->BindBuffer(GL_ARRAY_BUFFER, part->index);
     gl->EnableVertexAttribArray(0);
     gl->VertexAttribIPointer(0, 1, GL_UNSIGNED_INT, 0, NULL);
     gl->VertexAttribDivisor(0, 1);
-    return GSGI_OK;
+    return gsgi__over_program(light, &part->program);
 }
 
-gsgi_result gsgi__part_create(gsgi_light* light, const gsgi_bake* bake, bool relief, gsgi__part** out) {
+/* The textures of a look-up. */
+static gsgi_result upload_lookup(gsgi_light* light, const gsgi_lookup* lookup, gsgi__part* part) {
+    const gsgi_result result = gsgi__lookup_textures(light->context, lookup, part->tables);
+    part->bytes = lookup->info.bytes;
+    return result ? result : gsgi__surface_program(light, lookup, &part->program);
+}
+
+/* The same, of a bake that has none yet; its texels are kept where they can be recoloured. */
+static gsgi_result upload_new_lookup(gsgi_light* light, const gsgi_bake* bake, gsgi__part* part) {
+    gsgi_lookup* lookup;
+    gsgi_result result = gsgi__lookup_create(&light->context->callbacks, bake, light->origin, light->relief, &lookup);
+    if (result) return result;
+    result = upload_lookup(light, lookup, part);
+    if (bake->info.group_count > 0) {
+        gsgi__lookup_keep_gaussians(lookup);
+        part->lookup = lookup;
+    } else {
+        gsgi_lookup_close(lookup);
+    }
+    return result;
+}
+
+gsgi_result gsgi__part_create(gsgi_light* light, const gsgi_bake* bake, gsgi__part** out) {
     const gsgi_callbacks* callbacks = &light->context->callbacks;
-    gsgi_result result = GSGI_OK;
-    double shift[3];
     gsgi__part* part = gsgi__allocate(callbacks, sizeof *part);
     if (!part) return gsgi__fail(callbacks, GSGI_OUT_OF_MEMORY, "light: no memory");
     memset(part, 0, sizeof *part);
-    part->bytes = bake->info.light_bytes + (relief ? gsgi__texel_bytes(&bake->levels[GSGI_FINE].relief) : 0);
-    for (int k = 0; k < 3; ++k) shift[k] = bake->origin[k] - light->origin[k];
-    for (int l = 0; l < 2 && !result; ++l) {
-        const gsgi__level* level = &bake->levels[l];
-        gsgi__gaussians* to = &part->levels[l];
-        if (!gsgi__culled_create(&part->culled[l], callbacks, level, &bake->info, shift))
-            result = gsgi__fail(callbacks, GSGI_OUT_OF_MEMORY, "light: no memory");
-        if (result || level->count == 0) continue;
-        if ((result = upload(light, level, relief, shift, to))) continue;
-        if (light->info.blend == GSGI_OVER)
-            result = gsgi__over_program(light, &to->program);
-        else /* a coarse level has the light of all normals, so it needs the bent ones of all parts */
-            result =
-                gsgi__surface_program(light, &bake->info, l, l == GSGI_FINE ? relief : light->relief, &to->program);
-    }
+    memcpy(part->drawn, bake->info.gaussian_count, sizeof part->drawn);
+    const gsgi_result result = light->info.blend == GSGI_OVER ? upload_gaussians(light, bake, part)
+                               : light->sectors               ? upload_lookup(light, bake->lookup, part)
+                                                              : upload_new_lookup(light, bake, part);
     if (result)
         gsgi__part_destroy(light->context, part);
     else
@@ -83,57 +75,45 @@ gsgi_result gsgi__part_create(gsgi_light* light, const gsgi_bake* bake, bool rel
 void gsgi__part_destroy(const gsgi_context* context, gsgi__part* part) {
     const gsgi__gl* gl = &context->gl;
     if (!part) return;
-    for (int l = 0; l < 2; ++l) {
-        const gsgi__gaussians* level = &part->levels[l];
-        const GLuint textures[] = {level->shape, level->sh, level->slope, level->relief};
-        if (!context->lost) {
-            gl->DeleteTextures(4, textures);
-            gl->DeleteBuffers(1, &level->index);
-            gl->DeleteVertexArrays(1, &level->strips);
-        }
-        gsgi__culled_destroy(&part->culled[l], &context->callbacks);
+    if (!context->lost) {
+        gl->DeleteTextures(2, (GLuint[2]){part->shape, part->sh}); /* 0 is ignored */
+        gl->DeleteBuffers(1, &part->index);
+        gl->DeleteVertexArrays(1, &part->strips);
+        gl->DeleteTextures(3, part->tables);
     }
+    gsgi__culled_destroy(&part->culled, &context->callbacks);
+    gsgi_lookup_close(part->lookup);
     gsgi__release(&context->callbacks, part);
 }
 
 void gsgi__cull_parts(gsgi_light* light) {
     for (uint32_t i = 0; i < light->part_count; ++i) {
         gsgi__part* part = light->parts[i];
-        part->in_view = true;
-        if (light->sectors) {
-            float* b = part->ball;
-            uint32_t index;
-            gsgi__culled ball = {.count = 1, .x = &b[0], .y = &b[1], .z = &b[2], .radius = &b[3], .index = &index};
-            gsgi__cull_pyramid(&ball, &light->camera);
-            part->in_view = ball.visible && part->weight > 0.0f;
-        }
-        for (int l = 0; l < 2; ++l)
-            if (!part->in_view)
-                part->culled[l].visible = 0;
-            else if (light->info.blend == GSGI_SURFACE)
-                gsgi__cull_pyramid(&part->culled[l], &light->camera);
-            else
-                gsgi__cull_and_sort(&part->culled[l], &light->camera, &light->info);
+        part->in_view = !light->sectors || (part->weight > 0.0f && gsgi__in_view(&light->camera, part->ball));
+        if (light->info.blend == GSGI_SURFACE) continue;
+        gsgi__cull_and_sort(&part->culled, &light->camera, &light->info);
+        part->drawn[GSGI_FINE] = part->culled.visible;
     }
 }
 
 /* ---- Sectors ---- */
 
 /* A ball around all that a sector lights: its Gaussians, cut by its box. The radius is NaN of nothing. */
-static void find_ball(gsgi__part* part, float margin) {
-    float low[3], high[3], squares = 0.0f;
+static void find_ball(const gsgi_light* light, const gsgi_bake* bake, gsgi__part* part) {
+    const float margin = (float)light->margin;
+    float low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY}, squares = 0.0f;
     bool any = true;
-    for (int k = 0; k < 3; ++k) {
-        low[k] = INFINITY;
-        high[k] = -INFINITY;
-        for (int l = 0; l < 2; ++l) {
-            const gsgi__culled* culled = &part->culled[l];
-            const float* centers = k == 0 ? culled->x : k == 1 ? culled->y : culled->z;
-            for (uint32_t i = 0; i < culled->count; ++i) {
-                low[k] = fminf(low[k], centers[i] - culled->radius[i]);
-                high[k] = fmaxf(high[k], centers[i] + culled->radius[i]);
+    for (int l = 0; l < 2; ++l)
+        for (size_t i = 0; i < bake->levels[l].count; ++i) {
+            const float *shape = bake->levels[l].shape.texels + i * GSGI_SHAPE_FLOATS, *scale = shape + 8;
+            const float reach = bake->info.radius * fmaxf(scale[0], fmaxf(scale[1], scale[2]));
+            for (int k = 0; k < 3; ++k) {
+                const float center = (float)(shape[k] + (bake->origin[k] - light->origin[k]));
+                low[k] = fminf(low[k], center - reach);
+                high[k] = fmaxf(high[k], center + reach);
             }
         }
+    for (int k = 0; k < 3; ++k) {
         low[k] = fmaxf(low[k], part->low[k] - margin);
         high[k] = fminf(high[k], part->high[k] + margin);
         any = any && low[k] <= high[k];
@@ -144,8 +124,7 @@ static void find_ball(gsgi__part* part, float margin) {
 }
 
 static gsgi_result create_sector(gsgi_light* light, const gsgi__sector* sector, gsgi__part** out) {
-    const bool relief = light->relief && sector->bake->info.relief;
-    gsgi_result result = gsgi__part_create(light, sector->bake, relief, out);
+    gsgi_result result = gsgi__part_create(light, sector->bake, out);
     if (result) return result;
     gsgi__part* part = *out;
     part->serial = sector->serial;
@@ -155,7 +134,7 @@ static gsgi_result create_sector(gsgi_light* light, const gsgi__sector* sector, 
         part->low[k] = (float)(low_ends ? sector->fade_low[k] - light->origin[k] : sector->fade_low[k]);
         part->high[k] = (float)(high_ends ? sector->fade_high[k] - light->origin[k] : sector->fade_high[k]);
     }
-    find_ball(part, (float)light->margin);
+    find_ball(light, sector->bake, part);
     return GSGI_OK;
 }
 
@@ -237,13 +216,6 @@ gsgi_result gsgi_light_follow(gsgi_light* light, const gsgi_world* world) {
         return gsgi__fail(&context->callbacks, GSGI_INVALID_ARGUMENT,
                           world ? "light: it was not made of a world" : "world: must not be NULL");
     gsgi__state_begin(&context->gl, context->state, &host);
-    if (light->info.radius == 0.0f && world->radius > 0.0f) {
-        light->info.radius = world->radius;
-        light->info.cutoff = world->cutoff;
-        light->info.sharpness = world->sharpness;
-        light->info.weight_floor = world->weight_floor;
-        gsgi__surface_set_floor(light);
-    }
     if (!is_followed(light, world)) {
         gsgi__drain_errors(context);
         result = replace_parts(light, world);

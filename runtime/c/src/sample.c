@@ -29,7 +29,7 @@ static void sh_basis(const float d[3], float basis[9]) {
     basis[8] = (float)SH_C2_2 * (xx - yy);
 }
 
-/* Add w c and w of Gaussian `i`, as glsl/surface/gaussians.frag does. `sharpness` 0: it faces every direction. */
+/* Add w c and w of Gaussian `i`, as glsl/surface/lookup.glsl does. `sharpness` 0: it faces every direction. */
 static void add_gaussian(const gsgi__level* level, const gsgi__kernel* kernel, size_t i, const gsgi_info* info,
                          uint32_t sharpness, const point* at, float sums[4]) {
     const float *n = at->n, *basis = at->basis;

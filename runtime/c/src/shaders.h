@@ -4,10 +4,7 @@
 
 extern const char gsgi__shader_lib_fullscreen_vert[];
 extern const char gsgi__shader_surface_points_frag[];
-extern const char gsgi__shader_surface_gaussians_vert[];
-extern const char gsgi__shader_surface_gaussians_frag[];
-extern const char gsgi__shader_surface_gap_frag[];
-extern const char gsgi__shader_surface_fill_frag[];
+extern const char gsgi__shader_surface_read_frag[];
 extern const char gsgi__shader_surface_smooth_frag[];
 extern const char gsgi__shader_surface_resolve_frag[];
 extern const char gsgi__shader_surface_add_light_frag[];

@@ -1,10 +1,11 @@
-/* The passes of the `surface` operator: Gaussians read at surface points, summed unsorted, divided once. */
+/* The passes of the `surface` operator: B read at surface points from lists of Gaussians by place, and upsampled. */
 #include "light.h"
+#include "lookup.h"
 #include "shaders.h"
 
 #include <stdio.h>
+#include <string.h>
 
-#define OUTLINE_CORNERS 8 /* vertices of a strip; OUTLINE_CORNERS of glsl/lib/ellipsoid.glsl */
 #define DEFINES_MAX 512
 
 static bool has_box(const gsgi_light_options* options) {
@@ -24,53 +25,31 @@ static gsgi_result create_pass(gsgi_light* light, const char* name, const char* 
 static void reading_defines(const gsgi_light* light, char defines[DEFINES_MAX]) {
     const gsgi_light_options* o = &light->options;
     snprintf(defines, DEFINES_MAX,
-             "#define SECTORS %d\n#define RELIEF %d\n#define SPLAT_SCALE %d\n#define BOX %d\n#define COARSE "
-             "%d\n#define DEPTH_BUFFER %d\n"
+             "#define SECTORS %d\n#define RELIEF %d\n#define SPLAT_SCALE %d\n#define BOX %d\n#define DEPTH_BUFFER %d\n"
              "#define NORMAL_OCTAHEDRAL %d\n#define NORMAL_OCTAHEDRAL_UNSIGNED %d\n#define NORMAL_UNSIGNED %d\n"
              "#define NORMAL_VIEW_SPACE %d\n",
-             light->sectors, light->relief, (int)o->splat_scale, has_box(o), light->coarse,
-             o->depth != GSGI_DEPTH_LINEAR, o->normal == GSGI_NORMAL_OCTAHEDRAL,
-             o->normal == GSGI_NORMAL_OCTAHEDRAL_UNSIGNED, o->normal == GSGI_NORMAL_UNSIGNED,
-             o->normal_space == GSGI_SPACE_VIEW);
+             light->sectors, light->relief, (int)o->splat_scale, has_box(o), o->depth != GSGI_DEPTH_LINEAR,
+             o->normal == GSGI_NORMAL_OCTAHEDRAL, o->normal == GSGI_NORMAL_OCTAHEDRAL_UNSIGNED,
+             o->normal == GSGI_NORMAL_UNSIGNED, o->normal_space == GSGI_SPACE_VIEW);
 }
 
-gsgi_result gsgi__surface_program(gsgi_light* light, const gsgi_info* info, int l, bool relief,
-                                  const gsgi__program** to) {
-    const gsgi_context* context = light->context;
-    const gsgi__gl* gl = &context->gl;
-    const uint32_t kind =
-        info->sh_degree[l] << 3 | (uint32_t)info->sloped[l] << 2 | (uint32_t)relief << 1 | (uint32_t)l;
-    char defines[DEFINES_MAX];
+gsgi_result gsgi__surface_program(gsgi_light* light, const gsgi_lookup* lookup, const gsgi__program** to) {
+    char counts[GSGI_LOOKUP_DEFINES], defines[DEFINES_MAX];
     for (uint32_t i = 0; i < light->program_count; ++i)
-        if (light->kinds[i] == kind) {
+        if (memcmp(light->kinds[i], lookup->counts, sizeof lookup->counts) == 0) {
             *to = &light->programs[i];
             return GSGI_OK;
         }
-    snprintf(defines, sizeof defines,
-             "#define SH_DEGREE %u\n#define NORMAL_POWER %u\n#define SLOPED %d\n"
-             "#define RELIEF %d\n#define SECTORS %d\n",
-             info->sh_degree[l], l == GSGI_FINE ? info->sharpness : 0u, info->sloped[l], relief, light->sectors);
+    gsgi__lookup_defines(lookup, counts);
+    snprintf(defines, sizeof defines, "#define SECTORS %d\n#define RELIEF %d\n#define SPLAT_SCALE %d\n%s",
+             light->sectors, light->relief, (int)light->options.splat_scale, counts);
     gsgi__program* program = &light->programs[light->program_count];
-    gsgi_result result =
-        gsgi__program_create(gl, &context->callbacks, "surface/gaussians", gsgi__shader_surface_gaussians_vert,
-                             gsgi__shader_surface_gaussians_frag, defines, program);
+    gsgi_result result = create_pass(light, "surface/read", gsgi__shader_surface_read_frag, defines, program);
     if (result) return result;
-    gsgi__set_float(gl, program, "radius", info->radius);
-    gsgi__set_float(gl, program, "cutoff", info->cutoff);
-    if (light->sectors) gsgi__set_float(gl, program, "sector_margin", light->margin);
-    light->kinds[light->program_count++] = kind;
+    if (light->sectors) gsgi__set_float(&light->context->gl, program, "sector_margin", light->margin);
+    memcpy(light->kinds[light->program_count++], lookup->counts, sizeof lookup->counts);
     *to = program;
     return GSGI_OK;
-}
-
-void gsgi__surface_set_floor(const gsgi_light* light) {
-    const gsgi__gl* gl = &light->context->gl;
-    const gsgi__program* passes[] = {&light->gap, &light->fill, &light->resolve};
-    for (int i = 0; i < 3; ++i)
-        if (passes[i]->name) {
-            gl->UseProgram(passes[i]->name);
-            gsgi__set_float(gl, passes[i], "weight_floor", light->info.weight_floor);
-        }
 }
 
 gsgi_result gsgi__surface_create(gsgi_light* light) {
@@ -90,23 +69,12 @@ gsgi_result gsgi__surface_create(gsgi_light* light) {
                           (float)(corners[i][2] - light->origin[2]));
     }
     if (light->sectors) gsgi__set_float(gl, &light->points, "sector_margin", light->margin);
-    if (light->coarse) {
-        result = create_pass(light, "surface/gap", gsgi__shader_surface_gap_frag, "", &light->gap);
-        if (result) return result;
-    }
-    if (o->splat_scale > 1) {
-        result = create_pass(light, "surface/fill", gsgi__shader_surface_fill_frag, defines, &light->fill);
-        if (result) return result;
-        result = create_pass(light, "surface/smooth", gsgi__shader_surface_smooth_frag, defines, &light->smooth);
-        if (result) return result;
-    }
-    result = create_pass(light, "surface/resolve", gsgi__shader_surface_resolve_frag, defines, &light->resolve);
-    if (!result) gsgi__surface_set_floor(light);
-    return result;
+    if (o->splat_scale == 1) return GSGI_OK;
+    result = create_pass(light, "surface/smooth", gsgi__shader_surface_smooth_frag, defines, &light->smooth);
+    if (result) return result;
+    return create_pass(light, "surface/resolve", gsgi__shader_surface_resolve_frag, defines, &light->resolve);
 }
 
-/* Sums are whole floats: halves have 11 significant bits, so that after 2,048 Gaussians of the same weight each further
- * one would be lost. */
 gsgi_result gsgi__surface_create_targets(gsgi_light* light) {
     const int32_t scale = light->options.splat_scale, width = light->camera.width, height = light->camera.height;
     const int32_t read_width = (width + scale - 1) / scale, read_height = (height + scale - 1) / scale;
@@ -118,26 +86,14 @@ gsgi_result gsgi__surface_create_targets(gsgi_light* light) {
     t->position = gsgi__target_texture(light, GL_RGBA32F, read_width, read_height);
     t->plane = gsgi__target_texture(light, GL_RGBA32F, read_width, read_height);
     if (light->relief) t->bend = gsgi__target_texture(light, GL_RGBA16F, read_width, read_height);
-    t->fine = gsgi__target_texture(light, GL_RGBA32F, read_width, read_height);
-    if (light->coarse) t->coarse = gsgi__target_texture(light, GL_RGBA32F, read_width, read_height);
     if (scale > 1) t->filled = gsgi__target_texture(light, GL_RGBA32F, read_width, read_height);
     t->indirect = gsgi__target_texture(light, GL_RGBA16F, width, height);
-    t->depth = gsgi__target_depth(light, read_width, read_height);
     if (scale > 1) t->rest = gsgi__target_depth(light, width, height);
 
-    const struct {
-        GLuint colors[GSGI_TARGETS], depth, *framebuffer;
-        bool needed;
-    } targets[] = {{{t->position, t->plane, t->bend}, t->depth, &t->points, true},
-                   {{t->fine}, t->depth, &t->fine_sums, true},
-                   {{t->coarse}, t->depth, &t->coarse_sums, t->coarse != 0},
-                   {{0}, t->depth, &t->gap, t->coarse != 0},
-                   {{t->filled}, 0, &t->filled_sums, t->filled != 0},
-                   {{t->indirect}, t->rest, &t->resolved, true}};
-    gsgi_result result = GSGI_OK;
-    for (size_t i = 0; i < sizeof targets / sizeof *targets && !result; ++i)
-        if (targets[i].needed)
-            result = gsgi__target(light, targets[i].colors, targets[i].depth, targets[i].framebuffer);
+    const GLuint points[GSGI_TARGETS] = {t->position, t->plane, t->bend};
+    gsgi_result result = gsgi__target(light, points, 0, &t->points);
+    if (!result && t->filled) result = gsgi__target(light, (GLuint[GSGI_TARGETS]){t->filled}, 0, &t->filled_sums);
+    if (!result) result = gsgi__target(light, (GLuint[GSGI_TARGETS]){t->indirect}, t->rest, &t->resolved);
     return result;
 }
 
@@ -159,64 +115,18 @@ static void set_host(const gsgi_light* light, const gsgi__program* program) {
     gl->Uniform2f(program->at[U_DEPTH_LINE], c->depth_line[0], c->depth_line[1]);
     gl->Uniform1i(program->at[U_PARALLEL], c->parallel);
     gl->Uniform2f(program->at[U_Z_TO_CLIP], c->z_to_clip[0], c->z_to_clip[1]);
-    gl->Uniform1f(program->at[U_NEAR], (float)c->near_plane);
 }
 
-static void write_depth(const gsgi__gl* gl, GLuint framebuffer) {
-    gl->BindFramebuffer(GL_DRAW_FRAMEBUFFER, framebuffer);
-    gsgi__blend(gl, false, GL_ONE, GL_ZERO);
-    gl->Enable(GL_DEPTH_TEST); /* without it no depth is written */
-    gl->DepthFunc(GL_ALWAYS);
-    gl->DepthMask(GL_TRUE);
-}
+/* Blend what is drawn, or let it replace what is there. */
+static void set_blend(const gsgi__gl* gl, bool added) { gsgi__blend(gl, added, GL_ONE, added ? GL_ONE : GL_ZERO); }
 
-/* Add a part's sums of a level, where the depth buffer lets Gaussians pass. */
-static void draw_level(const gsgi_light* light, const gsgi__part* part, int l) {
+/* Choose the points at which B is read; of a world those where sectors of a class have light. */
+static void draw_points(const gsgi_light* light, uint32_t class, GLuint depth, GLuint normal, GLuint mapped) {
     const gsgi__gl* gl = &light->context->gl;
-    const gsgi__camera* c = &light->camera;
-    const gsgi__program* program = part->levels[l].program;
-    const double scale = light->options.splat_scale, rows = light->targets.read_height - c->height / scale;
-    if (part->culled[l].visible == 0) return;
-    gsgi__blend(gl, true, GL_ONE, GL_ONE);
-    gl->Enable(GL_DEPTH_TEST);
-    gl->DepthFunc(GL_LESS);
-    gl->DepthMask(GL_FALSE);
-    gl->UseProgram(program->name);
-    gsgi__set_matrix(gl, program, U_VIEW_FROM_WORLD, &c->view_from_world);
-    gl->Uniform1f(program->at[U_NEAR], (float)c->near_plane);
-    gl->Uniform1i(program->at[U_PARALLEL], c->parallel);
-    gl->Uniform2f(program->at[U_SIZE], (float)light->targets.read_width, (float)light->targets.read_height);
-    gl->Uniform2f(program->at[U_FOCAL], (float)(c->fx / scale), (float)(c->fy / scale));
-    gl->Uniform2f(program->at[U_CENTRE], (float)(c->cx / scale), (float)(c->cy / scale + rows));
-    gl->Uniform1f(program->at[U_MARGIN], scale > 1.0 ? 0.5f : 0.0f);
-    if (light->sectors) {
-        gl->Uniform3f(program->at[U_SECTOR_LOW], part->low[0], part->low[1], part->low[2]);
-        gl->Uniform3f(program->at[U_SECTOR_HIGH], part->high[0], part->high[1], part->high[2]);
-    }
-    gsgi__bind_texture(gl, 2, light->targets.position);
-    gsgi__bind_texture(gl, 3, light->targets.plane);
-    if (light->targets.bend) gsgi__bind_texture(gl, 5, light->targets.bend);
-    gsgi__draw_gaussians(light, part, l, OUTLINE_CORNERS);
-}
-
-static bool is_read(const gsgi__part* part, uint32_t class) { return part->in_view && part->class == class; }
-
-static void draw_levels(const gsgi_light* light, uint32_t class, int l, GLuint framebuffer) {
-    gsgi__clear_color(&light->context->gl, framebuffer);
-    for (uint32_t i = 0; i < light->part_count; ++i)
-        if (is_read(light->parts[i], class)) draw_level(light, light->parts[i], l);
-}
-
-/* The passes of a frame, in the order of glsl/README.md, for the parts of a class. Their light replaces what is there,
- * unless it is `added`. */
-static void draw_passes(const gsgi_light* light, uint32_t class, bool added, GLuint depth, GLuint normal,
-                        GLuint mapped) {
-    const gsgi_context* context = light->context;
-    const gsgi__gl* gl = &context->gl;
     const gsgi__targets* t = &light->targets;
-
+    gl->BindFramebuffer(GL_DRAW_FRAMEBUFFER, t->points);
     gsgi__viewport(gl, 0, 0, t->read_width, t->read_height);
-    write_depth(gl, t->points);
+    set_blend(gl, false);
     gsgi__bind_texture(gl, 0, normal);
     gsgi__bind_texture(gl, 1, depth);
     if (light->relief) gsgi__bind_texture(gl, 2, mapped ? mapped : normal); /* the same: nothing is bent */
@@ -226,41 +136,67 @@ static void draw_passes(const gsgi_light* light, uint32_t class, bool added, GLu
         gl->Uniform1i(light->points.at[U_SECTOR_COUNT], (GLint)light->part_count);
         gl->Uniform1i(light->points.at[U_SECTOR_CLASS], (GLint)class);
     }
-    gsgi__draw_triangle(context, &light->points);
+    gsgi__draw_triangle(light->context, &light->points);
+}
 
-    draw_levels(light, class, GSGI_FINE, t->fine_sums);
-    if (t->coarse) {
-        write_depth(gl, t->gap);
-        gsgi__bind_texture(gl, 6, t->fine);
-        gsgi__draw_triangle(context, &light->gap);
-        draw_levels(light, class, GSGI_COARSE, t->coarse_sums);
-    }
-
-    gsgi__blend(gl, false, GL_ONE, GL_ZERO);
-    gl->Disable(GL_DEPTH_TEST);
+/* Read B of the parts of a class at the points: into sums or, at full resolution, as light. */
+static void read_parts(const gsgi_light* light, uint32_t class, bool added) {
+    const gsgi__gl* gl = &light->context->gl;
+    const gsgi__targets* t = &light->targets;
+    const GLuint target = t->filled ? t->filled_sums : t->resolved;
+    added = added && !t->filled;
+    if (light->sectors && !added)
+        gsgi__clear_color(gl, target);
+    else
+        gl->BindFramebuffer(GL_DRAW_FRAMEBUFFER, target);
+    set_blend(gl, added);
     gsgi__bind_texture(gl, 2, t->position);
     gsgi__bind_texture(gl, 3, t->plane);
-    gsgi__bind_texture(gl, 4, t->coarse);
-    gsgi__bind_texture(gl, 6, t->fine);
-    if (t->filled) {
-        gl->BindFramebuffer(GL_DRAW_FRAMEBUFFER, t->filled_sums);
-        gsgi__draw_triangle(context, &light->fill);
-        gsgi__bind_texture(gl, 0, normal);
-        gsgi__bind_texture(gl, 1, depth);
-        gsgi__bind_texture(gl, 2, t->filled);
-        gsgi__viewport(gl, 0, 0, t->width, t->height);
-        write_depth(gl, t->resolved);
-        gsgi__blend(gl, added, GL_ONE, added ? GL_ONE : GL_ZERO);
-        gsgi__draw_triangle(context, &light->smooth);
-        gl->DepthFunc(GL_LESS);
-        gl->DepthMask(GL_FALSE);
-        set_host(light, &light->resolve);
+    gsgi__bind_texture(gl, 4, t->bend);
+    for (uint32_t i = 0; i < light->part_count; ++i) {
+        const gsgi__part* part = light->parts[i];
+        if (!part->in_view || part->class != class) continue;
+        gsgi__bind_texture(gl, 0, part->tables[0]);
+        gsgi__bind_texture(gl, 1, part->tables[1]);
+        gsgi__bind_texture(gl, 5, part->tables[2]);
+        gl->UseProgram(part->program->name);
+        if (light->sectors) {
+            gl->Uniform3f(part->program->at[U_SECTOR_LOW], part->low[0], part->low[1], part->low[2]);
+            gl->Uniform3f(part->program->at[U_SECTOR_HIGH], part->high[0], part->high[1], part->high[2]);
+        }
+        gsgi__draw_triangle(light->context, part->program);
     }
+}
+
+/* Turn sums into light at full resolution. */
+static void upsample(const gsgi_light* light, bool added, GLuint depth, GLuint normal) {
+    const gsgi_context* context = light->context;
+    const gsgi__gl* gl = &context->gl;
+    const gsgi__targets* t = &light->targets;
     gl->BindFramebuffer(GL_DRAW_FRAMEBUFFER, t->resolved);
     gsgi__viewport(gl, 0, 0, t->width, t->height);
-    gsgi__blend(gl, added, GL_ONE, added ? GL_ONE : GL_ZERO);
+    set_blend(gl, added);
+    gl->Enable(GL_DEPTH_TEST); /* without it no depth is written */
+    gl->DepthFunc(GL_ALWAYS);
+    gl->DepthMask(GL_TRUE);
+    gsgi__bind_texture(gl, 0, normal);
+    gsgi__bind_texture(gl, 1, depth);
+    gsgi__bind_texture(gl, 2, t->filled);
+    gsgi__draw_triangle(context, &light->smooth);
+    gl->DepthFunc(GL_LESS);
+    gl->DepthMask(GL_FALSE);
+    set_host(light, &light->resolve);
     gsgi__draw_triangle(context, &light->resolve);
     gl->Disable(GL_DEPTH_TEST);
+}
+
+/* The passes of a frame, in the order of glsl/README.md, for the parts of a class. Their light replaces what is there,
+ * unless it is `added`. */
+static void draw_passes(const gsgi_light* light, uint32_t class, bool added, GLuint depth, GLuint normal,
+                        GLuint mapped) {
+    draw_points(light, class, depth, normal, mapped);
+    read_parts(light, class, added);
+    if (light->targets.filled) upsample(light, added, depth, normal);
 }
 
 /* The lowest class from `first` on that a part in view has; UINT32_MAX: there is none. */

@@ -115,15 +115,15 @@ gsgi_result gsgi__camera_of_view(const gsgi_view* view, const gsgi_light_options
     const double z = p.at[2][2];
     double one = p.at[2][3], shift = 0.0;
     camera->world_from_view = inverse_of_rigid(&given);
-    camera->near_plane = parallel ? (one + copysign(1.0, -z)) / z : one / (z + copysign(1.0, one));
+    double near_plane = parallel ? (one + copysign(1.0, -z)) / z : one / (z + copysign(1.0, one));
     if (parallel) {
-        /* Far enough that depths vary little, which the depth buffer of the surface points likes. */
-        shift = 2.0 / fabs(z) - camera->near_plane;
-        camera->near_plane = 2.0 / fabs(z);
+        /* The eye lies so far back that all depths are positive. */
+        shift = 2.0 / fabs(z) - near_plane;
+        near_plane = 2.0 / fabs(z);
         one += shift * z;
         for (int i = 0; i < 3; ++i) camera->world_from_view.at[i][3] += shift * camera->world_from_view.at[i][2];
     }
-    if (!(isfinite(camera->near_plane) && camera->near_plane > 0.0))
+    if (!(isfinite(near_plane) && near_plane > 0.0))
         return gsgi__fail(callbacks, GSGI_INVALID_ARGUMENT,
                           "clip_from_view: a near plane in front of the eye is needed");
     if (!parallel) {

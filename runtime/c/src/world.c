@@ -1,5 +1,6 @@
 /* Worlds: which sectors are to be in memory around an eye, and their light at points. */
 #include "world.h"
+#include "lookup.h"
 #include "sha256.h"
 
 #include <math.h>
@@ -105,6 +106,15 @@ static uint64_t memory_of(const gsgi_bake* bake) {
     return floats * sizeof(float);
 }
 
+/* Make what lights read of a sector, so that a frame has but to upload it. */
+static gsgi_result prepare(const gsgi_world* world, gsgi_bake* bake) {
+    double origin[3];
+    gsgi__world_origin(world, origin);
+    const gsgi_result result = gsgi__lookup_create(&bake->callbacks, bake, origin, true, &bake->lookup);
+    if (!result) bake->info.bake_bytes += bake->lookup->info.bytes;
+    return result;
+}
+
 gsgi_result gsgi_world_open_sector(const gsgi_world* world, uint32_t number, const void* data, size_t size,
                                    const gsgi_open_options* given, gsgi_bake** out) {
     gsgi_open_options options;
@@ -130,6 +140,7 @@ gsgi_result gsgi_world_open_sector(const gsgi_world* world, uint32_t number, con
     else if (memory_of(bake) != sector->memory)
         result = gsgi__fail(callbacks, GSGI_INVALID_FILE, "%s: memory: expected %llu, as the manifest says, got %llu",
                             sector->file, (unsigned long long)sector->memory, (unsigned long long)memory_of(bake));
+    if (!result) result = prepare(world, bake);
     if (result)
         gsgi_bake_close(bake);
     else
@@ -143,7 +154,7 @@ gsgi_result gsgi_world_add(gsgi_world* world, uint32_t number, gsgi_bake* bake) 
     gsgi__sector* sector = &world->sectors[number];
     if (world->asked != (int32_t)number)
         return gsgi__fail(&world->callbacks, GSGI_INVALID_ARGUMENT, "number: sector %u was not asked for", number);
-    if (bake && (bake->info.blend != GSGI_SURFACE || memory_of(bake) != sector->memory))
+    if (bake && (!bake->lookup || memory_of(bake) != sector->memory))
         return gsgi__fail(&world->callbacks, GSGI_INVALID_ARGUMENT, "bake: not one that gsgi_world_open_sector gave");
     if (bake && world->radius > 0.0f &&
         (bake->info.cutoff != world->cutoff || bake->info.sharpness != world->sharpness ||

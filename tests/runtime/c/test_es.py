@@ -1,9 +1,12 @@
 """The C library in OpenGL ES: the pixels of OpenGL, and the host's state as it was."""
 
+import ctypes
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import worlds
-from c_library import OK, Context, Light, World
+from c_library import OK, UNSUPPORTED, Context, Light, World
 from c_light import OVER, SURFACE, of_python, read_floats
 from gl_dump import Dump
 from host import CAMERA, SIZE, call, pixels, projection, texture
@@ -11,6 +14,8 @@ from host import CAMERA, SIZE, call, pixels, projection, texture
 from gsgi.runtime.gl.host_textures import Encoding
 from gsgi.runtime.gl.indirect_light import IndirectLight
 from gsgi.runtime.world.world import World as PythonWorld
+
+GET_STRING = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_uint, ctypes.c_uint)
 
 # What a host may have set that would change the light.
 HOSTILE = [
@@ -67,6 +72,36 @@ def test_opengl_es_draws_the_same_and_finds_its_state(drawn_in_opengl, host, es_
     lit = np.zeros((SIZE[1], SIZE[0], 3), np.float32)
     lit[2:62, 4:84] = expected[data].view(np.float32)[..., :3]
     np.testing.assert_array_equal(found[1][..., :3], lit)
+    light.destroy()
+    context.destroy()
+
+
+def without(gl, extension: bytes):
+    """The context as one that lacks an extension."""
+    load = gl.mglo._context.load_opengl_function
+    get = GET_STRING(load("glGetStringi"))
+    nothing = ctypes.create_string_buffer(b"")
+
+    def get_other(name, index):
+        found = get(name, index)
+        return ctypes.addressof(nothing) if ctypes.string_at(found) == extension else found
+
+    other = GET_STRING(get_other)
+    replaced = {"glGetStringi": ctypes.cast(other, ctypes.c_void_p).value}
+    loader = SimpleNamespace(load_opengl_function=lambda name: replaced.get(name) or load(name), kept=other)
+    return SimpleNamespace(mglo=SimpleNamespace(_context=loader))
+
+
+def test_floats_are_blended_by_over_alone(drawn_in_opengl, host, es_gl, library):
+    part, expected = drawn_in_opengl
+    context = Context(library, without(es_gl, b"GL_EXT_float_blend"))
+    assert Light(context, OVER, Encoding()).result == UNSUPPORTED
+    assert context.messages == ["context: GL_EXT_float_blend is needed by the operator over"]
+    light = Light(context, SURFACE, Encoding())
+    assert light.cull(CAMERA.view_from_world, projection(part=part), part) == OK
+    result, name = light.draw(*(made.glo for made in host.textures(es_gl, Encoding())))
+    assert result == OK, context.messages
+    np.testing.assert_array_equal(read_floats(es_gl, name, part[2:]).view(np.uint32), expected[SURFACE])
     light.destroy()
     context.destroy()
 

@@ -7,8 +7,9 @@ from gl_objects import alive
 from host import CAMERA, SIZE, Host, projection
 
 from gsgi.runtime.file import codec
-from gsgi.runtime.gl.cull import in_view
+from gsgi.runtime.gl.gaussian_textures import data_rows
 from gsgi.runtime.gl.host_textures import Encoding
+from gsgi.runtime.lookup_tables import lookup_tables
 
 
 def test_several_contexts_and_lights_know_nothing_of_each_other(library, gl, host):
@@ -76,15 +77,22 @@ def test_stats_are_of_the_last_cull_and_draw(gl, context, host):
     stats = light.stats()
     assert (list(stats.drawn), stats.target_bytes) == ([0, 0], 0)
     drawn(gl, light, textures)
-    stats, pinhole = light.stats(), CAMERA.pinhole(*SIZE)
-    for level, gaussians in enumerate((decoded.gaussians, decoded.coarse)):
-        radius = np.float32(decoded.blend.radius) * gaussians.scale.max(axis=1)
-        seen = in_view(np.ascontiguousarray(gaussians.position.T), radius, pinhole)
-        assert 0 < stats.drawn[level] <= len(gaussians)
-        assert abs(stats.drawn[level] - len(seen)) <= 1  # the matrices' floats
-    assert stats.drawn[0] < len(decoded.gaussians)
-    area = SIZE[0] * SIZE[1]
-    assert stats.target_bytes == (8 + 4) * area + (68 + 16) * area // 4
+    stats, area = light.stats(), SIZE[0] * SIZE[1]
+    assert list(stats.drawn) == [len(decoded.gaussians), len(decoded.coarse)]
+    assert stats.gaussian_bytes == sum(data_rows(table).nbytes for table in lookup_tables(decoded))
+    assert stats.target_bytes == (8 + 4) * area + (32 + 16) * area // 4
     light.reset()
-    assert light.stats().target_bytes == 0
+    stats = light.stats()
+    assert (list(stats.drawn), stats.target_bytes) == ([0, 0], 0)
+    light.destroy()
+
+
+def test_over_draws_what_is_in_view(gl, context, host):
+    light, count = Light(context, OVER, Encoding()), len(codec.decode(OVER).gaussians)
+    for part, few in ((WHOLE, False), ((0, 0, 8, 8), True)):
+        assert light.cull(CAMERA.view_from_world, projection(part=part), part) == OK
+        stats = light.stats()
+        assert 0 < stats.drawn[0] <= count
+        assert (stats.drawn[0] < count / 2) == few
+        assert stats.drawn[1] == 0
     light.destroy()

@@ -1,6 +1,7 @@
 """The C library's look-up against Python's: the same tables, byte for byte on x86-64, and the same source."""
 
 import platform
+from dataclasses import replace
 
 import moderngl
 import numpy as np
@@ -16,7 +17,8 @@ from surface_cases import grouped, with_relief
 from gsgi.runtime.file import codec
 from gsgi.runtime.gaussians import Bake, SurfaceBlend
 from gsgi.runtime.gl.gaussian_textures import data_rows
-from gsgi.runtime.gl.indirect_lookup import lookup_source, lookup_tables
+from gsgi.runtime.gl.indirect_lookup import lookup_source
+from gsgi.runtime.lookup_tables import lookup_tables
 
 RANDOM = np.random.default_rng(5).uniform(-1, 1, (300, 3)).astype(np.float32)
 
@@ -52,6 +54,15 @@ def test_the_tables_are_those_of_python(library, name):
             np.testing.assert_array_equal(found.tables[table], rows, err_msg=table)
     assert found.info.bytes == sum(table.nbytes for table in found.tables.values())
     found.close()
+
+
+@pytest.mark.parametrize("name", BAKES)
+def test_a_file_tells_what_its_gaussians_take(library, name):
+    """Without relief and lists."""
+    decoded, opened = codec.decode(data := codec.encode(BAKES[name])), library.opened(data)
+    flat = replace(decoded, gaussians=replace(decoded.gaussians, relief=None))
+    assert library.info(opened).light_bytes == data_rows(lookup_tables(flat)[0]).nbytes
+    library.close(opened)
 
 
 def draw(ctx, version: str, source: str, names: dict[str, int]) -> np.ndarray:

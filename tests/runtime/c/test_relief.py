@@ -1,5 +1,7 @@
 """Light that follows normal maps in the C library: the pixels of Python, bit for bit."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from c_library import INVALID_ARGUMENT, OK, Context, Light, check_refusals
@@ -13,10 +15,11 @@ from surface_cases import grouped, points, with_relief
 
 from gsgi.runtime.file import codec
 from gsgi.runtime.file.header import RELIEF_TAG, section
-from gsgi.runtime.gl import gaussian_textures
+from gsgi.runtime.gl.gaussian_textures import data_rows
 from gsgi.runtime.gl.gl_state import HostState
 from gsgi.runtime.gl.host_textures import OURS, Encoding
 from gsgi.runtime.light_groups import factors_of, weighted
+from gsgi.runtime.lookup_tables import lookup_tables
 from gsgi.runtime.sampling import sample
 
 ROOM = codec.encode(with_relief(grouped(bake())))
@@ -39,7 +42,8 @@ def test_relief_is_decoded_to_the_last_bit_and_weighed(library, degree, sloped):
     assert library.info(opened).relief == 1
     for weights in ({}, {"lamps": 0.3, "sky": (1, 0.5, 2)}, {"base": 0, "lamps": 0, "sky": 0}, {}):
         assert library.weigh(opened, factors_of(decoded, weights)) == OK
-        expected = gaussian_textures._relief_texels(weighted(decoded, weights).gaussians).reshape(-1, 4)
+        relief = weighted(decoded, weights).gaussians.relief
+        expected = np.pad(relief, ((0, 0), (0, 0), (0, 1))).reshape(-1, 4)
         found = library.texels(opened, 0)["relief"]
         np.testing.assert_array_equal(found[: len(expected)].view(np.uint32), expected.view(np.uint32))
         assert not found[len(expected) :].any()
@@ -100,8 +104,11 @@ def test_a_light_that_does_not_ask_for_relief_has_none(gl, context, host):
     for light in lights:
         drawn(gl, light, textures)
     plain, more = (light.stats() for light in lights)
-    rows = -(-3 * len(codec.decode(ROOM).gaussians) // 2048)
-    assert more.gaussian_bytes - plain.gaussian_bytes == rows * 2048 * 16
+    decoded = codec.decode(ROOM)
+    flat = replace(decoded, gaussians=replace(decoded.gaussians, relief=None))
+    for stats, read in ((plain, flat), (more, decoded)):
+        assert stats.gaussian_bytes == sum(data_rows(table).nbytes for table in lookup_tables(read))
+    assert more.gaussian_bytes > plain.gaussian_bytes
     assert more.target_bytes - plain.target_bytes == 8 * (SIZE[0] // 2) * (SIZE[1] // 2)
     for light in lights:
         light.destroy()

@@ -24,7 +24,7 @@ from c_library import (
 from c_light import SURFACE, WHOLE, texels
 from gl_objects import alive
 from host import CAMERA, SIZE, Host, projection, texture
-from surface_cases import with_relief
+from surface_cases import grouped, with_relief
 
 from gsgi.runtime.errors import FormatError
 from gsgi.runtime.file import codec
@@ -236,6 +236,10 @@ def test_one_sector_is_asked_for_at_a_time_and_one_that_fails_no_more(library, p
     assert world.update(eye, FRAME) == -1
     assert world.add(3, None) == INVALID_ARGUMENT
     assert world.messages[-1] == "number: sector 3 was not asked for"
+    bake = library.opened((path.parent / world.sector(0).file.decode()).read_bytes())
+    assert world.add(0, bake) == INVALID_ARGUMENT
+    assert world.messages[-1] == "bake: not one that gsgi_world_open_sector gave"
+    library.close(bake)
     assert world.add(9, None) == INVALID_ARGUMENT
     assert world.add(0, None) == OK
     world.settle(eye)
@@ -385,6 +389,24 @@ def test_so_they_are_with_light_that_follows_normal_maps(gl, library, context, h
 def test_a_box_is_all_that_is_lit(gl, library, context, host, room):
     box = np.array([[-9, -9, -9], [0, 9, 9]])
     check_frames(gl, library, context, host, room, (95,), box=box)
+
+
+def test_a_sector_has_the_light_of_its_weights(gl, library, context, host, tmp_path):
+    box = worlds.cells(1, 1, 1) - 1
+    path, images = worlds.write(tmp_path, [grouped(worlds.in_box(box[0], 1))], box), []
+    for weight in (0.5, 0.25):
+        world = World(library, path)
+        light = Light(context, world, Encoding())
+        assert world.update([0, 0, 0], np.inf) == 0
+        result, bake = world.open(0)
+        assert (result, library.weigh(bake, dict.fromkeys(library.group_names(bake), (weight,) * 3))) == (OK, OK)
+        assert world.add(0, bake) == OK
+        world.settle([0, 0, 0])
+        images.append(drawn(gl, light, world, host.textures(gl, Encoding())).view(np.float32)[..., :3])
+        light.destroy()
+        world.close()
+    assert images[0].max() > 0.1
+    np.testing.assert_allclose(images[1], 0.5 * images[0], rtol=1e-3, atol=1e-6)
 
 
 def test_far_from_the_origin_a_world_is_as_precise(gl, library, context, host, tmp_path, room):
