@@ -359,7 +359,7 @@ def test_render_reference_and_compare_speak_of_the_same_picture(bakes, tmp_path,
 
 
 def test_render_says_what_each_pass_costs(bakes, tmp_path, gl, capsys):
-    for operator, last in (("surface", "surface/resolve"), ("over", "over/splat")):
+    for operator, last in (("surface", "surface/read"), ("over", "over/splat")):
         frame = ["--gi", str(bakes[operator] / "c.gsgi"), "-o", str(tmp_path / "frame.png"), "--size", "16x16"]
         assert main.run(["render", CORNELL, *frame, "--profile"]) == 0
         names = [line.split()[0] for line in capsys.readouterr().out.splitlines()]
