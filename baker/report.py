@@ -9,6 +9,7 @@ from .bake import BakeResult
 from .deadline import Deadline
 from .evaluation.held_out import Evaluation
 from .plan import Plan
+from .trace import device
 
 
 @dataclass(frozen=True)
@@ -67,6 +68,7 @@ class BakeReport:
         coverage = plan.placement.coverage
         return {
             "operator": settings.operator,
+            "device": device.title(),
             "gaussians": attempt.count,
             "bytes": len(self.data),
             "budget": settings.budget,

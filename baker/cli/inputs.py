@@ -13,6 +13,7 @@ import numpy as np
 from gsgi.baker.cache.store import Cache, default_folder, size_limit
 from gsgi.baker.progress import Progress
 from gsgi.baker.settings import BUDGET_MAX, Settings
+from gsgi.baker.trace import device
 from gsgi.runtime.camera import Camera, look_at
 from gsgi.runtime.errors import SceneError, UsageError
 from gsgi.runtime.gaussians import Bake
@@ -88,6 +89,11 @@ def request_of(options: argparse.Namespace, progress: Progress) -> "Request":
     from gsgi.baker.views.camera_path import read_camera_path
 
     settings = _settings(options)
+    device.choose(options.device)
+    if options.device != "cpu":
+        progress.say(f"paths are traced on: {device.title()}")
+    elif gpu := device.gpu_name():
+        progress.say(f"paths are traced on the CPU; --device cuda traces them on the {gpu}")
     if options.seconds is not None:
         deadline.check(settings, options.seconds)
     with progress.stage("scene"):

@@ -23,6 +23,10 @@ _CUDA = (
     "from gsgi.baker.over.cuda_splat import unavailable; reason = unavailable(); assert reason is None, reason; "
     "import torch; print(torch.cuda.get_device_name())"
 )
+_GPU = (
+    "from gsgi.baker.trace.device import gpu_name, unavailable; reason = unavailable(); "
+    "assert reason is None, reason; print(gpu_name())"
+)
 _EXTRA_BAKE = "install gsgi with its extra 'bake'"
 
 FRAMES, BAKES = "frames", "bakes"  # what parts are needed for
@@ -37,6 +41,7 @@ _PARTS = (
     ("denoiser", _DENOISER, "", f"{_EXTRA_BAKE}; without it, bakes with --operator over need more samples"),
     ("decoders", _DECODERS, "", "for meshes compressed by Draco or meshopt: install gsgi with its extra 'decoders'"),
     ("window", _WINDOW, "", "for gsgi view: install gsgi with its extra 'view'"),
+    ("GPU", _GPU, "", "not needed: without it, --device cuda does not trace, and the CPU does"),
     ("CUDA", _CUDA, "", "not needed: without it, the fit computes on the CPU"),
 )
 

@@ -5,6 +5,7 @@ import math
 from pathlib import Path
 
 from gsgi.baker.settings import BUDGET_MAX, EFFECTS, METALS, OPERATORS, QUALITIES, Settings
+from gsgi.baker.trace.device import DEVICES
 from gsgi.runtime.layers import LAYERS
 
 EXIT_CODES = """\
@@ -143,6 +144,8 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
                         help=f"leave out an effect (repeatable): {', '.join(EFFECTS)}")  # fmt: skip
     parser.add_argument("--metals", choices=METALS, default=Settings.metals,
                         help="metals reflect as rough ones would on average, or nothing")  # fmt: skip
+    parser.add_argument("--device", choices=DEVICES, default="cpu",
+                        help="trace on the CPU or an NVIDIA GPU; auto: on the GPU, if one can")  # fmt: skip
     path = '{"cameras": [{"position": [x,y,z], "target": [x,y,z]}, ...]}'
     parser.add_argument("--camera-path", metavar="FILE", help=f"JSON file with more cameras to fit: {path}")
 

@@ -17,6 +17,7 @@ from gsgi.runtime.light_groups import lit_by
 from gsgi.runtime.scene import Scene
 
 from . import reference
+from .device import device
 from .irradiance_cache import IrradianceCache, KnownLight
 from .tracer import Light, LightByBounces, Sampling, Tracer
 
@@ -119,7 +120,9 @@ class CachedTracer:
         return truth
 
     def key(self, stage: str, module: str, **inputs) -> str:
-        """The cache key of a task on this scene that the code of `module` computes from `inputs`."""
+        """The cache key of a task on this scene that the code of `module` computes from `inputs`, on our device."""
+        if device() != "cpu":
+            inputs["device"] = device()
         return task_key(stage, code=code_version(module, PACKAGES), scene=self.scene_digest, **inputs)
 
     def once(self, key: str, kind: type, compute: Callable[[], object]) -> tuple[object, bool]:

@@ -9,12 +9,13 @@ import numpy as np
 from gsgi.baker.interrupts import uninterrupted
 
 from . import llvm
+from .device import VARIANTS, device
 
 
 def load_mitsuba():
-    """The mitsuba module with our variant set. The first call takes about a second."""
+    """The mitsuba module with the variant of our `device` set. The first call takes about a second."""
     ours = "mitsuba" not in sys.modules
-    if ours:
+    if ours and device() == "cpu":
         llvm.select()
     with uninterrupted():
         return _loaded(ours)
@@ -28,9 +29,9 @@ def _loaded(ours: bool):
 
     if mi.variant() is None:
         try:
-            mi.set_variant("llvm_ad_rgb")
+            mi.set_variant(VARIANTS[device()])
         except ImportError as error:
-            if not ours:
+            if not ours or device() != "cpu":
                 raise
             # LLVM has just worked in a process of its own, which held nothing else.
             raise MemoryError(f"cannot load {os.environ['DRJIT_LIBLLVM_PATH']}") from error
@@ -49,14 +50,19 @@ def _import_drjit_in_silence() -> None:
         os.close(stderr)
 
 
-def build(position: np.ndarray, triangle: np.ndarray, groups: Iterable[tuple[np.ndarray, dict[int, np.ndarray]]] = ()):
+def build(
+    position: np.ndarray, triangle: np.ndarray, groups: Iterable[tuple[np.ndarray, dict[int, np.ndarray]]] = (),
+    beside=None,
+):  # fmt: skip
     """The `mitsuba.Scene` of triangles (F, 3) uint32 over positions (V, 3) float32: one shape, geometry only.
 
     Each of the `groups`, triangles and the matrices (4, 4) of places by their numbers, is in memory once. Each of its
-    places is an instance, a shape whose id is the number.
+    places is an instance, a shape whose id is the number. A kernel for a GPU can trace several scenes if each but the
+    first is built `beside` that.
     """
     mi = load_mitsuba()
-    shapes = {"triangles": _mesh(position, triangle)} if len(triangle) else {}
+    shapes = {} if beside is None else {"beside": beside}
+    shapes |= {"triangles": _mesh(position, triangle)} if len(triangle) else {}
     for name, (own, places) in enumerate(groups):
         used, own = np.unique(own, return_inverse=True)
         mesh = _mesh(position[used], own.reshape(-1, 3).astype(np.uint32))

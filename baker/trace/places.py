@@ -29,10 +29,11 @@ class Places:
         self._first = np.array([0, surfaces.opaque, surfaces.single - surfaces.filtering])
         kinds = np.split(surfaces.triangle[: surfaces.single], self._first[1:])
         parts = [_parts(surfaces, placed, kind) for kind in range(3)]
-        self.trees = [
-            build(surfaces.position, own, groups) if len(own) or groups else None
-            for own, groups in zip(kinds, parts, strict=True)
-        ]
+        self.trees = []
+        for own, groups in zip(kinds, parts, strict=True):
+            first = next((tree for tree in self.trees if tree is not None), None)
+            there = len(own) or groups
+            self.trees.append(build(surfaces.position, own, groups, first) if there else None)
         if self._placed:
             self._tabulate(surfaces, placed)
 

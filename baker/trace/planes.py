@@ -9,6 +9,8 @@ import numpy as np
 
 from gsgi.runtime.instance import corners_of_box, moved
 
+from .device import device
+
 # Error of a point on a plane, as a share of its coordinates' products with the normal: eight times float32's rounding.
 ROUNDING = 2.0**-21
 
@@ -24,6 +26,10 @@ EDGE = 2.0**-22
 # which rays are taken: four times float32's rounding, beside ROUNDING, which alone was enough in tests.
 PLACED = 2.0**-22
 
+# How far off a triangle OptiX may find rays that start at it, as a share of its extent, in planes along two axes too:
+# four times what was enough in tests. With less, floors shade themselves.
+OPTIX = 2.0**-22
+
 AT_ONCE = 1 << 16  # triangles; bounds memory
 
 
@@ -33,7 +39,7 @@ def planes(position: np.ndarray, triangle: np.ndarray) -> np.ndarray:
 
     A ray from o meets the plane at the distance ((a - o) . n) / (d . n), where n = (b - a) x (c - a) (Moeller and
     Trumbore 1997). For o near the triangle, each term of the first product is off by the rounding of the extent times
-    two products of edges. In a plane along two axes that is 0, however large the triangle is.
+    two products of edges. In a plane along two axes that is 0, however large the triangle is, but on a GPU.
     """
     parts = (_planes(position[triangle[i : i + AT_ONCE]]) for i in range(0, len(triangle), AT_ONCE))
     return np.concatenate([np.empty((0, 2), np.float32), *parts])
@@ -85,4 +91,6 @@ def _planes(corners: np.ndarray) -> np.ndarray:
     for column, terms in enumerate(((a * cross).sum(axis=1), INACCURACY * (extent * products).sum(axis=1))):
         np.divide(terms, length, out=result[:, column], where=length > 0)
     result[:, 1] = np.minimum(result[:, 1], INACCURACY_MOST * extent.max(axis=1))
+    if device() == "cuda":
+        result[:, 1] = np.maximum(result[:, 1], OPTIX * extent.max(axis=1))
     return result.astype(np.float32)

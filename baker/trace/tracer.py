@@ -16,6 +16,7 @@ from gsgi.runtime.camera import Camera
 from gsgi.runtime.metals import lambertian
 from gsgi.runtime.scene import Scene
 
+from .device import device
 from .irradiance_cache import IrradianceCache, KnownLight
 from .planes import onto_planes
 from .punctual_lights import PunctualLights
@@ -24,9 +25,11 @@ from .surface_tables import corners_of
 if TYPE_CHECKING:
     from .learned_lights import FoundCell, LearnedLights
 
-# Paths per point and points of one launch. The number of points is fixed, as Dr.Jit recompiles for any other number.
+# Paths per point and points of one launch. On a CPU the number of points is fixed, as Dr.Jit recompiles for any other
+# number. A GPU takes any, and needs many at once.
 PASS_SAMPLES = 32
 LAUNCH_POINTS = 1 << 14
+LAUNCH_POINTS_GPU = 1 << 18
 RUN = 32  # points whose lanes follow each other: no fewer than a core computes at once
 
 PRIOR_SAMPLES = 64
@@ -266,10 +269,11 @@ class Tracer:
     def launched(self, kernel: Callable, *inputs: np.ndarray) -> dict[str, np.ndarray]:
         """Columns (N, ...) of a kernel that takes arrays (N, 3), computed in launches of one size."""
         launches = []
-        for first in range(0, max(len(inputs[0]), 1), LAUNCH_POINTS):
-            some = [array[first : first + LAUNCH_POINTS] for array in inputs]
-            lanes = _lanes(len(some[0]))
-            columns = kernel(self, *(_padded(array, lanes) for array in some))
+        most = launch_points(len(inputs[0]))
+        for first in range(0, max(len(inputs[0]), 1), most):
+            some = [array[first : first + most] for array in inputs]
+            lanes = _lanes(len(some[0]), most)
+            columns = kernel(self, *(_padded(array, lanes, most) for array in some))
             launches.append({name: column[lanes] for name, column in columns.items()})
         return {name: np.concatenate([launch[name] for launch in launches]) for name in launches[0]}
 
@@ -278,10 +282,11 @@ class Tracer:
         from . import paths
 
         seed = int(np.random.SeedSequence(seed).generate_state(1)[0])
-        for first in range(0, len(active), LAUNCH_POINTS):
-            at = active[first : first + LAUNCH_POINTS]
-            lanes = _lanes(len(at))
-            padded = [_padded(array[at], lanes) for array in (*points, numbers)]
+        most = launch_points(len(active))
+        for first in range(0, len(active), most):
+            at = active[first : first + most]
+            lanes = _lanes(len(at), most)
+            padded = [_padded(array[at], lanes, most) for array in (*points, numbers)]
             launch = paths.indirect(self, *padded, PASS_SAMPLES, bounces, seed, known, sums.apart.shape[1])
             sums.add(at, paths.Sums(*(column[lanes] for column in launch)))
             if advance:
@@ -356,21 +361,28 @@ class _Sums:
         return Light(mean.astype(np.float32), self.error().astype(np.float32), *counts)
 
 
-def _lanes(count: int) -> np.ndarray:
+def launch_points(count: int) -> int:
+    """Points of each launch of a task with so many."""
+    if device() == "cpu":
+        return LAUNCH_POINTS
+    return min(max(LAUNCH_POINTS, 1 << (count - 1).bit_length()), LAUNCH_POINTS_GPU)
+
+
+def _lanes(count: int, launch: int) -> np.ndarray:
     """The lanes (count,) of a launch that trace as many points: spread over all in runs of RUN, in order.
 
     Each core takes lanes that follow each other, and all cores are to have as many of these points.
     """
     run, within = np.divmod(np.arange(count), RUN)
-    return run * (LAUNCH_POINTS // RUN) // max(-(-count // RUN), 1) * RUN + within
+    return run * (launch // RUN) // max(-(-count // RUN), 1) * RUN + within
 
 
-def _padded(array: np.ndarray, lanes: np.ndarray) -> np.ndarray:
-    """The rows of an array (n, C) at these `lanes` of LAUNCH_POINTS, and zeros at the others.
+def _padded(array: np.ndarray, lanes: np.ndarray, launch: int) -> np.ndarray:
+    """The rows of an array (n, C) at these `lanes` of a launch, and zeros at the others.
 
     Integers are kept, all else becomes float32. Nothing is traced for a normal or direction of 0.
     """
     kind = array.dtype if array.dtype == np.uint32 else np.float32
-    result = np.zeros((LAUNCH_POINTS, array.shape[1]), kind)
+    result = np.zeros((launch, array.shape[1]), kind)
     result[lanes] = array
     return result

@@ -21,6 +21,7 @@ def add(commands) -> None:
         "  gsgi bake room.glb -o room.gsgi --target-bytes 100000                # the best file of this size\n"
         "  gsgi bake room.glb -o room.gsgi --seconds 60                         # the best one in about a minute\n"
         "  gsgi bake edited.glb -o edited.gsgi --update room.gsgi               # only what an edit has changed\n"
+        "  gsgi bake room.glb -o room.gsgi --device cuda                        # trace on an NVIDIA GPU\n"
         "  gsgi bake room.glb -o room.gsgi --ray auto                           # on all nodes of a Ray cluster\n"
         "  gsgi bake level.glb -o level.gsgi.json --sectors 32                  # boxes of 32 m, a file each\n"
         "  gsgi bake room.glb -o room.gsgi --quiet --json > room.json           # with a report as JSON\n"
@@ -199,6 +200,8 @@ def _check_outputs(options: argparse.Namespace) -> None:
         _check_update(options)
     if options.sectors:
         _check_sectors(options)
+    if options.ray and options.device != "cpu":
+        raise UsageError(f"--device {options.device}: the nodes of a cluster trace on their CPUs")
     if options.ray and options.preview:
         raise UsageError("--preview: shows the fit while it runs, which is on another machine with --ray")
     if not options.evaluate and (options.preview or options.target_loss is not None):

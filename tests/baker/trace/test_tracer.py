@@ -300,7 +300,7 @@ def test_one_trace_tells_the_light_of_every_number_of_bounces():
 
 @pytest.mark.parametrize("count", [0, 1, 31, 33, 4096, LAUNCH_POINTS - 1, LAUNCH_POINTS])
 def test_points_are_spread_evenly_over_the_lanes_of_a_launch(count):
-    lanes = tracing._lanes(count)
+    lanes = tracing._lanes(count, LAUNCH_POINTS)
     assert len(set(lanes.tolist())) == count
     assert (np.diff(lanes) > 0).all()
     shares = np.histogram(lanes, 4, (0, LAUNCH_POINTS))[0]
