@@ -115,11 +115,12 @@ def cell_lists(gaussians: Gaussians, radius: float, price: int = 1) -> CellLists
     return CellLists(low, edge, size, first, child, used[entry].astype(np.int32), octants)
 
 
-# What is known of N ellipsoids: rows of one table (13, N) float32. Lengths are relative to `low` of the grid, m.
+# What is known of N ellipsoids: rows of one table (16, N) float32. Lengths are relative to `low` of the grid, m.
 CENTRE = slice(0, 3)
 BOUND = slice(3, 6)  # half the bounding box
 REACH = 6  # the square of the shortest semi-axis
 INVERSE = slice(7, 13)  # xx, xy, xz, yy, yz, zz of the inverse covariance times the square of the shortest deviation
+RECIPROCAL = slice(13, 16)  # of xx, yy, zz
 
 
 class _Level(NamedTuple):
@@ -159,7 +160,8 @@ def _ellipsoids(
     whiten = axes * (deviation[:1] / deviation)[:, None]
     pairs = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)]
     inverse = [_dot(whiten[:, j], whiten[:, k]) for j, k in pairs]
-    table = np.stack([*centre, *bound, (reach * deviation[0]) ** 2, *inverse])
+    reciprocal = [1 / inverse[i] for i in (0, 3, 5)]
+    table = np.stack([*centre, *bound, (reach * deviation[0]) ** 2, *inverse, *reciprocal])
     return table, np.moveaxis(points, 2, 3).reshape(-1, 3)
 
 
@@ -250,7 +252,7 @@ def _most(bodies: np.ndarray) -> int:
 
 
 def _meet(body: np.ndarray, offset, half: np.float32) -> np.ndarray:
-    """Whether ellipsoids, a table (13, P), meet cubes: `offset` is from the cube's middle to the ellipsoid's centre, m,
+    """Whether ellipsoids, a table (16, P), meet cubes: `offset` is from the cube's middle to the ellipsoid's centre, m,
     three arrays that broadcast with (P,).
 
     They are apart if a plane parts them: one across an axis, or across the gradient of the distance in standard
@@ -265,11 +267,11 @@ def _meet(body: np.ndarray, offset, half: np.float32) -> np.ndarray:
         rows = [[a[i] for i in row] for row in ((0, 1, 2), (1, 3, 4), (2, 4, 5))]
         at = [x - np.minimum(np.maximum(x, -half), half) for x in offset]
         for k, x in enumerate(offset):
-            least = at[k] - _dot(rows[k], at) / rows[k][k]
+            least = at[k] - _dot(rows[k], at) * body[RECIPROCAL][k]
             at[k] = np.minimum(np.maximum(least, x - half), x + half)
         across = [_dot(row, at) for row in rows]
         gap = _dot(across, offset) - half * (np.abs(across[0]) + np.abs(across[1]) + np.abs(across[2]))
-        apart |= gap > np.sqrt(body[REACH] * _dot(across, at))
+        apart |= (gap > 0) & (gap * gap > body[REACH] * _dot(across, at))
     return ~apart
 
 

@@ -8,7 +8,10 @@
 
 static float dot3(const float a[3], const float b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
-static float clamped(float x, float low, float high) { return x < low ? low : x > high ? high : x; }
+static float clamped(float x, float low, float high) {
+    const float most = x < high ? x : high;
+    return most > low ? most : low;
+}
 
 float gsgi__body_scale(const float* shape, int axis) {
     return fminf(fmaxf(shape[8 + axis], (float)SCALE_MIN), (float)SCALE_MAX);
@@ -44,24 +47,36 @@ void gsgi__body_make(const float low[3], const float* shape, double radius, gsgi
     for (int i = 0; i < 3; ++i)
         for (int j = 0; j < 3; ++j) whiten[j][i] = axes[order[i]][j] * (deviation[0] / deviation[i]);
     for (int j = 0, at = 0; j < 3; ++j)
-        for (int k = j; k < 3; ++k) to->inverse[at++] = dot3(whiten[j], whiten[k]);
+        for (int k = j; k < 3; ++k) {
+            to->inverse[at] = dot3(whiten[j], whiten[k]);
+            if (k == j) to->reciprocal[j] = 1.0f / to->inverse[at];
+            ++at;
+        }
     to->reach = reach * deviation[0] * (reach * deviation[0]);
 }
 
-/* They do not if a plane parts them: one across an axis, or across the gradient of the distance in standard deviations.
- * The latter is taken at a point of the cube where that distance is near its least: after one round of descent along
- * the axes, from the point nearest to the body's centre. */
-bool gsgi__body_meets(const gsgi__body* a, const float offset[3], float half) {
-    const float* m = a->inverse;
-    const float rows[3][3] = {{m[0], m[1], m[2]}, {m[1], m[3], m[4]}, {m[2], m[4], m[5]}};
-    float at[3], across[3]; /* at: from the point to the centre */
-    for (int k = 0; k < 3; ++k) {
-        if (fabsf(offset[k]) - half > a->bound[k]) return false;
-        at[k] = offset[k] - clamped(offset[k], -half, half);
+/* A body does not meet a cube if a plane parts them: one across an axis, or across the gradient of the distance in
+ * standard deviations. The latter is taken at a point of the cube where that distance is near its least: after one
+ * round of descent along the axes, from the point nearest to the body's centre. The loop has no branches, so that
+ * compilers compute several cubes at once. */
+uint8_t gsgi__body_meets(const gsgi__body* a, float offset[3][8], float half) {
+    const float xx = a->inverse[0], xy = a->inverse[1], xz = a->inverse[2];
+    const float yy = a->inverse[3], yz = a->inverse[4], zz = a->inverse[5];
+    const float per_xx = a->reciprocal[0], per_yy = a->reciprocal[1], per_zz = a->reciprocal[2];
+    const float bound_x = a->bound[0], bound_y = a->bound[1], bound_z = a->bound[2], reach = a->reach;
+    int parted[8];
+    for (int i = 0; i < 8; ++i) {
+        const float x = offset[0][i], y = offset[1][i], z = offset[2][i];
+        float u = x - clamped(x, -half, half), v = y - clamped(y, -half, half), w = z - clamped(z, -half, half);
+        const int beyond = (fabsf(x) - half > bound_x) | (fabsf(y) - half > bound_y) | (fabsf(z) - half > bound_z);
+        u = clamped(u - (xx * u + xy * v + xz * w) * per_xx, x - half, x + half);
+        v = clamped(v - (xy * u + yy * v + yz * w) * per_yy, y - half, y + half);
+        w = clamped(w - (xz * u + yz * v + zz * w) * per_zz, z - half, z + half);
+        const float p = xx * u + xy * v + xz * w, q = xy * u + yy * v + yz * w, r = xz * u + yz * v + zz * w;
+        const float gap = p * x + q * y + r * z - half * (fabsf(p) + fabsf(q) + fabsf(r));
+        parted[i] = beyond | ((gap > 0.0f) & (gap * gap > reach * (p * u + q * v + r * w)));
     }
-    for (int k = 0; k < 3; ++k)
-        at[k] = clamped(at[k] - dot3(rows[k], at) / rows[k][k], offset[k] - half, offset[k] + half);
-    for (int k = 0; k < 3; ++k) across[k] = dot3(rows[k], at);
-    const float gap = dot3(across, offset) - half * (fabsf(across[0]) + fabsf(across[1]) + fabsf(across[2]));
-    return !(gap > sqrtf(a->reach * dot3(across, at)));
+    uint8_t met = 0;
+    for (int i = 0; i < 8; ++i) met |= (uint8_t)(!parted[i] << i);
+    return met;
 }

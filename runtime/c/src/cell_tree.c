@@ -68,7 +68,8 @@ static bool make_grid(gsgi__tree* b, const gsgi__level* level, float radius) {
 static bool add_pair(const gsgi__tree* b, gsgi__depth* d, uint32_t body, uint32_t node, uint32_t parent) {
     if (d->count == d->room) {
         const uint32_t room = d->room ? 2 * d->room : 1024;
-        gsgi__pair* larger = d->room > GSGI_NOWHERE / 2 ? NULL : gsgi__tree_take(b, room, sizeof *larger);
+        gsgi__pair* larger =
+            d->room > GSGI_NOWHERE / 2 ? NULL : gsgi__allocate(b->callbacks, (size_t)room * sizeof *larger);
         if (!larger) return false;
         if (d->count > 0) memcpy(larger, d->pairs, d->count * sizeof *larger);
         gsgi__release(b->callbacks, d->pairs);
@@ -115,16 +116,25 @@ static void limit_roots(gsgi__tree* b) {
 static bool add_root_pairs(const gsgi__tree* b, gsgi__depth* d) {
     const float half = (float)(0.5 + GSGI_CELLS_SLACK) * b->edge;
     for (uint32_t i = 0; i < b->count; ++i) {
+        const gsgi__body* a = &b->bodies[i];
         int32_t from[3], to[3];
-        cells_of(b, &b->bodies[i], from, to);
-        for (int32_t x = from[0]; x <= to[0]; ++x)
-            for (int32_t y = from[1]; y <= to[1]; ++y)
-                for (int32_t z = from[2]; z <= to[2]; ++z) {
-                    const uint32_t node = (uint32_t)((x * b->size[1] + y) * b->size[2] + z);
-                    float offset[3];
-                    for (int k = 0; k < 3; ++k) offset[k] = b->bodies[i].centre[k] - d->middle[node][k];
-                    if (gsgi__body_meets(&b->bodies[i], offset, half) && !add_pair(b, d, i, node, 0)) return false;
-                }
+        cells_of(b, a, from, to);
+        const int32_t rows = to[1] - from[1] + 1, columns = to[2] - from[2] + 1;
+        const int32_t cells = (to[0] - from[0] + 1) * rows * columns;
+        for (int32_t first = 0; first < cells; first += 8) {
+            const int32_t some = cells - first < 8 ? cells - first : 8;
+            uint32_t node[8];
+            float offset[3][8] = {{0.0f}};
+            for (int32_t c = 0; c < some; ++c) {
+                const int32_t x = from[0] + (first + c) / (rows * columns);
+                const int32_t y = from[1] + (first + c) / columns % rows, z = from[2] + (first + c) % columns;
+                node[c] = (uint32_t)((x * b->size[1] + y) * b->size[2] + z);
+                for (int k = 0; k < 3; ++k) offset[k][c] = a->centre[k] - d->middle[node[c]][k];
+            }
+            const uint8_t met = gsgi__body_meets(a, offset, half);
+            for (int32_t c = 0; c < some; ++c)
+                if (met >> c & 1 && !add_pair(b, d, i, node[c], 0)) return false;
+        }
     }
     return true;
 }
@@ -198,18 +208,16 @@ static void look_at(const gsgi__tree* b, const gsgi__depth* d, gsgi__pair* p, co
     for (int o = 0; o < 8; ++o) empty = empty && crowd[o] == 0.0f;
     p->octants = 255;
     if (!empty) {
-        p->octants = 0;
+        float offset[3][8];
+        for (int k = 0; k < 3; ++k) {
+            const float from_middle = a->centre[k] - d->middle[p->node][k];
+            for (int o = 0; o < 8; ++o) offset[k][o] = o >> (2 - k) & 1 ? from_middle - half : from_middle + half;
+        }
+        p->octants = gsgi__body_meets(a, offset, wide);
         reached = 0;
         for (int o = 0; o < 8; ++o) {
-            float offset[3];
-            for (int k = 0; k < 3; ++k) {
-                const float from_middle = a->centre[k] - d->middle[p->node][k];
-                offset[k] = o >> (2 - k) & 1 ? from_middle - half : from_middle + half;
-            }
-            if (!gsgi__body_meets(a, offset, wide)) continue;
-            p->octants |= (uint8_t)(1 << o);
-            p->crowd += crowd[o];
-            ++reached;
+            p->crowd += (float)(p->octants >> o & 1) * crowd[o];
+            reached += p->octants >> o & 1;
         }
     }
     p->pushed = p->crowd * (float)(SAVED - reached) > b->price * SAVED_OF * (float)(reached - 1);

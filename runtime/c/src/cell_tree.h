@@ -18,7 +18,8 @@ typedef struct gsgi__body {
     float bound[3];   /* half the bounding box */
     float reach;      /* the square of the shortest semi-axis */
     float inverse[6]; /* xx, xy, xz, yy, yz, zz of the inverse covariance, times the square of the shortest deviation */
-    float length;     /* the longest semi-axis */
+    float reciprocal[3]; /* of xx, yy, zz */
+    float length;        /* the longest semi-axis */
 } gsgi__body;
 
 /* Standard deviation along an axis, m, as the operator reads it. */
@@ -28,8 +29,9 @@ float gsgi__body_scale(const float* shape, int axis);
 void gsgi__body_make(const float low[3], const float* shape, double radius, gsgi__body* to,
                      float points[GSGI_BODY_POINTS][3]);
 
-/* Whether a body meets a cube; `offset` is from the cube's middle to the body's centre. */
-bool gsgi__body_meets(const gsgi__body* a, const float offset[3], float half);
+/* Which of eight cubes a body meets, a bit for each, the first the lowest. `offset` is from their middles to the body's
+ * centre. */
+uint8_t gsgi__body_meets(const gsgi__body* a, float offset[3][8], float half);
 
 /* ---- cell_tree.c ---- */
 

@@ -106,12 +106,15 @@ static uint64_t write_lists(gsgi_lookup* lookup, const gsgi__cell_lists* from, u
         lookup->cells[node + i] = (uint32_t)(2 * place + inner);
         if (inner) put(lookup, place++, eight_of(from, i));
         put(lookup, place++, count);
-        uint32_t word = 0, bit = 0; /* octant by octant */
-        for (; bit < 8 * count; ++bit) {
-            word |= (uint32_t)(from->octants[from->first[i] + bit % count] >> (bit / count) & 1) << bit % 16;
-            if (bit % 16 == 15) put(lookup, place++, word), word = 0;
-        }
-        if (bit % 16 != 0) put(lookup, place++, word);
+        uint32_t word = 0, bit = 0;
+        for (int octant = 0; octant < 8; ++octant)
+            for (uint32_t k = 0; k < count; ++k) {
+                word |= (uint32_t)(from->octants[from->first[i] + k] >> octant & 1) << bit;
+                if (++bit < 16) continue;
+                put(lookup, place++, word);
+                word = bit = 0;
+            }
+        if (bit > 0) put(lookup, place++, word);
         for (uint32_t k = 0; k < count; ++k) put(lookup, place++, from->entry[from->first[i] + k]);
     }
     return place;
