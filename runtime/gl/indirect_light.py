@@ -31,7 +31,7 @@ from .host_textures import OURS, Encoding
 from .permutations import defines
 from .profile import Profile
 from .splat import Splats
-from .surface_light import SCALES, Box, SurfaceLight
+from .surface_light import Box, SurfaceLight, check_scale
 from .view import View
 from .world_light import WorldLight
 
@@ -63,8 +63,7 @@ class IndirectLight:
         self, ctx: moderngl.Context, bake: Bake | World, encoding: Encoding = OURS, splat_scale: int = DEFAULT_SCALE,
         box: Box | None = None, keep_state: bool = True, relief: bool = True,
     ):  # fmt: skip
-        if splat_scale not in SCALES:
-            raise ValueError(f"splat_scale: {splat_scale!r} is none of {', '.join(map(str, SCALES))}")
+        check_scale(splat_scale)
         if box is not None and not (np.shape(box) == (2, 3) and np.less_equal(*box).all()):
             raise ValueError(f"box: {box!r} is not the lowest and the highest corner, three numbers each")
         self.ctx, self.encoding, self._keep_state = ctx, encoding, keep_state
@@ -114,6 +113,17 @@ class IndirectLight:
             with self._drawing():
                 self._splats.recolour(weighted(self._bake, factors))
             self._weights = factors
+
+    def set_splat_scale(self, splat_scale: int) -> None:
+        """Read the light once per `splat_scale` x `splat_scale` pixels from the next draw() on; it stays uploaded.
+
+        A file of the `over` operator is drawn at full resolution all the same. Raises ValueError unless it is 1 to 4.
+        """
+        self._check_not_released()
+        check_scale(splat_scale)
+        if isinstance(self._splats, SurfaceLight) and splat_scale != self._splats.splat_scale:
+            with self._drawing():
+                self._splats.set_scale(int(splat_scale))
 
     def draw(
         self, depth: moderngl.Texture, normal: moderngl.Texture,

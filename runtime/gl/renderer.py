@@ -25,7 +25,7 @@ from .indirect_lookup import IndirectLookup
 from .primary import Primary
 from .profile import Profile, measured
 from .shadow import Shadow
-from .surface_light import SCALES
+from .surface_light import check_scale
 from .view import View
 
 
@@ -55,7 +55,8 @@ class DeferredRenderer:
         _check_size(ctx, width, height)
         if not isinstance(bake, World | None):
             check_bake(bake)
-        self._splat_scale = self._next_splat_scale = _checked(splat_scale)
+        check_scale(splat_scale)
+        self._splat_scale = splat_scale  # from the next frame on
         self._released = False
         if self._origin.any():
             scene = local_scene(scene, self._origin)
@@ -94,7 +95,8 @@ class DeferredRenderer:
         Raises ValueError unless it is 1 to 4.
         """
         self._check_in_use()
-        self._next_splat_scale = _checked(splat_scale)
+        check_scale(splat_scale)
+        self._splat_scale = splat_scale
 
     @property
     def weights(self) -> Factors:
@@ -118,7 +120,6 @@ class DeferredRenderer:
     def render(self, camera: Camera, profile: Profile | None = None) -> None:
         """Draw one frame. A `profile`, which must belong to `ctx`, measures its passes."""
         self._check_in_use()
-        self._apply_splat_scale()
         self._ctx.depth_func = "<"
         near_origin = local_camera(camera, self._origin)
         with measured(profile, "frame/gbuffer"):
@@ -131,6 +132,7 @@ class DeferredRenderer:
         if self.primary:
             self.primary.draw(near_origin, profile)
         if self.splats:
+            self.splats.set_splat_scale(self._splat_scale)
             view = View.of_camera(camera, self.gbuffer.size)
             textures = self.gbuffer.depth, self.gbuffer.interpolated
             self.splats.draw_view(view, *textures, profile=profile, mapped=self.gbuffer.normal)
@@ -200,14 +202,6 @@ class DeferredRenderer:
         if not self._drawn:
             raise RuntimeError("DeferredRenderer: call render() first, no frame of this size is drawn yet")
 
-    def _apply_splat_scale(self) -> None:
-        if self.splats and self._splat_scale != self._next_splat_scale:
-            weights = self.splats.weights
-            self.splats.release()
-            self.splats = IndirectLight(self._ctx, self._bake, splat_scale=self._next_splat_scale, relief=self._bent)
-            self.splats.weights = weights
-        self._splat_scale = self._next_splat_scale
-
     def _make_targets(self, size: tuple[int, int]) -> None:
         """Create the passes that draw into textures of the frame's size."""
         ctx, scene = self._ctx, self._scene
@@ -247,13 +241,6 @@ class DeferredRenderer:
         for part in (self._display, self.background, self.primary, self.composite, self.blended, self.gbuffer):
             if part is not None:
                 part.release()
-
-
-def _checked(splat_scale: int) -> int:
-    """Return `splat_scale`. Raises ValueError if it is impossible."""
-    if splat_scale not in SCALES:
-        raise ValueError(f"splat_scale: {splat_scale!r} is none of {', '.join(map(str, SCALES))}")
-    return splat_scale
 
 
 def _check_size(ctx: moderngl.Context, width: int, height: int) -> None:

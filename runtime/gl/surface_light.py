@@ -24,13 +24,19 @@ SCALES = 1, 2, 3, 4  # pixels of the frame per pixel of the target, along each a
 Box = tuple[np.ndarray, np.ndarray]  # lowest and highest corner (3,), world space, m
 
 
+def check_scale(splat_scale: int) -> None:
+    """Raise ValueError for a `splat_scale` that is none of SCALES."""
+    if splat_scale not in SCALES:
+        raise ValueError(f"splat_scale: {splat_scale!r} is none of {', '.join(map(str, SCALES))}")
+
+
 class Part(NamedTuple):
-    """The light of a bake, with the pass that reads it, and its `window` if it is a sector of a world: two corners
-    (3,), m, as the pass sees the world.
+    """The light of a bake with its `sh_counts`, and its `window` if it is a sector of a world: two corners (3,), m, as
+    the pass sees the world.
     """
 
     textures: LookupTextures
-    read: FullScreenPass
+    counts: tuple[int, int, int]
     window: Box | None = None
 
 
@@ -48,16 +54,21 @@ class SurfaceLight:
     ):  # fmt: skip
         self._make_passes(ctx, Reading(splat_scale, encoding, box is not None, relief), box)
         bake = self._as_read(bake)
-        self._part = Part(LookupTextures(ctx, lookup_tables(bake)), self._read_pass(sh_counts(bake)))
+        self._part = Part(LookupTextures(ctx, lookup_tables(bake)), sh_counts(bake))
 
-    def _make_passes(self, ctx: moderngl.Context, reading: Reading, box: Box | None) -> None:
+    def _make_passes(
+        self, ctx: moderngl.Context, reading: Reading, box: Box | None, sector_margin: float | None = None
+    ) -> None:
         assert reading.splat_scale in SCALES, reading
         self.ctx, self.splat_scale, self.box, self._reading = ctx, reading.splat_scale, box, reading
+        self._sector_margin = sector_margin
         self.targets: SurfaceTargets | None = None
         read = "normal", "depth", *(["mapped"] if reading.relief else []), *(["sectors"] if reading.sectors else [])
         self._points = FullScreenPass(ctx, "surface/points", read, **defines("surface/points", reading))
         if box is not None:
             self._points.set(box_low=box[0], box_high=box[1])
+        if sector_margin is not None:
+            self._points.set(sector_margin=sector_margin)
         self._read_passes: dict[tuple[int, int, int], FullScreenPass] = {}
         self._smooth = self._resolve = None
         if reading.splat_scale > 1:
@@ -71,7 +82,14 @@ class SurfaceLight:
             points = "surface_position", "surface_plane", *(["surface_bend"] if self._reading.relief else [])
             features = defines("surface/read", (self._reading, counts))
             self._read_passes[counts] = FullScreenPass(self.ctx, "surface/read", points, **features)
+            if self._sector_margin is not None:
+                self._read_passes[counts].set(sector_margin=self._sector_margin)
         return self._read_passes[counts]
+
+    def set_scale(self, splat_scale: int) -> None:
+        """Read once per `splat_scale` x `splat_scale` pixels from the next draw() on. The light stays uploaded."""
+        self._release_passes()
+        self._make_passes(self.ctx, self._reading._replace(splat_scale=splat_scale), self.box, self._sector_margin)
 
     def _as_read(self, bake: Bake) -> Bake:
         """The bake without what is not read."""
@@ -125,7 +143,8 @@ class SurfaceLight:
         self.ctx.enable_only(moderngl.BLEND if added else moderngl.NOTHING)
         self.ctx.blend_func = moderngl.ONE, moderngl.ONE
         points = targets.position, targets.plane, *([targets.bend] if targets.bend else [])
-        for textures, read, window in parts:
+        for textures, counts, window in parts:
+            read = self._read_pass(counts)
             if window:
                 read.set(sector_low=window[0], sector_high=window[1])
             read.draw(target, *points, **textures.use(len(points)))

@@ -33,8 +33,8 @@ class WorldLight(SurfaceLight):
         self._parts: dict[int, Part] = {}
         self._balls: dict[int, tuple[float, ...]] = {}  # around what each part lights
         relief = relief and Effects.NORMAL_MAP in world.effects
-        self._make_passes(ctx, Reading(splat_scale, encoding, box is not None, relief, sectors=True), box)
-        self._points.set(sector_margin=world.manifest.margin)
+        reading = Reading(splat_scale, encoding, box is not None, relief, sectors=True)
+        self._make_passes(ctx, reading, box, world.manifest.margin)
         self._table, self._rows = ctx.texture((2, 1), 4, dtype="f4"), np.zeros((0, 2, 4), np.float32)
 
     def release(self) -> None:
@@ -61,18 +61,17 @@ class WorldLight(SurfaceLight):
 
     def _follow(self) -> None:
         """Upload the sectors that have come into memory, and free those that have gone."""
-        resident, margin = self._world.resident, self._world.manifest.margin
+        resident = self._world.resident
         for number in [number for number in self._parts if number not in resident]:
             self._parts.pop(number).textures.release()
             del self._balls[number]
         for number, sector in resident.items():
             if number not in self._parts:
                 tables = seen_from(sector.tables, origin_of_bake(sector.bake) - self._origin)
-                read, box = self._read_pass(sh_counts(sector.bake)), self._world.windows[number]
-                read.set(sector_margin=margin)
+                box = self._world.windows[number]
                 box = np.where(np.abs(box) < FAR, box - self._origin, box).astype(np.float32)
-                self._parts[number] = Part(LookupTextures(self.ctx, tables), read, tuple(box))
-                self._balls[number] = _ball(sector.bake, self._origin, box, margin)
+                self._parts[number] = Part(LookupTextures(self.ctx, tables), sh_counts(sector.bake), tuple(box))
+                self._balls[number] = _ball(sector.bake, self._origin, box, self._world.manifest.margin)
 
     def _tell(self) -> None:
         """Upload the windows of all sectors with their weights and classes, if something has changed."""

@@ -59,6 +59,21 @@ def test_a_part_of_the_image_is_a_camera_of_its_own(gl, host, splat_scale):
     light.release()
 
 
+@pytest.mark.parametrize("box", [None, ((-1.0, -1, -1), (0.2, 1, 1))])
+def test_another_scale_reads_the_light_that_is_uploaded(gl, host, box):
+    light = IndirectLight(gl, bake(), splat_scale=1, box=box)
+    for scale in (4, 2, 1):
+        fresh = IndirectLight(gl, bake(), splat_scale=scale, box=box)
+        textures = light._splats._part.textures
+        light.set_splat_scale(scale)
+        np.testing.assert_array_equal(drawn(light, gl, host), drawn(fresh, gl, host))
+        assert light._splats._part.textures is textures
+        fresh.release()
+    with pytest.raises(ValueError, match="splat_scale: 5 is none of 1, 2, 3, 4"):
+        light.set_splat_scale(5)
+    light.release()
+
+
 @pytest.mark.parametrize("albedo", ALBEDOS)
 def test_light_is_added_within_the_viewport_alone(gl, host, albedo):
     encoding = Encoding(albedo=albedo)

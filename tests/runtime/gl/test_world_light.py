@@ -74,6 +74,13 @@ def test_at_lower_resolution_borders_are_as_smooth(gl, path):
         world.settle()
         light, expected, _ = drawn(gl, world, splat_scale=2)
         assert np.abs(light - expected).mean() < 0.05 * expected.mean()
+        lights = [IndirectLight(gl, world, splat_scale=scale) for scale in (4, 2)]
+        lights[0].set_splat_scale(2)
+        textures = host.Host(gl).textures(gl, host.Encoding())
+        frame = *textures, host.CAMERA.view_from_world, host.projection_for(lights[0].encoding)
+        np.testing.assert_array_equal(*(host.pixels(each.draw(*frame)) for each in lights))
+        for each in lights:
+            each.release()
 
 
 def test_the_pass_follows_what_is_in_memory_and_frees_the_rest(gl, path):
