@@ -41,7 +41,7 @@ class Callbacks(ctypes.Structure):
 
 
 class OpenOptions(Sized):
-    _fields_ = (("struct_size", c_size_t), ("callbacks", Callbacks), ("sampling", c_int32))
+    _fields_ = (("struct_size", c_size_t), ("callbacks", Callbacks), ("sampling", c_int32), ("lists", c_int32))
 
 
 class Info(Sized):
@@ -176,8 +176,8 @@ class Library:
         given = None if options is None else ctypes.byref(options)
         return self.functions.gsgi_bake_open(data, c_size_t(len(data)), given, ctypes.byref(bake)), bake
 
-    def opened(self, data: bytes, sampling: bool = False) -> c_void_p:
-        result, bake = self.open(data, OpenOptions(sampling=sampling))
+    def opened(self, data: bytes, sampling: bool = False, lists: bool = False) -> c_void_p:
+        result, bake = self.open(data, OpenOptions(sampling=sampling, lists=lists))
         assert result == OK
         return bake
 
@@ -383,7 +383,7 @@ class Light:
 
     def __init__(
         self, context: Context, data: bytes | World, encoding, splat_scale: int = 0, box=None, top_down: bool = False,
-        relief: bool = False,
+        relief: bool = False, lists: bool = False,
     ):  # fmt: skip
         self.context, self.functions, self.handle = context, context.library.functions, c_void_p()
         options = LightOptions(
@@ -398,7 +398,7 @@ class Light:
         if isinstance(data, World):
             self.result = self.functions.gsgi_light_create_world(context.handle, data.handle, *made)
         else:
-            bake = context.library.opened(data)
+            bake = context.library.opened(data, lists=lists)
             self.result = self.functions.gsgi_light_create(context.handle, bake, *made)
             context.library.close(bake)
 

@@ -92,6 +92,8 @@ typedef struct gsgi_open_options {
     size_t struct_size;
     gsgi_callbacks callbacks;
     int32_t sampling; /* not 0: build the grids that make gsgi_bake_sample fast */
+    int32_t lists;    /* not 0: make the tables of a `surface` light now, in this thread, so that gsgi_light_create has
+                         but to upload them; they stay with the bake, and count in its bake_bytes */
 } gsgi_open_options;
 
 /* Effects of the scene that the file's light holds, or was made with; sums of these in gsgi_info.effects. */
@@ -421,9 +423,9 @@ typedef struct gsgi_light_options {
                              a world take them in any case. */
 } gsgi_light_options;
 
-/* Upload a bake and compile its passes. For `surface` it first makes tables, as gsgi_lookup_open does, with its errors;
- * the light of a bake with light groups keeps the texels of its Gaussians. `options` may be NULL. The bake may be
- * closed afterwards. */
+/* Upload a bake and compile its passes. For `surface` it first makes tables, as gsgi_lookup_open does, with its errors,
+ * unless the bake was opened with `lists`; the light of a bake with light groups keeps the texels of its Gaussians.
+ * `options` may be NULL. The bake may be closed afterwards. */
 GSGI_API gsgi_result gsgi_light_create(gsgi_context* context, const gsgi_bake* bake, const gsgi_light_options* options,
                                        gsgi_light** light);
 

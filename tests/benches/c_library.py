@@ -23,6 +23,7 @@ def c_library() -> list[dict]:
     from gsgi.runtime.gl.gbuffer import GBuffer
     from gsgi.runtime.gl.geometry import Geometry
     from gsgi.runtime.gl.indirect_light import IndirectLight
+    from gsgi.runtime.lookup_tables import lookup_tables
     from gsgi.runtime.sampling import Sampler
 
     ctx, rows = create_context(), []
@@ -51,7 +52,9 @@ def c_library() -> list[dict]:
     compare("decode", lambda: codec.decode(data), lambda: library.close(library.opened(data)))
     many = codec.encode(Bake(on_surfaces(MANY), SurfaceBlend(), coarse=grid()))
     compare(f"decode {MANY:,}", lambda: codec.decode(many), lambda: library.close(library.opened(many)))
-    compare("decode, upload, compile", make_python, make_c)
+    made = lambda: lookup_tables(codec.decode(data)), lambda: library.close(library.opened(data, lists=True))
+    compare("decode, lists", *made)
+    compare("decode, lists, upload, compile", make_python, make_c)
     camera = scenes.inside_camera()
     for size in ((8, 8), SIZE):
         gbuffer = GBuffer(ctx, Geometry(ctx, room()), size)

@@ -114,8 +114,12 @@ gsgi_result gsgi_bake_open(const void* data, size_t size, const gsgi_open_option
                           (unsigned long long)h.levels[0].count + h.levels[1].count);
     }
     describe(bake, &h);
-    *out = bake;
-    return GSGI_OK;
+    if (options.lists && h.blend == GSGI_SURFACE) result = gsgi__lookup_prepare(bake, bake->origin);
+    if (result)
+        gsgi_bake_close(bake);
+    else
+        *out = bake;
+    return result;
 }
 
 gsgi_result gsgi_bake_info(const gsgi_bake* bake, gsgi_info* info) {

@@ -78,7 +78,8 @@ struct gsgi_bake {
     double origin[3]; /* m; positions are relative to it */
     gsgi__level levels[2];
     gsgi__grid grids[2];
-    gsgi_lookup* lookup; /* of a sector of a world; else NULL */
+    gsgi_lookup* lookup; /* of a sector of a world, or opened with `lists`; else NULL */
+    bool in_world;       /* whether it is a sector */
     uint32_t crc;        /* of the file */
     gsgi__group* groups;
     gsgi__group own; /* the light of the levels where all weights are 1; only where there are groups */

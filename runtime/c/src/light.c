@@ -167,10 +167,14 @@ gsgi_result gsgi_light_recolour(gsgi_light* light, const gsgi_bake* bake) {
         bake->info.gaussian_count[0] != light->info.gaussian_count[0])
         return gsgi__fail(&context->callbacks, GSGI_INVALID_ARGUMENT, "bake: not the one that the light was made of");
     const gsgi__part* part = light->parts[0];
-    if (!part->lookup) return GSGI_OK; /* without groups light never changes */
-    gsgi__lookup_recolour(part->lookup, bake);
+    if (bake->info.group_count == 0) return GSGI_OK; /* light never changes */
+    const gsgi_lookup* lookup = part->lookup ? part->lookup : bake->lookup;
+    if (!lookup)
+        return gsgi__fail(&context->callbacks, GSGI_INVALID_ARGUMENT,
+                          "bake: opened without `lists`, with which the light's was");
+    if (part->lookup) gsgi__lookup_recolour(part->lookup, bake); /* gsgi_bake_weigh has done the other */
     gsgi__state_begin(gl, context->state, &host);
-    gsgi__write_rows(gl, part->tables[0], part->lookup->info.gaussian_rows, part->lookup->gaussians);
+    gsgi__write_rows(gl, part->tables[0], lookup->info.gaussian_rows, lookup->gaussians);
     gsgi__state_end(gl, context->state, &host);
     return GSGI_OK;
 }

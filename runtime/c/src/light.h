@@ -26,7 +26,7 @@ typedef struct gsgi__part {
     GLuint shape, sh, index, strips; /* data textures, instance buffer, vertex array */
     /* `surface`: */
     GLuint tables[3];    /* textures of its look-up */
-    gsgi_lookup* lookup; /* what gsgi_light_recolour needs of it; NULL: the bake has no light groups */
+    gsgi_lookup* lookup; /* what gsgi_light_recolour needs of it; NULL: there are no light groups, or the bake has it */
     /* of a sector of a world: */
     uint32_t serial, class;
     float low[3], high[3], weight; /* its box for glsl/surface/sector.glsl, from the light's origin */

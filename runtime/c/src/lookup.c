@@ -255,6 +255,12 @@ gsgi_result gsgi_lookup_open(const gsgi_bake* bake, gsgi_lookup** out) {
     return GSGI_OK;
 }
 
+gsgi_result gsgi__lookup_prepare(gsgi_bake* bake, const double origin[3]) {
+    const gsgi_result result = gsgi__lookup_create(&bake->callbacks, bake, origin, true, &bake->lookup);
+    if (!result) bake->info.bake_bytes += bake->lookup->info.bytes;
+    return result;
+}
+
 void gsgi__lookup_keep_gaussians(gsgi_lookup* lookup) {
     gsgi__release(&lookup->callbacks, lookup->cells);
     gsgi__release(&lookup->callbacks, lookup->lists);

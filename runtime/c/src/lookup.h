@@ -28,6 +28,9 @@ size_t gsgi__lookup_least_bytes(const gsgi_bake* bake);
 /* Those of glsl/surface/lookup.glsl. */
 void gsgi__lookup_defines(const gsgi_lookup* lookup, char defines[GSGI_LOOKUP_DEFINES]);
 
+/* Make those of a bake, with relief, which stay with it. */
+gsgi_result gsgi__lookup_prepare(gsgi_bake* bake, const double origin[3]);
+
 /* Free all but the texels of the Gaussians. */
 void gsgi__lookup_keep_gaussians(gsgi_lookup* lookup);
 

@@ -62,8 +62,9 @@ gsgi_result gsgi__part_create(gsgi_light* light, const gsgi_bake* bake, gsgi__pa
     if (!part) return gsgi__fail(callbacks, GSGI_OUT_OF_MEMORY, "light: no memory");
     memset(part, 0, sizeof *part);
     memcpy(part->drawn, bake->info.gaussian_count, sizeof part->drawn);
+    const bool prepared = bake->lookup && bake->in_world == light->sectors; /* for the light's origin */
     const gsgi_result result = light->info.blend == GSGI_OVER ? upload_gaussians(light, bake, part)
-                               : light->sectors               ? upload_lookup(light, bake->lookup, part)
+                               : prepared                     ? upload_lookup(light, bake->lookup, part)
                                                               : upload_new_lookup(light, bake, part);
     if (result)
         gsgi__part_destroy(light->context, part);

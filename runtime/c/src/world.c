@@ -110,9 +110,8 @@ static uint64_t memory_of(const gsgi_bake* bake) {
 static gsgi_result prepare(const gsgi_world* world, gsgi_bake* bake) {
     double origin[3];
     gsgi__world_origin(world, origin);
-    const gsgi_result result = gsgi__lookup_create(&bake->callbacks, bake, origin, true, &bake->lookup);
-    if (!result) bake->info.bake_bytes += bake->lookup->info.bytes;
-    return result;
+    bake->in_world = true;
+    return gsgi__lookup_prepare(bake, origin);
 }
 
 gsgi_result gsgi_world_open_sector(const gsgi_world* world, uint32_t number, const void* data, size_t size,
@@ -133,6 +132,7 @@ gsgi_result gsgi_world_open_sector(const gsgi_world* world, uint32_t number, con
     if (memcmp(digest, sector->sha256, sizeof digest) != 0)
         return gsgi__fail(callbacks, GSGI_INVALID_FILE, "%s: sha256: expected the one that the manifest says",
                           sector->file);
+    options.lists = 0; /* a sector's are from the world's origin */
     if ((result = gsgi_bake_open(data, size, &options, &bake))) return result;
     if (bake->info.blend != GSGI_SURFACE)
         result = gsgi__fail(callbacks, GSGI_INVALID_FILE,
@@ -154,7 +154,7 @@ gsgi_result gsgi_world_add(gsgi_world* world, uint32_t number, gsgi_bake* bake) 
     gsgi__sector* sector = &world->sectors[number];
     if (world->asked != (int32_t)number)
         return gsgi__fail(&world->callbacks, GSGI_INVALID_ARGUMENT, "number: sector %u was not asked for", number);
-    if (bake && (!bake->lookup || memory_of(bake) != sector->memory))
+    if (bake && (!bake->in_world || memory_of(bake) != sector->memory))
         return gsgi__fail(&world->callbacks, GSGI_INVALID_ARGUMENT, "bake: not one that gsgi_world_open_sector gave");
     if (bake && world->radius > 0.0f &&
         (bake->info.cutoff != world->cutoff || bake->info.sharpness != world->sharpness ||

@@ -70,12 +70,13 @@ def test_files_without_groups_have_none(library):
         library.close(opened)
 
 
+@pytest.mark.parametrize("lists", [False, True])
 @pytest.mark.parametrize("splat_scale", [1, 2])
-def test_the_pass_shows_the_light_that_python_shows(gl, context, library, host, splat_scale):
-    textures, decoded, opened = host.textures(gl, OURS), codec.decode(ROOM), library.opened(ROOM)
+def test_the_pass_shows_the_light_that_python_shows(gl, context, library, host, splat_scale, lists):
+    textures, decoded, opened = host.textures(gl, OURS), codec.decode(ROOM), library.opened(ROOM, lists=lists)
     arguments = textures, CAMERA.view_from_world, projection()
     gl.error  # noqa: B018  reading it clears what earlier tests left
-    light = Light(context, ROOM, OURS, splat_scale)
+    light = Light(context, ROOM, OURS, splat_scale, lists=lists)
     before = drawn(gl, light, textures)
     for weights in (WEIGHTS, {"sky": 0}, {}):
         assert library.weigh(opened, factors_of(decoded, weights)) == OK
@@ -163,6 +164,10 @@ def test_mistakes_are_named(gl, context, library):
     light.destroy()
     lookup.close()
     library.close(other)
+    light = Light(context, ROOM, OURS, lists=True)
+    assert light.recolour(opened) == INVALID_ARGUMENT
+    assert context.messages[-1] == "bake: opened without `lists`, with which the light's was"
+    light.destroy()
     library.close(opened)
 
 

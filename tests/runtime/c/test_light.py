@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 from c_library import OK, Context, Light
-from c_light import OVER, SURFACE, check_same, of_c, of_python
+from c_light import OVER, SURFACE, check_same, drawn, of_c, of_python
 from host import (
     CAMERA,
     SIZE,
@@ -27,6 +27,23 @@ from host import (
 from gsgi.runtime.file import codec
 from gsgi.runtime.gl.host_textures import ALBEDOS, DEPTHS, NORMALS, SPACES, Encoding
 from gsgi.runtime.gl.indirect_light import IndirectLight
+
+
+@pytest.mark.parametrize("file", [SURFACE, OVER], ids=["surface", "over"])
+def test_lists_that_were_made_before_give_the_same_pixels(gl, context, library, host, file):
+    """They are made without OpenGL, and count in the bake's bytes."""
+    textures = host.textures(gl, Encoding())
+    plain, ready = library.opened(file), library.opened(file, lists=True)
+    more = library.info(ready).bake_bytes - library.info(plain).bake_bytes
+    images = []
+    for lists in (False, True):
+        light = Light(context, file, Encoding(), lists=lists)
+        images.append(drawn(gl, light, textures))
+        assert more == (light.stats().gaussian_bytes if file == SURFACE else 0)
+        light.destroy()
+    np.testing.assert_array_equal(*images)
+    for opened in (plain, ready):
+        library.close(opened)
 
 
 @pytest.mark.parametrize("splat_scale", [1, 2, 3, 4])

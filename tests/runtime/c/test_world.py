@@ -236,10 +236,11 @@ def test_one_sector_is_asked_for_at_a_time_and_one_that_fails_no_more(library, p
     assert world.update(eye, FRAME) == -1
     assert world.add(3, None) == INVALID_ARGUMENT
     assert world.messages[-1] == "number: sector 3 was not asked for"
-    bake = library.opened((path.parent / world.sector(0).file.decode()).read_bytes())
-    assert world.add(0, bake) == INVALID_ARGUMENT
-    assert world.messages[-1] == "bake: not one that gsgi_world_open_sector gave"
-    library.close(bake)
+    for lists in (False, True):
+        bake = library.opened((path.parent / world.sector(0).file.decode()).read_bytes(), lists=lists)
+        assert world.add(0, bake) == INVALID_ARGUMENT
+        assert world.messages[-1] == "bake: not one that gsgi_world_open_sector gave"
+        library.close(bake)
     assert world.add(9, None) == INVALID_ARGUMENT
     assert world.add(0, None) == OK
     world.settle(eye)
