@@ -13,7 +13,7 @@ import numpy as np
 
 from . import duplicates
 from .mitsuba_scene import build, load_mitsuba
-from .planes import ROUNDING, planes
+from .planes import ROUNDING, traced_planes
 from .surface_tables import Surfaces, face_normals
 
 mi = load_mitsuba()
@@ -143,7 +143,7 @@ def _moved(surfaces: Surfaces, offset: np.ndarray) -> tuple[Surfaces, float]:
     position = np.concatenate([surfaces.position, corners.reshape(-1, 3).astype(np.float32)])
     triangle = surfaces.triangle.copy()
     triangle[moved] = len(surfaces.position) + np.arange(3 * len(moved), dtype=np.uint32).reshape(-1, 3)
-    there = replace(surfaces, position=position, triangle=triangle, plane=planes(position, triangle))
+    there = replace(surfaces, position=position, triangle=triangle, plane=traced_planes(position, triangle))
     return there, float(np.abs(offset).max())
 
 

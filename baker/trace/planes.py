@@ -33,16 +33,22 @@ OPTIX = 2.0**-22
 AT_ONCE = 1 << 16  # triangles; bounds memory
 
 
-def planes(position: np.ndarray, triangle: np.ndarray) -> np.ndarray:
+def planes(position: np.ndarray, triangle: np.ndarray, least: float = 0.0) -> np.ndarray:
     """Planes (F, 2) float32, m, of triangles (F, 3) over positions (V, 3): distance from the origin along the normal,
     and the largest distance from the plane at which a ray from nearby meets the triangle. Both are 0 without an area.
 
     A ray from o meets the plane at the distance ((a - o) . n) / (d . n), where n = (b - a) x (c - a) (Moeller and
     Trumbore 1997). For o near the triangle, each term of the first product is off by the rounding of the extent times
-    two products of edges. In a plane along two axes that is 0, however large the triangle is, but on a GPU.
+    two products of edges. In a plane along two axes that is 0, however large the triangle is. The distance is at least
+    the share `least` of the extent.
     """
-    parts = (_planes(position[triangle[i : i + AT_ONCE]]) for i in range(0, len(triangle), AT_ONCE))
+    parts = (_planes(position[triangle[i : i + AT_ONCE]], least) for i in range(0, len(triangle), AT_ONCE))
     return np.concatenate([np.empty((0, 2), np.float32), *parts])
+
+
+def traced_planes(position: np.ndarray, triangle: np.ndarray) -> np.ndarray:
+    """The same, as the device that traces meets triangles."""
+    return planes(position, triangle, OPTIX if device() == "cuda" else 0.0)
 
 
 def placed_off(matrix: np.ndarray, box: np.ndarray) -> float:
@@ -80,7 +86,7 @@ def _off_edges(point: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray) -
     return moved
 
 
-def _planes(corners: np.ndarray) -> np.ndarray:
+def _planes(corners: np.ndarray, least: float) -> np.ndarray:
     a, b, c = corners.astype(np.float64).transpose(1, 0, 2)
     first, second = b - a, c - a
     cross = np.cross(first, second)
@@ -90,7 +96,6 @@ def _planes(corners: np.ndarray) -> np.ndarray:
     result = np.zeros((len(corners), 2))
     for column, terms in enumerate(((a * cross).sum(axis=1), INACCURACY * (extent * products).sum(axis=1))):
         np.divide(terms, length, out=result[:, column], where=length > 0)
-    result[:, 1] = np.minimum(result[:, 1], INACCURACY_MOST * extent.max(axis=1))
-    if device() == "cuda":
-        result[:, 1] = np.maximum(result[:, 1], OPTIX * extent.max(axis=1))
+    longest = extent.max(axis=1)
+    result[:, 1] = np.maximum(np.minimum(result[:, 1], INACCURACY_MOST * longest), least * longest)
     return result.astype(np.float32)

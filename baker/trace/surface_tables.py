@@ -14,7 +14,7 @@ from gsgi.runtime.errors import SceneError
 from gsgi.runtime.scene import TEXTURE_SLOTS, Material, Mesh, Scene, TextureSlot
 
 from . import duplicates
-from .planes import placed_off, planes
+from .planes import placed_off, traced_planes
 
 NO_TEXTURE = 0xFFFFFFFF
 WRAP = {"repeat": 0, "mirror": 1, "clamp": 2}
@@ -119,7 +119,7 @@ def tabulate(scene: Scene, groups: Sequence[ShapeGroup] = ()) -> Surfaces:
         single,
         placed,
         face,
-        planes(position, triangle),
+        traced_planes(position, triangle),
         _corner_normals(meshes, face),
         _corners(meshes, "tangent", 4) if "normal_texture" in slots else None,
         _corner_uvs(meshes, channels),
