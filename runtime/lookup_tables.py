@@ -56,9 +56,9 @@ def lookup_tables(bake: Bake) -> Tables:
 
 
 def seen_from(tables: Tables, origin: np.ndarray) -> Tables:
-    """The tables for points of another space, in which the origin of the bake lies at (3,), m."""
+    """The tables for points that are given from `origin` (3,), m."""
     texels = tables[0].copy()
-    texels[ORIGIN_TEXEL, :3] = origin
+    texels[ORIGIN_TEXEL, :3] = texels[ORIGIN_TEXEL, :3].astype(float) - origin
     return texels, *tables[1:]
 
 

@@ -5,7 +5,6 @@ import numpy as np
 
 from gsgi.runtime.gaussians import Bake, Effects
 from gsgi.runtime.lookup_tables import seen_from, sh_counts
-from gsgi.runtime.rebase import origin_of_bake
 from gsgi.runtime.world.boxes import FAR, classes
 from gsgi.runtime.world.world import World
 
@@ -67,10 +66,10 @@ class WorldLight(SurfaceLight):
             del self._balls[number]
         for number, sector in resident.items():
             if number not in self._parts:
-                tables = seen_from(sector.tables, origin_of_bake(sector.bake) - self._origin)
                 box = self._world.windows[number]
                 box = np.where(np.abs(box) < FAR, box - self._origin, box).astype(np.float32)
-                self._parts[number] = Part(LookupTextures(self.ctx, tables), sh_counts(sector.bake), tuple(box))
+                textures = LookupTextures(self.ctx, seen_from(sector.tables, self._origin))
+                self._parts[number] = Part(textures, sh_counts(sector.bake), tuple(box))
                 self._balls[number] = _ball(sector.bake, self._origin, box, self._world.manifest.margin)
 
     def _tell(self) -> None:
