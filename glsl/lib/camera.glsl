@@ -30,7 +30,7 @@ vec2 pixel_from_view(vec3 position, vec2 focal, vec2 centre) {
     return centre + focal * vec2(position.x, -position.y) / -position.z;
 }
 
-// Value, 0 to 1, in the depth buffer of the surface points for `depth` in m.
+// Value, 0 to 1, in a depth buffer for `depth` in m.
 float window_depth(float depth, float near) {
     return 1.0 - near / depth;
 }

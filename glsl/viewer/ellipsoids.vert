@@ -1,7 +1,7 @@
 // Gaussians as solid ellipsoids: one polygon each, around the image of its part beyond the near plane. Draw a strip of
 // OUTLINE_CORNERS vertices per instance.
-#include "lib/ellipsoid.glsl"
 #include "lib/gaussian.glsl"
+#include "viewer/ellipsoid.glsl"
 
 uniform highp sampler2D shape_data;
 uniform highp sampler2D sh_data;

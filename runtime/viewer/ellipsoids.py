@@ -12,7 +12,7 @@ from gsgi.runtime.gl.view import View
 from gsgi.runtime.rebase import local_bake, origin_of_bake
 
 RADIUS = 1.0  # standard deviations at which the ellipsoids are drawn
-OUTLINE_CORNERS = 8  # vertices of a strip; OUTLINE_CORNERS of glsl/lib/ellipsoid.glsl
+OUTLINE_CORNERS = 8  # vertices of a strip; OUTLINE_CORNERS of glsl/viewer/ellipsoid.glsl
 
 
 class Ellipsoids:
