@@ -10,8 +10,9 @@ COARSE_DEGREE = 2  # irradiance is smooth in the normal (Ramamoorthi and Hanraha
 COARSE_SHARE, COARSE_MOST = 4, 1024  # one Gaussian in COARSE_SHARE is coarse, up to COARSE_MOST
 
 # Surface samples per Gaussian: enough to tell its shape from those of its neighbours. The total has a lower limit,
-# which costs very little, and an upper limit.
-SAMPLES_PER_GAUSSIAN, SAMPLES_FEWEST, SAMPLES_MOST = 64, 1 << 17, 1 << 20
+# which costs very little, and does not grow beyond SAMPLES_MANY as long as each Gaussian has SAMPLES_LEAST: with fewer
+# than those, more Gaussians have more error.
+SAMPLES_PER_GAUSSIAN, SAMPLES_LEAST, SAMPLES_FEWEST, SAMPLES_MANY = 64, 32, 1 << 17, 1 << 20
 FREE_PER_GAUSSIAN = 256  # samples in free space per coarse Gaussian: nine coefficients, normals in all directions
 
 PATHS_STEP = 2 * PASS_SAMPLES  # per sample: one pass of each half
@@ -28,7 +29,8 @@ def coarse_count(budget: int) -> int:
 
 def sample_count(budget: int) -> int:
     """Number of surface samples to trace."""
-    return min(max(SAMPLES_PER_GAUSSIAN * budget, SAMPLES_FEWEST), SAMPLES_MOST)
+    most = max(SAMPLES_MANY, SAMPLES_LEAST * budget)
+    return min(max(SAMPLES_PER_GAUSSIAN * budget, SAMPLES_FEWEST), most)
 
 
 def free_count(budget: int) -> int:

@@ -10,7 +10,8 @@ from gsgi.baker.surface.budget import (
     FINE_BASIS,
     FINE_DEGREE,
     SAMPLES_FEWEST,
-    SAMPLES_MOST,
+    SAMPLES_LEAST,
+    SAMPLES_MANY,
     coarse_count,
     file_bytes,
     free_count,
@@ -54,8 +55,10 @@ def test_more_gaussians_never_make_a_smaller_file():
     assert sizes == sorted(set(sizes))
 
 
-def test_samples_grow_with_the_budget_within_bounds():
+def test_samples_grow_with_the_budget_and_suffice_for_each_gaussian():
     counts = [sample_count(budget) for budget in BUDGETS]
     assert counts == sorted(counts)
-    assert (counts[0], counts[-1]) == (SAMPLES_FEWEST, SAMPLES_MOST)
+    assert counts[0] == SAMPLES_FEWEST
     assert sample_count(4096) == 64 * 4096
+    assert sample_count(16_384) == sample_count(32_768) == SAMPLES_MANY
+    assert sample_count(1_000_000) == SAMPLES_LEAST * 1_000_000
