@@ -101,13 +101,14 @@ class SurfaceBlend:
     SH evaluated at n. Where there are slopes, their constant band is multiplied by 1 + slope . (u, v), with u and v the
     coordinates of x - position along the first two axes, in standard deviations. C is the light of the coarse level:
     sum w_i c_i(x, n) / sum w_i over its own Gaussians. They have no `facing` term, so their w_i is
-    opacity_i max(0, G_i(x) - cutoff). C contributes only where the weights of the fine level sum to less than `floor`.
-    Where there is relief and a normal map bends n to m, relief_i times m - n is added to c_i(x, n), and C is C(x, m).
+    opacity_i max(0, G_i(x) - cutoff). C contributes only where the weights of the fine level sum to less than `floor`:
+    with a lower one, more of the space before a surface, where objects move, has the light of that surface. Where there
+    is relief and a normal map bends n to m, relief_i times m - n is added to c_i(x, n), and C is C(x, m).
     """
 
     cutoff: float = 0.05
     sharpness: int = 2
-    floor: float = 0.05
+    floor: float = 0.15
 
     @property
     def radius(self) -> float:

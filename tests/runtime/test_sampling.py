@@ -118,7 +118,7 @@ def test_far_from_the_origin_it_stays_exact():
     expected = gsgi.sample(Bake(back, SurfaceBlend(), coarse=nothing()), position, normal)
     light = gsgi.sample(Bake(moved, SurfaceBlend(), coarse=nothing()), position + far, normal)
     np.testing.assert_allclose(light, expected, rtol=1e-3, atol=1e-3)
-    assert np.abs(light - near).max() > 0.1  # it did move
+    assert np.abs(light - near).max() > 0.05  # it did move
 
 
 def test_normals_are_normalised_and_broken_points_are_dark():
