@@ -29,8 +29,8 @@ CONVENTION = (
 class ProbeGrid:
     """Probes (X, Y, Z), `spacing` m apart on each axis, the first at `first` (3,) float64, m, world space.
 
-    sh (X, Y, Z, 9, 3) float32 are the SH coefficients of B over normals, as CONVENTION says; 0 where no Gaussian
-    reaches.
+    sh (X, Y, Z, 9, 3) float32 are the SH coefficients of B in free space over normals, as CONVENTION says; 0 where no
+    Gaussian reaches.
     """
 
     first: np.ndarray
@@ -61,7 +61,7 @@ def probe_grid(bake: Bake, spacing: float) -> ProbeGrid:
     sh = np.empty((len(position), COEFFICIENTS, 3), np.float32)
     for begin in range(0, len(position), CHUNK):
         some = position[begin : begin + CHUNK]
-        light = sampler.sample(np.repeat(some, NORMALS, axis=0), np.tile(normal, (len(some), 1)))
+        light = sampler.sample(np.repeat(some, NORMALS, axis=0), np.tile(normal, (len(some), 1)), free=True)
         sh[begin : begin + CHUNK] = np.einsum("kn,pnc->pkc", from_light, light.reshape(-1, NORMALS, 3))
     return ProbeGrid(first, spacing, sh.reshape(*size, COEFFICIENTS, 3))
 

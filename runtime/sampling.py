@@ -32,6 +32,7 @@ def sample(
     normals: np.ndarray,
     weights: Weights | None = None,
     mapped: np.ndarray | None = None,
+    free: bool = False,
 ) -> np.ndarray:
     """B (N, 3) float32, linear Rec.709 radiance for albedo 1, at points (N, 3), m, world space, with normals (N, 3).
 
@@ -39,10 +40,12 @@ def sample(
     Gaussian reaches, where a point is not finite, and where a normal is 0. Normals of any length are normalised. The
     light of each light group is multiplied by its weight, a number or three, by the name of the group; by default 1.
     `mapped` (N, 3) are the normals as normal maps bend them, 0 where none does; they count where the bake has relief.
-    Use `Sampler` to read one bake many times. Raises UnsupportedError for a bake of the `over` operator, whose light is
-    no function of a point, and ValueError for arrays of other shapes and for unknown groups.
+    `free` is for what was not in the scene when it was baked, and moves: the light of free space alone, for close to a
+    baked surface it would have the light of that surface. Use `Sampler` to read one bake many times. Raises
+    UnsupportedError for a bake of the `over` operator, whose light is no function of a point, and ValueError for arrays
+    of other shapes and for unknown groups.
     """
-    return Sampler(bake, weights).sample(positions, normals, mapped)
+    return Sampler(bake, weights).sample(positions, normals, mapped, free)
 
 
 class Sampler:
@@ -59,7 +62,9 @@ class Sampler:
         self._fine = _Level(bake.gaussians.clamped(), bake.blend, bake.blend.sharpness, 1)
         self._coarse = _Level(bake.coarse.clamped(), bake.blend, 0, COARSE_PRICE)
 
-    def sample(self, positions: np.ndarray, normals: np.ndarray, mapped: np.ndarray | None = None) -> np.ndarray:
+    def sample(
+        self, positions: np.ndarray, normals: np.ndarray, mapped: np.ndarray | None = None, free: bool = False
+    ) -> np.ndarray:
         """The same as the function `sample`."""
         positions, normals = np.asarray(positions), np.asarray(normals)
         if positions.ndim != 2 or positions.shape[1] != 3 or normals.shape != positions.shape:
@@ -69,7 +74,8 @@ class Sampler:
         mapped = np.asarray(mapped) if mapped is not None and self._fine.bumpy else None
         blocks = [slice(begin, begin + POINTS) for begin in range(0, len(positions), POINTS)]
         read = [
-            self._read(positions[block], normals[block], None if mapped is None else mapped[block]) for block in blocks
+            self._read(positions[block], normals[block], None if mapped is None else mapped[block], free)
+            for block in blocks
         ]
         return np.concatenate(read) if read else np.zeros((0, 3), np.float32)
 
@@ -88,8 +94,10 @@ class Sampler:
         used = np.isfinite(points).all(axis=1) & pointing
         return points[used], normals[used], used
 
-    def _read(self, positions: np.ndarray, normals: np.ndarray, mapped: np.ndarray | None) -> np.ndarray:
+    def _read(self, positions: np.ndarray, normals: np.ndarray, mapped: np.ndarray | None, free: bool) -> np.ndarray:
         (points, normals, used), bend = self._usable(positions, normals), None
+        if free:
+            return _light(self._coarse.sums(points, normals), used)
         seen = normals  # by the coarse level, which has the light of all normals
         if mapped is not None:
             mapped, pointing = _unit(mapped[used])
@@ -102,9 +110,7 @@ class Sampler:
         rest = self._coarse.sums(points[thin], seen[thin])
         sums[thin, :3] += gap[thin, None] * _mean(rest)
         sums[:, 3] += gap
-        light = np.zeros((len(positions), 3), np.float32)
-        light[used] = np.clip(_mean(sums), 0, HALF_MAX)
-        return light
+        return _light(sums, used)
 
 
 def check_operator(bake: Bake) -> None:
@@ -232,6 +238,13 @@ def sh_basis(direction: np.ndarray, count: int) -> np.ndarray:
         SH_C3_4 * z * (x * x - y * y), -SH_C3_0 * x * (x * x - 3 * y * y),
     ]  # fmt: skip
     return np.stack(functions[:count], axis=1)
+
+
+def _light(sums: np.ndarray, used: np.ndarray) -> np.ndarray:
+    """B (N, 3) float32 at points of which sums (M, 4) are those `used` (N,) bool; 0 at the others."""
+    light = np.zeros((len(used), 3), np.float32)
+    light[used] = np.clip(_mean(sums), 0, HALF_MAX)
+    return light
 
 
 def _mean(sums: np.ndarray) -> np.ndarray:

@@ -211,12 +211,21 @@ class Library:
 
     def sample(self, bake: c_void_p, position: np.ndarray, normal: np.ndarray, *mapped: np.ndarray) -> np.ndarray:
         """B (N, 3) float32 at points (N, 3) with normals (N, 3), and these as normal maps bend them."""
-        arrays = [np.ascontiguousarray(array, np.float32) for array in (position, normal, *mapped)]
-        light = np.empty_like(arrays[0])
-        pointers = (array.ctypes.data_as(c_void_p) for array in (*arrays, light))
-        function = "gsgi_bake_sample_mapped" if mapped else "gsgi_bake_sample"
-        assert getattr(self.functions, function)(bake, c_size_t(len(light)), *pointers) == OK
-        return light
+        function = self.functions.gsgi_bake_sample_mapped if mapped else self.functions.gsgi_bake_sample
+        return sampled(function, bake, position, normal, *mapped)
+
+    def sample_free(self, bake: c_void_p, position: np.ndarray, normal: np.ndarray) -> np.ndarray:
+        """The same of free space alone."""
+        return sampled(self.functions.gsgi_bake_sample_free, bake, position, normal)
+
+
+def sampled(function, handle: c_void_p, *arrays: np.ndarray) -> np.ndarray:
+    """What a function that samples a bake or a world gives at points (N, 3) with normals (N, 3): (N, 3) float32."""
+    arrays = [np.ascontiguousarray(array, np.float32) for array in arrays]
+    light = np.empty_like(arrays[0])
+    pointers = (array.ctypes.data_as(c_void_p) for array in (*arrays, light))
+    assert function(handle, c_size_t(len(light)), *pointers) == OK
+    return light
 
 
 def refusals(library, data: bytes) -> tuple[str | None, str | None]:
@@ -342,11 +351,11 @@ class World:
 
     def sample(self, position: np.ndarray, normal: np.ndarray) -> np.ndarray:
         """B (N, 3) float32 at points (N, 3) with normals (N, 3)."""
-        arrays = [np.ascontiguousarray(array, np.float32) for array in (position, normal)]
-        light = np.empty_like(arrays[0])
-        pointers = (array.ctypes.data_as(c_void_p) for array in (*arrays, light))
-        assert self.functions.gsgi_world_sample(self.handle, c_size_t(len(light)), *pointers) == OK
-        return light
+        return sampled(self.functions.gsgi_world_sample, self.handle, position, normal)
+
+    def sample_free(self, position: np.ndarray, normal: np.ndarray) -> np.ndarray:
+        """The same of free space alone."""
+        return sampled(self.functions.gsgi_world_sample_free, self.handle, position, normal)
 
     def close(self) -> None:
         self.functions.gsgi_world_close(self.handle)

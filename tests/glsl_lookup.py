@@ -10,7 +10,7 @@ in vec3 position;
 in vec3 normal;
 in vec3 mapped;
 out vec3 light;
-void main() { light = MAPPED ? gsgi_indirect(position, normal, mapped) : gsgi_indirect(position, normal); }
+void main() { light = CALL; }
 """
 
 
@@ -20,9 +20,14 @@ def used(program, buffer, *names) -> tuple:
     return buffer, " ".join("3f" if name in kept else "3x4" for name in names), *kept
 
 
-def read(gl, bake, position, normal, mapped=None) -> np.ndarray:
-    """B (N, 3) at points, computed in a vertex shader, with normals as normal maps bend them, or without these."""
-    lookup, vertex = IndirectLookup(gl, bake), VERTEX.replace("MAPPED", "false" if mapped is None else "true")
+def read(gl, bake, position, normal, mapped=None, free=False) -> np.ndarray:
+    """B (N, 3) at points, computed in a vertex shader, with normals as normal maps bend them, or without these.
+
+    `free` reads the light of free space alone.
+    """
+    arguments = "position, normal" if mapped is None else "position, normal, mapped"
+    call = f"gsgi_indirect_free({arguments})" if free else f"gsgi_indirect({arguments})"
+    lookup, vertex = IndirectLookup(gl, bake), VERTEX.replace("CALL", call)
     program = gl.program(vertex_shader=shader.CORE + lookup.source + vertex, varyings=["light"])
     lookup.bind(program, unit=3)
     bent = normal if mapped is None else mapped

@@ -67,16 +67,16 @@ vec4 read_level(
     reader.first_texel = int(rest.x);
     reader.sharpness = int(rest.y);
 
-    vec3 at = (reader.x - grid.xyz) * grid.w;
-    bool inside = all(greaterThanEqual(at, vec3(0.0))) && all(lessThan(at, counts.xyz));
-    vec3 cell = inside ? floor(at) : vec3(counts.x, 0.0, 0.0);  // the cell after the last is the node for all others
-    vec3 part = inside ? at - cell : vec3(0.0);
+    vec3 at = (reader.x - grid.xyz) * grid.w, cell = floor(at), part = vec3(0.0);
+    if (cell == clamp(cell, part, counts.xyz - 1.0)) part = at - cell;
+    else cell = vec3(counts.x, 0.0, 0.0);  // the cell after the last is the node for all points outside
     int node = int(counts.w + (cell.x * counts.y + cell.y) * counts.z + cell.z);
 
     vec4 sums = vec4(0.0);
-    for (;;) {
+    bool split;
+    do {
         int place = fetch_int(cells, node), at_list = place >> 1;
-        bool split = (place & 1) > 0;
+        split = (place & 1) > 0;
         part *= 2.0;
         vec3 upper = floor(part);
         part -= upper;
@@ -92,17 +92,17 @@ vec4 read_level(
             }
             entry += 16;
         }
-        if (!split) break;
-    }
+    } while (split);
     return sums;
 }
 
 // sum w c and sum w of both levels, combined, at a point in world space (m) with a normal of any length. `mapped`: the
-// normal as a normal map bends it, of any length; 0: no map does.
+// normal as a normal map bends it, of any length; 0: no map does. `free`: of the coarse level alone.
 vec4 look_up(
-    highp sampler2D gaussians, highp usampler2D cells, highp usampler2D lists, vec3 position, vec3 normal, vec3 mapped) {
+    highp sampler2D gaussians, highp usampler2D cells, highp usampler2D lists, vec3 position, vec3 normal, vec3 mapped,
+    bool free) {
     vec4 origin = fetch_data(gaussians, ORIGIN_TEXEL);
-    float weight_floor = fetch_data(gaussians, FLOOR_TEXEL).x;
+    float weight_floor = free ? 1.0 : fetch_data(gaussians, FLOOR_TEXEL).x;
     Reader reader;
     reader.x = position - origin.xyz;
     reader.n = dot(normal, normal) > 0.0 ? normalize(normal) : vec3(0.0);
@@ -110,7 +110,8 @@ vec4 look_up(
     reader.bend = bent - reader.n;
     reader.cutoff = origin.w;
     sh_basis(reader.n, reader.basis);
-    vec4 fine = read_level(gaussians, cells, lists, 0, FINE_SH_COUNT, RELIEF_COUNT, reader), coarse = vec4(0.0);
+    vec4 fine = vec4(0.0), coarse = fine;
+    if (!free) fine = read_level(gaussians, cells, lists, 0, FINE_SH_COUNT, RELIEF_COUNT, reader);
     if (fine.a < weight_floor) {
         if (RELIEF_COUNT > 0) sh_basis(bent, reader.basis);  // the coarse level has the light of all normals
         coarse = read_level(gaussians, cells, lists, 1, COARSE_SH_COUNT, 0, reader);

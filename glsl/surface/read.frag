@@ -55,7 +55,7 @@ void main() {
     weight = abs(position.w);
 #endif
     vec4 sums = vec4(0.0);
-    if (plane != vec4(0.0)) sums = look_up(gaussians, cells, lists, position.xyz, plane.xyz, mapped);
+    if (plane != vec4(0.0)) sums = look_up(gaussians, cells, lists, position.xyz, plane.xyz, mapped, false);
 #if SPLAT_SCALE > 1
     out_sums = vec4(weight * sums.rgb, is_smooth(texel, position, plane.xyz) ? -sums.a : sums.a);
 #else

@@ -168,8 +168,8 @@ GSGI_API gsgi_result gsgi_bake_info(const gsgi_bake* bake, gsgi_info* info);
 /* Fill `texels`, whose struct_size is set, for a level. */
 GSGI_API gsgi_result gsgi_bake_texels(const gsgi_bake* bake, gsgi_level level, gsgi_texels* texels);
 
-/* B at `count` surface points: moving objects, particles, probes, exporters. `surface` files only; others are
- * GSGI_UNSUPPORTED. It is the light that gsgi_light_draw puts into a pixel that shows the point.
+/* B at `count` surface points. `surface` files only; others are GSGI_UNSUPPORTED. It is the light that gsgi_light_draw
+ * puts into a pixel that shows the point.
  *
  * positions: 3 * count, world space, m. normals: 3 * count, world space, of any length. light: 3 * count, written; 0
  * where no Gaussian reaches, where a number is not finite, and where a normal is 0. */
@@ -181,6 +181,11 @@ GSGI_API gsgi_result gsgi_bake_sample(const gsgi_bake* bake, size_t count, const
  * nothing is bent. */
 GSGI_API gsgi_result gsgi_bake_sample_mapped(const gsgi_bake* bake, size_t count, const float* positions,
                                              const float* normals, const float* mapped, float* light);
+
+/* The same for what was not in the scene when it was baked, such as moving objects, particles and probes: the light of
+ * free space alone. Close to a baked surface gsgi_bake_sample would give the light of that surface. It is faster, too. */
+GSGI_API gsgi_result gsgi_bake_sample_free(const gsgi_bake* bake, size_t count, const float* positions,
+                                           const float* normals, float* light);
 
 /* Free the bake. Lights that were made of it stay. */
 GSGI_API void gsgi_bake_close(gsgi_bake* bake);
@@ -322,6 +327,10 @@ GSGI_API gsgi_result gsgi_world_add(gsgi_world* world, uint32_t number, gsgi_bak
 /* B at `count` surface points, as gsgi_bake_sample gives it, of the sectors in memory. Open them with `sampling`. */
 GSGI_API gsgi_result gsgi_world_sample(const gsgi_world* world, size_t count, const float* positions,
                                        const float* normals, float* light);
+
+/* The same as gsgi_bake_sample_free gives it. */
+GSGI_API gsgi_result gsgi_world_sample_free(const gsgi_world* world, size_t count, const float* positions,
+                                            const float* normals, float* light);
 
 /* Free the world and the bakes in it. Lights that were made of it stay as they are. */
 GSGI_API void gsgi_world_close(gsgi_world* world);

@@ -28,6 +28,13 @@ function packed(source) {
     return lines.map((line) => (line.startsWith("#") ? `${line}\n` : code(line))).join("").replace(/(?<=[^\n])#/g, "\n#");
 }
 
+/** With the same type only before the first of declarations that follow each other. */
+function merged(source) {
+    const pair = /((?:^|[;{}])(?:highp )?(vec[234]|int|float) [^;{}]*);\2 /;
+    while (pair.test(source)) source = source.replace(pair, "$1,");
+    return source;
+}
+
 /** With `#if SH_DEGREE > N` resolved. */
 function resolved(source) {
     const degree = Number(/#define SH_DEGREE (\d)/.exec(source)[1]);
@@ -131,7 +138,7 @@ function shaders() {
     const whole = bare(expanded("surface/gsgi_indirect.glsl"));
     const ours = prefixed(needed(bound(resolved(whole)), ["gsgi_indirect"]));
     // A $, which no name has, stands for the prefix.
-    const lookup = packed(shortened(inlined(rounded(ours)))).replaceAll("gsgi_", "$");
+    const lookup = merged(packed(shortened(inlined(rounded(ours))))).replaceAll("gsgi_", "$");
     const value = (name) => new RegExp(`#define ${name} +(\\S+)`).exec(whole)[1];
     const numbers = CONSTANTS.map((name) => `export const ${name} = ${value(name)};\n`).join("");
     return `${NOTE}${numbers}export const LOOKUP = \`${lookup}\n\`;\n`;

@@ -150,7 +150,7 @@ class World:
                 self._add(number, attempt(self._read, number))
             self._resident[number] = _aged(self._resident[number], 1.0)
 
-    def sample(self, positions: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    def sample(self, positions: np.ndarray, normals: np.ndarray, free: bool = False) -> np.ndarray:
         """B (N, 3) float32 at points (N, 3), m, with normals (N, 3), as `gsgi.sample` gives it for a bake.
 
         It is read from the sectors in memory; the first time that a sector is read, this prepares it.
@@ -162,7 +162,7 @@ class World:
         for number, sector in self._resident.items():
             window = np.float32(sector.weight) * windows(self.windows[number], self.manifest.margin, positions)
             here = np.flatnonzero(window > 0)
-            light[here] += window[here, None] * sector.sampler.sample(positions[here], normals[here])
+            light[here] += window[here, None] * sector.sampler.sample(positions[here], normals[here], free=free)
             total += np.nan_to_num(window)
         # Around a box that is left out windows add up to more than 1.
         return light / np.maximum(total, 1)[:, None]

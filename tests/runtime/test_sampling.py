@@ -47,6 +47,15 @@ def test_the_weight_is_that_of_the_fine_level():
     np.testing.assert_allclose(weight, expected, rtol=TOLERANCE, atol=1e-5)
 
 
+def test_free_space_has_the_light_of_the_coarse_level_alone():
+    fine, coarse, where = gaussians(60, 1), gaussians(20, 9, seed=7), points(1000)
+    bake = with_relief(Bake(fine, SurfaceBlend(cutoff=0.1), coarse=coarse))
+    light = gsgi.sample(bake, *where, mapped=bent(where[1]), free=True)
+    expected = gsgi.sample(replace(bake, gaussians=nothing()), *where)
+    np.testing.assert_allclose(light, expected, rtol=1e-5, atol=1e-6)
+    assert np.abs(light - gsgi.sample(bake, *where)).max() > 0.1
+
+
 @pytest.mark.parametrize("floor", [0.0, 0.5])
 @pytest.mark.parametrize(("degree", "sloped"), [(0, True), (2, False)])
 def test_light_follows_normal_maps(degree, sloped, floor):

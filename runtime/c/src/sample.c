@@ -98,13 +98,23 @@ static bool unit(const float given[3], float to[3]) {
     return true;
 }
 
-gsgi_result gsgi_bake_sample(const gsgi_bake* bake, size_t count, const float* positions, const float* normals,
-                             float* light) {
-    return gsgi_bake_sample_mapped(bake, count, positions, normals, NULL, light);
+/* How a point is read: by both levels, as the surface of a scene, or by the coarse one, as what moves in it. */
+typedef enum { SURFACE, FREE } reading;
+
+/* Sums of w c and w of both levels at a surface point; the coarse one has the light of all normals: that of `bent`. */
+static void surface_sums(const gsgi_bake* bake, point* at, const float bent[3], float sums[4]) {
+    float coarse[4];
+    level_sums(bake, GSGI_FINE, bake->info.sharpness, at, sums);
+    const float gap = fmaxf(0.0f, bake->info.weight_floor - sums[3]);
+    if (!(gap > 0.0f)) return;
+    if (memcmp(bent, at->n, sizeof at->n)) sh_basis(bent, at->basis);
+    level_sums(bake, GSGI_COARSE, 0, at, coarse);
+    for (int c = 0; c < 3 && coarse[3] > 0.0f; ++c) sums[c] += gap * (coarse[c] / coarse[3]);
+    sums[3] += gap;
 }
 
-gsgi_result gsgi_bake_sample_mapped(const gsgi_bake* bake, size_t count, const float* positions, const float* normals,
-                                    const float* mapped, float* light) {
+static gsgi_result sample(const gsgi_bake* bake, reading how, size_t count, const float* positions, const float* normals,
+                          const float* mapped, float* light) {
     if (bake->info.blend != GSGI_SURFACE)
         return gsgi__fail(&bake->callbacks, GSGI_UNSUPPORTED,
                           "bake: light of the operator over is no function of points");
@@ -112,29 +122,40 @@ gsgi_result gsgi_bake_sample_mapped(const gsgi_bake* bake, size_t count, const f
         return gsgi__fail(&bake->callbacks, GSGI_INVALID_ARGUMENT, "positions, normals, light: must not be NULL");
     for (size_t p = 0; p < count; ++p) {
         point at;
-        float bent[3], fine[4], coarse[4];
+        float bent[3], sums[4];
         memset(light + 3 * p, 0, 3 * sizeof *light);
         if (!unit(normals + 3 * p, at.n)) continue;
         memcpy(bent, at.n, sizeof bent);
-        const bool follows = mapped && bake->info.relief && unit(mapped + 3 * p, bent);
+        if (mapped && bake->info.relief) unit(mapped + 3 * p, bent);
         for (int k = 0; k < 3; ++k) {
             at.x[k] = (double)positions[3 * p + k] - bake->origin[k];
             at.place[k] = (float)at.x[k];
             at.bend[k] = bent[k] - at.n[k];
         }
         sh_basis(at.n, at.basis);
-        level_sums(bake, GSGI_FINE, bake->info.sharpness, &at, fine);
-        const float gap = fmaxf(0.0f, bake->info.weight_floor - fine[3]);
-        if (gap > 0.0f) {
-            if (follows) sh_basis(bent, at.basis); /* the coarse level has the light of all normals */
-            level_sums(bake, GSGI_COARSE, 0, &at, coarse);
-            for (int c = 0; c < 3 && coarse[3] > 0.0f; ++c) fine[c] += gap * (coarse[c] / coarse[3]);
-            fine[3] += gap;
-        }
+        if (how == SURFACE)
+            surface_sums(bake, &at, bent, sums);
+        else
+            level_sums(bake, GSGI_COARSE, 0, &at, sums);
         for (int c = 0; c < 3; ++c) {
-            float b = fine[3] > 0.0f ? fine[c] / fine[3] : 0.0f;
+            float b = sums[3] > 0.0f ? sums[c] / sums[3] : 0.0f;
             light[3 * p + c] = b > 0.0f ? fminf(b, (float)HALF_MAX) : 0.0f; /* NaN is 0 */
         }
     }
     return GSGI_OK;
+}
+
+gsgi_result gsgi_bake_sample(const gsgi_bake* bake, size_t count, const float* positions, const float* normals,
+                             float* light) {
+    return sample(bake, SURFACE, count, positions, normals, NULL, light);
+}
+
+gsgi_result gsgi_bake_sample_mapped(const gsgi_bake* bake, size_t count, const float* positions, const float* normals,
+                                    const float* mapped, float* light) {
+    return sample(bake, SURFACE, count, positions, normals, mapped, light);
+}
+
+gsgi_result gsgi_bake_sample_free(const gsgi_bake* bake, size_t count, const float* positions, const float* normals,
+                                  float* light) {
+    return sample(bake, FREE, count, positions, normals, NULL, light);
 }

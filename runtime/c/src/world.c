@@ -273,8 +273,10 @@ gsgi_result gsgi_world_update(gsgi_world* world, const float eye[3], double seco
 
 /* ---- B at points ---- */
 
-gsgi_result gsgi_world_sample(const gsgi_world* world, size_t count, const float* positions, const float* normals,
-                              float* light) {
+typedef gsgi_result (*sampler)(const gsgi_bake*, size_t, const float*, const float*, float*);
+
+static gsgi_result sample(const gsgi_world* world, sampler sampled, size_t count, const float* positions,
+                          const float* normals, float* light) {
     if (count && (!positions || !normals || !light))
         return gsgi__fail(&world->callbacks, GSGI_INVALID_ARGUMENT, "positions, normals, light: must not be NULL");
     for (size_t p = 0; p < count; ++p) {
@@ -284,7 +286,7 @@ gsgi_result gsgi_world_sample(const gsgi_world* world, size_t count, const float
             float own[3];
             const float window = sector->weight * gsgi__window(sector, world->margin, positions + 3 * p);
             if (!(window > 0.0f)) continue;
-            gsgi_bake_sample(sector->bake, 1, positions + 3 * p, normals + 3 * p, own);
+            sampled(sector->bake, 1, positions + 3 * p, normals + 3 * p, own);
             for (int c = 0; c < 3; ++c) sum[c] += window * own[c];
             total += window;
         }
@@ -292,4 +294,14 @@ gsgi_result gsgi_world_sample(const gsgi_world* world, size_t count, const float
         for (int c = 0; c < 3; ++c) light[3 * p + c] = sum[c] / fmaxf(total, 1.0f);
     }
     return GSGI_OK;
+}
+
+gsgi_result gsgi_world_sample(const gsgi_world* world, size_t count, const float* positions, const float* normals,
+                              float* light) {
+    return sample(world, gsgi_bake_sample, count, positions, normals, light);
+}
+
+gsgi_result gsgi_world_sample_free(const gsgi_world* world, size_t count, const float* positions, const float* normals,
+                                   float* light) {
+    return sample(world, gsgi_bake_sample_free, count, positions, normals, light);
 }

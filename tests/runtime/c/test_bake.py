@@ -207,6 +207,8 @@ def test_light_at_points_is_the_oracles(library, degree, sloped, sampling):
     found = library.sample(bake, position, 3 * normal)
     np.testing.assert_allclose(found, expected, rtol=2e-4, atol=2e-5)
     np.testing.assert_allclose(found, sample(decoded, position, 3 * normal), rtol=1e-5, atol=1e-6)
+    free = library.sample_free(bake, position, 3 * normal)
+    np.testing.assert_allclose(free, sample(decoded, position, 3 * normal, free=True), rtol=1e-5, atol=1e-6)
     assert (expected > 0.01).mean() > 0.2
     library.close(bake)
 

@@ -212,6 +212,8 @@ def test_the_same_sectors_come_and_go_as_in_python_with_the_same_weights(library
             seen |= set(weights)
             if number % 40 == 0:
                 np.testing.assert_allclose(world.sample(*where), python.sample(*where), rtol=1e-5, atol=1e-6)
+                free = python.sample(*where, free=True)
+                np.testing.assert_allclose(world.sample_free(*where), free, rtol=1e-5, atol=1e-6)
     assert seen == set(range(6))
     assert world.info.changing == 0
     world.close()

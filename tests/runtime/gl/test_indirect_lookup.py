@@ -39,6 +39,14 @@ def test_random_points(gl, degree, sloped, floor):
     np.testing.assert_allclose(light[clear], expected[clear], rtol=TOLERANCE, atol=TOLERANCE)
 
 
+@pytest.mark.parametrize("bumpy", [False, True])
+def test_free_space_has_the_light_of_the_coarse_level_alone(gl, bumpy):
+    bake = Bake(gaussians(60, 1), SurfaceBlend(cutoff=0.1), coarse=gaussians(20, 9, seed=7))
+    bake, where = with_relief(bake) if bumpy else bake, points(2000)
+    expected = gsgi.sample(bake, *where, free=True)
+    np.testing.assert_allclose(read(gl, bake, *where, free=True), expected, rtol=TOLERANCE, atol=TOLERANCE)
+
+
 @pytest.mark.parametrize(("degree", "sloped"), [(0, True), (2, False)])
 def test_light_follows_normal_maps(gl, degree, sloped):
     levels = gaussians(60, (degree + 1) ** 2, sloped=sloped), gaussians(20, 9, seed=7)

@@ -45,6 +45,8 @@ def test_away_from_borders_a_sector_has_the_light_of_its_file_to_the_bit(path):
         for number, box in enumerate(worlds.cells(3, 1, 2)):
             where = points(300, box[0] + worlds.MARGIN, box[1] - worlds.MARGIN)
             np.testing.assert_array_equal(world.sample(*where), sample(world.manifest.read(number), *where))
+            free = sample(world.manifest.read(number), *where, free=True)
+            np.testing.assert_array_equal(world.sample(*where, free=True), free)
 
 
 def test_light_has_no_seam_at_borders(path):
