@@ -183,7 +183,8 @@ GSGI_API gsgi_result gsgi_bake_sample_mapped(const gsgi_bake* bake, size_t count
                                              const float* normals, const float* mapped, float* light);
 
 /* The same for what was not in the scene when it was baked, such as moving objects, particles and probes: the light of
- * free space alone. Close to a baked surface gsgi_bake_sample would give the light of that surface. It is faster, too. */
+ * free space alone. Close to a baked surface gsgi_bake_sample would give the light of that surface. It is faster, too.
+ */
 GSGI_API gsgi_result gsgi_bake_sample_free(const gsgi_bake* bake, size_t count, const float* positions,
                                            const float* normals, float* light);
 

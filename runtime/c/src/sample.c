@@ -113,8 +113,8 @@ static void surface_sums(const gsgi_bake* bake, point* at, const float bent[3], 
     sums[3] += gap;
 }
 
-static gsgi_result sample(const gsgi_bake* bake, reading how, size_t count, const float* positions, const float* normals,
-                          const float* mapped, float* light) {
+static gsgi_result sample(const gsgi_bake* bake, reading how, size_t count, const float* positions,
+                          const float* normals, const float* mapped, float* light) {
     if (bake->info.blend != GSGI_SURFACE)
         return gsgi__fail(&bake->callbacks, GSGI_UNSUPPORTED,
                           "bake: light of the operator over is no function of points");
