@@ -8,6 +8,7 @@ import numpy as np
 from gsgi.baker.progress import Progress
 from gsgi.runtime.file import codec
 from gsgi.runtime.gaussians import Bake, Gaussians, OverBlend
+from gsgi.runtime.sampling import sample
 
 from .ground import Ground
 from .method import Method
@@ -48,13 +49,9 @@ class BakedGaussians:
         return sum(_gpu_bytes(level) for level in (self.bake.gaussians, self.bake.coarse) if level is not None)
 
     def at(self, position: np.ndarray, normal: np.ndarray) -> np.ndarray | None:
-        """B (N, 3) at points (N, 3) with unit normals (N, 3); None with `over`, which has no light at a point."""
-        from gsgi.baker.surface.lookup import look_up
-
+        """B (N, 3) of what moves at points (N, 3) with unit normals (N, 3); None with `over`: it lights no points."""
         bake = self.bake
-        if isinstance(bake.blend, OverBlend):
-            return None
-        return look_up(bake.gaussians, bake.coarse, bake.blend, position, normal)[0]
+        return None if isinstance(bake.blend, OverBlend) else sample(bake, position, normal, free=True)
 
     def light_pass(self, frame: "Frame", scale: int) -> "GaussianLight":
         """The runtime's own pass."""
