@@ -1,12 +1,19 @@
-"""A copy of a mesh in another place, which shares the arrays of that mesh."""
+"""A copy of a mesh in another place, which shares the arrays of that mesh; and which copies stand together."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from .scene import Mesh
 from .vectors import cofactor, unit
+
+# Triangles in copies from which on a group pays: a tree, or a draw, for each place is slower than one for all.
+SHARED = 1 << 14
+
+DECIMALS = 6  # of matrices that count as the same
 
 
 @dataclass(frozen=True)
@@ -79,6 +86,40 @@ class Instance:
         along = unit(tangent[:, :3] @ matrix[:3, :3].T)
         along = unit(along - normal * (along * normal).sum(axis=1, keepdims=True))
         return np.concatenate([along, tangent[:, 3:] * handedness(matrix)], axis=1).astype(np.float32)
+
+
+class ShapeGroup(NamedTuple):
+    """Meshes that stand together in P places.
+
+    They are as in the first, in world space; matrices (P, 4, 4) float64 take them from there to each.
+    """
+
+    meshes: tuple[Mesh, ...]
+    places: np.ndarray
+
+
+def groups_of(instances: Iterable[Instance]) -> tuple[list[ShapeGroup], set[int]]:
+    """The copies that stand in the same places relative to the first of each, in groups, and the ids of those copies.
+
+    Those of which fewer than SHARED triangles would be shared are in no group.
+    """
+    copies: dict[tuple[int, int], list[Instance]] = {}
+    for each in instances:
+        copies.setdefault((id(each.shape), each.material), []).append(each)
+    together: dict[bytes, tuple[np.ndarray, list[list[Instance]]]] = {}
+    for some in copies.values():
+        first = np.linalg.inv(some[0].world_from_shape)
+        places = np.array([each.world_from_shape @ first for each in some])
+        key = (np.round(places, DECIMALS) + 0.0).tobytes()  # without -0
+        together.setdefault(key, (places.astype(np.float32).astype(float), []))[1].append(some)
+    groups, shared = [], set()
+    for places, members in together.values():
+        count = sum(len(some[0].shape.triangle) for some in members)
+        if count * (len(places) - 1) >= SHARED:
+            places[0] = np.eye(4)
+            groups.append(ShapeGroup(tuple(some[0].flat() for some in members), places))
+            shared |= {id(each) for some in members for each in some}
+    return groups, shared
 
 
 def flat(mesh: Mesh | Instance) -> Mesh:

@@ -6,8 +6,8 @@ import numpy as np
 
 from .camera import Camera
 from .gaussians import Bake, Gaussians
-from .instance import flat
-from .scene import Scene
+from .instance import Instance
+from .scene import Mesh, Scene
 
 # Distance from the origin in scene diagonals. At smaller distances, float32 positions are off by at most 1e-6
 # diagonals, which is less than the shadow bias tolerates.
@@ -37,10 +37,7 @@ def origin_of_boxes(boxes: np.ndarray) -> np.ndarray:
 
 def local_scene(scene: Scene, origin: np.ndarray) -> Scene:
     """The scene with meshes and lights relative to `origin` (3,); its cameras are unchanged."""
-    meshes, blended = (
-        tuple(replace(mesh, position=(mesh.position - origin).astype(np.float32)) for mesh in map(flat, part))
-        for part in (scene.meshes, scene.blended)
-    )
+    meshes, blended = (tuple(_local_mesh(mesh, origin) for mesh in part) for part in (scene.meshes, scene.blended))
     lights = tuple(replace(light, position=light.position - origin) for light in scene.lights)
     return replace(scene, meshes=meshes, blended=blended, lights=lights)
 
@@ -62,6 +59,14 @@ def _middle_if_far(low: np.ndarray, high: np.ndarray) -> np.ndarray:
     middle = (low + high) / 2
     far = np.linalg.norm(middle) > FAR * np.linalg.norm(high - low)
     return middle if far else np.zeros(3)
+
+
+def _local_mesh(mesh: Mesh | Instance, origin: np.ndarray) -> Mesh | Instance:
+    if isinstance(mesh, Mesh):
+        return replace(mesh, position=(mesh.position - origin).astype(np.float32))
+    matrix = mesh.world_from_shape.copy()
+    matrix[:3, 3] -= origin
+    return replace(mesh, world_from_shape=matrix)
 
 
 def _local_gaussians(gaussians: Gaussians, origin: np.ndarray) -> Gaussians:

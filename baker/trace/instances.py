@@ -10,19 +10,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gsgi.runtime.instance import Instance, corners_of_box, flat, moved
+from gsgi.runtime.instance import Instance, ShapeGroup, corners_of_box, flat, groups_of, moved
 from gsgi.runtime.scene import Mesh, Scene
 from gsgi.runtime.world.boxes import touch
 
 from .overlaps import apart, lying
 from .planes import placed_off
-from .surface_tables import ShapeGroup, Surfaces, tabulate
-
-# Triangles in copies from which on a group pays: a tree for each place is slower than one for all.
-SHARED = 1 << 14
+from .surface_tables import Surfaces, tabulate
 
 AT_ONCE = 1 << 16  # triangles that are examined together; bounds memory
-DECIMALS = 6  # of matrices that count as the same
 EXAMINED = 1 << 25  # triangles; once so many have been examined, what lies on what in other places is not looked for
 
 
@@ -45,23 +41,9 @@ def grouped(scene: Scene) -> tuple[tuple[Mesh, ...], list[ShapeGroup]]:
 
     Copies that stand in the same places relative to the first of each are one group: what rays meet are few trees.
     """
-    copies: dict[tuple[int, int], list[Instance]] = {}
-    for mesh in scene.meshes:
-        if isinstance(mesh, Instance) and not scene.emits(scene.materials[mesh.material]):
-            copies.setdefault((id(mesh.shape), mesh.material), []).append(mesh)
-    together: dict[bytes, tuple[np.ndarray, list[list[Instance]]]] = {}
-    for some in copies.values():
-        first = np.linalg.inv(some[0].world_from_shape)
-        places = np.array([each.world_from_shape @ first for each in some])
-        key = (np.round(places, DECIMALS) + 0.0).tobytes()  # without -0
-        together.setdefault(key, (places.astype(np.float32).astype(float), []))[1].append(some)
-    groups, shared = [], set()
-    for places, members in together.values():
-        count = sum(len(some[0].shape.triangle) for some in members)
-        if count * (len(places) - 1) >= SHARED:
-            places[0] = np.eye(4)
-            groups.append(ShapeGroup(tuple(some[0].flat() for some in members), places))
-            shared |= {id(each) for some in members for each in some}
+    groups, shared = groups_of(
+        mesh for mesh in scene.meshes if isinstance(mesh, Instance) and not scene.emits(scene.materials[mesh.material])
+    )
     return tuple(flat(mesh) for mesh in scene.meshes if id(mesh) not in shared), groups
 
 

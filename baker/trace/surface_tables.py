@@ -6,11 +6,11 @@ that the scene has are stored, and only those are compiled into a kernel.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
 from gsgi.runtime.errors import SceneError
+from gsgi.runtime.instance import ShapeGroup
 from gsgi.runtime.scene import TEXTURE_SLOTS, Material, Mesh, Scene, TextureSlot
 
 from . import duplicates
@@ -25,16 +25,6 @@ OPAQUE, MASKED, FILTERING = range(3)  # kinds of triangles, in their order: soli
 
 # Triangles are flat if no component of a corner's normal differs from the triangle's by this much: 0.06 degrees.
 FLAT = 1e-3
-
-
-class ShapeGroup(NamedTuple):
-    """Meshes that stand together in P places.
-
-    They are as in the first, in world space; matrices (P, 4, 4) float64 take them from there to each.
-    """
-
-    meshes: tuple[Mesh, ...]
-    places: np.ndarray
 
 
 @dataclass(frozen=True)

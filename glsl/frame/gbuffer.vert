@@ -6,6 +6,10 @@ uniform vec3 eye;
 
 in vec3 position;  // world space, m
 in vec3 normal;    // world space, unit
+#if INSTANCED
+in mat4 world_from_first;   // of a copy; position, normal and tangent are those of the first
+in mat3 normal_from_first;  // up to length
+#endif
 out vec3 v_offset;  // from the eye, world space, m: small numbers, so that derivatives stay precise
 out vec3 v_normal;
 out float v_depth;  // -z in view space, m
@@ -33,10 +37,15 @@ out vec2 v_emission_uv;
 #endif
 
 void main() {
-    vec4 view = view_from_world * vec4(position, 1.0);
-    gl_Position = clip_from_view * view;
-    v_offset = position - eye;
+    vec4 world = vec4(position, 1.0);
     v_normal = normal;
+#if INSTANCED
+    world = world_from_first * world;
+    v_normal = normalize(normal_from_first * normal);
+#endif
+    vec4 view = view_from_world * world;
+    gl_Position = clip_from_view * view;
+    v_offset = world.xyz - eye;
     v_depth = -view.z;
 #if VERTEX_COLOR
     v_color = color;
@@ -50,6 +59,9 @@ void main() {
 #if NORMAL_TEXTURE
     v_normal_uv = normal_uv;
     v_tangent = tangent;
+#if INSTANCED
+    v_tangent.xyz = normalize(mat3(world_from_first) * tangent.xyz);
+#endif
 #endif
 #if EMISSION_TEXTURE
     v_emission_uv = emission_uv;

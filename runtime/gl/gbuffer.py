@@ -47,21 +47,21 @@ class GBuffer:
         assert (before is not None) == self._peeled
         self._target.use()
         self._target.clear()
-        frame = {
-            "view_from_world": camera.view_from_world,
-            "clip_from_view": camera.clip_from_view(self.size[0] / self.size[1]),
-            "eye": camera.position,
-        }
+        clip_from_view = camera.clip_from_view(self.size[0] / self.size[1])
+        self.geometry.cull(clip_from_view @ camera.view_from_world)
+        frame = {"view_from_world": camera.view_from_world, "clip_from_view": clip_from_view, "eye": camera.position}
         if before is not None:
             before.use(_PEELED_UNIT)
             (beyond or before).use(_PEELED_UNIT + 1)
             frame |= {"depth_before": _PEELED_UNIT, "depth_beyond": _PEELED_UNIT + 1, "is_first": beyond is None}
         for batch, triangles in self._draws:
+            if not (count := batch.count):
+                continue
             material = batch.material
             culling = 0 if material.double_sided else moderngl.CULL_FACE
             self.ctx.enable_only(moderngl.DEPTH_TEST | culling)
             set_uniforms(triangles.program, **frame, **self._surface(batch))
-            triangles.render()
+            triangles.render(instances=count)
 
     def release(self) -> None:
         """Free the GPU memory."""

@@ -1,14 +1,16 @@
 """Scene triangles and textures on the GPU, batched by material and presence of vertex colours."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import moderngl
 import numpy as np
 
 from gsgi.runtime.errors import UnsupportedError
+from gsgi.runtime.instance import Instance, flat, groups_of, handedness
 from gsgi.runtime.scene import Material, Mesh, Scene, Texture
 
+from .copies import Copies
 from .permutations import Triangles, sampled
 
 _SRGB8_ALPHA8 = 0x8C43  # decoded before filtering, as in the path tracer
@@ -17,7 +19,7 @@ _SRGB_SLOTS = {"base", "emission"}  # the others are linear
 
 @dataclass(frozen=True)
 class Batch:
-    """All triangles of one material that have vertex colours, or all that have none.
+    """All triangles of one material that have vertex colours, or all that have none, in one place or those of `copies`.
 
     `attributes` are float32 and have their names in the shaders: position, normal, color, tangent, `slot`_uv. Slots
     with the same UV channel share a buffer.
@@ -26,34 +28,53 @@ class Batch:
     material: Material
     attributes: dict[str, moderngl.Buffer]
     indices: moderngl.Buffer  # uint32
+    copies: Copies | None = None
+
+    @property
+    def count(self) -> int:
+        """In how many places the triangles are drawn."""
+        return self.copies.count if self.copies else 1
 
     def triangles(self, bent: bool = False, peeled: bool = False) -> Triangles:
         """Description that determines the passes' defines."""
-        return Triangles(self.material, "color" in self.attributes, bent, peeled)
+        return Triangles(self.material, "color" in self.attributes, bent, peeled, self.copies is not None)
 
     def vertex_array(self, program: moderngl.Program) -> moderngl.VertexArray:
         """Vertex array of the triangles for `program`, with the attributes that it reads."""
         read = [name for name in self.attributes if name in program]
         content = [(self.attributes[name], f"{program[name].dimension}f", name) for name in read]
+        if self.copies:
+            content.append(self.copies.content(program))
         return program.ctx.vertex_array(program, content, self.indices, index_element_size=4)
 
 
 class Geometry:
-    """Batches and textures for all passes that draw triangles.
+    """Batches and textures for all passes that draw triangles. Copies share the arrays of the first.
 
     Raises UnsupportedError for a texture that the driver cannot hold.
     """
 
     def __init__(self, ctx: moderngl.Context, scene: Scene):
-        groups: dict[tuple[int, bool], list[Mesh]] = {}
-        for mesh in scene.meshes:
-            if len(mesh.triangle):
-                groups.setdefault((mesh.material, mesh.color is not None), []).append(mesh)
-        self.batches = [_batch(ctx, scene.materials[key[0]], meshes) for key, meshes in sorted(groups.items())]
+        instances = [mesh for mesh in scene.meshes if isinstance(mesh, Instance)]
+        self.batches, shared, self._copies = [], set(), []
+        for side in (1, -1):  # a copy that mirrors the first would show its other side
+            groups, ids = groups_of(each for each in instances if handedness(each.world_from_shape) == side)
+            shared |= ids
+            for group in groups:
+                copies = Copies(ctx, group)
+                self._copies.append(copies)
+                self.batches += [replace(b, copies=copies) for b in _batches(ctx, scene.materials, group.meshes)]
+        single = (flat(mesh) for mesh in scene.meshes if id(mesh) not in shared)
+        self.batches += _batches(ctx, scene.materials, single)
         used = {(slot.texture, name in _SRGB_SLOTS) for b in self.batches for name, slot in sampled(b.material).items()}
         self._textures = {(i, srgb): _upload(ctx, scene.textures[i], srgb) for i, srgb in sorted(used)}
         self._mirror = {i: [float(wrap == "mirror") for wrap in scene.textures[i].wrap] for i, _ in used}
         self._factors: Mapping[str, np.ndarray] = {}
+
+    def cull(self, clip_from_world: np.ndarray) -> None:
+        """Draw from now on the copies that may be in the frustum of a matrix (4, 4), and all that is no copy."""
+        for copies in self._copies:
+            copies.cull(clip_from_world)
 
     def dim(self, factors: Mapping[str, np.ndarray]) -> None:
         """Multiply the emission of materials by factors (3,), by the names of materials."""
@@ -80,8 +101,16 @@ class Geometry:
     def release(self) -> None:
         """Free the GPU memory."""
         buffers = [buffer for b in self.batches for buffer in (b.indices, *b.attributes.values())]
-        for resource in [*buffers, *self._textures.values()]:
+        for resource in [*buffers, *(copies.buffer for copies in self._copies), *self._textures.values()]:
             resource.release()
+
+
+def _batches(ctx: moderngl.Context, materials: Sequence[Material], meshes: Iterable[Mesh]) -> list[Batch]:
+    groups: dict[tuple[int, bool], list[Mesh]] = {}
+    for mesh in meshes:
+        if len(mesh.triangle):
+            groups.setdefault((mesh.material, mesh.color is not None), []).append(mesh)
+    return [_batch(ctx, materials[key[0]], some) for key, some in sorted(groups.items())]
 
 
 def _batch(ctx: moderngl.Context, material: Material, meshes: Sequence[Mesh]) -> Batch:

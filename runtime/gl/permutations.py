@@ -19,13 +19,14 @@ class Triangles(NamedTuple):
     """Triangles that are drawn at once: all of one material, with or without vertex colours.
 
     `bent`: whether any material that is drawn, this one or another, has a normal map. `peeled`: whether they are part
-    of a layer of partly transparent surfaces.
+    of a layer of partly transparent surfaces. `instanced`: whether they stand in several places.
     """
 
     material: Material
     colored: bool
     bent: bool = False
     peeled: bool = False
+    instanced: bool = False
 
 
 class Reading(NamedTuple):
@@ -104,6 +105,7 @@ _SURFACE = {
     "UNLIT": lambda t: t.material.unlit,
     "INTERPOLATED": lambda t: t.bent,
     "PEELED": lambda t: t.peeled,
+    "INSTANCED": lambda t: t.instanced,
 }
 
 # Defines of each pass. A function returns the value for what the pass draws or reads; a comment names its type.
@@ -114,6 +116,7 @@ PASSES: dict[str, dict[str, Callable[[Any], int]]] = {
         "BASE_TEXTURE": lambda t: _masked(t) and "base" in sampled(t.material),
         "VERTEX_COLOR": lambda t: _masked(t) and t.colored,
         "ALPHA_MASK": _masked,
+        "INSTANCED": lambda t: t.instanced,
     },
     "frame/primary": {  # Light
         "SPOT": lambda light: light.kind == "spot",

@@ -135,9 +135,11 @@ class Shadow:
         for i, (column, row) in enumerate(tiles):
             self._target.viewport = (column * faces.size, row * faces.size, faces.size, faces.size)
             face = {"clip_from_world": faces.clip_from_world[i], "depth_from_world": faces.depth_from_world[i]}
+            self.geometry.cull(faces.clip_from_world[i])
             for batch, triangles in self._draws:
-                set_uniforms(triangles.program, **face, **self._mask(batch))
-                triangles.render()
+                if count := batch.count:
+                    set_uniforms(triangles.program, **face, **self._mask(batch))
+                    triangles.render(instances=count)
         self._target.viewport = (0, 0, *self.size)
 
     def _atlas_from_clip(self, tile: tuple[int, int], size: int) -> np.ndarray:

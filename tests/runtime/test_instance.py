@@ -50,7 +50,8 @@ def test_copies_have_the_arrays_of_meshes_of_their_own(both):
             np.testing.assert_allclose(mesh.areas(), theirs.areas(), rtol=1e-6)
             np.testing.assert_array_equal(mesh.bounds(), theirs.bounds())
     moved = local_scene(shared, np.array([1.0, 2, 3]))
-    np.testing.assert_array_equal(moved.meshes[0].position, single.meshes[0].position - np.float32([1, 2, 3]))
+    assert moved.meshes[0].shape is shared.meshes[0].shape
+    np.testing.assert_allclose(moved.meshes[0].position, single.meshes[0].position - [1, 2, 3], rtol=0, atol=1e-6)
 
 
 def test_tangents_are_those_of_a_mesh_of_its_own(both):

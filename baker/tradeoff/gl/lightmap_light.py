@@ -6,6 +6,7 @@ import moderngl
 import numpy as np
 
 from gsgi.runtime.errors import UnsupportedError
+from gsgi.runtime.instance import flat
 from gsgi.runtime.scene import Scene
 
 from ..atlas import Atlas
@@ -31,7 +32,7 @@ def unwrapped(scene: Scene, atlas: Atlas) -> tuple[Scene, list[np.ndarray]]:
     """The scene with the atlas's vertices and triangles, and each mesh's atlas coordinates (V, 2) float32 in [0, 1]."""
     meshes, uvs, below = [], [], 0
     of_triangle = atlas.mesh[atlas.triangle[:, 0]]
-    for i, mesh in enumerate(scene.meshes):
+    for i, mesh in enumerate(map(flat, scene.meshes)):
         mine = np.flatnonzero(atlas.mesh == i)
         at = atlas.source[mine] - below
         first = mine[0] if len(mine) else 0

@@ -29,7 +29,8 @@ def triangles() -> list[Triangles]:
     ]
     every = itertools.product(materials, BOTH, BOTH)
     solid = [Triangles(m, colored, bent) for m, colored, bent in every if bent or "normal" not in sampled(m)]
-    return solid + [Triangles(m, True, bent=True, peeled=True) for m in materials[:: len(materials) // 8]]
+    some = materials[:: len(materials) // 8]
+    return solid + [Triangles(m, True, bent=True, peeled=True, instanced=many) for m in some for many in BOTH]
 
 
 def lights() -> list[Light]:
