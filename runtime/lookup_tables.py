@@ -12,6 +12,7 @@ from .rebase import local_bake, origin_of_bake
 HEADER_TEXELS = 8  # 2 * LEVEL_TEXELS + 2 of glsl/surface/lookup.glsl
 ORIGIN_TEXEL = 6
 UNIT_ERROR = 1e-3  # of the length of a quaternion
+PIECE = 1 << 16  # bits that are counted at once: numpy keeps other threads, such as that of frames, waiting meanwhile
 
 
 def sh_counts(bake: Bake) -> tuple[int, int, int]:
@@ -113,5 +114,9 @@ def _packed(grid: CellLists, first_place: int) -> tuple[np.ndarray, np.ndarray]:
     listed, octant = np.nonzero(np.unpackbits(grid.octants[:, None], axis=1, bitorder="little"))
     bit = octant * count[node].take(listed) + number.take(listed)
     word = (place + inner + 1)[node].take(listed) + bit // 16
-    lists += np.bincount(word, weights=1 << bit % 16, minlength=len(lists)).astype(np.uint32)
+    for begin in range(0, len(word), PIECE):
+        some, bits = word[begin : begin + PIECE], 1 << bit[begin : begin + PIECE] % 16
+        lowest = some.min()
+        part = np.bincount(some - lowest, weights=bits).astype(np.uint32)
+        lists[lowest : lowest + len(part)] += part
     return np.where(used, 2 * (place + first_place) + inner, 0).astype(np.uint32), lists
