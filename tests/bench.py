@@ -13,6 +13,7 @@ from benches.copies import copies
 from benches.deadline import deadline
 from benches.error_time import error_time
 from benches.fit import fit
+from benches.flight import flight
 from benches.format import format
 from benches.frames import frames
 from benches.front import front
@@ -51,6 +52,7 @@ BENCHES = {
         update,
         world,
         copies,
+        flight,
         trace,
         scenes,
         *PASSES,

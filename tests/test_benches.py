@@ -1,9 +1,10 @@
-"""What the benchmark of motion computes, apart from the bakes that it measures."""
+"""What the benchmarks of motion and of flights compute, apart from the bakes that they measure."""
 
 import numpy as np
 import pytest
 from benches import motion
 from benches.drawn_frames import Frame
+from benches.flight import step_of
 
 from gsgi.runtime.camera import look_at
 
@@ -55,3 +56,9 @@ def test_edges_and_creases_are_not_smooth():
     smooth = Frame(camera, np.zeros_like(normal), normal, depth).smooth
     assert not smooth[[0, -1]].any()
     assert np.flatnonzero(smooth[3]).tolist() == [1, 2, 3, 6, 7, 8, 11, 12, 13]
+
+
+def test_steps_of_light_are_relative_to_the_brightest_frame_of_each_point():
+    light = np.array([[0.0, 5.0, 2.0, 0.0], [0.0, 5.0, 2.0, 0.0], [0.0, 5.0, 0.5, 0.0]])
+    assert step_of(light[:2]) == 0
+    assert step_of(light) == pytest.approx(255 * (1 - 0.537), abs=0.1)  # a quarter of the light, encoded
