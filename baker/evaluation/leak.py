@@ -64,10 +64,16 @@ class Surroundings:
         """
         from scipy.spatial import cKDTree
 
-        near = cKDTree(self.position).query_ball_point(position, self.reach)
-        at = np.repeat(np.arange(len(position)), [len(found) for found in near])
-        patch = np.concatenate([np.empty(0, np.int64), *(np.asarray(found, np.int64) for found in near)])
-        darker = np.maximum(light[at], FAINT * self.light.mean()) < DARK * self.light[patch]
+        least = np.maximum(light, FAINT * self.light.mean()) / DARK  # light of patches that are far brighter
+        octave = np.floor(np.log2(np.maximum(least, np.finfo(float).tiny)))
+        pairs = [np.empty((2, 0), np.int64)]
+        for each in np.unique(octave):  # few patches are brighter than most points ask for
+            asks, bright = np.flatnonzero(octave == each), np.flatnonzero(self.light >= 2.0**each)
+            near = cKDTree(self.position[bright]).query_ball_point(position[asks], self.reach)
+            found = np.concatenate([np.empty(0, np.int64), *(np.asarray(some, np.int64) for some in near)])
+            pairs.append(np.stack([np.repeat(asks, [len(some) for some in near]), bright[found]]))
+        at, patch = np.concatenate(pairs, axis=1)
+        darker = least[at] < self.light[patch]
         at, patch = at[darker], patch[darker]
         lifted, targets = self.triangles.lifted(position, normal), self.triangles.lifted(self.position, self.normal)
         hidden = self.triangles.blocked(lifted[at], targets[patch])
