@@ -22,6 +22,7 @@ from .tally import AGAIN, GONE, NEW, PART, SAME, SHIFTED, Tally
 from .thin_share import CHANGED, LARGE, SHARE, ThinShare
 
 WHERE = "position", "normal", "shading_normal", "geometric_normal"
+TOGETHER = 1 << 16  # paths from points, in passes, that are traced in the same launches: a launch of few costs as much
 
 
 class UpdatedSampler:
@@ -152,7 +153,7 @@ class UpdatedSampler:
         firsts, shares = [], []
         for chunk, (points, fate), seed in zip(before, found, seeds, strict=True):
             thin = (np.arange(len(fate)) % SHARE == 0) & (fate == SAME)
-            first = self._layer(points, thin, 0, seed)
+            (first,), _ = self._layers(points, thin[None], np.zeros(1, int), seed)
             firsts.append(first)
             shares.append(self._thin_share(chunk, points, thin, first))
         share = ThinShare.joined(shares)
@@ -177,13 +178,20 @@ class UpdatedSampler:
         changes = (getattr(first, f"indirect_{h}")[thin] - getattr(chunk, f"first_{h}")[thin] for h in "ab")
         return ThinShare(points.position[thin], points.normal[thin], *changes, level[thin])
 
-    def _layer(self, points: Points, which: np.ndarray, done: int, seed: tuple[int, ...]) -> Layer:
-        """A layer of paths, after `done` of each half, from the points `which` (P,) bool."""
-        count = len(which)
-        numbers = np.stack([np.arange(count, dtype=np.uint32), np.full(count, done, np.uint32)], axis=1)
-        where = points.position, self._normals(points), points.geometric_normal
-        sampling, tracer = Sampling(PASS_SAMPLES, self._sampling.bounces), self._tracer.tracer
-        return traced(tracer, where, which, numbers, sampling, self.known_light, seed, lambda *_: None)
+    def _layers(
+        self, points: Points, which: np.ndarray, done: np.ndarray, seed: tuple[int, ...]
+    ) -> tuple[list[Layer], int]:
+        """Layers of paths from the points `which` (L, P) bool, after `done` (L,) of each half, in launches for all.
+
+        Their `invalid` is 0; the number of all paths that gave no finite number is returned beside them.
+        """
+        layer, point = np.nonzero(which)
+        numbers = np.stack([point, done[layer]], axis=1).astype(np.uint32)
+        where = points.position[point], self._normals(points)[point], points.geometric_normal[point]
+        sampling, everywhere = Sampling(PASS_SAMPLES, self._sampling.bounces), np.ones(len(point), bool)
+        ends = self.known_light, seed, lambda *_: None
+        found = traced(self._tracer.tracer, where, everywhere, numbers, sampling, *ends)
+        return _each(found, which), found.invalid
 
     def _chunk(
         self, before: KeptChunk, points: Points, fate: np.ndarray, first, share: ThinShare, seed: tuple[int, ...]
@@ -220,17 +228,30 @@ class UpdatedSampler:
         Of each half, "a" and "b", the means over all paths and over those of the first HEAD layers; of each half that
         over the first layer alone; and the number of paths that gave no finite number.
         """
-        layers, invalid = [], 0
-        for done in range(0, int(before.paths[whole | part].max(initial=0)), PASS_SAMPLES):
-            which = (whole & (before.paths > done)) | (part & (before.head_paths > done))
-            if which.any():
-                layers.append((done, self._layer(points, which, done, seed)))
-                invalid += layers[-1][1].invalid
-        head = [_without(layer, before.head_paths <= done) for done, layer in layers]
-        everything = [layer for _, layer in layers]
+        done = np.arange(0, int(before.paths[whole | part].max(initial=0)), PASS_SAMPLES)
+        which = (whole & (before.paths > done[:, None])) | (part & (before.head_paths > done[:, None]))
+        some = which.any(axis=1)
+        done, which = done[some], which[some]
+        everything, invalid = [], 0
+        group = np.cumsum(which.sum(axis=1)) // TOGETHER
+        for number in np.unique(group):
+            layers, more = self._layers(points, which[group == number], done[group == number], seed)
+            everything += layers
+            invalid += more
+        head = [_without(layer, before.head_paths <= paths) for layer, paths in zip(everything, done, strict=True)]
         none = np.full((len(whole), 3), np.nan, np.float32)
         both = {half: [mean(some, half) if some else none for some in (everything, head)] for half in "ab"}
-        return both, {half: getattr(everything[0], f"indirect_{half}") if layers else none for half in "ab"}, invalid
+        first = {half: getattr(everything[0], f"indirect_{half}") if everything else none for half in "ab"}
+        return both, first, invalid
+
+
+def _each(found: Layer, which: np.ndarray) -> list[Layer]:
+    """The L layers at P points each, of which `found` has those `which` (L, P) bool, layer by layer."""
+    columns = []
+    for values in (found.indirect_a, found.indirect_b, found.finite_a, found.finite_b):
+        columns.append(np.zeros((*which.shape, *values.shape[1:]), values.dtype))
+        columns[-1][which] = values
+    return [Layer(*layer, 0) for layer in zip(*columns, strict=True)]
 
 
 def _without(layer: Layer, which: np.ndarray) -> Layer:

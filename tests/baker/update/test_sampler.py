@@ -1,5 +1,6 @@
 """The samples of a scene after an edit: two rooms, of which one stays as it is."""
 
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +15,7 @@ from gsgi.baker.surface.samples import Sampler
 from gsgi.baker.surface.seen_surface import SeenSurface
 from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.baker.update import kept as chunks
+from gsgi.baker.update import sampler as updating
 from gsgi.baker.update import tally
 from gsgi.baker.update.sampler import UpdatedSampler
 from gsgi.baker.update.tally import Tally
@@ -114,6 +116,17 @@ def test_a_room_that_no_path_leaves_keeps_its_bits_while_the_other_is_traced_aga
     truth = both(sampler(rooms(albedo=0.8), Cache()))[0]
     np.testing.assert_allclose(light, truth.indirect[truth.position[:, 0] < APART / 2].mean(), rtol=0.02)
     assert count.points["samples"][tally.AGAIN] > 0.3 * CHUNK
+
+
+def test_layers_that_share_launches_keep_their_bits(before, tmp_path, monkeypatch):
+    cache, _, there = before
+    alone, together = [], []
+    for found, most in ((alone, 1), (together, updating.TOGETHER)):
+        monkeypatch.setattr(updating, "TOGETHER", most)
+        own = Cache(shutil.copytree(cache.folder, tmp_path / str(most)))
+        found += both(updated(rooms(albedo=0.8), there, own))
+    for a, b in zip(alone, together, strict=True):
+        same(a, b)
 
 
 def test_samples_follow_an_object_that_has_moved(before):
