@@ -39,9 +39,9 @@ def flight() -> list[dict]:
     The sectors of the row's eight copies are baked, which takes half an hour, and kept in build/bench/cache. The flight
     has room for three. `update_ms` is the median, the 99th percentile and the most CPU that World.update takes of the
     frame's thread, in each of `frames`. A part of them is `drawn`: `frame_ms` is the median and the 99th percentile of
-    their time, `frame_cpu_ms` the median of their CPU, of all threads. `resident` is the most memory of all frames, and
-    the budget. `step` is the largest change of light between two frames at a fixed point, in 1/255 of a pixel that
-    shows that point's brightest light white.
+    their time, `frame_cpu_ms` the median of their CPU, of all threads. `mesh_mb` is what the buffers of meshes take.
+    `resident` is the most memory of the world in all frames, bytes, and its budget. `step` is the largest change of
+    light between two frames at a fixed point, in 1/255 of a pixel that shows that point's brightest light white.
     """
     if not SCENE.is_file():
         return []
@@ -79,6 +79,8 @@ def _flown(scene: Scene, manifest: Path) -> dict:
     with gsgi.World(manifest, budget) as world:
         renderer = gsgi.DeferredRenderer(ctx, scene, world, *SIZE)
         world.settle(_camera(0).position)
+        meshes = {b for batch in renderer.geometry.batches for b in (batch.indices, *batch.attributes.values())}
+        mesh_bytes = sum(buffer.size for buffer in meshes)
         renderer.render(_camera(0))  # fills the shadow map, and compiles
         for number in range(count):
             camera, began = _camera(number / FPS), time.perf_counter()
@@ -103,7 +105,7 @@ def _flown(scene: Scene, manifest: Path) -> dict:
     Image.fromarray(np.concatenate(strip, axis=1)).save(STRIP, quality=85)
     return {
         "frames": count, "update_ms": _spread(update, 50, 99, 100), "drawn": len(frame),
-        "frame_ms": _spread(frame, 50, 99), "frame_cpu_ms": _spread(cpu, 50),
+        "frame_ms": _spread(frame, 50, 99), "frame_cpu_ms": _spread(cpu, 50), "mesh_mb": round(mesh_bytes / 1e6, 1),
         "resident": f"{max(resident)} of {budget}", "step": round(step_of(np.array(light)), 2), "file": STRIP.name,
     }  # fmt: skip
 
