@@ -3,7 +3,7 @@
 import moderngl
 import numpy as np
 
-from gsgi.runtime.gaussians import Bake, Effects
+from gsgi.runtime.gaussians import Effects
 from gsgi.runtime.lookup_tables import seen_from, sh_counts
 from gsgi.runtime.world.boxes import FAR, classes
 from gsgi.runtime.world.world import World
@@ -70,7 +70,7 @@ class WorldLight(SurfaceLight):
                 box = np.where(np.abs(box) < FAR, box - self._origin, box).astype(np.float32)
                 textures = LookupTextures(self.ctx, seen_from(sector.tables, self._origin))
                 self._parts[number] = Part(textures, sh_counts(sector.bake), tuple(box))
-                self._balls[number] = _ball(sector.bake, self._origin, box, self._world.manifest.margin)
+                self._balls[number] = _ball(sector.reached - self._origin, box, self._world.manifest.margin)
 
     def _tell(self) -> None:
         """Upload the windows of all sectors with their weights and classes, if something has changed."""
@@ -87,13 +87,8 @@ class WorldLight(SurfaceLight):
         self._points.set(sector_count=len(self._parts))
 
 
-def _ball(bake: Bake, origin: np.ndarray, box: np.ndarray, margin: float) -> tuple[float, ...]:
-    """Centre and radius (4,) of a ball around all that a sector lights, from `origin`; the radius is NaN of nothing."""
-    low, high = np.full(3, np.inf), np.full(3, -np.inf)
-    for level in (bake.gaussians, bake.coarse):
-        position, reach = level.position - origin, bake.blend.radius * level.scale.max(axis=1, initial=0)[:, None]
-        low = np.minimum(low, (position - reach).min(axis=0, initial=np.inf))
-        high = np.maximum(high, (position + reach).max(axis=0, initial=-np.inf))
-    low, high = np.maximum(low, box[0] - margin), np.minimum(high, box[1] + margin)
+def _ball(reached: np.ndarray, box: np.ndarray, margin: float) -> tuple[float, ...]:
+    """Centre and radius (4,) of a ball around what a sector lights of a box (2, 3); the radius is NaN of nothing."""
+    low, high = np.maximum(reached[0], box[0] - margin), np.minimum(reached[1], box[1] + margin)
     radius = np.linalg.norm(high - low) / 2 if (low <= high).all() else np.nan
     return *((low + high) / 2), radius

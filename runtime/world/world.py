@@ -23,6 +23,8 @@ BUDGET, FADE = 256 << 20, 1.5  # bytes; s
 # all steps look alike. One of STEP_MOST moves a pixel that this light alone shows white by less than 4/255.
 POWER, STEP_MOST = 2.4, 1 / 72
 
+PREPARED = "sampler", "tables", "reached"  # of a sector in memory, which other weights do not change
+
 KEPT = 0.9  # factor on the distance of a sector that is there, so that none comes and goes where two are as far
 
 
@@ -47,6 +49,16 @@ class Resident:
     def tables(self) -> Tables:
         """By which shaders read its light."""
         return lookup_tables(self.bake)
+
+    @cached_property
+    def reached(self) -> np.ndarray:
+        """The corners (2, 3) float64 of a box around all that its Gaussians light, m; of nothing they are infinite."""
+        low, high = np.full(3, np.inf), np.full(3, -np.inf)
+        for level in (self.bake.gaussians, self.bake.coarse):
+            reach = self.bake.blend.radius * level.scale.max(axis=1, initial=0)[:, None]
+            low = np.minimum(low, (level.position - reach).min(axis=0, initial=np.inf))
+            high = np.maximum(high, (level.position + reach).max(axis=0, initial=-np.inf))
+        return np.stack([low, high])
 
 
 class World:
@@ -205,7 +217,7 @@ class World:
         """A sector as it is in its file, ready to be drawn."""
         sector = Resident(self.manifest.read(number), 0.0)
         if self.drawn:
-            _ = sector.tables
+            _ = sector.tables, sector.reached
         return sector
 
     def _add(self, number: int, found: Resident | Exception) -> None:
@@ -222,5 +234,5 @@ class World:
 def _aged(sector: Resident, clock: float) -> Resident:
     """The sector at another time, with what has been prepared of it."""
     aged = replace(sector, clock=clock)
-    vars(aged).update({name: made for name, made in vars(sector).items() if name in ("sampler", "tables")})
+    vars(aged).update({name: made for name, made in vars(sector).items() if name in PREPARED})
     return aged

@@ -109,7 +109,8 @@ def test_the_thread_prepares_what_the_pass_uploads(gl, path):
             lights = [IndirectLight(gl, world) for _ in range(drawn_by)]
             while not world.resident:
                 world.update(np.zeros(3), 0.01)
-            assert all(("tables" in vars(sector)) == bool(lights) for sector in world.resident.values())
+            for sector in world.resident.values():
+                assert all((name in vars(sector)) == bool(lights) for name in ("tables", "reached"))
             for light in lights:
                 light.release()
 

@@ -163,3 +163,15 @@ def test_all_sectors_are_read_in_the_same_way(tmp_path):
 def test_a_budget_holds_at_least_every_single_sector(path):
     with pytest.raises(ValueError, match=r"budget: expected at least \d+ bytes for level.*gsgi, got 10"):
         World(path, budget=10)
+
+
+def test_what_a_sector_reaches_is_a_box_around_all_its_light(path):
+    with settled(path) as world:
+        for sector in world.resident.values():
+            low, high = sector.reached
+            inside = points(2000, low, high)
+            assert sector.sampler.sample(*inside).any()
+            beyond = high - low
+            away = points(4000, low - beyond, high + beyond)
+            outside = ((away[0] < low) | (away[0] > high)).any(axis=1)
+            assert not sector.sampler.sample(away[0][outside], away[1][outside]).any()
