@@ -66,6 +66,7 @@ def bake(
     evaluate: bool = True,
     seconds: float | None = None,
     update: str | Path | None = None,
+    device: str = "cpu",
     progress: OnProgress | None = None,
 ) -> BakeReport:
     """Trace the indirect light of a scene, fit Gaussians to it, and write them to `output`.
@@ -79,16 +80,18 @@ def bake(
     the default folder, or a folder for it. evaluate: trace held-out views and compare the bake with them. seconds: make
     the best bake that ends in about so much time on this machine; `report.deadline` says with which settings. update:
     the .gsgi file of this scene before an edit: what the cache has of its bake is kept where the edit has not changed
-    the light, and `report.plan.kept` counts it; None, with a warning, where all is baked.
+    the light, and `report.plan.kept` counts it; None, with a warning, where all is baked. device: what traces paths:
+    "cpu", "cuda" (an NVIDIA GPU), or "auto" (a GPU, if one can); a process keeps to the first that has traced.
 
-    Raises FileError, SceneError, UnsupportedError, UsageError where arguments and settings contradict each other, and
-    TargetError where `settings.target_loss` was not met: then the best file is written.
+    Raises FileError, SceneError, UnsupportedError (for "cuda" too, where no GPU can trace), UsageError where arguments
+    and settings contradict each other, and TargetError where `settings.target_loss` was not met: then the best file is
+    written.
     """
     from gsgi.baker import job
 
     if output is not None:
         check_writable(output)
-    made, told = _plan(scene, quality, settings, lighting, cameras, cache, progress, seconds, update)
+    made, told = _plan(scene, quality, settings, lighting, cameras, cache, device, progress, seconds, update)
 
     def write(data: bytes, gaussians: int) -> None:
         if output is not None:
@@ -113,6 +116,7 @@ def bake_world(
     cameras: Mapping[str, Camera] | None = None,
     cache: bool | str | Path = True,
     evaluate: bool = True,
+    device: str = "cpu",
     progress: OnProgress | None = None,
 ) -> WorldReport:
     """Bake a scene in sectors: a .gsgi file for each box with edges of at most `size` m, and a manifest of them.
@@ -128,7 +132,7 @@ def bake_world(
     output = Path(output)
     baking.stem(output)
     check_writable(output)
-    lit, settings, told = _asked(scene, quality, settings, lighting, progress)
+    lit, settings, told = _asked(scene, quality, settings, lighting, device, progress)
     request, kept = Request(lit, settings, dict(cameras or {}), str(scene), evaluate), _cache(cache)
     report = baking.bake_world(request, size, output, told, kept, lambda data: write_atomic(output, data))
     kept.trim()
@@ -145,6 +149,7 @@ def plan(
     cameras: Mapping[str, Camera] | None = None,
     cache: bool | str | Path = True,
     seconds: float | None = None,
+    device: str = "cpu",
     progress: OnProgress | None = None,
 ) -> PlanReport:
     """What `bake` would do with the same arguments, why, and what it would cost. Takes some seconds.
@@ -155,7 +160,7 @@ def plan(
     from gsgi.baker.estimate import estimate
     from gsgi.baker.plan_table import decisions
 
-    made, told = _plan(scene, quality, settings, lighting, cameras, cache, progress, seconds)
+    made, told = _plan(scene, quality, settings, lighting, cameras, cache, device, progress, seconds)
     if seconds is not None:
         made = in_time(made, seconds, told)
     with told.stage("estimate"):
@@ -171,6 +176,7 @@ def _plan(
     lighting: Lighting | None,
     cameras: Mapping[str, Camera] | None,
     cache: bool | str | Path,
+    device: str,
     progress: OnProgress | None,
     seconds: float | None,
     update: str | Path | None = None,
@@ -184,7 +190,7 @@ def _plan(
         deadline.check(settings, seconds)
     if update is not None:
         updating.check(settings, seconds)
-    lit, settings, told = _asked(scene, None, settings, lighting, progress)
+    lit, settings, told = _asked(scene, None, settings, lighting, device, progress)
     asked = lit, settings, told, _cache(cache), cameras or {}
     after = updating.updated_plan(Path(update), *asked) if update is not None else None
     return after or make_plan(*asked), told
@@ -195,11 +201,14 @@ def _asked(
     quality: str | None,
     settings: Settings | None,
     lighting: Lighting | None,
+    device: str,
     progress: OnProgress | None,
 ) -> "tuple[Scene, Settings, Progress]":
     """The scene under its light, the settings, and the progress that has begun with reading the scene."""
     from gsgi.baker.progress import Progress
+    from gsgi.baker.trace.device import choose
 
+    choose(device)
     settings = settings or Settings()
     settings = replace(settings, quality=quality or settings.quality)
     told = Progress(_Callback(progress) if progress else None)

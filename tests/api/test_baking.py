@@ -14,6 +14,7 @@ import gsgi
 from gsgi.baker.cli.main import run
 from gsgi.baker.evaluation import held_out
 from gsgi.baker.surface import budget, samples
+from gsgi.baker.trace import device
 
 CORNELL = SCENES / "cornell.glb"
 SMALL = gsgi.Settings(budget=64, views=2, size=24, samples=64, bounces=2, iterations=4)
@@ -133,6 +134,20 @@ def test_an_update_that_can_keep_nothing_warns_and_bakes(report, before, cache, 
         gsgi.bake(CORNELL, settings=replace(SMALL, target_loss=0.1), cache=cache, update=before)
     with pytest.raises(gsgi.FileError, match=r"no\.gsgi"):
         gsgi.bake(CORNELL, settings=SMALL, cache=cache, update=tmp_path / "no.gsgi")
+
+
+def test_the_device_is_the_one_that_is_asked_for(report, cache, tmp_path, monkeypatch):
+    monkeypatch.setattr(device, "unavailable", lambda: "there is none")
+    arguments = {"settings": SMALL, "cache": cache, "evaluate": False}
+    assert gsgi.bake(CORNELL, device="auto", **arguments).data == report.data
+    for call in (gsgi.bake, gsgi.bake_world):
+        with pytest.raises(gsgi.UnsupportedError, match="no GPU can trace here: there is none"):
+            call(CORNELL, tmp_path / "x.gsgi.json", device="cuda", **arguments)
+    with pytest.raises(gsgi.UnsupportedError, match="there is none"):
+        gsgi.plan(CORNELL, settings=SMALL, cache=cache, device="cuda")
+    with pytest.raises(gsgi.UsageError, match="device: expected one of auto, cpu, cuda, got 'gpu'"):
+        gsgi.bake(CORNELL, device="gpu", **arguments)
+    assert not list(tmp_path.iterdir())
 
 
 def test_without_an_evaluation_the_bytes_are_the_same(report, cache):
