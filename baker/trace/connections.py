@@ -36,9 +36,7 @@ class Connections:
         """
         cluster, again, probability = chosen(self._likely, u, rest, cell, self._clusters)
         index = cluster * self._each + mi.UInt32(again * self._each)
-        at, normal, light = (dr.gather(mi.Vector4f, self._place, 3 * index + k, active) for k in range(3))
-        place = mi.Point3f(at.x, at.y, at.z), mi.Normal3f(normal.x, normal.y, normal.z), _color(light)
-        return arriving(tracer, place, at.w * probability, p, n, ng, active)
+        return arriving(tracer, self._place, index, probability, p, n, ng, active)
 
     def density(self, lights, index, p, ng, cell, active):
         """The density, per m^2, in which vertices in `cell` are connected to p, a place that light `index` lights."""
@@ -50,25 +48,22 @@ class Connections:
         return dr.gather(mi.Float, self._density, leaf, active) * per_area * dr.abs(dr.dot(ng, towards)) * (high - low)
 
 
-def arriving(tracer, place, density, p, n, ng, active):
-    """Light that comes to a vertex from a `place`, over pi, with the place's share of the work.
+def arriving(tracer, places, index, probability, p, n, ng, active):
+    """Light that comes to a vertex from place `index` of `places`, over pi, with the place's share of the work.
 
-    A place is its position, normal and radiance. It is connected to vertices with this density, per m^2; rays of the
-    cosine lobe do the rest, by the balance heuristic (Veach and Guibas 1995).
+    `places` (12 P,) are those of `LitPlaces`, as they lie in memory. The vertex is connected to those of the place's
+    cluster with this probability; rays of the cosine lobe do the rest, by the balance heuristic (Veach and Guibas 1995).
     """
-    at, at_ng, light = place
-    offset = at - p
+    at, normal, light = (dr.gather(mi.Vector4f, places, 3 * index + k, active) for k in range(3))
+    light = mi.Color3f(light.x, light.y, light.z)
+    offset = mi.Point3f(at.x, at.y, at.z) - p
     squared = dr.squared_norm(offset)
     distance = dr.sqrt(squared)
     wi = offset / distance
-    cosine, facing = dr.dot(wi, n), -dr.dot(wi, at_ng)
+    cosine, facing = dr.dot(wi, n), -dr.dot(wi, mi.Normal3f(normal.x, normal.y, normal.z))
     active = active & (cosine > 0) & (dr.dot(wi, ng) > 0) & (facing > 0) & (squared > 0) & (dr.max(light) > 0)
     active &= unoccluded(tracer, p, wi, distance, active)
     if tracer.filtering is not None:
         light = light * transmitted(tracer, p, wi, distance, active)[0]
     by_ray = cosine * facing * dr.inv_pi / squared
-    return dr.select(active, light * by_ray / (by_ray + density), 0)
-
-
-def _color(row):
-    return mi.Color3f(row.x, row.y, row.z)
+    return dr.select(active, light * by_ray / (by_ray + at.w * probability), 0)

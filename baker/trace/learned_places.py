@@ -4,6 +4,7 @@ Importing this starts Mitsuba.
 """
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -75,13 +76,11 @@ def _likely(tracer, lit: LitPlaces, cells: LightCells, position, normal, rng: np
     clusters = lit.likely.shape[1]
     each = len(lit) // clusters
     index = np.arange(clusters) * each + rng.integers(each, size=(len(position), clusters))
-    place = lit.place[index.ravel()]
-    where = (np.repeat(column, clusters, axis=0) for column in (position, normal))
-    density = np.repeat(place[:, 3:4] / np.float32(clusters), 3, axis=1)
-    brought = tracer.launched(_brought, *where, place[:, :3], place[:, 4:7], place[:, 8:11], density)["mean"]
+    kernel = partial(_brought, places=mi.Float(lit.place.ravel()))
+    brought = tracer.launched(kernel, position, normal, index.astype(np.uint32))["mean"]
     share = np.full(clusters, 1 / clusters)
     cell = cells.find(position, normal)
-    return likely(brought.reshape(-1, clusters), cell, 2**cells.depth, share).astype(np.float32)
+    return likely(brought, cell, 2**cells.depth, share).astype(np.float32)
 
 
 def _met(tracer, position, normal, keys) -> dict[str, np.ndarray]:
@@ -134,12 +133,24 @@ def _lit(tracer, o, d, index, active):
     return at, ng, found, tracer.shading.albedo(material, hit.prim, hit.b, found) * light
 
 
-def _brought(tracer, position, normal, at, at_normal, light, density) -> dict[str, np.ndarray]:
-    """The mean of the channels (N,) of what a connection of each point to a place brings."""
+def _brought(tracer, position, normal, index, places) -> dict[str, np.ndarray]:
+    """The mean of the channels (N, K) of what connections of each point to `places`, those of index (N, K), bring."""
     n = mi.Normal3f(normal.T)
     active = dr.squared_norm(n) > 0
     p = lifted_point(tracer, mi.Point3f(position.T), n, active)
-    place = mi.Point3f(at.T), mi.Normal3f(at_normal.T), mi.Color3f(light.T)
-    brought = arriving(tracer, place, mi.Point3f(density.T).x, p, n, n, active)
-    mean = (brought.x + brought.y + brought.z) * (1 / 3)
-    return {"mean": np.array(dr.select(dr.isfinite(mean), mean, 0))}
+    mean = dr.zeros(mi.Float, index.size)
+    _connected(tracer, places, mi.UInt32(index.ravel()), dr.opaque(mi.UInt32, index.shape[1]), p, n, active, mean)
+    return {"mean": np.array(mean).reshape(index.shape)}
+
+
+@dr.syntax
+def _connected(tracer, places, index, clusters, p, n, active, mean):
+    """Write to `mean` what the connections of each point bring, one after another."""
+    at = dr.arange(mi.UInt32, dr.width(p)) * clusters
+    end = at + clusters
+    while at < end:
+        place = dr.gather(mi.UInt32, index, at)
+        brought = arriving(tracer, places, place, dr.rcp(mi.Float(clusters)), p, n, n, active)
+        channels = (brought.x + brought.y + brought.z) * (1 / 3)
+        dr.scatter(mean, dr.select(dr.isfinite(channels), channels, 0), at)
+        at += 1
