@@ -32,7 +32,7 @@ SIZE = 128  # px, edge of a view
 
 # Paths per pixel, in two halves: whole ones, or such as end in known light. The latter have as little noise, in a tenth
 # of the time, and share what they read with the samples of the bake; `bias` compares them with whole ones.
-SAMPLES, GATHERED = 1024, 256
+SAMPLES, GATHERED = 1024, 192
 BUMPY = 2  # times as many where normal maps bend the light: the denoiser averages over fewer pixels
 LOST_MAX = 1e-3  # of the picture, by bounces that known light lacks; if it lacks more, paths are whole
 SCENE_VIEWS = 4  # most of the scene's own cameras that are evaluated

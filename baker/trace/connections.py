@@ -52,7 +52,8 @@ def arriving(tracer, places, index, probability, p, n, ng, active):
     """Light that comes to a vertex from place `index` of `places`, over pi, with the place's share of the work.
 
     `places` (12 P,) are those of `LitPlaces`, as they lie in memory. The vertex is connected to those of the place's
-    cluster with this probability; rays of the cosine lobe do the rest, by the balance heuristic (Veach and Guibas 1995).
+    cluster with this probability; rays of the cosine lobe do the rest, by the balance heuristic (Veach and Guibas
+    1995).
     """
     at, normal, light = (dr.gather(mi.Vector4f, places, 3 * index + k, active) for k in range(3))
     light = mi.Color3f(light.x, light.y, light.z)

@@ -75,7 +75,7 @@ class UpdatedTracer(CachedTracer):
         size = before.valid.shape[0]
         now = self.tracer.surface(camera, size, size)
         fate = _fate(before.surface, now)
-        numbers = _numbers(before.surface)
+        numbers = reference.path_numbers(size, size, sampling, seed)
         halves = [before.indirect_a.copy(), before.indirect_b.copy()]
 
         def trace(which: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -110,10 +110,3 @@ def _fate(before: Surface, now: Surface) -> np.ndarray:
     same = np.all([getattr(before, name) == getattr(now, name) for name in WHERE], axis=(0, 3))
     same &= before.diffuse & now.diffuse
     return np.where(now.diffuse, np.where(same, SAME, NEW), GONE).astype(np.uint8)
-
-
-def _numbers(before: Surface) -> np.ndarray:
-    """The numbers (H, W, 2) uint32 of the paths of each pixel: those of before, and others where there were none."""
-    number = np.arange(before.diffuse.size, 2 * before.diffuse.size).reshape(before.diffuse.shape)
-    number[before.diffuse] = np.arange(np.count_nonzero(before.diffuse))
-    return np.stack([number, np.zeros_like(number)], axis=2).astype(np.uint32)
