@@ -18,6 +18,8 @@ from .surface_tables import Surfaces, face_normals
 
 mi = load_mitsuba()
 
+import drjit as dr  # noqa: E402  (needs the LLVM that load_mitsuba chose)
+
 APART = 4.0  # a move, in errors with which rays meet the face
 # Error of a hit, as a share of its distance, for which four times that of most triangles from their middle is taken.
 SIGHT = 2.0**-22
@@ -177,6 +179,7 @@ def _pairs(surfaces: "Surfaces | _Bare", step: np.ndarray, reach: np.ndarray) ->
                 mi.Color0f(),
             )
             found = moved.ray_intersect_preliminary(ray)
+            dr.eval(found)
             valid, that = np.array(found.is_valid()).astype(bool), np.array(found.prim_index)
             met = np.flatnonzero(valid & (that != at))  # most rays meet the triangle that they are aimed at
             this, that = at[met], that[met].astype(np.int64)
