@@ -12,7 +12,7 @@ from gsgi.runtime.file.header import GAUSSIAN_COUNT_MAX, HEADER, LEVELS
 from gsgi.runtime.file.levels import STEPS
 from gsgi.runtime.gaussians import Bake, Effects, Gaussians, OverBlend, SurfaceBlend
 
-STORED = ("v5_over", "v5_surface")
+STORED = ("v6_over", "v6_surface")
 ARRAYS = ("position", "rotation", "scale", "opacity", "sh")
 
 
@@ -95,7 +95,7 @@ _OF_LEVEL = [("position_floor", -150), ("position_floor", 105), ("position_bits"
 _OF_LEVEL += [(name, 0) for name in STEPS]
 _EITHER = [
     *[("reserved", 1), ("operator", 2), ("effects", 0x200), ("effects", 0x8000)],
-    *[("version", 0), ("version", 1), ("version", 4), ("version", 6), ("header_bytes", 86), ("header_bytes", 144)],
+    *[("version", 0), ("version", 1), ("version", 4), ("version", 7), ("header_bytes", 86), ("header_bytes", 144)],
     *[("tone_scale", 0), ("tone_scale", np.nan)],
     *[(f"{level}.gaussian_count", 2**31) for level in LEVELS],
     *[("fine.gaussian_count", count) for count in (0, 1, 3, GAUSSIAN_COUNT_MAX)],

@@ -38,7 +38,10 @@ def gaussians(count: int, coefficients: int = 1, seed: int = 1, sloped: bool = F
 
 
 def grouped(bake: Bake, seed: int = 0) -> Bake:
-    """The bake with three light groups of random light on its Gaussians, which add up to more than its own."""
+    """The bake with three light groups of random light on its Gaussians, which add up to more than its own.
+
+    From band 2 on the light has the colour of band 0, as files hold it.
+    """
     rng = np.random.default_rng(seed)
     patterns = {"base": (), "lamps": ("lamp*",), "sky": ("environment",)}
 
@@ -48,7 +51,9 @@ def grouped(bake: Bake, seed: int = 0) -> Bake:
     groups = []
     for name, of in patterns.items():
         sh, coarse_sh = like(bake.gaussians.sh, -0.2), like(bake.coarse.sh, -0.2)
-        sh[:, 0], coarse_sh[:, 0] = abs(sh[:, 0]), abs(coarse_sh[:, 0])
+        for light in (sh, coarse_sh):
+            light[:, 0] = abs(light[:, 0])
+            light[:, 4:] = light[:, 4:, :1] * light[:, :1]
         groups.append(LightGroup(name, of, sh, 0.3 * like(bake.gaussians.slope, -1.0), coarse_sh))
     return replace(bake, groups=tuple(groups))
 

@@ -29,7 +29,8 @@ class Codes:
     position  (N, 3): multiples of 2^exponents m
     opacity   (N,): its square root
     light     (N, 3): the logarithms of the constant SH band
-    sh        (N, K - 1, 3): the other bands, relative to the brightest channel of the constant one
+    sh        (N, K - 1, 3): the other bands, relative to the brightest channel of the constant one; in a light group
+              relative to the same channel of it, and from band 2 on equal in all channels
     slope     (N, 0 or 2)
     """
 
@@ -63,13 +64,14 @@ def exponents(scale: np.ndarray, level: np.ndarray) -> np.ndarray:
     return np.maximum(shortest // steps - int(level["position_bits"]), int(level["position_floor"]))
 
 
-def quantise(gaussians: Gaussians, level: np.ndarray, facing: bool) -> Codes:
+def quantise(gaussians: Gaussians, level: np.ndarray, facing: bool, of_group: bool = False) -> Codes:
     """Round each number to its nearest code, and set the `position_floor` of `level`, a LEVEL record.
 
     The axes of a Gaussian are renamed so that the first is no shorter than the second. With `facing` the z axis has a
     meaning of its own and stays; without, and without slopes, it becomes the one whose length is most unlike theirs.
+    `of_group` says that the light is that of a light group.
     """
-    parts = [_shape_and_light(part, level, facing) for part in _parts(gaussians)]
+    parts = [_shape_and_light(part, level, facing, of_group) for part in _parts(gaussians)]
     codes = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     scale = codes["scale"]
     level["position_floor"] = _position_floor(gaussians.position, scale, level)
@@ -101,14 +103,17 @@ def _dequantised(codes: Codes, level: np.ndarray) -> Gaussians:
     )
 
 
-def light_of(light: np.ndarray, sh: np.ndarray, slope: np.ndarray, level: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def light_of(
+    light: np.ndarray, sh: np.ndarray, slope: np.ndarray, level: np.ndarray, of_group: bool = False
+) -> tuple[np.ndarray, np.ndarray]:
     """sh (N, K, 3) and slope (N, 0 or 2), float32, of the codes of these names."""
     dc = _sh_dc(light, level)
-    rest = sh.astype(np.float32) / np.float32(level["sh_steps"]) * dc.max(axis=1)[:, None, None]
+    unit = dc if of_group else dc.max(axis=1, keepdims=True)
+    rest = sh.astype(np.float32) / np.float32(level["sh_steps"]) * unit[:, None]
     return np.concatenate([dc[:, None], rest], axis=1), slope.astype(np.float32) / np.float32(level["slope_steps"])
 
 
-def _shape_and_light(gaussians: Gaussians, level: np.ndarray, facing: bool) -> dict[str, np.ndarray]:
+def _shape_and_light(gaussians: Gaussians, level: np.ndarray, facing: bool, of_group: bool) -> dict[str, np.ndarray]:
     """All codes but those of the positions."""
     frame, slope = axes(gaussians.rotation), gaussians.slope.astype(np.float64)
     length = np.log2(np.clip(gaussians.scale.astype(np.float64), 2.0**-SCALE_OCTAVES, 2.0**SCALE_OCTAVES))
@@ -130,14 +135,38 @@ def _shape_and_light(gaussians: Gaussians, level: np.ndarray, facing: bool) -> d
     if gaussians.sloped:
         slope = _slope_along(turned, frame, slope, scale, level)
     light = pack_light(gaussians.sh[:, 0] * constants.SH_C0, int(level["light_steps"]))
-    rest = gaussians.sh[:, 1:].astype(np.float64)
-    brightest = _sh_dc(light, level).max(axis=1, initial=0).astype(np.float64)[:, None, None]
-    ratio = np.divide(rest, brightest, out=np.zeros_like(rest), where=brightest > 0) * int(level["sh_steps"])
+    dc = _sh_dc(light, level)
+    sh = (_group_sh if of_group else _level_sh)(gaussians.sh[:, 1:].astype(np.float64), dc, int(level["sh_steps"]))
     opacity = np.sqrt(np.clip(gaussians.opacity, 0, 1, dtype=np.float64)) * int(level["opacity_steps"])
     slope = np.clip(slope * int(level["slope_steps"]), -SLOPE_CODE_MAX, SLOPE_CODE_MAX)
     codes = {"scale": scale, "normal": normal, "angle": angle, "opacity": _rounded(opacity), "light": light}
-    codes |= {"sh": _rounded(np.clip(ratio, -SH_CODE_MAX, SH_CODE_MAX)), "slope": _rounded(slope)}
+    codes |= {"sh": sh, "slope": _rounded(slope)}
     return {name: code.astype(np.int32) for name, code in codes.items()}
+
+
+def _level_sh(sh: np.ndarray, dc: np.ndarray, steps: int) -> np.ndarray:
+    """Codes of the other bands (N, K - 1, 3) of a level beside the constant one (N, 3)."""
+    return _steps_of(sh, dc.max(axis=1, initial=0)[:, None, None], steps)
+
+
+def _group_sh(sh: np.ndarray, dc: np.ndarray, steps: int) -> np.ndarray:
+    """The same of a light group: a tint that is the same everywhere takes no bits.
+
+    From band 2 on one code serves all channels: the colour of the light differs little from that of band 0. A black
+    channel has the codes of the brightest, which cost no bits beside them.
+    """
+    codes = _steps_of(sh, dc[:, None], steps)
+    weight = np.square(dc, dtype=np.float64)[:, None]
+    grey = (sh[:, 3:] * dc[:, None]).sum(axis=2, keepdims=True)
+    codes[:, 3:] = _steps_of(grey, weight.sum(axis=2, keepdims=True), steps)
+    brightest = np.take_along_axis(codes, dc.argmax(axis=1)[:, None, None], axis=2)
+    return np.where(dc[:, None] > 0, codes, brightest)
+
+
+def _steps_of(values: np.ndarray, unit: np.ndarray, steps: int) -> np.ndarray:
+    """Codes of `values` in steps of 1 / steps of a `unit`; 0 where that is 0."""
+    ratio = np.divide(values, unit, out=np.zeros_like(values), where=unit > 0) * steps
+    return _rounded(np.clip(ratio, -SH_CODE_MAX, SH_CODE_MAX))
 
 
 def _slices(count: int) -> list[slice]:

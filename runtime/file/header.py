@@ -11,7 +11,7 @@ from gsgi.runtime.gaussians import BASES, OverBlend, SurfaceBlend
 from .levels import LEVEL, check_level, least_level_bytes
 
 MAGIC = b"GSGI"
-VERSION = 5
+VERSION = 6
 
 HEADER = np.dtype(
     [

@@ -44,14 +44,17 @@ LEVEL = np.dtype(
 STEPS = "scale_steps", "normal_steps", "opacity_steps", "light_steps", "sh_steps", "slope_steps"
 BITS_MAX = 16  # of position_bits and angle_bits
 
-# What the encoder chooses, by measurement (docs/benchmarks.md). Through `over` light passes many Gaussians, opaque ones
-# among them, whose errors add up.
+# What the encoder chooses, by measurement (docs/benchmarks.md): bits for an attribute until a further one gains as much
+# elsewhere. Through `over` light passes many Gaussians, opaque ones among them, whose errors add up.
 FINE_STEPS = {
-    "position_bits": 4, "scale_steps": 20, "normal_steps": 112, "angle_bits": 2, "opacity_steps": 32,
-    "light_steps": 16, "sh_steps": 24, "slope_steps": 36,
+    "position_bits": 3, "scale_steps": 24, "normal_steps": 96, "angle_bits": 2, "opacity_steps": 40,
+    "light_steps": 32, "sh_steps": 24, "slope_steps": 48,
 }  # fmt: skip
-COARSE_STEPS = FINE_STEPS | {"sh_steps": 20}
-OVER_STEPS = FINE_STEPS | {
+COARSE_STEPS = {
+    "position_bits": 3, "scale_steps": 20, "normal_steps": 112, "angle_bits": 2, "opacity_steps": 32,
+    "light_steps": 16, "sh_steps": 20, "slope_steps": 36,
+}  # fmt: skip
+OVER_STEPS = COARSE_STEPS | {
     "position_bits": 5, "scale_steps": 32, "opacity_steps": 255, "light_steps": 48, "sh_steps": 48,
 }  # fmt: skip
 
@@ -69,12 +72,14 @@ def stream_counts(level: np.ndarray) -> dict[str, int]:
     return dict.fromkeys(names, count) | light_counts(level)
 
 
-def light_counts(level: np.ndarray) -> dict[str, int]:
-    """Those of the streams that hold the light of the Gaussians; all others hold their shapes."""
+def light_counts(level: np.ndarray, of_group: bool = False) -> dict[str, int]:
+    """Those of the streams that hold light, of the level or of a light group on it; all others hold shapes."""
     count = int(level["gaussian_count"])
     counts = dict.fromkeys(("green", "red", "blue"), count)
     for band in range(1, int(level["sh_degree"]) + 1):
-        counts |= {f"sh{band}_green": (2 * band + 1) * count, f"sh{band}_red_blue": 2 * (2 * band + 1) * count}
+        counts[f"sh{band}_green"] = (2 * band + 1) * count
+        if not (of_group and band > 1):
+            counts[f"sh{band}_red_blue"] = 2 * (2 * band + 1) * count
     return counts | ({"slope": 2 * count} if BASES[level["basis"]] == "linear" else {})
 
 
@@ -107,10 +112,13 @@ def encode_level(
     return b"".join(streams.values()) + encode_light(codes, level), order
 
 
-def encode_light(codes: Codes, level: np.ndarray) -> bytes:
-    """The streams of the light of a level whose LEVEL record is filled in; `codes` are in the order of storage."""
+def encode_light(codes: Codes, level: np.ndarray, of_group: bool = False) -> bytes:
+    """The streams of the light of a level whose LEVEL record is filled in, or `of_group`: of a light group on it.
+
+    `codes` are in the order of storage.
+    """
     values = _light(codes, level)
-    return b"".join(write_integers(values[name], name in DIFFERENCES) for name in light_counts(level))
+    return b"".join(write_integers(values[name], name in DIFFERENCES) for name in light_counts(level, of_group))
 
 
 def decode_level(level: np.ndarray, data: bytes, at: int, end: int, name: str, expect: Expect) -> Gaussians:
@@ -121,12 +129,13 @@ def decode_level(level: np.ndarray, data: bytes, at: int, end: int, name: str, e
     return dequantise(_Reader(level, data, at, end, name, expect).codes(), level)
 
 
-def decode_light(
+def decode_group_light(
     level: np.ndarray, data: bytes, at: int, end: int, name: str, expect: Expect
 ) -> tuple[np.ndarray, np.ndarray, int]:
-    """sh (N, K, 3) and slope (N, 0 or 2), float32, of streams of light from byte `at` on, and the byte after them."""
+    """sh (N, K, 3) and slope (N, 0 or 2), float32, of a light group, from byte `at` on, and the byte after them."""
     reader = _Reader(level, data, at, end, name, expect)
-    return *light_of(*reader.light(), level), reader.at
+    reader.counts = light_counts(level, of_group=True)
+    return *light_of(*reader.light(), level, of_group=True), reader.at
 
 
 def check_level(level: np.ndarray, name: str, expect: Callable) -> None:
@@ -264,7 +273,9 @@ class _Reader:
         for band in range(1, int(self.level["sh_degree"]) + 1):
             size = 2 * band + 1
             green = self._in_steps(f"sh{band}_green", -SH_CODE_MAX, SH_CODE_MAX).reshape(-1, size)
-            others = green[:, :, None] + self._stream(f"sh{band}_red_blue").reshape(-1, size, 2)
+            others = np.repeat(green[:, :, None], 2, axis=2)
+            if f"sh{band}_red_blue" in self.counts:
+                others += self._stream(f"sh{band}_red_blue").reshape(-1, size, 2)
             self._within(others, -SH_CODE_MAX, SH_CODE_MAX, f"steps from {-SH_CODE_MAX} to {SH_CODE_MAX}")
             bands.append(np.stack([others[:, :, 0], green, others[:, :, 1]], axis=2))
         count = int(self.level["gaussian_count"])

@@ -8,15 +8,15 @@ from gsgi.runtime.gaussians import Bake, LightGroup
 from gsgi.runtime.light_groups import BASE, GROUPS_MOST, NAME_MOST, PATTERN_MOST, PATTERNS_MOST
 
 from .codes import quantise
-from .levels import Expect, decode_light, encode_light
+from .levels import Expect, decode_group_light, encode_light
 
 GROUP = np.dtype(
     [("light_steps", "u1"), ("sh_steps", "u1"), ("slope_steps", "u1"), ("name_bytes", "u1"), ("pattern_count", "u1")]
 )
-GROUP_BYTES, COARSE_BYTES = 5.0, 17.0  # that a group hardly exceeds, per Gaussian of the fine and of the coarse level
+GROUP_BYTES, COARSE_BYTES = 4.0, 11.0  # that a group hardly exceeds, per Gaussian of the fine and of the coarse level
 
 # Coarser than those of a level, since the light of a group is seen beside that of others.
-GROUP_STEPS = {"light_steps": 12, "sh_steps": 16, "slope_steps": 20}
+GROUP_STEPS = {"light_steps": 9, "sh_steps": 8, "slope_steps": 16}
 
 
 def encode_group(group: LightGroup, bake: Bake, levels: list[np.ndarray], orders: list[np.ndarray]) -> bytes:
@@ -34,7 +34,7 @@ def encode_group(group: LightGroup, bake: Bake, levels: list[np.ndarray], orders
         assert np.isfinite(gaussians.sh).all(), group.name
         assert np.isfinite(gaussians.slope).all(), group.name
         record = _with(level, GROUP_STEPS)
-        content += encode_light(quantise(gaussians, record, facing)[order], record)
+        content += encode_light(quantise(gaussians, record, facing, of_group=True)[order], record, of_group=True)
     return content
 
 
@@ -68,7 +68,7 @@ def _decode(data: bytes, at: int, end: int, levels: list[np.ndarray], expect: Ex
     expect((name == BASE) == (not patterns), start, "group.pattern_count", f"patterns for all groups but {BASE!r}")
     lights = []
     for level, which in zip(levels, ("fine", "coarse"), strict=True):
-        sh, slope, at = decode_light(_with(level, head), data, at, end, f"group.{which}", expect)
+        sh, slope, at = decode_group_light(_with(level, head), data, at, end, f"group.{which}", expect)
         lights.append((sh, slope))
     expect(at == end, at, "group", "the end of the section")
     (sh, slope), (coarse_sh, _) = lights

@@ -39,7 +39,7 @@ export function decode(data) {
     expect(bake.toneScale > 0 && bake.toneScale < Infinity, 20);
     bake.fine = decodeLevel(bytes, fine[0], levels[0]);
     if (surface) bake.coarse = decodeLevel(bytes, coarse[0], levels[1]);
-    bake.fine.relief = reliefs.length ? decodeRelief(bytes, reliefs[0], bake.fine) : null;
+    bake.fine.relief = reliefs[0] ? decodeRelief(bytes, reliefs[0], bake.fine) : null;
     for (const section of groups) {
         const group = decodeGroup(bytes, section, levels);
         expect(!bake.groups.some(({ name }) => name === group.name), section[0]);
@@ -59,8 +59,8 @@ function findSections(bytes, u32, levels) {
         found[tag]?.push([begin, end]); // others are skipped
         at = end;
     }
-    expect(found.FINE.length === 1 && found.COAR.length === surface, HEADER_BYTES);
-    expect(found.GRUP.length <= GROUPS_MOST * surface && found.RELF.length <= surface, HEADER_BYTES);
+    expect(found.FINE.length === 1 && found.COAR.length === surface &&
+        found.GRUP.length <= GROUPS_MOST * surface && found.RELF.length <= surface, HEADER_BYTES);
     return found;
 }
 
@@ -83,7 +83,7 @@ function readLevel(bytes, view, byte) {
     const [degree, basis] = bytes.subarray(byte + 4), steps = [...bytes.subarray(byte + 8, byte + 16)];
     const count = view.getUint32(byte, true), low = view.getInt16(byte + 6, true);
     expect(basis <= 1 && low >= -149 && low <= 104, byte);
-    expect(steps.every((each, i) => i === 0 || i === 3 ? each <= 16 : each > 0), byte);
+    expect(steps.every((each, i) => i && i !== 3 ? each > 0 : each <= 16), byte);
     return { count, degree, basis, low, steps };
 }
 

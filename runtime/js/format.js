@@ -1,7 +1,7 @@
 /** The numbers of runtime/file/FORMAT.md, and what readers say of a file that does not follow it. */
 
 export const MAGIC = 0x49475347; // "GSGI"
-export const VERSION = 5;
+export const VERSION = 6;
 export const HEADER_BYTES = 88;
 export const BLEND = 32; // where the operator's numbers begin, and the records of the levels
 export const FINE = 56;

@@ -28,7 +28,7 @@ export function decodeGroup(bytes, [begin, end], levels) {
     }
     expect((name === BASE) === !patterns.length, begin);
     const streams = openStreams(bytes, at, end);
-    const [fine, coarse] = levels.map(({ count, degree, basis }) => readLight(streams, count, degree, basis, steps));
+    const [fine, coarse] = levels.map((record) => readLight(streams, record, steps, true));
     streams.finish();
     return { name, patterns, fine, coarse };
 }

@@ -79,12 +79,13 @@ export function openStreams(bytes, at, end) {
             return widths.map(openBits(sum(widths)));
         },
 
-        /** Codes of red, green and blue, (n, 3), from -most to most: those of red and blue are stored less green. */
-        readColours(n, most) {
-            const green = read(n), others = read(2 * n), codes = new Int32Array(3 * n);
-            for (let i = 0; i < n; ++i)
-                codes.set([others[2 * i] + green[i], green[i], others[2 * i + 1] + green[i]], 3 * i);
-            return check(codes, -most, most);
+        /** Codes (n, 3) of colours, from -most to most: red and blue are stored less green, or not at all if `grey`. */
+        readColours(n, most, grey) {
+            const green = read(n), others = grey || read(2 * n);
+            return check(new Int32Array(3 * n).map((_, i) => {
+                const from = i / 3 | 0, channel = i % 3;
+                return green[from] + (grey || channel === 1 ? 0 : others[2 * from + (channel >> 1)]);
+            }), -most, most);
         },
 
         /** All has been read. */

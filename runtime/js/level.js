@@ -7,8 +7,9 @@ import { openStreams } from "./integers.js";
 export const SH_C0 = Math.fround(Math.sqrt(1 / Math.PI) / 2);
 const { abs, floor, max, sqrt } = Math;
 
-/** The Gaussians whose streams take the bytes of `section`, [begin, end]; the level's record is already checked. */
-export function decodeLevel(bytes, section, { count, degree, basis, low, steps }) {
+/** The Gaussians whose streams take the bytes of `section`, [begin, end]; the level's `record` is already checked. */
+export function decodeLevel(bytes, section, record) {
+    const { count, degree, low, steps } = record;
     const [positionBits, scaleSteps, normalSteps, angleBits, opacitySteps, ...lightSteps] = steps;
     const streams = openStreams(bytes, ...section), { scale, axes } = readScales(streams, count, scaleSteps);
     const [long, middle, normal] = axes;
@@ -25,7 +26,7 @@ export function decodeLevel(bytes, section, { count, degree, basis, low, steps }
         rotation.set(rotationOf(u[i] / normalSteps, v[i] / normalSteps, angle[i] * Math.PI * 2 ** -bits[i]), 4 * i);
     for (let axis = 0; axis < 3; ++axis) readCoordinates(streams, axis, exponent, position);
     const opacity = quotients(streams.read(count, 0, opacitySteps), opacitySteps).map((root) => root * root);
-    const light = readLight(streams, count, degree, basis, lightSteps);
+    const light = readLight(streams, record, lightSteps);
     streams.finish();
     return { count, shDegree: degree, position, rotation, scale, opacity, ...light };
 }
@@ -49,8 +50,8 @@ function readCoordinates(streams, axis, exponent, position) {
     }), -POSITION_MAX, POSITION_MAX);
 }
 
-/** The light that the next streams hold: `sh`, and `slope` or null. */
-export function readLight(streams, count, degree, basis, [lightSteps, shSteps, slopeSteps]) {
+/** The light that the next streams hold, of the level of a record or of a group on it: `sh`, and `slope` or null. */
+export function readLight(streams, { count, degree, basis }, [lightSteps, shSteps, slopeSteps], ofGroup) {
     const k = (degree + 1) ** 2, sh = new Float32Array(3 * k * count);
     const one = LIGHT_OCTAVES_BELOW * lightSteps + 1, most = one - 1 + LIGHT_OCTAVES_ABOVE * lightSteps;
     const table = powers(lightSteps, -one, most - one);
@@ -63,9 +64,10 @@ export function readLight(streams, count, degree, basis, [lightSteps, shSteps, s
     }
     for (let band = 1; band <= degree; ++band) {
         const size = 3 * (2 * band + 1);
-        streams.readColours(size / 3 * count, SH_CODE_MAX).forEach((code, i) => {
+        streams.readColours(size / 3 * count, SH_CODE_MAX, ofGroup && band > 1).forEach((code, i) => {
             const first = 3 * k * floor(i / size);
-            sh[first + 3 * band * band + i % size] = Math.fround(code / shSteps) * max(...sh.subarray(first, first + 3));
+            const unit = ofGroup ? sh[first + i % 3] : max(...sh.subarray(first, first + 3));
+            sh[first + 3 * band * band + i % size] = Math.fround(code / shSteps) * unit;
         });
     }
     const slope = basis ? quotients(streams.read(2 * count, -SLOPE_CODE_MAX, SLOPE_CODE_MAX), slopeSteps) : null;

@@ -10,7 +10,7 @@ export function decodeRelief(bytes, [begin, end], { count, shDegree, sh }) {
     const streams = openStreams(bytes, begin + 1, end), codes = streams.readColours(3 * count, RELIEF_CODE_MAX);
     streams.finish();
     return Float32Array.from(codes, (code, i) => {
-        const first = stride * Math.floor(i / 9);
+        const first = stride * (i / 9 | 0);
         const brightest = Math.max(0, ...sh.subarray(first, first + 3).map((c) => c * SH_C0));
         return Math.fround(code / steps) * brightest;
     });

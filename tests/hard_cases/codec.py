@@ -54,7 +54,7 @@ def not_written(name: str, field: str, value: float) -> Case:
 
 def not_read(name: str, field: str, value, holds: str = "refused, naming byte and field") -> Case:
     """A case of a file that is whole but for one field of its header, which no encoder writes."""
-    data = gsgi_files.stored("v5_surface" if "." in field or field in ("cutoff", "floor") else "v5_over")
+    data = gsgi_files.stored("v6_surface" if "." in field or field in ("cutoff", "floor") else "v6_over")
     build = lambda: Measured({"file": lambda _: file_codec.decode(gsgi_files.changed(data, field, value))})  # noqa: E731
     return Case("Codec", name, holds, build, {"file": ANY}, (FormatError, rf"byte \d+ \({field}\): expected"))
 
@@ -121,8 +121,8 @@ CASES = [
     kept("zero and non-unit quaternions", lambda: over(gaussians(rotation=[[0.0] * 4, [0, 0, 3, 4], [1e-20, 0, 0, 0]])),
          "they are normalised; zero becomes no turn"),
     kept("slopes at both ends and beyond", lambda: both(gaussians(
-        np.zeros((5, 3)), slope=[[0.5, -0.5], [9, -9], [127 / 36, -127 / 36], [0, 1e30], [0.25, -0.25]])),
-        "they are clamped to 127 steps of 1/36"),
+        np.zeros((5, 3)), slope=[[0.5, -0.5], [9, -9], [127 / 48, -127 / 48], [0, 1e30], [0.25, -0.25]])),
+        "they are clamped to 127 steps of 1/48"),
     *[not_written(name, field, value) for name, value in (("NaN", np.nan), ("infinity", np.inf)) for field in NAMES],
     *[
         not_read(f"{value} as {field}", field, value)

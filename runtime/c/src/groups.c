@@ -103,7 +103,7 @@ static gsgi_result read_lights(const gsgi_bake* bake, gsgi__group* group, const 
         level.sh = group->sh[l];
         level.slope = group->slope;
         reader->level = names[l];
-        result = gsgi__decode_light(&level, &record, reader);
+        result = gsgi__decode_group_light(&level, &record, reader);
     }
     if (!result && reader->at != reader->end)
         return gsgi__fail(reader->callbacks, GSGI_INVALID_FILE, "byte %llu (group): expected the end of the section",

@@ -5,7 +5,7 @@
 
 #include <math.h>
 
-#define FORMAT_VERSION 5
+#define FORMAT_VERSION 6
 #define GAUSSIAN_COUNT_MAX (1u << 24)
 #define EFFECT_BITS 0x1FFu
 #define SHARPNESS_MAX 64u
@@ -237,7 +237,7 @@ gsgi_result gsgi__check_file(const gsgi__header* h, const uint8_t* data, size_t 
     if (memcmp(data, "GSGI", 4) != 0)
         return gsgi__fail(callbacks, GSGI_INVALID_FILE,
                           "byte 0 (magic): expected b'GSGI', got another: is it a .gsgi file?");
-    EXPECT(h->version == FORMAT_VERSION, 4, "version", "5", h->version);
+    EXPECT(h->version == FORMAT_VERSION, 4, "version", "6", h->version);
     EXPECT(h->header_bytes == GSGI_HEADER_BYTES, 6, "header_bytes", "88", h->header_bytes);
     if ((result = check_counts(h, callbacks))) return result;
     if ((result = find_sections(h, data, size, sections, callbacks))) return result;

@@ -25,6 +25,7 @@ typedef struct decoder {
     const gsgi__level_header* record;
     gsgi__reader* reader;
     size_t count;
+    bool of_group;
     int32_t *spare, *bits, *exponent; /* (count) each: bits of angles, exponents of positions */
     int32_t* codes;                   /* (2, count), or room for a band of SH */
     float* powers;                    /* 2^(code / steps), from the lowest code on */
@@ -245,6 +246,7 @@ static gsgi_result read_light(decoder* d) {
     return GSGI_OK;
 }
 
+/* A band of SH. A light group has one code for all channels from band 2 on, and each counts in its own band 0. */
 static gsgi_result read_band(decoder* d, int band) {
     static const char* const streams[3][2] = {
         {"sh1_green", "sh1_red_blue"}, {"sh2_green", "sh2_red_blue"}, {"sh3_green", "sh3_red_blue"}};
@@ -253,7 +255,10 @@ static gsgi_result read_band(decoder* d, int band) {
     int32_t *green = d->codes, *others = green + greens;
     gsgi_result result = read_steps(d, streams[band - 1][0], greens, green, -SH_CODE_MAX, SH_CODE_MAX);
     if (result) return result;
-    if ((result = gsgi__read_integers(d->reader, streams[band - 1][1], 2 * greens, others))) return result;
+    if (d->of_group && band > 1)
+        memset(others, 0, 2 * greens * sizeof *others);
+    else if ((result = gsgi__read_integers(d->reader, streams[band - 1][1], 2 * greens, others)))
+        return result;
     for (size_t i = 0; i < greens; ++i)
         for (int k = 0; k < 2; ++k) others[2 * i + k] += green[i];
     if ((result = check_steps(d, others, 2 * greens, -SH_CODE_MAX, SH_CODE_MAX))) return result;
@@ -264,7 +269,8 @@ static gsgi_result read_band(decoder* d, int band) {
         for (size_t k = 0; k < size; ++k) {
             const size_t from = i * size + k;
             const int32_t codes[3] = {others[2 * from], green[from], others[2 * from + 1]};
-            for (int c = 0; c < 3; ++c) sh[first + 3 * k + c] = (float)codes[c] / steps * brightest;
+            for (int c = 0; c < 3; ++c)
+                sh[first + 3 * k + c] = (float)codes[c] / steps * (d->of_group ? sh[c] : brightest);
         }
     }
     return GSGI_OK;
@@ -300,7 +306,7 @@ static gsgi_result read_all(decoder* d) {
 }
 
 /* Read streams to the textures of `level`, which are there. */
-static gsgi_result decode(gsgi__level* level, const gsgi__level_header* record, gsgi__reader* reader,
+static gsgi_result decode(gsgi__level* level, const gsgi__level_header* record, gsgi__reader* reader, bool of_group,
                           gsgi_result (*read)(decoder*)) {
     const gsgi_callbacks* callbacks = reader->callbacks;
     const uint32_t count = record->count;
@@ -313,8 +319,9 @@ static gsgi_result decode(gsgi__level* level, const gsgi__level_header* record, 
     int32_t* scratch = held <= SIZE_MAX ? gsgi__allocate(callbacks, (size_t)held) : NULL;
     if (!scratch) return GSGI_OUT_OF_MEMORY;
     int32_t *bits = scratch + count, *exponent = bits + count;
-    decoder d = {level, record, reader, count, scratch, bits, exponent, exponent + count, (float*)(scratch + codes),
-                 {{0}}};
+    decoder d = {
+        level, record, reader, count, of_group, scratch, bits, exponent, exponent + count, (float*)(scratch + codes),
+        {{0}}};
     const gsgi_result result = read(&d);
     gsgi__release(callbacks, scratch);
     return result;
@@ -337,11 +344,11 @@ gsgi_result gsgi__decode_level(gsgi__level* level, const gsgi__level_header* rec
         return no_memory(reader, count);
     for (size_t i = 0; i < count; ++i)
         for (uint32_t k = coefficients; k < sh_floats; ++k) level->sh.texels[i * sh_floats + k] = 0.0f;
-    const gsgi_result result = decode(level, record, reader, read_all);
+    const gsgi_result result = decode(level, record, reader, false, read_all);
     return result == GSGI_OUT_OF_MEMORY ? no_memory(reader, count) : result;
 }
 
-gsgi_result gsgi__decode_light(gsgi__level* level, const gsgi__level_header* record, gsgi__reader* reader) {
-    const gsgi_result result = decode(level, record, reader, read_all_light);
+gsgi_result gsgi__decode_group_light(gsgi__level* level, const gsgi__level_header* record, gsgi__reader* reader) {
+    const gsgi_result result = decode(level, record, reader, true, read_all_light);
     return result == GSGI_OUT_OF_MEMORY ? no_memory(reader, record->count) : result;
 }

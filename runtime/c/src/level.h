@@ -15,9 +15,9 @@ uint64_t gsgi__least_level_bytes(const gsgi__level_header* record);
  * the caller's to release, also after an error. */
 gsgi_result gsgi__decode_level(gsgi__level* level, const gsgi__level_header* record, gsgi__reader* reader);
 
-/* Decode streams of light alone to the sh and slope of `level`, whose other fields and textures are those of the level
- * that `record` describes, but for the steps. */
-gsgi_result gsgi__decode_light(gsgi__level* level, const gsgi__level_header* record, gsgi__reader* reader);
+/* Decode the streams of a light group to the sh and slope of `level`, whose other fields and textures are those of the
+ * level that `record` describes, but for the steps. */
+gsgi_result gsgi__decode_group_light(gsgi__level* level, const gsgi__level_header* record, gsgi__reader* reader);
 
 /* Decode the section of relief at `reader` to that of the fine level, which has its sh. */
 gsgi_result gsgi__decode_relief(gsgi__level* level, gsgi__reader* reader);

@@ -461,7 +461,7 @@ def test_inspect_says_what_the_file_holds(baked):
 
 
 def test_inspect_shows_both_levels_of_a_file_for_the_surface_operator(capsys):
-    path = str(DATA / "v5_surface.gsgi")
+    path = str(DATA / "v6_surface.gsgi")
     assert main.run(["inspect", path, "--json"]) == 0
     facts = json.loads(capsys.readouterr().out)
     assert (facts["version"], facts["operator"], facts["sharpness"]) == (5, "surface", 4)

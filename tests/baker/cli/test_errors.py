@@ -10,7 +10,7 @@ from repository import DATA, SCENES
 from gsgi.baker.cli import main
 from gsgi.baker.cli.commands import doctor
 
-CORNELL, BAKED = SCENES / "cornell.glb", DATA / "v5_surface.gsgi"
+CORNELL, BAKED = SCENES / "cornell.glb", DATA / "v6_surface.gsgi"
 RAISES = """
 from gsgi.baker.cli import main
 from gsgi.baker.cli.commands import doctor

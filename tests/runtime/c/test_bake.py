@@ -133,7 +133,7 @@ def test_sanitizers_find_nothing_in_damaged_files(sanitized):
 
 
 @pytest.mark.parametrize(
-    "data", [stored("v5_surface"), FILES["light groups"], FILES["relief"]], ids=["", "light groups", "relief"]
+    "data", [stored("v6_surface"), FILES["light groups"], FILES["relief"]], ids=["", "light groups", "relief"]
 )
 def test_without_memory_it_says_so_and_keeps_none(library, data):
     results = []
@@ -150,7 +150,7 @@ def test_without_memory_it_says_so_and_keeps_none(library, data):
 
 
 def test_structs_may_be_those_of_another_version(library):
-    data = stored("v5_surface")
+    data = stored("v6_surface")
     short = OpenOptions()
     short.struct_size = 8
     result, bake = library.open(data, short)

@@ -279,7 +279,7 @@ def test_a_sector_has_the_operator_and_the_memory_of_the_manifest(library, tmp_p
     assert world.open(0)[0] == INVALID_FILE
     assert "memory: expected 5, as the manifest says, got " in world.messages[-1]
     world.close()
-    data = (gsgi_files.DATA / "v5_over.gsgi").read_bytes()
+    data = (gsgi_files.DATA / "v6_over.gsgi").read_bytes()
     digest = worlds.hashlib.sha256(data).hexdigest()
     world = World(library, worlds.changed(path, worlds.sector(0, sha256=digest, bytes=len(data))))
     assert world.open(0, data)[0] == INVALID_FILE

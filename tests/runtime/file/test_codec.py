@@ -132,7 +132,7 @@ def test_stored_files_stay_readable(name):
     bake = codec.decode(stored(name))
     assert (len(bake.gaussians), bake.gaussians.sh_degree) == (3, 1)
     given = in_stored_order(
-        example(3, 1).gaussians, np.frombuffer(stored(name), HEADER, 1)[0]["fine"], name == "v5_surface"
+        example(3, 1).gaussians, np.frombuffer(stored(name), HEADER, 1)[0]["fine"], name == "v6_surface"
     )
     np.testing.assert_allclose(bake.gaussians.position, given.position, atol=1e-2)
     np.testing.assert_allclose(bake.gaussians.sh[:, 0], given.sh[:, 0], rtol=0.025)
@@ -141,10 +141,10 @@ def test_stored_files_stay_readable(name):
 
 
 def test_the_stored_operators_are_read():
-    bake = codec.decode(stored("v5_over"))
+    bake = codec.decode(stored("v6_over"))
     assert bake.blend.dilation == np.float32(constants.DILATION)
     assert bake.coarse is None
-    bake = codec.decode(stored("v5_surface"))
+    bake = codec.decode(stored("v6_surface"))
     assert np.abs(bake.gaussians.slope).max() == pytest.approx(
         np.abs(surface_example(3, 1).gaussians.slope).max(), abs=0.02
     )
@@ -162,5 +162,5 @@ def test_sections_of_other_tags_are_skipped():
 
 
 def test_the_encoder_still_writes_the_stored_bytes():
-    assert codec.encode(example(3, 1)) == stored("v5_over")
-    assert codec.encode(surface_example(3, 1, 2, 2)) == stored("v5_surface")
+    assert codec.encode(example(3, 1)) == stored("v6_over")
+    assert codec.encode(surface_example(3, 1, 2, 2)) == stored("v6_surface")

@@ -68,8 +68,8 @@ def test_an_unknown_basis_is_named(level):
 @pytest.mark.parametrize(
     ("name", "field", "place"),
     [
-        ("v5_over", "near", "byte 32 (near)"),
-        ("v5_surface", "floor", "byte 52 (floor)"),
+        ("v6_over", "near", "byte 32 (near)"),
+        ("v6_surface", "floor", "byte 52 (floor)"),
     ],
 )
 def test_an_error_names_the_place_in_the_file_itself(name, field, place):
@@ -113,7 +113,7 @@ def refused(data: bytes) -> str:
 
 
 def test_sections_must_be_whole_and_in_order():
-    data, whole = stored("v5_surface"), HEADER.itemsize
+    data, whole = stored("v6_surface"), HEADER.itemsize
     size = int.from_bytes(data[whole + 4 : whole + 8], "little")
     fine, coarse = data[whole : whole + 8 + size], data[whole + 8 + size :]
     head = data[:whole]
@@ -133,11 +133,11 @@ def test_sections_must_be_whole_and_in_order():
     [
         ("scale_long", 57 * 40, "scales within"),
         ("scale_middle", -1, "a second axis no longer than the first"),
-        ("normal_u", 113, "steps from -112 to 112"),
+        ("normal_u", 97, "steps from -96 to 96"),
         ("position_x", 1 << 24, "steps from -16777215 to 16777215"),
-        ("opacity", 33, "steps from 0 to 32"),
-        ("green", -1, "steps from 0 to 768"),
-        ("blue", -2000, "steps from 0 to 768"),
+        ("opacity", 41, "steps from 0 to 40"),
+        ("green", -1, "steps from 0 to 1536"),
+        ("blue", -2000, "steps from 0 to 1536"),
         ("slope", 128, "steps from -127 to 127"),
     ],
 )

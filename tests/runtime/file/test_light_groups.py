@@ -60,7 +60,7 @@ def test_light_names_and_patterns_come_back():
         alone = {group.name: float(group.name == name) for group in made.groups}
         before, after = (gsgi.sample(one, position, normal, alone) for one in (made, read))
         error = np.sqrt(np.square(after - before).mean() / np.square(before).mean())
-        assert error < 0.05, (name, error)  # light to 3 %, eight further coefficients to 1/32 of it
+        assert error < 0.07, (name, error)  # light to 4 %, eight further coefficients to 1/16 of it
         assert before.any()
     assert not read.groups[1].coarse_sh.any()
 
@@ -73,6 +73,30 @@ def test_constant_light_is_within_half_a_step():
             ratio = found / given
             assert step**-1.001 <= ratio.min() <= ratio.max() <= step**1.001
         assert abs(after.slope).max() <= 0.3 + 0.51 / GROUP_STEPS["slope_steps"]
+
+
+def test_further_bands_are_within_half_a_step_of_their_own_channel():
+    read, half = codec.decode(codec.encode(bake())), 0.5 / GROUP_STEPS["sh_steps"]
+    for before, after in zip(bake().groups, read.groups, strict=True):
+        lit = (after.coarse_sh[:, 0] > 0).all(axis=1)
+        given, found = (light.coarse_sh[lit, 1:].astype(float) for light in (before, after))
+        unit = after.coarse_sh[lit, :1].astype(float)
+        assert abs((found - given) / unit)[:, :3].max() <= 1.001 * half
+        assert np.ptp(found[:, 3:] / unit, axis=2).max() < 1e-6
+        assert abs(((found - given) * unit)[:, 3:].sum(axis=2) / np.square(unit).sum(axis=2)).max() <= 1.001 * half
+
+
+def test_a_tint_that_is_the_same_everywhere_takes_no_bytes():
+    sizes = []
+    for tint in ((1, 1, 1), (0.5, 1, 0.25), (0, 1, 0)):
+        groups = [
+            replace(one, sh=one.sh[..., 1:2] * np.float32(tint), coarse_sh=one.coarse_sh[..., 1:2] * np.float32(tint))
+            for one in bake().groups
+        ]
+        data = codec.encode(replace(bake(), groups=tuple(groups)))
+        sizes.append(len(data))
+        assert all(one.coarse_sh[..., 0].any() == (tint[0] > 0) for one in codec.decode(data).groups)
+    assert sizes[1] < sizes[0] + 10
 
 
 def test_the_levels_are_those_of_the_file_without_groups():

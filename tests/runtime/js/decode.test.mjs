@@ -49,7 +49,7 @@ test("weights that cannot be are refused", () => {
 });
 
 test("every prefix is refused", () => {
-    const whole = readFileSync(`${folder}/v5_surface.gsgi`);
+    const whole = readFileSync(`${folder}/v6_surface.gsgi`);
     for (let length = 0; length < whole.length; ++length)
         assert.throws(() => decode(whole.subarray(0, length)), FormatError);
     assert.throws(() => decode(Buffer.concat([whole, Buffer.of(0)])), FormatError);

@@ -85,7 +85,7 @@ def test_memory_is_what_the_file_takes(path):
 def test_files_of_over_are_no_sectors(tmp_path):
     """They cannot be read at single points."""
     path = worlds.write(tmp_path, [gsgi_files.constant((1.0,) * 3)], worlds.cells(1, 1, 1))
-    data = (gsgi_files.DATA / "v5_over.gsgi").read_bytes()
+    data = (gsgi_files.DATA / "v6_over.gsgi").read_bytes()
     name = read_manifest(path).sectors[0].file
     (tmp_path / name).write_bytes(data)
     digest = worlds.hashlib.sha256(data).hexdigest()
