@@ -1,5 +1,6 @@
 """Bytes of a file by level and attribute, and what storing B in them costs."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -7,13 +8,15 @@ from repository import SCENES
 
 from gsgi.baker.cache.store import Cache
 from gsgi.baker.cli.console import Console
+from gsgi.baker.evaluation.comparison import compare_indirect
+from gsgi.baker.evaluation.held_out import draw, known_light, noisy, references
 from gsgi.baker.evaluation.metrics import compare_linear, mean_psnr
 from gsgi.baker.evaluation.monitor import FitMonitor
 from gsgi.baker.plan import Plan, make_plan
 from gsgi.baker.progress import Progress
 from gsgi.baker.settings import Settings
 from gsgi.baker.surface.fits import SurfaceFits
-from gsgi.baker.surface.lookup import look_up
+from gsgi.baker.trace.reference import Reference
 from gsgi.runtime.display import auto_exposure
 from gsgi.runtime.file import codec
 from gsgi.runtime.file.header import read_header
@@ -25,7 +28,6 @@ from gsgi.runtime.lighting import Lighting, light
 from .default_bakes import FOLDER, scene_files
 from .scenes import LIGHT
 
-EDGE = 128  # px, of the views in which B is compared
 FILES = [SCENES / f"{name}.glb" for name in ("two_rooms", "house")]
 WHITE = (1.0, 1.0, 1.0)  # the sky of LIGHT
 ATTRIBUTES = {
@@ -37,33 +39,35 @@ ATTRIBUTES = {
 def format() -> list[dict]:
     """Bytes per Gaussian of default bakes, by attribute, with their entropy, and B as stored against B as fitted.
 
-    `psnr` (dB) and `ssim_lost` are means over the held-out views, with the one level as stored and the other as fitted,
-    each view at its own exposure. In brackets stands the entropy of the codes, each taken by itself.
+    `psnr` (dB) and `ssim` compare B as stored with B as fitted; `ssim_lost` is how much less like path tracing it is.
+    All are means over the held-out views, with the one level as stored and the other as fitted, each view at its own
+    exposure. In brackets stands the entropy of the codes, each taken by itself.
     """
     rows = []
     for file in [*scene_files(), *FILES]:
-        plan, bake = fitted(file)
+        plan, bake, truths = fitted(file)
         data = codec.encode(bake)
-        stored, images = codec.decode(data), views(plan, bake)
+        stored, images = codec.decode(data), views(plan, bake, truths)
         for level, name in (("fine", "gaussians"), ("coarse", "coarse")):
-            changed = views(plan, replace(bake, **{name: getattr(stored, name)}))
-            found = [
-                compare_linear(after, before, before, before, auto_exposure(before))
-                for before, after in zip(images, changed, strict=True)
-                if before.any()
+            changed = views(plan, replace(bake, **{name: getattr(stored, name)}), truths)
+            pairs = list(zip(images, changed, truths.values(), strict=True))
+            found = [compare_linear(after, before, before, before, auto_exposure(before)) for before, after, _ in pairs]
+            lost = [
+                compare_indirect(before, truth).ssim - compare_indirect(after, truth).ssim
+                for before, after, truth in pairs
             ]
             rows.append({
                 "scene": file.stem, "level": level, "gaussians": len(getattr(bake, name)), "bytes": len(data),
                 "bytes_per_gaussian": round(sum(size for size, _ in streams(data)[level].values()), 2),
                 "psnr": round(mean_psnr([each.psnr for each in found]), 1),
-                "ssim_lost": round(1 - float(np.mean([each.ssim for each in found])), 5),
+                "ssim": round(float(np.mean([each.ssim for each in found])), 5), "ssim_lost": round(np.mean(lost), 5),
                 **{name: f"{size:.2f} ({entropy:.2f})" for name, (size, entropy) in streams(data)[level].items()},
             })  # fmt: skip
     return rows
 
 
-def fitted(file) -> tuple[Plan, Bake]:
-    """A scene's plan, and its default bake before it is written."""
+def fitted(file) -> tuple[Plan, Bake, Mapping[str, Reference]]:
+    """A scene's plan, its default bake before it is written, and the references of held-out views that see light."""
     scene = read_gltf(file)
     if file.stem in LIGHT:
         scene = light(scene, Lighting(env=WHITE))
@@ -78,18 +82,13 @@ def fitted(file) -> tuple[Plan, Bake]:
         plan.settings.budget,
         lambda advance, coarse: FitMonitor(advance, None, lambda fine: bake(fine, coarse), iterations, None),
     )
-    return plan, bake(fit.gaussians, fit.coarse)
+    truths = references(plan, known_light(plan, progress), lambda *_: None)
+    return plan, bake(fit.gaussians, fit.coarse), {name: truth for name, truth in truths.items() if not noisy(truth)}
 
 
-def views(plan: Plan, bake: Bake) -> list[np.ndarray]:
-    """B (EDGE, EDGE, 3) in each held-out view, 0 where none is seen."""
-    images = []
-    for camera in plan.placement.held_out.values():
-        surface = plan.tracer.tracer.surface(camera, EDGE, EDGE)
-        position, normal, _ = surface.points()
-        images.append(np.zeros((EDGE, EDGE, 3), np.float32))
-        images[-1][surface.diffuse] = look_up(bake.gaussians, bake.coarse, bake.blend, position, normal)[0]
-    return images
+def views(plan: Plan, bake: Bake, truths: Mapping[str, Reference]) -> list[np.ndarray]:
+    """B (H, W, 3) of a bake in the view of each reference."""
+    return [draw(bake, plan.placement.held_out[name], truth) for name, truth in truths.items()]
 
 
 def streams(data: bytes) -> dict[str, dict[str, tuple[float, float]]]:

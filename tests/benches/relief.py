@@ -22,7 +22,7 @@ from gsgi.runtime.gl.context import create_context
 from gsgi.runtime.gl.renderer import DeferredRenderer
 from gsgi.runtime.scene import Scene
 
-from .drawn_frames import lit_scene
+from .drawn_frames import lit_scene, without_normal_maps
 from .trace import SHARED
 
 EDGE, PATHS = 128, 1024  # px and paths per pixel of the references
@@ -31,30 +31,41 @@ VIEWS = 6
 
 
 def relief() -> list[dict]:
-    """A draft bake with and without normal maps of a bumpy room and, where it is at hand, of Sponza."""
-    found = {"bumpy room": bumpy_room()}
-    found |= {path.stem: lit_scene(path) for path in SHARED.glob("*/sponza_sun.gltf")}
-    return [row for name, scene in found.items() for row in rows(name, scene)]
+    """Bakes with and without normal maps of a bumpy room and, where it is at hand, of Sponza.
+
+    `error_B` is the squared error of B over its square. `floor` is that of the bake that ignores the maps, against path
+    tracing that ignores them too: what has nothing to do with maps. `gone` is the share of the ignoring bake's error
+    that following the maps takes away, and `gone_of_maps` its share of what the maps cause, that error less the floor.
+    """
+    found = {("bumpy room", "draft"): bumpy_room()}
+    for path in SHARED.glob("*/sponza_sun.gltf"):
+        found |= {(path.stem, quality): lit_scene(path) for quality in ("draft", "medium")}
+    return [row for (name, quality), scene in found.items() for row in rows(name, quality, scene)]
 
 
-def rows(name: str, scene: Scene) -> list[dict]:
+def rows(name: str, quality: str, scene: Scene) -> list[dict]:
     """Two rows: light that follows normal maps, and light that ignores them, both against light that follows them."""
     bakes = {}
     for followed in (True, False):
-        settings = Settings(quality="draft", ignore=() if followed else ("normal-map",))
+        settings = Settings(quality=quality, ignore=() if followed else ("normal-map",))
         progress = Progress()
         plan = make_plan(scene, settings, progress, Cache())
         report = job.run(plan, progress, lambda data, count: None, evaluate=False)
         bakes[followed] = plan, report, codec.decode(report.data)
     cameras = list(held_out(bakes[True][0]).values())
-    truths = [trace(Tracer(scene), camera, EDGE, EDGE, PATHS, 7 + i) for i, camera in enumerate(cameras)]
+    truths, flat = (traced(each, cameras) for each in (scene, without_normal_maps(scene)))
     ms = frame_ms(scene, {followed: bake for followed, (_, _, bake) in bakes.items()}, cameras)
+    error = {followed: mean_error(bake, cameras, truths) for followed, (_, _, bake) in bakes.items()}
+    floor = mean_error(bakes[False][2], cameras, flat)
+    less = error[False] - error[True]
+    shares = {"floor": round(floor, 5), "gone": round(less / error[False], 3)}
+    shares["gone_of_maps"] = round(less / (error[False] - floor), 3)
     return [
         {
-            "scene": name, "normal_maps": "followed" if followed else "ignored",
+            "scene": name, "quality": quality, "normal_maps": "followed" if followed else "ignored",
             "gaussians": len(bake.gaussians) + len(bake.coarse), "bytes": len(report.data),
             "fit_s": round(report.seconds["fit"], 1), "frame_ms": round(ms[followed], 1),
-            **scores(bake, cameras, truths),
+            **scores(bake, cameras, truths), "error_B": round(error[followed], 5), **shares,
         }
         for followed, (_, report, bake) in bakes.items()
     ]  # fmt: skip
@@ -65,19 +76,28 @@ def held_out(plan: Plan) -> dict[str, Camera]:
     return dict(list(plan.placement.held_out.items())[:VIEWS])
 
 
+def traced(scene: Scene, cameras: list[Camera]) -> list[Reference]:
+    """A reference of each camera."""
+    return [trace(Tracer(scene), camera, EDGE, EDGE, PATHS, 7 + i) for i, camera in enumerate(cameras)]
+
+
 def scores(bake: Bake, cameras: list[Camera], truths: list[Reference]) -> dict:
-    """Means over the views: SSIM of B and of the frame, their ceilings, and the squared error of B relative to B."""
+    """Means over the views: SSIM of B and of the frame, and their ceilings."""
     images = [draw(bake, camera, truth) for camera, truth in zip(cameras, truths, strict=True)]
     light = [compare_indirect(image, truth) for image, truth in zip(images, truths, strict=True)]
     frame = [compare_frame(truth.lit(image), truth) for image, truth in zip(images, truths, strict=True)]
-    error = [relative_error(image, truth) for image, truth in zip(images, truths, strict=True)]
     return {
         "ssim_B": round(np.mean([one.ssim for one in light]), 4),
         "ceiling_B": round(np.mean([one.ssim_ceiling for one in light]), 4),
         "ssim_frame": round(np.mean([one.ssim for one in frame]), 4),
         "ceiling_frame": round(np.mean([one.ssim_ceiling for one in frame]), 4),
-        "error_B": round(np.mean(error), 5),
     }
+
+
+def mean_error(bake: Bake, cameras: list[Camera], truths: list[Reference]) -> float:
+    """Mean over the views of the relative error of B."""
+    views = zip(cameras, truths, strict=True)
+    return float(np.mean([relative_error(draw(bake, camera, truth), truth) for camera, truth in views]))
 
 
 def relative_error(image: np.ndarray, truth: Reference) -> float:
