@@ -1,6 +1,7 @@
 """Light that follows normal maps: what it costs, and how far a bake that ignores them is from path tracing."""
 
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,12 +10,11 @@ from bumpy import bumpy_room
 from gsgi.baker import job
 from gsgi.baker.cache.store import Cache
 from gsgi.baker.evaluation.comparison import compare_frame, compare_indirect
-from gsgi.baker.evaluation.held_out import draw
-from gsgi.baker.plan import Plan, make_plan
+from gsgi.baker.evaluation.held_out import draw, known_light, references
+from gsgi.baker.plan import make_plan
 from gsgi.baker.progress import Progress
 from gsgi.baker.settings import Settings
-from gsgi.baker.trace.reference import Reference, trace
-from gsgi.baker.trace.tracer import Tracer
+from gsgi.baker.trace.reference import Reference
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.file import codec
 from gsgi.runtime.gaussians import Bake
@@ -22,12 +22,10 @@ from gsgi.runtime.gl.context import create_context
 from gsgi.runtime.gl.renderer import DeferredRenderer
 from gsgi.runtime.scene import Scene
 
-from .drawn_frames import lit_scene, without_normal_maps
+from .drawn_frames import lit_scene
 from .trace import SHARED
 
-EDGE, PATHS = 128, 1024  # px and paths per pixel of the references
 FRAME, ROUNDS = (640, 360), 12
-VIEWS = 6
 
 
 def relief() -> list[dict]:
@@ -45,18 +43,20 @@ def relief() -> list[dict]:
 
 def rows(name: str, quality: str, scene: Scene) -> list[dict]:
     """Two rows: light that follows normal maps, and light that ignores them, both against light that follows them."""
-    bakes = {}
+    bakes, truths, cameras = {}, {}, {}
     for followed in (True, False):
         settings = Settings(quality=quality, ignore=() if followed else ("normal-map",))
         progress = Progress()
         plan = make_plan(scene, settings, progress, Cache())
         report = job.run(plan, progress, lambda data, count: None, evaluate=False)
-        bakes[followed] = plan, report, codec.decode(report.data)
-    cameras = list(held_out(bakes[True][0]).values())
-    truths, flat = (traced(each, cameras) for each in (scene, without_normal_maps(scene)))
-    ms = frame_ms(scene, {followed: bake for followed, (_, _, bake) in bakes.items()}, cameras)
-    error = {followed: mean_error(bake, cameras, truths) for followed, (_, _, bake) in bakes.items()}
-    floor = mean_error(bakes[False][2], cameras, flat)
+        bakes[followed] = report, codec.decode(report.data)
+        truths[followed] = references(plan, known_light(plan, progress), lambda *_: None)
+        cameras |= plan.placement.held_out
+    views = [(cameras[view], truths[True][view], flat) for view, flat in truths[False].items() if view in truths[True]]
+    seen, with_maps, without_maps = zip(*views, strict=True)
+    ms = frame_ms(scene, {followed: bake for followed, (_, bake) in bakes.items()}, list(seen))
+    error = {followed: mean_error(bake, seen, with_maps) for followed, (_, bake) in bakes.items()}
+    floor = mean_error(bakes[False][1], seen, without_maps)
     less = error[False] - error[True]
     shares = {"floor": round(floor, 5), "gone": round(less / error[False], 3)}
     shares["gone_of_maps"] = round(less / (error[False] - floor), 3)
@@ -65,23 +65,13 @@ def rows(name: str, quality: str, scene: Scene) -> list[dict]:
             "scene": name, "quality": quality, "normal_maps": "followed" if followed else "ignored",
             "gaussians": len(bake.gaussians) + len(bake.coarse), "bytes": len(report.data),
             "fit_s": round(report.seconds["fit"], 1), "frame_ms": round(ms[followed], 1),
-            **scores(bake, cameras, truths), "error_B": round(error[followed], 5), **shares,
+            **scores(bake, seen, with_maps), "error_B": round(error[followed], 5), **shares,
         }
-        for followed, (_, report, bake) in bakes.items()
+        for followed, (report, bake) in bakes.items()
     ]  # fmt: skip
 
 
-def held_out(plan: Plan) -> dict[str, Camera]:
-    """Cameras that no bake was fitted to."""
-    return dict(list(plan.placement.held_out.items())[:VIEWS])
-
-
-def traced(scene: Scene, cameras: list[Camera]) -> list[Reference]:
-    """A reference of each camera."""
-    return [trace(Tracer(scene), camera, EDGE, EDGE, PATHS, 7 + i) for i, camera in enumerate(cameras)]
-
-
-def scores(bake: Bake, cameras: list[Camera], truths: list[Reference]) -> dict:
+def scores(bake: Bake, cameras: Sequence[Camera], truths: Sequence[Reference]) -> dict:
     """Means over the views: SSIM of B and of the frame, and their ceilings."""
     images = [draw(bake, camera, truth) for camera, truth in zip(cameras, truths, strict=True)]
     light = [compare_indirect(image, truth) for image, truth in zip(images, truths, strict=True)]
@@ -94,7 +84,7 @@ def scores(bake: Bake, cameras: list[Camera], truths: list[Reference]) -> dict:
     }
 
 
-def mean_error(bake: Bake, cameras: list[Camera], truths: list[Reference]) -> float:
+def mean_error(bake: Bake, cameras: Sequence[Camera], truths: Sequence[Reference]) -> float:
     """Mean over the views of the relative error of B."""
     views = zip(cameras, truths, strict=True)
     return float(np.mean([relative_error(draw(bake, camera, truth), truth) for camera, truth in views]))
