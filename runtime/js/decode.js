@@ -27,16 +27,16 @@ export function decode(data) {
     const levels = [readLevel(bytes, view, FINE)];
     if (surface) levels.push(readLevel(bytes, view, COARSE));
     else expect(bytes.subarray(COARSE, HEADER_BYTES).every((each) => !each) && !levels[0].basis, FINE);
-    for (const { degree } of levels) expect(degree <= (surface ? 2 : 3), FINE);
-    expect(levels.reduce((sum, { count }) => sum + count, 0) <= GAUSSIAN_COUNT_MAX, FINE);
+    let total = 0;
+    for (const { count, degree } of levels) expect(degree <= 3 - surface && (total += count) <= GAUSSIAN_COUNT_MAX, FINE);
     const { FINE: fine, COAR: coarse, GRUP: groups, RELF: reliefs } = findSections(bytes, u32, levels.length);
     expect(u32(8) === crc32(bytes), 8);
 
-    const bake = {
-        operator: surface ? "surface" : "over", effects: u16(14), bounces: u16(16), toneScale: view.getFloat32(20, true),
+    const toneScale = view.getFloat32(20, true), bake = {
+        operator: surface ? "surface" : "over", effects: u16(14), bounces: u16(16), toneScale,
         scene: view.getBigUint64(24, true), blend: readBlend(view, surface), coarse: null, groups: [],
     };
-    expect(bake.toneScale > 0 && bake.toneScale < Infinity, 20);
+    expect(toneScale > 0 && toneScale < Infinity, 20);
     bake.fine = decodeLevel(bytes, fine[0], levels[0]);
     if (surface) bake.coarse = decodeLevel(bytes, coarse[0], levels[1]);
     bake.fine.relief = reliefs[0] ? decodeRelief(bytes, reliefs[0], bake.fine) : null;
@@ -70,11 +70,11 @@ function readBlend(view, surface) {
     const [near, dilation, alphaMin, alphaMax, cutoff, floor] = numbers;
     expect(numbers.every((each) => each >= 0 && each < Infinity), BLEND);
     if (surface) {
-        expect(!near && !dilation && !alphaMin && !alphaMax, BLEND);
-        expect(0 < cutoff && cutoff < 1 && 0 < floor && floor <= 1e6 && 1 <= sharpness && sharpness <= 64, BLEND);
+        expect(!(near + dilation + alphaMin + alphaMax) &&
+            cutoff && cutoff < 1 && floor && floor <= 1e6 && sharpness && sharpness <= 64, BLEND);
         return { sharpness, cutoff, floor };
     }
-    expect(!sharpness && !cutoff && !floor && 0 < alphaMin && alphaMin < alphaMax && alphaMax < 1, BLEND);
+    expect(!(sharpness + cutoff + floor) && alphaMin && alphaMin < alphaMax && alphaMax < 1, BLEND);
     return { near, dilation, alphaMin, alphaMax };
 }
 
@@ -82,8 +82,8 @@ function readBlend(view, surface) {
 function readLevel(bytes, view, byte) {
     const [degree, basis] = bytes.subarray(byte + 4), steps = [...bytes.subarray(byte + 8, byte + 16)];
     const count = view.getUint32(byte, true), low = view.getInt16(byte + 6, true);
-    expect(basis <= 1 && low >= -149 && low <= 104, byte);
-    expect(steps.every((each, i) => i && i !== 3 ? each > 0 : each <= 16), byte);
+    expect(basis <= 1 && low >= -149 && low <= 104 &&
+        steps.every((each, i) => i && i !== 3 ? each > 0 : each <= 16), byte);
     return { count, degree, basis, low, steps };
 }
 

@@ -27,8 +27,8 @@ export function openStreams(bytes, at, end) {
     }
 
     /** The `values`; they must be from `low` to `high`. */
-    function check(values, low, high) {
-        for (const value of values) expect(!(value < low || value > high), start);
+    function check(values, low = -Infinity, high = Infinity) {
+        for (let i = 0; i < values.length; ++i) expect(low <= values[i] && values[i] <= high, start);
         return values;
     }
 
@@ -59,15 +59,14 @@ export function openStreams(bytes, at, end) {
 
     /** A function that returns the next `width` bits, at most 28, of `total`, which end in zeros to a whole byte. */
     function openBits(total) {
-        let next = at, held = 0, left = 0; // `left` bits are held
+        const from = bytes.subarray(at);
+        let next = 0; // bit
         at += Math.ceil(total / 8);
-        expect(at <= end && (total % 8 === 0 || bytes[at - 1] >> total % 8 === 0), next);
-        return (width) => {
-            for (; left < width; left += 8) held += bytes[next++] * 2 ** left; // up to 35 bits
-            const value = held % 2 ** width;
-            held = (held - value) / 2 ** width;
-            left -= width;
-            return value;
+        expect(at <= end && !(total % 8 && bytes[at - 1] >> total % 8), at);
+        return function take(width) {
+            if (width > 16) return take(16) | take(width - 16) << 16;
+            const i = next >>> 3, held = from[i] | from[i + 1] << 8 | from[i + 2] << 16;
+            return held >> ((next += width) - width & 7) & (1 << width) - 1;
         };
     }
 

@@ -4,8 +4,8 @@ import {
 } from "./format.js";
 import { openStreams } from "./integers.js";
 
-export const SH_C0 = Math.fround(Math.sqrt(1 / Math.PI) / 2);
 const { abs, floor, max, sqrt } = Math;
+export const SH_C0 = Math.fround(sqrt(1 / Math.PI) / 2);
 
 /** The Gaussians whose streams take the bytes of `section`, [begin, end]; the level's `record` is already checked. */
 export function decodeLevel(bytes, section, record) {
@@ -36,16 +36,15 @@ function readScales(streams, count, steps) {
     const most = SCALE_OCTAVES * steps, table = powers(steps, -most, most), long = streams.read(count, -most, most);
     const shorter = (least) => streams.check(streams.read(count, least).map((code, i) => long[i] - code), -most, most);
     const axes = [long, shorter(0), shorter()];
-    return { axes, scale: Float32Array.from({ length: 3 * count }, (_, i) => table[axes[i % 3][floor(i / 3)] + most]) };
+    return { axes, scale: new Float32Array(3 * count).map((_, i) => table[axes[i % 3][i / 3 | 0] + most]) };
 }
 
 /** Each coordinate is stored as the difference to the one before it, in its own steps, rounded down. */
 function readCoordinates(streams, axis, exponent, position) {
-    let code = 0, before = exponent[0];
-    streams.check(Float64Array.from(streams.read(exponent.length), (difference, i) => {
-        code = floor(code * 2 ** (before - exponent[i])) + difference;
-        before = exponent[i];
-        position[3 * i + axis] = code * 2 ** before;
+    let code = 0, before, step = 0;
+    streams.check(new Float64Array(streams.read(exponent.length)).map((difference, i) => {
+        if (before !== exponent[i]) code = floor(code * step / (step = 2 ** (before = exponent[i])));
+        position[3 * i + axis] = (code += difference) * step;
         return code;
     }), -POSITION_MAX, POSITION_MAX);
 }
@@ -81,7 +80,7 @@ function rotationOf(x, y, turn) {
     if (below) [x, y] = [(1 - abs(y)) * (x < 0 ? -1 : 1), (1 - abs(x)) * (y < 0 ? -1 : 1)];
     let length = sqrt(x * x + y * y + z * z);
     x /= length;
-    y = below ? -(y / length) : y / length;
+    y /= below ? -length : length;
     z = 1 + abs(z / length);
     length = sqrt(y * y + x * x + z * z);
     const qx = -y / length, qy = x / length, qw = z / length, s = Math.sin(turn / 2), c = Math.cos(turn / 2);

@@ -464,7 +464,7 @@ def test_inspect_shows_both_levels_of_a_file_for_the_surface_operator(capsys):
     path = str(DATA / "v6_surface.gsgi")
     assert main.run(["inspect", path, "--json"]) == 0
     facts = json.loads(capsys.readouterr().out)
-    assert (facts["version"], facts["operator"], facts["sharpness"]) == (5, "surface", 4)
+    assert (facts["version"], facts["operator"], facts["sharpness"]) == (6, "surface", 4)
     assert (facts["gaussians"], facts["sh_degree"]) == (3, 1)
     assert (facts["coarse_gaussians"], facts["coarse_sh_degree"]) == (2, 2)
     assert (facts["basis"], facts["coarse_basis"]) == ("linear", "constant")
