@@ -1,13 +1,15 @@
 """One bake, many hours: three suns, the sky and a lamp are baked apart and weighed anew in each frame.
 
-python samples/10_light_groups.py [FOLDER]    # leaves room.glb, room.gsgi and hours.png there; default: build/samples
+python samples/10_light_groups.py [FOLDER]    # leaves room.glb, room.gsgi, hours.png, day.gif; default: build/samples
 """
 
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import OpenImageIO as oiio  # noqa: N813
 from draft import OUT
 from glb_writer import Glb
 from make_scenes import box, level, reveal, table, wall
@@ -27,6 +29,7 @@ HOURS = {  # weights of the light groups; the afternoon between two suns is a bl
     "20 h": {"sky": (0.03, 0.04, 0.08), "lamp": 1},
 }
 SIZE = 320, 240
+FRAMES, PER_SECOND = 25, 8  # of the animation, four for each hour
 
 
 def write_room(file: Path) -> None:
@@ -51,8 +54,32 @@ def write_room(file: Path) -> None:
     file.write_bytes(glb.encode())
 
 
+def weights_of_the_day(groups: Sequence[str], count: int) -> list[dict[str, tuple[float, ...]]]:
+    """The weights of all groups at `count` times of the day, blends of those at HOURS before and after."""
+    hours = [int(name.split()[0]) for name in HOURS]
+    at = np.array([[np.broadcast_to(weights.get(group, 0), 3) for group in groups] for weights in HOURS.values()])
+    times = np.linspace(hours[0], hours[-1], count)
+    blends = np.stack([np.interp(times, hours, each) for each in at.reshape(len(hours), -1).T], axis=1)
+    return [dict(zip(groups, map(tuple, blend.reshape(-1, 3)), strict=True)) for blend in blends]
+
+
+def write_animation(file: Path, pictures: Sequence[np.ndarray]) -> None:
+    """Write pictures (H, W, 3) uint8 as a GIF of half their size."""
+    height, width = SIZE[1] // 2, SIZE[0] // 2
+    halves = [picture.reshape(height, 2, width, 2, 3).mean(axis=(1, 3)).astype(np.uint8) for picture in pictures]
+    spec = oiio.ImageSpec(width, height, 3, "uint8")
+    spec.attribute("FramesPerSecond", oiio.TypeDesc("rational"), (PER_SECOND, 1))
+    output = oiio.ImageOutput.create("gif")
+    output.open(str(file), (spec,) * len(halves))
+    for number, half in enumerate(halves):
+        if number:
+            output.open(str(file), spec, "AppendSubimage")
+        output.write_image(half)
+    output.close()
+
+
 def main(folder: str | Path = OUT, settings: gsgi.Settings = gsgi.Settings(quality="draft")) -> None:  # noqa: B008
-    """Write, bake once, draw each hour."""
+    """Write, bake once, draw each hour and the day."""
     file = Path(folder, "room.glb")
     file.parent.mkdir(parents=True, exist_ok=True)
     write_room(file)
@@ -66,12 +93,14 @@ def main(folder: str | Path = OUT, settings: gsgi.Settings = gsgi.Settings(quali
 
     context = gsgi.create_context()
     renderer = gsgi.DeferredRenderer(context, scene, gsgi.read_bake(file.with_suffix(".gsgi")), *SIZE)
-    strip = []
-    for weights in HOURS.values():
+
+    def picture(weights: dict) -> np.ndarray:
         renderer.weights = dict.fromkeys(groups, 0) | weights  # all that is not named is off
         renderer.render(scene.cameras["corner"])
-        strip.append(to_uint8(tone_map(renderer.read("final"), exposure=1.5)))
-    write_image(file.with_name("hours.png"), np.concatenate(strip, axis=1))
+        return to_uint8(tone_map(renderer.read("final"), exposure=1.5))
+
+    write_image(file.with_name("hours.png"), np.concatenate([picture(weights) for weights in HOURS.values()], axis=1))
+    write_animation(file.with_name("day.gif"), [picture(weights) for weights in weights_of_the_day([*groups], FRAMES)])
     renderer.release()
     context.release()
 

@@ -23,12 +23,23 @@ def sample(monkeypatch):
     return module
 
 
+def test_between_two_hours_both_are_blended(sample):
+    groups = "14 h", "16 h", "lamp", "sky"
+    weights = sample.weights_of_the_day(groups, 13)  # from 14 h to 20 h, one each half an hour
+    assert weights[0] == {"14 h": (1, 1, 1), "16 h": (0, 0, 0), "lamp": (0, 0, 0), "sky": (1, 1, 1)}
+    assert weights[1] == {"14 h": (0.75,) * 3, "16 h": (0.25,) * 3, "lamp": (0, 0, 0), "sky": (1, 1, 1)}
+    np.testing.assert_allclose(weights[-1]["sky"], (0.03, 0.04, 0.08))
+
+
 def test_each_hour_has_its_light(sample, tmp_path, monkeypatch, gl):
     monkeypatch.setenv("GSGI_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(budget, "SAMPLES_FEWEST", 1 << 12)
     for module in (samples, fits):
         monkeypatch.setattr(module, "CHUNK", 1 << 11)
     sample.main(tmp_path, TINY)
+    day = Image.open(tmp_path / "day.gif")
+    assert (day.n_frames, day.size) == (sample.FRAMES, (160, 120))
+    assert round(1000 / day.info["duration"]) == sample.PER_SECOND
     strip = np.asarray(Image.open(tmp_path / "hours.png")).astype(float)
     width, height = sample.SIZE
     assert strip.shape == (height, len(sample.HOURS) * width, 3)
