@@ -89,10 +89,9 @@ function readLevel(bytes, view, byte) {
 
 /** CRC-32 (zlib's) of a file whose own field for it counts as 0. */
 function crc32(bytes) {
-    let crc = ~0;
-    for (let i = 0; i < bytes.length; ++i) {
-        if (i >> 2 !== 2) crc ^= bytes[i];
-        for (let bit = 0; bit < 8; ++bit) crc = crc >>> 1 ^ (crc & 1 && 0xedb88320);
-    }
-    return ~crc >>> 0;
+    const table = new Int32Array(256).map((_, crc) => {
+        for (let bit = 8; bit--;) crc = crc >>> 1 ^ (crc & 1 && 0xedb88320);
+        return crc;
+    });
+    return ~bytes.reduce((crc, byte, i) => crc >>> 8 ^ table[(crc ^ (i >> 2 !== 2 && byte)) & 255], ~0) >>> 0;
 }

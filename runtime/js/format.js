@@ -34,5 +34,5 @@ export class FormatError extends Error {
 }
 
 export function expect(condition, byte) {
-    if (!condition) throw new FormatError(`byte ${byte}: damaged, or of another version`);
+    if (!condition) throw new FormatError(`byte ${byte}: damaged or of another version`);
 }

@@ -5,7 +5,7 @@ import { DELTA, EXPONENTIAL, FOLDED_BITS, MAGNITUDE_MAX, SHIFT_BITS, SHIFT_MAX, 
 export function openStreams(bytes, at, end) {
     let start; // of the stream that is read
 
-    /** The integers of the next stream, an Int32Array of `count`, checked to be from `low` to `high`. */
+    /** The integers of the next stream, an Int32Array of `count`, checked to be from `low` to `high` if these are given. */
     function read(count, low, high) {
         expect(at < end, at);
         start = at;
@@ -23,11 +23,11 @@ export function openStreams(bytes, at, end) {
             values[i] = value;
             if (flags & DELTA) before = value;
         }
-        return check(values, low, high);
+        return low === undefined ? values : check(values, low, high);
     }
 
-    /** The `values`; they must be from `low` to `high`. */
-    function check(values, low = -Infinity, high = Infinity) {
+    /** The `values`; they must be from `low` to `high`, if there is one. */
+    function check(values, low, high = Infinity) {
         for (let i = 0; i < values.length; ++i) expect(low <= values[i] && values[i] <= high, start);
         return values;
     }

@@ -90,7 +90,7 @@ function rotationOf(x, y, turn) {
 
 /** Codes in steps of 1 / steps, as float32. */
 function quotients(codes, steps) {
-    return Float32Array.from(codes, (code) => code / steps);
+    return new Float32Array(codes).map((code) => code / steps);
 }
 
 /** 2^(code / steps), rounded to float32, of the codes from `low` to `high`. */

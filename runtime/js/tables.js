@@ -16,8 +16,7 @@ const { hypot, max, min } = Math;
  * Gaussians than textures of `maxSize` rows hold.
  */
 export function lookupTables(bake, maxSize = 2048) {
-    if (bake.operator !== "surface")
-        throw new RangeError(`the bake has the operator "${bake.operator}": only light of "surface" can be looked up`);
+    if (bake.operator !== "surface") throw new RangeError('only light of the operator "surface" can be looked up');
     const { sharpness, cutoff, floor } = bake.blend, origin = originOf(bake).map(Math.fround);
     const radius = Math.sqrt(-2 * Math.log(cutoff));
     const header = [], texels = Array(4 * HEADER_TEXELS), cells = [], lists = [0]; // no list begins at 0
@@ -30,7 +29,7 @@ export function lookupTables(bake, maxSize = 2048) {
     header.push(...origin, cutoff, floor, 0, 0, 0);
     texels.splice(0, header.length, ...header);
     if (max(texels.length / 4, cells.length, lists.length) > min(EXACT, maxSize * DATA_WIDTH))
-        throw new RangeError(`${bake.fine.count} Gaussians: too many for a look-up in textures of ${maxSize} rows`);
+        throw new RangeError(`${bake.fine.count} Gaussians: too many for textures of ${maxSize} rows`);
     return {
         width: DATA_WIDTH,
         gaussians: padded(Float32Array, 4, texels),

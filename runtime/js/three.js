@@ -17,8 +17,7 @@ export class GsgiLoader extends FileLoader {
     load(url, onLoad, onProgress, onError) {
         const fail = (error) => {
             error.message = `${url}: ${error.message}`;
-            if (onError) onError(error);
-            else console.error(error);
+            (onError ?? console.error)(error);
             this.manager.itemError(url);
         };
         const parse = (data) => {
