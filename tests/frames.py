@@ -51,7 +51,8 @@ def bake() -> Bake:
 
 
 def surface_bake() -> Bake:
-    return Bake(oracle.random_gaussians(500, 0, 1), SurfaceBlend(), coarse=oracle.random_gaussians(50, 2, 2))
+    blend = SurfaceBlend(floor=0.05)  # with more, hardly a Gaussian of so few would show
+    return Bake(oracle.random_gaussians(500, 0, 1), blend, coarse=oracle.random_gaussians(50, 2, 2))
 
 
 def render(ctx, scene, baked, exposure=1.0, splat_scale=1) -> dict[str, np.ndarray]:

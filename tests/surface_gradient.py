@@ -11,7 +11,7 @@ from gsgi.baker.surface.lookup import filling
 from gsgi.baker.surface.state import PARAMETERS
 from gsgi.runtime.gaussians import SurfaceBlend
 
-BLEND = SurfaceBlend()
+BLEND = SurfaceBlend(floor=0.05)  # many points lie above it, and many below
 COUNT, STEP = 12, 1e-6
 
 
