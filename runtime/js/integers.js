@@ -13,13 +13,12 @@ export function openStreams(bytes, at, end) {
         expect(shift <= SHIFT_MAX && flags < 0x80, start);
         const base = varint(), values = unary(count, varint());
         const most = exponential ? FOLDED_BITS - shift : 2 ** (FOLDED_BITS - shift);
-        check(values, 0, most);
         const take = openBits(shift * count + (exponential ? sum(values) : 0));
         let before = unfolded(base);
         for (let i = 0; i < count; ++i) {
             const prefix = values[i], first = exponential ? (1 << prefix) - 1 : prefix;
             const value = before + unfolded((first << shift) + take(exponential ? prefix + shift : shift));
-            expect(Math.abs(value) <= MAGNITUDE_MAX, start);
+            expect(prefix <= most && Math.abs(value) <= MAGNITUDE_MAX, start);
             values[i] = value;
             if (flags & DELTA) before = value;
         }

@@ -23,7 +23,7 @@ export function decodeLevel(bytes, section, record) {
     const bits = long.map((code, i) => code > middle[i] ? 32 - Math.clz32(code - middle[i]) + angleBits : 0);
     const angle = streams.readBits(bits), rotation = new Float32Array(4 * count), position = new Float32Array(3 * count);
     for (let i = 0; i < count; ++i)
-        rotation.set(rotationOf(u[i] / normalSteps, v[i] / normalSteps, angle[i] * Math.PI * 2 ** -bits[i]), 4 * i);
+        turn(rotation, 4 * i, u[i] / normalSteps, v[i] / normalSteps, angle[i] * Math.PI * 2 ** -bits[i]);
     for (let axis = 0; axis < 3; ++axis) readCoordinates(streams, axis, exponent, position);
     const opacity = quotients(streams.read(count, 0, opacitySteps), opacitySteps).map((root) => root * root);
     const light = readLight(streams, record, lightSteps);
@@ -73,8 +73,8 @@ export function readLight(streams, { count, degree, basis }, [lightSteps, shStep
     return { sh, slope };
 }
 
-/** The unit quaternion xyzw that carries +z to where the octahedral point (x, y) points, after a turn about it. */
-function rotationOf(x, y, turn) {
+/** Writes the unit quaternion xyzw that carries +z to where the octahedral point (x, y) points, after a turn about it. */
+function turn(to, at, x, y, angle) {
     let z = 1 - abs(x) - abs(y);
     const below = z < 0;
     if (below) [x, y] = [(1 - abs(y)) * (x < 0 ? -1 : 1), (1 - abs(x)) * (y < 0 ? -1 : 1)];
@@ -83,9 +83,12 @@ function rotationOf(x, y, turn) {
     y /= below ? -length : length;
     z = 1 + abs(z / length);
     length = sqrt(y * y + x * x + z * z);
-    const qx = -y / length, qy = x / length, qw = z / length, s = Math.sin(turn / 2), c = Math.cos(turn / 2);
-    const turned = [qx * c + qy * s, qy * c - qx * s, qw * s, qw * c];
-    return below ? [turned[3], -turned[2], turned[1], -turned[0]] : turned;
+    const qx = -y / length, qy = x / length, qw = z / length, s = Math.sin(angle / 2), c = Math.cos(angle / 2);
+    const a = qx * c + qy * s, b = qy * c - qx * s, d = qw * s, e = qw * c;
+    to[at] = below ? e : a;
+    to[at + 1] = below ? -d : b;
+    to[at + 2] = below ? b : d;
+    to[at + 3] = below ? -a : e;
 }
 
 /** Codes in steps of 1 / steps, as float32. */

@@ -241,7 +241,7 @@ class Patch {
         this.#undo = [
             override(material, "onBeforeCompile", () => this.#hook),
             override(material, "customProgramCacheKey", (before) => () =>
-                `${before.call(Object.create(material, { onBeforeCompile: own }))} gsgi ${lights.join(" ")}`),
+                `${before.call(Object.create(material, { onBeforeCompile: own }))} gsgi ${lights}`),
         ];
         material.needsUpdate = true;
     }

@@ -103,5 +103,5 @@ def test_the_lists_are_as_short_as_those_of_python(made):
 
 def test_light_of_the_over_operator_is_refused(tmp_path):
     (tmp_path / "over").write_bytes(codec.encode(example()))
-    with pytest.raises(AssertionError, match='RangeError: only light of the operator "surface"'):
+    with pytest.raises(AssertionError, match='RangeError: only light of "surface"'):
         node(TABLES, tmp_path / "over", JS=JS)
