@@ -9,6 +9,7 @@ import scenes
 
 from gsgi.runtime.camera import look_at
 from gsgi.runtime.errors import SceneError
+from gsgi.runtime.file.levels import FINE_STEPS
 from gsgi.runtime.scene import Material, Mesh, Scene
 
 from . import light
@@ -139,7 +140,7 @@ LIGHT = [
     known("a bake of a furnace of radiance 1e-6", EVERYWHERE, lambda: furnace(0.5, 1e-6), 2e-6, dict.fromkeys(
         KNOWN, Tolerance(0.05, "a step of half floats is 6e-8, of which half is 1.5 %, and one of the file 4.4 %"))),
     known("a bake of a furnace of radiance 1e6", "a file holds light of less than 2^16", lambda: furnace(0.5, 1e6),
-          2 ** (16 - 1 / 16)),
+          2 ** (16 - 1 / FINE_STEPS["light_steps"])),
     known("a bake of a closed room of albedo 1 without light", "it is black", lambda: Room(light.NO_LIGHT), 0,
           dict.fromkeys(("bake", "frame", "frame of over"), BLACK)),
     known("a bake of light behind a 1 mm wall", "none comes through", dark_room, 0,
