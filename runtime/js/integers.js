@@ -17,8 +17,9 @@ export function openStreams(bytes, at, end) {
         let before = unfolded(base);
         for (let i = 0; i < count; ++i) {
             const prefix = values[i], first = exponential ? (1 << prefix) - 1 : prefix;
+            expect(prefix <= most, start);
             const value = before + unfolded((first << shift) + take(exponential ? prefix + shift : shift));
-            expect(prefix <= most && Math.abs(value) <= MAGNITUDE_MAX, start);
+            expect(Math.abs(value) <= MAGNITUDE_MAX, start);
             values[i] = value;
             if (flags & DELTA) before = value;
         }

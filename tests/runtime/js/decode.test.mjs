@@ -5,6 +5,7 @@ import { test } from "node:test";
 import { pathToFileURL } from "node:url";
 
 const { decode, FormatError, groupNames, weighted } = await import(pathToFileURL(`${process.env.JS}/index.js`));
+const { openStreams } = await import(pathToFileURL(`${process.env.JS}/integers.js`));
 const folder = process.env.VECTORS;
 const files = readdirSync(folder).filter((name) => name.endsWith(".gsgi"));
 
@@ -53,4 +54,11 @@ test("every prefix is refused", () => {
     for (let length = 0; length < whole.length; ++length)
         assert.throws(() => decode(whole.subarray(0, length)), FormatError);
     assert.throws(() => decode(Buffer.concat([whole, Buffer.of(0)])), FormatError);
+});
+
+test("a prefix of millions of bits is refused", () => {
+    const size = 4 << 20, bytes = new Uint8Array(2 * size + 10);
+    bytes.set([0x20, 0, 0x80, 0x80, 0x80, 0x02]); // exponential, base 0, `size` bytes of prefixes
+    bytes[5 + size] = 0x80; // the only one ends at their end
+    assert.throws(() => openStreams(bytes, 0, bytes.length).read(1), FormatError);
 });
