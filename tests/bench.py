@@ -11,6 +11,7 @@ from benches.c_library import c_library
 from benches.cluster import cluster
 from benches.copies import copies
 from benches.deadline import deadline
+from benches.decoders import decoders
 from benches.error_time import error_time
 from benches.fit import fit
 from benches.flight import flight
@@ -63,6 +64,7 @@ BENCHES = {
         looks,
         lookup_bakes,
         format,
+        decoders,
         front,
         web,
         frames,

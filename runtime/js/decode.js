@@ -17,8 +17,7 @@ export { FormatError } from "./format.js";
  * and what was expected there, `gsgi inspect` says.
  */
 export function decode(data) {
-    const bytes = ArrayBuffer.isView(data)
-        ? new Uint8Array(data.buffer, data.byteOffset, data.byteLength) : new Uint8Array(data);
+    const bytes = new Uint8Array(data.buffer ?? data, data.byteOffset, data.byteLength);
     expect(bytes.length >= HEADER_BYTES, 0);
     const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength), surface = bytes[12] === 1;
     const u16 = (byte) => view.getUint16(byte, true), u32 = (byte) => view.getUint32(byte, true);
@@ -80,7 +79,7 @@ function readBlend(view, surface) {
 
 /** A level's record, checked: `low` is its position floor. Bits (steps 0 and 3) are at most 16, other steps at least 1. */
 function readLevel(bytes, view, byte) {
-    const [degree, basis] = bytes.subarray(byte + 4), steps = [...bytes.subarray(byte + 8, byte + 16)];
+    const [degree, basis] = bytes.subarray(byte + 4), steps = bytes.subarray(byte + 8, byte + 16);
     const count = view.getUint32(byte, true), low = view.getInt16(byte + 6, true);
     expect(basis <= 1 && low >= -149 && low <= 104 &&
         steps.every((each, i) => i && i !== 3 ? each > 0 : each <= 16), byte);
@@ -93,5 +92,7 @@ function crc32(bytes) {
         for (let bit = 8; bit--;) crc = crc >>> 1 ^ (crc & 1 && 0xedb88320);
         return crc;
     });
-    return ~bytes.reduce((crc, byte, i) => crc >>> 8 ^ table[(crc ^ (i >> 2 !== 2 && byte)) & 255], ~0) >>> 0;
+    let crc = ~0;
+    for (let i = 0; i < bytes.length; ++i) crc = crc >>> 8 ^ table[(crc ^ (i >> 2 === 2 ? 0 : bytes[i])) & 255];
+    return ~crc >>> 0;
 }

@@ -1,101 +1,92 @@
 /** Streams of integers as bits; runtime/file/FORMAT.md is the specification. */
 import { DELTA, EXPONENTIAL, FOLDED_BITS, MAGNITUDE_MAX, SHIFT_BITS, SHIFT_MAX, expect } from "./format.js";
 
-/** What reads the streams in the bytes from `at` to `end`, one after the other. */
-export function openStreams(bytes, at, end) {
-    let start; // of the stream that is read
+/** What reads the streams in the bytes from `begin` to `end`, one after the other. */
+export function openStreams(bytes, begin, end) {
+    const size = end - begin, words = new Uint32Array(size / 4 + 2);
+    new Uint8Array(words.buffer).set(bytes.subarray(begin, end));
+    let at = 0, start = begin; // of what is next, from `begin` on; of the stream that is read, from that of the file
 
-    /** The integers of the next stream, an Int32Array of `count`, checked to be from `low` to `high` if these are given. */
-    function read(count, low, high) {
-        expect(at < end, at);
-        start = at;
-        const flags = bytes[at++], shift = flags & SHIFT_BITS, exponential = flags & EXPONENTIAL;
-        expect(shift <= SHIFT_MAX && flags < 0x80, start);
-        const base = varint(), values = unary(count, varint());
-        const most = exponential ? FOLDED_BITS - shift : 2 ** (FOLDED_BITS - shift);
-        const take = openBits(shift * count + (exponential ? sum(values) : 0));
-        let before = unfolded(base);
-        for (let i = 0; i < count; ++i) {
-            const prefix = values[i], first = exponential ? (1 << prefix) - 1 : prefix;
-            expect(prefix <= most, start);
-            const value = before + unfolded((first << shift) + take(exponential ? prefix + shift : shift));
-            expect(Math.abs(value) <= MAGNITUDE_MAX, start);
-            values[i] = value;
-            if (flags & DELTA) before = value;
-        }
-        return low === undefined ? values : check(values, low, high);
-    }
-
-    /** The `values`; they must be from `low` to `high`, if there is one. */
-    function check(values, low, high = Infinity) {
-        for (let i = 0; i < values.length; ++i) expect(low <= values[i] && values[i] <= high, start);
-        return values;
+    /** What follows is at the next whole byte from `bit` on; there must be zeros up to it. */
+    function skipTo(bit) {
+        at = bit + 7 >>> 3;
+        expect(at <= size && !(bits(words, bit) & (1 << (-bit & 7)) - 1), start);
     }
 
     /** LEB128: seven bits a byte, lowest first; the top bit says that more follow. */
     function varint() {
         for (let number = 0, shift = 0; ; shift += 7) {
-            expect(at < end && shift < 28, at);
-            const byte = bytes[at++];
+            expect(shift < 28, start);
+            const byte = bits(words, 8 * at++);
             number |= (byte & 0x7f) << shift;
-            if (byte < 0x80) return number;
+            if (!(byte & 0x80)) return number;
         }
     }
 
-    /** The lengths of `count` runs of zeros, each before a one, which take the next `size` bytes. */
-    function unary(count, size) {
-        expect(size <= end - at, at);
-        const lengths = new Int32Array(size * 8 < count ? 0 : count), bits = 8 * size;
-        let found = 0, last = -1;
-        for (let i = 0; i < bits; ++i)
-            if (bytes[at + (i >> 3)] >> (i & 7) & 1) {
-                lengths[found++] = i - last - 1;
-                last = i;
-            }
-        expect(found === count && bits - last <= 8, at);
-        at += size;
-        return lengths;
-    }
-
-    /** A function that returns the next `width` bits, at most 28, of `total`, which end in zeros to a whole byte. */
-    function openBits(total) {
-        const from = bytes.subarray(at);
-        let next = 0; // bit
-        at += Math.ceil(total / 8);
-        expect(at <= end && !(total % 8 && bytes[at - 1] >> total % 8), at);
-        return function take(width) {
-            if (width > 16) return take(16) | take(width - 16) << 16;
-            const i = next >>> 3, held = from[i] | from[i + 1] << 8 | from[i + 2] << 16;
-            return held >> ((next += width) - width & 7) & (1 << width) - 1;
-        };
+    /** The integers of the next stream, an Int32Array of `count`, checked to be from `low` to `high`. */
+    function read(count, low = -MAGNITUDE_MAX, high = MAGNITUDE_MAX) {
+        start = begin + at;
+        const flags = bits(words, 8 * at++) & 0xff, shift = flags & SHIFT_BITS, exponential = flags & EXPONENTIAL;
+        let before = unfolded(varint());
+        const unaryBytes = varint(), lows = at + unaryBytes;
+        expect(shift <= SHIFT_MAX && flags < 0x80 && lows <= size && count <= 8 * unaryBytes, start);
+        const values = new Int32Array(count), most = exponential ? FOLDED_BITS - shift : 1 << FOLDED_BITS - shift;
+        let unary = 8 * at, bit = 8 * lows;
+        for (let i = 0; i < count; ++i) {
+            let prefix = 0, word;
+            for (; !(word = bits(words, unary)); unary += 32) expect((prefix += 32) <= most, start);
+            const zeros = 31 - Math.clz32(word & -word);
+            unary += zeros + 1;
+            expect((prefix += zeros) <= most, start);
+            const width = exponential ? prefix + shift : shift, first = exponential ? (1 << prefix) - 1 : prefix;
+            const value = before + unfolded((first << shift) + (bits(words, bit) & (1 << width) - 1));
+            bit += width;
+            expect(low <= value && value <= high, start);
+            values[i] = value;
+            if (flags & DELTA) before = value;
+        }
+        skipTo(unary);
+        expect(at === lows, start);
+        skipTo(bit);
+        return values;
     }
 
     return {
-        read, check,
+        begin, read,
 
-        /** Replaces the `widths` of the next integers, an Int32Array of at most 28 bits each, by the integers. */
+        /** Replaces the `widths` of the next integers, an Int32Array of at most 31 bits each, by the integers. */
         readBits(widths) {
-            return widths.map(openBits(sum(widths)));
+            let bit = 8 * at;
+            for (let i = 0; i < widths.length; ++i) {
+                const width = widths[i];
+                widths[i] = bits(words, bit) & (1 << width) - 1;
+                bit += width;
+            }
+            skipTo(bit);
+            return widths;
         },
 
         /** Codes (n, 3) of colours, from -most to most: red and blue are stored less green, or not at all if `grey`. */
         readColours(n, most, grey) {
             const green = read(n), others = grey || read(2 * n);
-            return check(new Int32Array(3 * n).map((_, i) => {
+            return new Int32Array(3 * n).map((_, i) => {
                 const from = i / 3 | 0, channel = i % 3;
-                return green[from] + (grey || channel === 1 ? 0 : others[2 * from + (channel >> 1)]);
-            }), -most, most);
+                const code = green[from] + (grey || channel === 1 ? 0 : others[2 * from + (channel >> 1)]);
+                expect(Math.abs(code) <= most, start);
+                return code;
+            });
         },
 
         /** All has been read. */
         finish() {
-            expect(at === end, at);
+            expect(at === size, begin + at);
         },
     };
 }
 
-function sum(values) {
-    return values.reduce((total, value) => total + value, 0);
+/** The 32 bits from `bit` on; zeros follow the last. */
+function bits(words, bit) {
+    return words[bit >>> 5] >>> bit | words[(bit >>> 5) + 1] << 1 << ~bit;
 }
 
 function unfolded(folded) {

@@ -4,7 +4,7 @@ import {
 } from "./format.js";
 import { openStreams } from "./integers.js";
 
-const { abs, floor, max, sqrt } = Math;
+const { abs, floor, max, min, sqrt } = Math;
 export const SH_C0 = Math.fround(sqrt(1 / Math.PI) / 2);
 
 /** The Gaussians whose streams take the bytes of `section`, [begin, end]; the level's `record` is already checked. */
@@ -12,18 +12,21 @@ export function decodeLevel(bytes, section, record) {
     const { count, degree, low, steps } = record;
     const [positionBits, scaleSteps, normalSteps, angleBits, opacitySteps, ...lightSteps] = steps;
     const streams = openStreams(bytes, ...section), { scale, axes } = readScales(streams, count, scaleSteps);
-    const [long, middle, normal] = axes;
-    // The power of two of which the position of each Gaussian is a multiple.
-    const exponent = long.map((code, i) => {
-        const shortest = max(Math.min(middle[i], normal[i]), code - THIN * scaleSteps);
-        return max(floor(shortest / scaleSteps) - positionBits, low);
-    });
-    for (let i = 1; i < count; ++i) expect(exponent[i] >= exponent[i - 1], section[0]);
+    const [long, middle, normal] = axes, bits = new Int32Array(count);
+    const exponent = new Int32Array(count); // of 2, of which the position of each Gaussian is a multiple
+    let before = low;
+    for (let i = 0; i < count; ++i) {
+        const shortest = max(min(middle[i], normal[i]), long[i] - THIN * scaleSteps);
+        exponent[i] = max(floor(shortest / scaleSteps) - positionBits, low);
+        expect(before <= exponent[i], streams.begin);
+        before = exponent[i];
+        bits[i] = long[i] > middle[i] && 32 - Math.clz32(long[i] - middle[i]) + angleBits;
+    }
     const u = streams.read(count, -normalSteps, normalSteps), v = streams.read(count, -normalSteps, normalSteps);
-    const bits = long.map((code, i) => code > middle[i] ? 32 - Math.clz32(code - middle[i]) + angleBits : 0);
-    const angle = streams.readBits(bits), rotation = new Float32Array(4 * count), position = new Float32Array(3 * count);
+    const angle = streams.readBits(bits.slice()), rotation = new Float32Array(4 * count);
     for (let i = 0; i < count; ++i)
-        turn(rotation, 4 * i, u[i] / normalSteps, v[i] / normalSteps, angle[i] * Math.PI * 2 ** -bits[i]);
+        turn(rotation, 4 * i, u[i] / normalSteps, v[i] / normalSteps, angle[i] * Math.PI / (1 << bits[i] >>> 0));
+    const position = new Float32Array(3 * count);
     for (let axis = 0; axis < 3; ++axis) readCoordinates(streams, axis, exponent, position);
     const opacity = quotients(streams.read(count, 0, opacitySteps), opacitySteps).map((root) => root * root);
     const light = readLight(streams, record, lightSteps);
@@ -33,34 +36,46 @@ export function decodeLevel(bytes, section, record) {
 
 /** The lengths (N, 3) of the axes, and the codes of each axis, Int32Arrays. */
 function readScales(streams, count, steps) {
-    const most = SCALE_OCTAVES * steps, table = powers(steps, -most, most), long = streams.read(count, -most, most);
-    const shorter = (least) => streams.check(streams.read(count, least).map((code, i) => long[i] - code), -most, most);
-    const axes = [long, shorter(0), shorter()];
-    return { axes, scale: new Float32Array(3 * count).map((_, i) => table[axes[i % 3][i / 3 | 0] + most]) };
+    const most = SCALE_OCTAVES * steps, table = powers(steps, -most, most), scale = new Float32Array(3 * count);
+    const long = streams.read(count), axes = [long, streams.read(count, 0), streams.read(count)];
+    axes.forEach((codes, axis) => {
+        for (let i = 0; i < count; ++i) {
+            if (axis) codes[i] = long[i] - codes[i];
+            expect(abs(codes[i]) <= most, streams.begin);
+            scale[3 * i + axis] = table[codes[i] + most];
+        }
+    });
+    return { axes, scale };
 }
 
 /** Each coordinate is stored as the difference to the one before it, in its own steps, rounded down. */
 function readCoordinates(streams, axis, exponent, position) {
+    const differences = streams.read(exponent.length);
     let code = 0, before, step = 0;
-    streams.check(new Float64Array(streams.read(exponent.length)).map((difference, i) => {
+    for (let i = 0; i < exponent.length; ++i) {
         if (before !== exponent[i]) code = floor(code * step / (step = 2 ** (before = exponent[i])));
-        position[3 * i + axis] = (code += difference) * step;
-        return code;
-    }), -POSITION_MAX, POSITION_MAX);
+        code += differences[i];
+        expect(abs(code) <= POSITION_MAX, streams.begin);
+        position[3 * i + axis] = code * step;
+    }
 }
 
 /** The light that the next streams hold, of the level of a record or of a group on it: `sh`, and `slope` or null. */
 export function readLight(streams, { count, degree, basis }, [lightSteps, shSteps, slopeSteps], ofGroup) {
     const k = (degree + 1) ** 2, sh = new Float32Array(3 * k * count);
-    const one = LIGHT_OCTAVES_BELOW * lightSteps + 1, most = one - 1 + LIGHT_OCTAVES_ABOVE * lightSteps;
-    const table = powers(lightSteps, -one, most - one);
+    const one = LIGHT_OCTAVES_BELOW * lightSteps + 1, most = (LIGHT_OCTAVES_BELOW + LIGHT_OCTAVES_ABOVE) * lightSteps;
+    const table = powers(lightSteps, -one, most - one).map((light) => light / SH_C0);
     table[0] = 0;
-    let green;
-    for (const channel of [1, 0, 2]) {
-        const codes = streams.read(count).map((code, i) => code + (green ? green[i] : 0));
-        green ??= codes;
-        streams.check(codes, 0, most).forEach((code, i) => { sh[3 * k * i + channel] = table[code] / SH_C0; });
-    }
+    let green = new Int32Array(count);
+    [1, 0, 2].forEach((channel) => {
+        const codes = streams.read(count);
+        for (let i = 0; i < count; ++i) {
+            const code = green[i] + codes[i];
+            expect(0 <= code && code <= most, streams.begin);
+            sh[3 * k * i + channel] = table[code];
+        }
+        if (channel === 1) green = codes;
+    });
     for (let band = 1; band <= degree; ++band) {
         const size = 3 * (2 * band + 1);
         streams.readColours(size / 3 * count, SH_CODE_MAX, ofGroup && band > 1).forEach((code, i) => {
@@ -98,9 +113,8 @@ function quotients(codes, steps) {
 
 /** 2^(code / steps), rounded to float32, of the codes from `low` to `high`. */
 function powers(steps, low, high) {
-    const part = Float64Array.from({ length: steps }, (_, i) => 2 ** (i / steps));
     return Float32Array.from({ length: high - low + 1 }, (_, i) => {
         const octave = floor((low + i) / steps);
-        return part[low + i - octave * steps] * 2 ** octave;
+        return 2 ** ((low + i - octave * steps) / steps) * 2 ** octave;
     });
 }

@@ -11,7 +11,7 @@ export function decodeRelief(bytes, [begin, end], { count, shDegree, sh }) {
     streams.finish();
     return Float32Array.from(codes, (code, i) => {
         const first = stride * (i / 9 | 0);
-        const brightest = Math.max(0, ...sh.subarray(first, first + 3).map((c) => c * SH_C0));
-        return Math.fround(code / steps) * brightest;
+        const brightest = Math.max(...sh.subarray(first, first + 3));
+        return Math.fround(code / steps) * Math.fround(brightest * SH_C0);
     });
 }

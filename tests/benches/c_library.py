@@ -9,7 +9,6 @@ import scenes
 from benches.splats import SIZE, fastest, grid, on_surfaces, room
 
 COUNT = 10_506  # fine Gaussians of a default bake of Sponza
-MANY = 100_000  # of a file that takes long to decode
 POINTS = 100_000
 
 
@@ -50,8 +49,6 @@ def c_library() -> list[dict]:
     python = IndirectLight(ctx, codec.decode(data))
     c = Light(context, data, python.encoding)
     compare("decode", lambda: codec.decode(data), lambda: library.close(library.opened(data)))
-    many = codec.encode(Bake(on_surfaces(MANY), SurfaceBlend(), coarse=grid()))
-    compare(f"decode {MANY:,}", lambda: codec.decode(many), lambda: library.close(library.opened(many)))
     made = lambda: lookup_tables(codec.decode(data)), lambda: library.close(library.opened(data, lists=True))
     compare("decode, lists", *made)
     compare("decode, lists, upload, compile", make_python, make_c)
