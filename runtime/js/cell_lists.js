@@ -3,6 +3,7 @@
 const ROOTS = 16; // cells along the longest edge of the box at most, before any is split
 const SMALLEST = 1e-6; // half edge of what is split, of a root's; float32 coordinates within it have 24 bits
 const SPLIT_MIN = 16; // Gaussians in a cell that are worth eight more
+const PAIRS = 1e6, PAIRS_EACH = 64; // most pairs of a Gaussian and a cell that is split: in all, and more for each
 const SLACK = 1e-5; // of a root's edge and of an ellipsoid's radius; covers the rounding of float32 in shaders
 const SAVED = 16; // less octants, over SAVED_OF: the share of reads that listing in children saves
 const SAVED_OF = 28;
@@ -32,8 +33,13 @@ export function appendLists({ position, rotation, scale, opacity }, radius, coar
     const [low, high] = [-1, 1].map((sign) => AXES.map((k) => fround(sign * used.reduce(
         (most, i, j) => max(most, sign * position[3 * i + k] + min(lengths[j], 2 * typical)), -Infinity))));
     const extent = high.map((x, k) => x - low[k]);
-    const roots = min(ROOTS, ceil(length ** (1 / 3))), edge = fround(max(...extent) / roots);
-    const size = extent.map((x) => min(ceil(x / edge) || 1, roots));
+    let edge, size, spare = PAIRS + PAIRS_EACH * length, roots = min(ROOTS, ceil(length ** (1 / 3)));
+    do {
+        edge = fround(max(...extent) / roots);
+        size = extent.map((x) => min(ceil(x / edge) || 1, roots));
+        roots = ceil(roots / 2);
+    } while (lengths.reduce((pairs, reach) => // large ones would fill all cells
+        pairs + size.reduce((cells, most) => cells * min(2 * reach / edge + 1, most), 1), 0) > spare);
 
     const reach = radius * (1 + SLACK), homes = {};
     // Of each ellipsoid, from `low` on, m: the centre, half the bounding box, the square of the shortest semi-axis,
@@ -76,7 +82,7 @@ export function appendLists({ position, rotation, scale, opacity }, radius, coar
             return [i, octants, crowd + price, crowd * (SAVED - 1 - more) > price * SAVED_OF * more];
         });
         const pushed = pairs.filter((pair) => pair[3]);
-        if (pushed.length >= SPLIT_MIN && half > SMALLEST * edge) {
+        if (pushed.length >= SPLIT_MIN && half > SMALLEST * edge && (spare -= members.length) > 0) {
             children = middles.map((each, o) => grow(
                 pushed.filter((pair) => pair[1] >> o & 1).map(([i]) => i), crowds[o], each, half));
             for (const [each] of children) for (const [i, , cost] of each) below[i] += cost;

@@ -33,11 +33,11 @@ export function decode(data) {
 
     const toneScale = view.getFloat32(20, true), bake = {
         operator: surface ? "surface" : "over", effects: u16(14), bounces: u16(16), toneScale,
-        scene: view.getBigUint64(24, true), blend: readBlend(view, surface), coarse: null, groups: [],
+        scene: view.getBigUint64(24, true), blend: readBlend(bytes, surface), groups: [],
     };
     expect(toneScale > 0 && toneScale < Infinity, 20);
     bake.fine = decodeLevel(bytes, fine[0], levels[0]);
-    if (surface) bake.coarse = decodeLevel(bytes, coarse[0], levels[1]);
+    bake.coarse = surface ? decodeLevel(bytes, coarse[0], levels[1]) : null;
     bake.fine.relief = reliefs[0] ? decodeRelief(bytes, reliefs[0], bake.fine) : null;
     for (const section of groups) {
         const group = decodeGroup(bytes, section, levels);
@@ -64,8 +64,8 @@ function findSections(bytes, u32, levels) {
 }
 
 /** The operator's numbers, checked; those of the other operator are 0. */
-function readBlend(view, surface) {
-    const sharpness = view.getUint8(13), numbers = [0, 4, 8, 12, 16, 20].map((at) => view.getFloat32(BLEND + at, true));
+function readBlend(bytes, surface) {
+    const sharpness = bytes[13], numbers = new Float32Array(bytes.slice(BLEND, FINE).buffer);
     const [near, dilation, alphaMin, alphaMax, cutoff, floor] = numbers;
     expect(numbers.every((each) => each >= 0 && each < Infinity), BLEND);
     if (surface) {

@@ -8,20 +8,19 @@ import { BASE } from "./weights.js";
 export function decodeGroup(bytes, [begin, end], levels) {
     let at = begin + GROUP_BYTES;
     expect(at <= end, begin);
-    const head = bytes.subarray(begin, at), steps = head.subarray(0, 3), patterns = [];
+    const steps = bytes.subarray(begin, begin + 3), patterns = [];
     expect(steps.every((each) => each), begin);
     const text = (size) => {
         expect(at + size <= end, at);
         try {
-            const options = { fatal: true, ignoreBOM: true };
-            return new TextDecoder("utf-8", options).decode(bytes.subarray(at, at += size));
+            return new TextDecoder("utf-8", { fatal: true, ignoreBOM: true }).decode(bytes.subarray(at, at += size));
         } catch {
             expect(false, at);
         }
     };
-    const name = text(head[3]);
+    const name = text(bytes[begin + 3]);
     expect(name && !/[^\P{C}]|[^\P{Z} ]/u.test(name), begin);
-    while (patterns.length < head[4]) {
+    while (patterns.length < bytes[begin + 4]) {
         expect(at + 2 <= end, at);
         at += 2;
         patterns.push(text(bytes[at - 2] | bytes[at - 1] << 8));

@@ -11,8 +11,8 @@ export const SH_C0 = Math.fround(sqrt(1 / Math.PI) / 2);
 export function decodeLevel(bytes, section, record) {
     const { count, degree, low, steps } = record;
     const [positionBits, scaleSteps, normalSteps, angleBits, opacitySteps, ...lightSteps] = steps;
-    const streams = openStreams(bytes, ...section), { scale, axes } = readScales(streams, count, scaleSteps);
-    const [long, middle, normal] = axes, bits = new Int32Array(count);
+    const streams = openStreams(bytes, ...section);
+    const [scale, long, middle, normal] = readScales(streams, count, scaleSteps), bits = new Int32Array(count);
     const exponent = new Int32Array(count); // of 2, of which the position of each Gaussian is a multiple
     let before = low;
     for (let i = 0; i < count; ++i) {
@@ -34,7 +34,7 @@ export function decodeLevel(bytes, section, record) {
     return { count, shDegree: degree, position, rotation, scale, opacity, ...light };
 }
 
-/** The lengths (N, 3) of the axes, and the codes of each axis, Int32Arrays. */
+/** The lengths (N, 3) of the axes, and then the codes of each axis, Int32Arrays. */
 function readScales(streams, count, steps) {
     const most = SCALE_OCTAVES * steps, table = powers(steps, -most, most), scale = new Float32Array(3 * count);
     const long = streams.read(count), axes = [long, streams.read(count, 0), streams.read(count)];
@@ -45,7 +45,7 @@ function readScales(streams, count, steps) {
             scale[3 * i + axis] = table[codes[i] + most];
         }
     });
-    return { axes, scale };
+    return [scale, ...axes];
 }
 
 /** Each coordinate is stored as the difference to the one before it, in its own steps, rounded down. */

@@ -101,6 +101,15 @@ def test_the_lists_are_as_short_as_those_of_python(made):
             assert rows <= -(-len(table) // DATA_WIDTH), (name, kind)
 
 
+@pytest.mark.parametrize("change", [{"scale": 20}, {"position": 0.01}], ids=["all are large", "all are in one place"])
+def test_lists_have_a_limit_whatever_a_file_holds(tmp_path, change):
+    many = gaussians(12_000)
+    many = replace(many, **{name: np.float32(factor) * getattr(many, name) for name, factor in change.items()})
+    (tmp_path / "many").write_bytes(codec.encode(Bake(many, SurfaceBlend(), coarse=gaussians(9, 9))))
+    node(TABLES, tmp_path / "many", JS=JS)
+    assert (tmp_path / "many.lists").stat().st_size < 400 * len(many)
+
+
 def test_light_of_the_over_operator_is_refused(tmp_path):
     (tmp_path / "over").write_bytes(codec.encode(example()))
     with pytest.raises(AssertionError, match='RangeError: only light of "surface"'):
