@@ -1,4 +1,4 @@
-"""How far what a .gsgi file holds is from what was written, in halves of the steps of runtime/file/FORMAT.md."""
+"""How far what a .gsgi file holds is from what was written, in the worst errors of runtime/file/FORMAT.md."""
 
 import numpy as np
 
@@ -24,7 +24,7 @@ def in_stored_order(gaussians: Gaussians, level: np.void, facing: bool) -> Gauss
 
 
 def errors(before: Gaussians, after: Gaussians, level: np.void, facing: bool) -> dict[str, float]:
-    """The largest error of each attribute in halves of its step, but for what float32 rounds.
+    """The largest error of each attribute in parts of the worst, but for what float32 rounds.
 
     `before` is in any order; `after` is as read, from a file with this LEVEL record. With `facing` +z must point where
     it did.
@@ -48,7 +48,7 @@ def errors(before: Gaussians, after: Gaussians, level: np.void, facing: bool) ->
     if after.sh_degree:
         brightest = after.sh[:, :1].max(axis=2, keepdims=True).astype(float)
         error = np.abs(after.sh[:, 1:] - before.sh[:, 1:].astype(float))[brightest[:, 0, 0] > 0]
-        share = error / brightest[brightest[:, 0, 0] > 0] * 2 * steps["sh_steps"]
+        share = error / brightest[brightest[:, 0, 0] > 0] * steps["sh_steps"]
         found["sh"] = share.max(initial=0)
         assert not after.sh[brightest[:, 0, 0] == 0].any()
     if after.sloped:

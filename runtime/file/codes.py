@@ -7,6 +7,7 @@ import numpy as np
 from gsgi.runtime import constants
 from gsgi.runtime.gaussians import Gaussians
 
+from .bands import pack_bands, pack_group_bands
 from .colours import pack_light, powers, unpack_light
 from .rotations import axes, pack_normal, rotation_of, unpack_normal
 
@@ -16,7 +17,6 @@ POSITION_BITS = 24  # of a coordinate, which float32 holds exactly
 FLOOR_MIN, FLOOR_MAX = -149, 104  # powers of two, 2^24 times which is within float32
 SLOPE_CODE_MAX = 127
 AT_ONCE = 1 << 16  # Gaussians whose numbers are computed together, since that takes many times their own memory
-SH_CODE_MAX = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ def exponents(scale: np.ndarray, level: np.ndarray) -> np.ndarray:
 
 
 def quantise(gaussians: Gaussians, level: np.ndarray, facing: bool, of_group: bool = False) -> Codes:
-    """Round each number to its nearest code, and set the `position_floor` of `level`, a LEVEL record.
+    """Round each number to a code near it, and set the `position_floor` of `level`, a LEVEL record.
 
     The axes of a Gaussian are renamed so that the first is no shorter than the second. With `facing` the z axis has a
     meaning of its own and stays; without, and without slopes, it becomes the one whose length is most unlike theirs.
@@ -136,37 +136,13 @@ def _shape_and_light(gaussians: Gaussians, level: np.ndarray, facing: bool, of_g
         slope = _slope_along(turned, frame, slope, scale, level)
     light = pack_light(gaussians.sh[:, 0] * constants.SH_C0, int(level["light_steps"]))
     dc = _sh_dc(light, level)
-    sh = (_group_sh if of_group else _level_sh)(gaussians.sh[:, 1:].astype(np.float64), dc, int(level["sh_steps"]))
+    pack = pack_group_bands if of_group else pack_bands
+    sh = pack(gaussians.sh.astype(np.float64), dc, int(level["sh_steps"]))
     opacity = np.sqrt(np.clip(gaussians.opacity, 0, 1, dtype=np.float64)) * int(level["opacity_steps"])
     slope = np.clip(slope * int(level["slope_steps"]), -SLOPE_CODE_MAX, SLOPE_CODE_MAX)
     codes = {"scale": scale, "normal": normal, "angle": angle, "opacity": _rounded(opacity), "light": light}
     codes |= {"sh": sh, "slope": _rounded(slope)}
     return {name: code.astype(np.int32) for name, code in codes.items()}
-
-
-def _level_sh(sh: np.ndarray, dc: np.ndarray, steps: int) -> np.ndarray:
-    """Codes of the other bands (N, K - 1, 3) of a level beside the constant one (N, 3)."""
-    return _steps_of(sh, dc.max(axis=1, initial=0)[:, None, None], steps)
-
-
-def _group_sh(sh: np.ndarray, dc: np.ndarray, steps: int) -> np.ndarray:
-    """The same of a light group: a tint that is the same everywhere takes no bits.
-
-    From band 2 on one code serves all channels: the colour of the light differs little from that of band 0. A black
-    channel has the codes of the brightest, which cost no bits beside them.
-    """
-    codes = _steps_of(sh, dc[:, None], steps)
-    weight = np.square(dc, dtype=np.float64)[:, None]
-    grey = (sh[:, 3:] * dc[:, None]).sum(axis=2, keepdims=True)
-    codes[:, 3:] = _steps_of(grey, weight.sum(axis=2, keepdims=True), steps)
-    brightest = np.take_along_axis(codes, dc.argmax(axis=1)[:, None, None], axis=2)
-    return np.where(dc[:, None] > 0, codes, brightest)
-
-
-def _steps_of(values: np.ndarray, unit: np.ndarray, steps: int) -> np.ndarray:
-    """Codes of `values` in steps of 1 / steps of a `unit`; 0 where that is 0."""
-    ratio = np.divide(values, unit, out=np.zeros_like(values), where=unit > 0) * steps
-    return _rounded(np.clip(ratio, -SH_CODE_MAX, SH_CODE_MAX))
 
 
 def _slices(count: int) -> list[slice]:

@@ -7,12 +7,12 @@ import numpy as np
 
 from gsgi.runtime.gaussians import BASES, Gaussians
 
+from .bands import SH_CODE_MAX
 from .codes import (
     FLOOR_MAX,
     FLOOR_MIN,
     POSITION_BITS,
     SCALE_OCTAVES,
-    SH_CODE_MAX,
     SLOPE_CODE_MAX,
     Codes,
     angle_bits,

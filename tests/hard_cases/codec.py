@@ -36,7 +36,7 @@ def coloured(*colour) -> Bake:
     return over(gaussians(colour=np.array(colour)))
 
 
-def kept(name: str, build, holds: str = "what is read is within half a step, and reading it again changes nothing"):
+def kept(name: str, build, holds: str = "what is read is within the format's errors, and the same again"):
     return stored_case(name, build, holds)
 
 
@@ -80,7 +80,7 @@ def many(count: int) -> Gaussians:
 
 
 def five_million() -> float:
-    """The largest error in halves of a step. Encoding and decoding must not take memory many times over."""
+    """The largest error in parts of the worst. Encoding and decoding must not take memory many times over."""
     bake = over(many(5_000_000))
     own = sum(getattr(bake.gaussians, name).nbytes for name in NAMES)
     tracemalloc.start()

@@ -15,8 +15,8 @@ HEAD = """# Hard cases
 Scenes, Gaussians, cameras and files that are hard for the numerics, and the worst error of each layer. Written by
 `./dev hard` from `tests/hard_cases/`, which the tests run too, but for slow ones; each error is below its tolerance,
 which the tables after the errors name with its source. An error of Gaussians and cameras is in parts of the brightest
-light, one of a `file` in halves of a quantisation step, and one of a room that must have another's light in parts of
-the difference that another seed makes. "refused" stands where an error message is the right answer.
+light, one of a `file` in parts of the worst that its format allows, and one of a room that must have another's light in
+parts of the difference that another seed makes. "refused" stands where an error message is the right answer.
 """
 # In the order of the columns.
 LAYERS = {

@@ -14,7 +14,7 @@ from gsgi.runtime.gaussians import Bake
 from .build import NAMES
 from .case import Case, Tolerance
 
-TOLERANCE = Tolerance(1.001, "half a quantisation step, and float32's rounding of what is read")
+TOLERANCE = Tolerance(1.001, "the worst that the format allows, and float32's rounding of what is read")
 
 
 @dataclass(frozen=True)
@@ -24,12 +24,12 @@ class StoredBake:
     bake: Bake
 
     def error(self, layer: str, gl: moderngl.Context | None) -> float:
-        """The largest error of an attribute, in halves of its quantisation step."""
+        """The largest error of an attribute, in parts of the worst that the format allows."""
         return stored_error(self.bake)
 
 
 def stored_error(bake: Bake) -> float:
-    """The largest error of what is read, in halves of a step. What is read is written as it was."""
+    """The largest error of what is read, in parts of the worst. What is read is written as it was."""
     data = codec.encode(bake)
     once = codec.decode(data)
     header = np.frombuffer(data, HEADER, 1)[0]
@@ -45,7 +45,7 @@ def stored_error(bake: Bake) -> float:
 
 
 def stored_case(
-    name: str, build, holds: str = "what is read is within half a step, and is written as it was read",
+    name: str, build, holds: str = "what is read is within the format's errors, and is written as it was read",
     refused: tuple[type[Exception], str] | None = None, tolerances: Mapping[str, Tolerance] | None = None,
 ) -> Case:  # fmt: skip
     """A case of the file of the bake that `build()` returns."""

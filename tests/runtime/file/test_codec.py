@@ -15,7 +15,7 @@ from gsgi.runtime.sampling import sample
 
 
 def check_round_trip(before: Gaussians, after: Gaussians, level: np.void, facing: bool) -> None:
-    """Every attribute is within half a step."""
+    """Every attribute is as exact as the format says."""
     assert max(errors(before, after, level, facing).values()) <= 1.001
 
 
