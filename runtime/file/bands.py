@@ -6,7 +6,7 @@ from gsgi.runtime.sampling import sh_basis
 
 SH_CODE_MAX = 1 << 20
 DIRECTIONS = 32  # evenly over the sphere, in which light is compared; twice as many changed nothing
-DIM = 0.2  # of the light in the brightest direction: where there is less, errors count as if there were that much more
+DIM = 0.2  # errors count relative to the light in a direction and this share of that in the brightest
 AT_ONCE = 1 << 12  # Gaussians whose matrices are computed together: they take 15 MB at degree 2
 
 
