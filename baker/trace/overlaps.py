@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from . import duplicates
-from .mitsuba_scene import build, load_mitsuba
+from .mitsuba_scene import build, load_mitsuba, on_device
 from .planes import ROUNDING, traced_planes
 from .surface_tables import Surfaces, face_normals
 
@@ -174,7 +174,7 @@ def _pairs(surfaces: "Surfaces | _Bare", step: np.ndarray, reach: np.ndarray) ->
             ray = mi.Ray3f(
                 mi.Point3f((point + away * reach[at, None]).T),
                 mi.Vector3f(-away.T),
-                mi.Float(2 * reach[at]),
+                on_device(mi.Float, 2 * reach[at]),
                 0.0,
                 mi.Color0f(),
             )
