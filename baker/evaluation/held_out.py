@@ -149,13 +149,18 @@ def points(plan: "Plan") -> int:
 
 
 def noisy(reference: Reference) -> bool:
-    """Whether a reference is too noisy to tell anything at its own exposure.
+    """Whether a reference is too noisy to tell anything at its own exposure."""
+    return tells_nothing(reference, indirect_ceiling(reference))
 
-    Either its ceiling is too low, or it is black but for a few stray paths: most of the pixels that found light found
-    it in one half only. A reference that is wholly black is not noisy.
+
+def tells_nothing(reference: Reference, ceiling: float) -> bool:
+    """The same of a reference whose ceiling of B is known.
+
+    Either that is too low, or the reference is black but for a few stray paths: most of the pixels that found light
+    found it in one half only. A reference that is wholly black is not noisy.
     """
     a, b = (half.any(axis=2) for half in (reference.indirect_a, reference.indirect_b))
-    return 2 * np.count_nonzero(a & b) < np.count_nonzero(a | b) or indirect_ceiling(reference) < CEILING_MIN
+    return 2 * np.count_nonzero(a & b) < np.count_nonzero(a | b) or ceiling < CEILING_MIN
 
 
 def exposure(light: np.ndarray, tone_scale: float) -> float:
@@ -259,7 +264,8 @@ def _evaluated(
     indirect = compare_indirect(image, truth, exposure(truth.indirect, baked.tone_scale))
     final = compare_frame(truth.lit(image), truth, exposure(truth.final, baked.tone_scale))
     leaked = None if around is None else leak(image, truth, around)
-    return ViewEvaluation(name, loss, indirect, final, mottle(image, truth), leaked, of_scene, noisy(truth))
+    hopeless = tells_nothing(truth, indirect.ssim_ceiling)
+    return ViewEvaluation(name, loss, indirect, final, mottle(image, truth), leaked, of_scene, hopeless)
 
 
 def _target(reference: Reference, tone_scale: float) -> Target:
