@@ -145,8 +145,9 @@ def _moved(surfaces: Surfaces, offset: np.ndarray) -> tuple[Surfaces, float]:
     position = np.concatenate([surfaces.position, corners.reshape(-1, 3).astype(np.float32)])
     triangle = surfaces.triangle.copy()
     triangle[moved] = len(surfaces.position) + np.arange(3 * len(moved), dtype=np.uint32).reshape(-1, 3)
-    there = replace(surfaces, position=position, triangle=triangle, plane=traced_planes(position, triangle))
-    return there, float(np.abs(offset).max())
+    plane = surfaces.plane.copy()
+    plane[moved] = traced_planes(position, triangle[moved])
+    return replace(surfaces, position=position, triangle=triangle, plane=plane), float(np.abs(offset).max())
 
 
 def _pairs(surfaces: "Surfaces | _Bare", step: np.ndarray, reach: np.ndarray) -> Iterator[tuple]:
