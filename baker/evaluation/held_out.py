@@ -33,7 +33,6 @@ SIZE = 128  # px, edge of a view
 # Paths per pixel, in two halves: whole ones, or such as end in known light. The latter have as little noise, in a tenth
 # of the time, and share what they read with the samples of the bake; `bias` compares them with whole ones.
 SAMPLES, GATHERED = 1024, 192
-BUMPY = 4 / 3  # times as many gathering ones where normal maps bend the light, as pixels gain less from what they share
 LOST_MAX = 1e-3  # of the picture, by bounces that known light lacks; if it lacks more, paths are whole
 SCENE_VIEWS = 4  # most of the scene's own cameras that are evaluated
 SEED = 1000  # from a bake's seed to those of the held-out views
@@ -104,9 +103,7 @@ def known_light(plan: "Plan", progress: Progress) -> KnownLight | None:
 
 def samples(plan: "Plan") -> int:
     """Paths per pixel of the references."""
-    if not gathers(plan):
-        return SAMPLES
-    return round(BUMPY * GATHERED) if plan.scene.bumpy else GATHERED
+    return GATHERED if gathers(plan) else SAMPLES
 
 
 def references(plan: "Plan", known: KnownLight | None, advance: Callable[..., None]) -> dict[str, Reference]:

@@ -23,7 +23,7 @@ def bent(indirect: np.ndarray, bend: np.ndarray, valid: np.ndarray) -> np.ndarra
     (H, W) count.
     """
     there = valid[:, :, None, None]
-    share = np.maximum(_mean(there), np.finfo(float).tiny)
+    share = np.maximum(_mean(there), 1 / WINDOW**2)  # at least one pixel, unless there is none
 
     def around(values: np.ndarray) -> np.ndarray:
         return _mean(np.where(there, values, 0)) / share
