@@ -33,9 +33,6 @@ SIZE = 128  # px, edge of a view
 # Paths per pixel, in two halves: whole ones, or such as end in known light. The latter have as little noise, in a tenth
 # of the time, and share what they read with the samples of the bake; `bias` compares them with whole ones.
 SAMPLES, GATHERED = 1024, 192
-# Times as many, whole ones or not, where normal maps bend the light: the denoiser averages over fewer pixels, and those
-# next to each other gain less from what they share.
-BUMPY, BUMPY_GATHERED = 2, 8 / 3
 LOST_MAX = 1e-3  # of the picture, by bounces that known light lacks; if it lacks more, paths are whole
 SCENE_VIEWS = 4  # most of the scene's own cameras that are evaluated
 SEED = 1000  # from a bake's seed to those of the held-out views
@@ -106,8 +103,7 @@ def known_light(plan: "Plan", progress: Progress) -> KnownLight | None:
 
 def samples(plan: "Plan") -> int:
     """Paths per pixel of the references."""
-    paths, bumpy = (GATHERED, BUMPY_GATHERED) if gathers(plan) else (SAMPLES, BUMPY)
-    return round(paths * bumpy) if plan.scene.bumpy else paths
+    return GATHERED if gathers(plan) else SAMPLES
 
 
 def references(plan: "Plan", known: KnownLight | None, advance: Callable[..., None]) -> dict[str, Reference]:
@@ -149,13 +145,18 @@ def points(plan: "Plan") -> int:
 
 
 def noisy(reference: Reference) -> bool:
-    """Whether a reference is too noisy to tell anything at its own exposure.
+    """Whether a reference is too noisy to tell anything at its own exposure."""
+    return tells_nothing(reference, indirect_ceiling(reference))
 
-    Either its ceiling is too low, or it is black but for a few stray paths: most of the pixels that found light found
-    it in one half only. A reference that is wholly black is not noisy.
+
+def tells_nothing(reference: Reference, ceiling: float) -> bool:
+    """The same of a reference whose ceiling of B is known.
+
+    Either that is too low, or the reference is black but for a few stray paths: most of the pixels that found light
+    found it in one half only. A reference that is wholly black is not noisy.
     """
     a, b = (half.any(axis=2) for half in (reference.indirect_a, reference.indirect_b))
-    return 2 * np.count_nonzero(a & b) < np.count_nonzero(a | b) or indirect_ceiling(reference) < CEILING_MIN
+    return 2 * np.count_nonzero(a & b) < np.count_nonzero(a | b) or ceiling < CEILING_MIN
 
 
 def exposure(light: np.ndarray, tone_scale: float) -> float:
@@ -259,7 +260,8 @@ def _evaluated(
     indirect = compare_indirect(image, truth, exposure(truth.indirect, baked.tone_scale))
     final = compare_frame(truth.lit(image), truth, exposure(truth.final, baked.tone_scale))
     leaked = None if around is None else leak(image, truth, around)
-    return ViewEvaluation(name, loss, indirect, final, mottle(image, truth), leaked, of_scene, noisy(truth))
+    hopeless = tells_nothing(truth, indirect.ssim_ceiling)
+    return ViewEvaluation(name, loss, indirect, final, mottle(image, truth), leaked, of_scene, hopeless)
 
 
 def _target(reference: Reference, tone_scale: float) -> Target:

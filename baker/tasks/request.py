@@ -9,6 +9,7 @@ from gsgi.baker.cache.store import Cache
 from gsgi.baker.plan import Plan, make_plan
 from gsgi.baker.progress import Progress
 from gsgi.baker.settings import Settings
+from gsgi.baker.trace.device import device
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.errors import SceneError
 from gsgi.runtime.scene import Scene
@@ -40,9 +41,9 @@ class Request:
 
     @cached_property
     def digest(self) -> str:
-        """Digest of all that the tasks and their results depend on, the code among it."""
+        """Digest of all that the tasks and their results depend on, the code and the device among it."""
         asked = self.scene.cameras, self.scene.groups, self.settings, self.path, self.evaluate
-        return digest({"code": code(), "scene": scene_digest(self.scene), "asked": asked})
+        return digest({"code": code(), "device": device(), "scene": scene_digest(self.scene), "asked": asked})
 
 
 def code() -> str:

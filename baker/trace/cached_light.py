@@ -4,7 +4,7 @@ import numpy as np
 
 from .connections import Connections
 from .irradiance_cache import AWAY, COORDINATE_BITS, UNKNOWN, IrradianceCache, hashed_cell
-from .mitsuba_scene import load_mitsuba
+from .mitsuba_scene import load_mitsuba, on_device
 
 mi = load_mitsuba()
 
@@ -15,8 +15,9 @@ class CachedLight:
     """An irradiance cache on the device, and the lit `places` that go with it, or None."""
 
     def __init__(self, cache: IrradianceCache):
-        self._start, self._low, self._high = (mi.UInt32(a) for a in (cache.start, _some(cache.low), _some(cache.high)))
-        self._light = mi.Float(_some(cache.light).ravel())
+        cells = cache.start, _some(cache.low), _some(cache.high)
+        self._start, self._low, self._high = (on_device(mi.UInt32, array) for array in cells)
+        self._light = on_device(mi.Float, _some(cache.light))
         self.places = Connections(cache.lit) if len(cache.lit) else None
         self._levels = cache.levels
         self._mask = dr.opaque(mi.UInt32, len(cache.start) - 2)

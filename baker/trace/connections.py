@@ -5,7 +5,7 @@ import numpy as np
 from .light_cells import LightCells
 from .light_choice import FoundCell, chosen, found_leaf, rows_below
 from .lit_places import LitPlaces
-from .mitsuba_scene import load_mitsuba
+from .mitsuba_scene import load_mitsuba, on_device
 from .rays import transmitted, unoccluded
 
 mi = load_mitsuba()
@@ -21,8 +21,9 @@ class Connections:
         self._leaves, self._clusters = density.shape[1], lit.likely.shape[1]
         self._each, self._wide = len(lit) // self._clusters, density.size // self._clusters
         nodes = np.stack([lit.split, lit.axis.astype(np.float32)], axis=2)
-        self._node, self._density = mi.Float(nodes.ravel() if nodes.size else [0, 0]), mi.Float(density.ravel())
-        self._place, self._likely = mi.Float(lit.place.ravel()), rows_below(lit.likely)
+        self._node = on_device(mi.Float, nodes if nodes.size else [0, 0])
+        self._density, self._place = on_device(mi.Float, density), on_device(mi.Float, lit.place)
+        self._likely = rows_below(lit.likely)
         self._cells = FoundCell(LightCells(lit.cell_axis, lit.cell_split))
 
     def cell(self, p, n, active):

@@ -5,7 +5,7 @@ import numpy as np
 from gsgi.runtime.scene import Scene
 
 from .light_choice import LightChoice
-from .mitsuba_scene import load_mitsuba
+from .mitsuba_scene import load_mitsuba, on_device
 from .surface_tables import Surfaces
 
 mi = load_mitsuba()
@@ -34,14 +34,14 @@ class Emitters:
         rows = np.zeros((self.count, 12), np.float32)
         rows[:, :3], rows[:, 4:7], rows[:, 8:11] = corners[:, 0], edges[:, 0], edges[:, 1]
         rows[:, 3], rows[:, 7] = lit.astype(np.uint32).view(np.float32), 1 / area
-        self.corners = mi.Float(rows.ravel())
+        self.corners = on_device(mi.Float, rows)
         # Index of each triangle of the scene among the emissive ones, and its probability density (1/m^2) in its own
         # cluster: 0 if it does not emit.
         number = np.zeros(len(surfaces.triangle), np.uint32)
         number[lit] = np.arange(self.count)
         within = np.zeros(len(surfaces.triangle), np.float32)
         within[lit] = self.choice.within() / area
-        self._number, self._within = mi.UInt32(number), mi.Float(within)
+        self._number, self._within = on_device(mi.UInt32, number), on_device(mi.Float, within)
 
     def sample(self, index, v):
         """A point on emissive triangle `index` from `v` Point2f in [0, 1): (Point3f, prim, b, density in 1/m^2)."""

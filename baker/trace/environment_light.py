@@ -4,7 +4,7 @@ import numpy as np
 
 from gsgi.runtime.scene import Environment
 
-from .mitsuba_scene import load_mitsuba
+from .mitsuba_scene import load_mitsuba, on_device
 
 mi = load_mitsuba()
 
@@ -17,7 +17,7 @@ class EnvironmentLight:
     def __init__(self, environment: Environment):
         self.height, self.width = environment.radiance.shape[:2]
         self.samples_light = not environment.even
-        self.radiance = mi.Float(environment.radiance.astype(np.float32).ravel())
+        self.radiance = on_device(mi.Float, environment.radiance)
         self.cos, self.sin = float(np.cos(environment.rotation)), float(np.sin(environment.rotation))
         if self.samples_light:
             edges = np.cos(np.linspace(0, np.pi, self.height + 1))
@@ -25,8 +25,8 @@ class EnvironmentLight:
             weight = environment.radiance.mean(axis=2, dtype=np.float64) * solid_angle[:, None]
             weight /= weight.sum()
             self.distribution = mi.DiscreteDistribution2D(weight.astype(np.float32))
-            self.density = mi.Float((weight / solid_angle[:, None]).astype(np.float32).ravel())
-            self.edges = mi.Float(edges.astype(np.float32))
+            self.density = on_device(mi.Float, weight / solid_angle[:, None])
+            self.edges = on_device(mi.Float, edges)
 
     def eval(self, direction, active):
         """Radiance (Color3f) from unit `direction`, and the density (1/sr) of `sample` there, 0 if it is not used."""

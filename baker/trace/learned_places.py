@@ -12,7 +12,7 @@ from .connections import arriving
 from .learned_lights import likely
 from .light_cells import LightCells
 from .lit_places import ASKED, CLUSTERS, LIGHTS_MOST, PLACES, LitPlaces, corners, tree, tree_depth
-from .mitsuba_scene import load_mitsuba
+from .mitsuba_scene import load_mitsuba, on_device
 from .paths import LIGHT, is_unlit, punctual_light
 from .random_numbers import DIRECTION, Draws, hashed
 from .rays import closest_blocking, lifted_hit, lifted_point, side
@@ -76,7 +76,7 @@ def _likely(tracer, lit: LitPlaces, cells: LightCells, position, normal, rng: np
     clusters = lit.likely.shape[1]
     each = len(lit) // clusters
     index = np.arange(clusters) * each + rng.integers(each, size=(len(position), clusters))
-    kernel = partial(_brought, places=mi.Float(lit.place.ravel()))
+    kernel = partial(_brought, places=on_device(mi.Float, lit.place))
     brought = tracer.launched(kernel, position, normal, index.astype(np.uint32))["mean"]
     share = np.full(clusters, 1 / clusters)
     cell = cells.find(position, normal)
@@ -139,7 +139,7 @@ def _brought(tracer, position, normal, index, places) -> dict[str, np.ndarray]:
     active = dr.squared_norm(n) > 0
     p = lifted_point(tracer, mi.Point3f(position.T), n, active)
     mean = dr.zeros(mi.Float, index.size)
-    _connected(tracer, places, mi.UInt32(index.ravel()), dr.opaque(mi.UInt32, index.shape[1]), p, n, active, mean)
+    _connected(tracer, places, on_device(mi.UInt32, index), dr.opaque(mi.UInt32, index.shape[1]), p, n, active, mean)
     return {"mean": np.array(mean).reshape(index.shape)}
 
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from .light_cells import LightCells
 from .light_clusters import clusters
-from .mitsuba_scene import load_mitsuba
+from .mitsuba_scene import load_mitsuba, on_device
 
 mi = load_mitsuba()
 
@@ -18,7 +18,7 @@ class FoundCell:
 
     def __init__(self, cells: LightCells):
         self._depth = cells.depth
-        self._node = mi.Float(np.stack([cells.split, cells.axis.astype(np.float32)], axis=1).ravel())
+        self._node = on_device(mi.Float, np.stack([cells.split, cells.axis], axis=1))
 
     def find(self, p, n, active):
         """The cell of points with unit normals."""
@@ -44,8 +44,9 @@ class LightChoice:
         end = np.cumsum(size)
         below = np.cumsum(within[order])
         below -= np.repeat(np.concatenate([[0], below[end[:-1] - 1]]), size)
-        self._end, self._order, self._below = mi.UInt32(np.append(0, end)), mi.UInt32(order), mi.Float(below)
-        self._cluster, self._within = mi.UInt32(self.cluster), mi.Float(within)
+        ends = np.append(0, end)
+        self._end, self._order, self._cluster = (on_device(mi.UInt32, a) for a in (ends, order, self.cluster))
+        self._below, self._within = on_device(mi.Float, below), on_device(mi.Float, within)
         self.learn(self.share[None])
 
     def learn(self, likely: np.ndarray) -> None:
@@ -103,7 +104,7 @@ def rows_below(likely: np.ndarray) -> "mi.Float":
     below = np.zeros((len(likely), likely.shape[1] + 1), np.float32)
     below[:, 1:] = np.minimum(np.cumsum(likely, axis=1), 1)
     below[:, -1] = 1
-    return mi.Float(below.ravel())
+    return on_device(mi.Float, below)
 
 
 def chosen(below, u, rest, row, count: int):

@@ -11,6 +11,8 @@ from gsgi.baker.interrupts import uninterrupted
 from . import llvm
 from .device import VARIANTS, device
 
+ALIGNMENT = 128  # bytes; that of Dr.Jit's own arrays is no wider
+
 
 def load_mitsuba():
     """The mitsuba module with the variant of our `device` set. The first call takes about a second."""
@@ -48,6 +50,20 @@ def _import_drjit_in_silence() -> None:
     finally:
         os.dup2(stderr, 2)
         os.close(stderr)
+
+
+def on_device(kind: type, values: np.ndarray):
+    """The numbers of an array as a flat array of Dr.Jit's type `kind`, float32 or uint32.
+
+    A CPU reads arrays of NumPy where they are, and a kernel is compiled for how they are aligned. That would differ
+    from run to run, and no kernel on disk would be found again: so all have the same alignment.
+    """
+    values = np.asarray(values, np.uint32 if kind is load_mitsuba().UInt32 else np.float32).ravel()
+    room = np.empty(values.nbytes + ALIGNMENT, np.uint8)
+    start = -room.ctypes.data % ALIGNMENT
+    aligned = room[start : start + values.nbytes].view(values.dtype)
+    aligned[:] = values
+    return kind(aligned)
 
 
 def build(

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from . import duplicates
-from .mitsuba_scene import build, load_mitsuba
+from .mitsuba_scene import build, load_mitsuba, on_device
 from .planes import ROUNDING, traced_planes
 from .surface_tables import Surfaces, face_normals
 
@@ -145,8 +145,9 @@ def _moved(surfaces: Surfaces, offset: np.ndarray) -> tuple[Surfaces, float]:
     position = np.concatenate([surfaces.position, corners.reshape(-1, 3).astype(np.float32)])
     triangle = surfaces.triangle.copy()
     triangle[moved] = len(surfaces.position) + np.arange(3 * len(moved), dtype=np.uint32).reshape(-1, 3)
-    there = replace(surfaces, position=position, triangle=triangle, plane=traced_planes(position, triangle))
-    return there, float(np.abs(offset).max())
+    plane = surfaces.plane.copy()
+    plane[moved] = traced_planes(position, triangle[moved])
+    return replace(surfaces, position=position, triangle=triangle, plane=plane), float(np.abs(offset).max())
 
 
 def _pairs(surfaces: "Surfaces | _Bare", step: np.ndarray, reach: np.ndarray) -> Iterator[tuple]:
@@ -174,7 +175,7 @@ def _pairs(surfaces: "Surfaces | _Bare", step: np.ndarray, reach: np.ndarray) ->
             ray = mi.Ray3f(
                 mi.Point3f((point + away * reach[at, None]).T),
                 mi.Vector3f(-away.T),
-                mi.Float(2 * reach[at]),
+                on_device(mi.Float, 2 * reach[at]),
                 0.0,
                 mi.Color0f(),
             )

@@ -9,7 +9,7 @@ import numpy as np
 
 from gsgi.runtime.instance import handedness, normal_matrix
 
-from .mitsuba_scene import build, load_mitsuba
+from .mitsuba_scene import build, load_mitsuba, on_device
 from .surface_tables import Placed, Surfaces
 
 mi = load_mitsuba()
@@ -95,19 +95,18 @@ class Places:
         scales = np.stack([[abs(np.linalg.det(m[:3, :3])) for m in matrices], [0, *placed.off]], axis=1)
         largest = max(np.linalg.svd(m[:3, :3], compute_uv=False).max() for m in matrices)
         self._off = float(largest), float(placed.off.max())
-        self._normals, self._directions, self._scales = (
-            mi.Float(np.array(table, np.float32).ravel()) for table in (normals, directions, scales)
-        )
+        tables = normals, directions, scales
+        self._normals, self._directions, self._scales = (on_device(mi.Float, table) for table in tables)
         self._bits = dr.opaque(mi.UInt32, placed.bits)
         self._mask = dr.opaque(mi.UInt32, (1 << placed.bits) - 1)
         rows = [np.concatenate([[self._first[kind]], placed.rows[placed.group, kind]]) for kind in range(3)]
-        self._rows = [mi.UInt32(kind.astype(np.uint32)) for kind in rows]
+        self._rows = [on_device(mi.UInt32, kind) for kind in rows]
         # The registry of Dr.Jit numbers the instances of all trees, with 0 for none.
         shapes = [shape for tree in self.trees if tree is not None for shape in tree.shapes()]
         known = {int(dr.reinterpret_array(mi.UInt32, mi.ShapePtr(s))[0]): s.id() for s in shapes if s.id().isdecimal()}
         numbers = np.zeros(max(known) + 1, np.uint32)
         numbers[list(known)] = [int(number) for number in known.values()]
-        self._numbers = mi.UInt32(numbers)
+        self._numbers = on_device(mi.UInt32, numbers)
 
 
 def _parts(surfaces: Surfaces, placed: Placed | None, kind: int) -> list[tuple[np.ndarray, dict[int, np.ndarray]]]:

@@ -7,7 +7,7 @@ import numpy as np
 from gsgi.runtime import constants
 from gsgi.runtime.scene import Light
 
-from .mitsuba_scene import load_mitsuba
+from .mitsuba_scene import load_mitsuba, on_device
 
 _KINDS = {"point": 0, "spot": 1, "directional": 2}
 
@@ -26,19 +26,23 @@ class PunctualLights:
         self.kinds = {light.kind for light in lights}
         if not lights:
             return
-        columns = {name: np.array([getattr(light, name) for light in lights], np.float32).T for name in (
-            "position", "direction", "color", "range", "cos_inner", "cos_outer")}  # fmt: skip
-        self.kind = mi.UInt32([_KINDS[light.kind] for light in lights])
-        self.position = mi.Point3f(columns["position"])
-        self.direction = mi.Vector3f(columns["direction"])
-        self.color = mi.Color3f(columns["color"])
-        self.range = mi.Float(columns["range"])
-        self.cos_inner = mi.Float(columns["cos_inner"])
-        self.cos_outer = mi.Float(columns["cos_outer"])
+
+        def columns(name: str) -> np.ndarray:
+            return np.array([getattr(light, name) for light in lights], np.float32).T
+
+        def vectors(kind: type, name: str):
+            return kind(*(on_device(mi.Float, column) for column in columns(name)))
+
+        self.kind = on_device(mi.UInt32, [_KINDS[light.kind] for light in lights])
+        self.position, self.direction = vectors(mi.Point3f, "position"), vectors(mi.Vector3f, "direction")
+        self.color = vectors(mi.Color3f, "color")
+        self.range, self.cos_inner, self.cos_outer = (
+            on_device(mi.Float, columns(name)) for name in ("range", "cos_inner", "cos_outer")
+        )
         diagonal = float(np.linalg.norm(high - low))
         self._middle, self._radius = mi.Point3f((low + high).astype(np.float64) / 2), diagonal / 2
         somewhere = np.array([light.kind != "directional" for light in lights])
-        place = np.where(somewhere[:, None], columns["position"].T, np.inf)
+        place = np.where(somewhere[:, None], columns("position").T, np.inf)
         self.choice = LightChoice(_probabilities(lights, diagonal), place, np.zeros(len(lights)))
 
     def leave(self, index, at):

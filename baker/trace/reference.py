@@ -59,7 +59,8 @@ class Reference:
     def _denoised(self, indirect: np.ndarray) -> np.ndarray:
         if not denoise.available():
             return indirect
-        return denoise.denoise(indirect, self.surface.shading_normal, self.valid)
+        normal = self.surface.normal
+        return denoise.denoise(indirect, normal, self.valid, self.surface.shading_normal - normal)
 
 
 def primary(tracer: Tracer, surface: Surface) -> np.ndarray:

@@ -7,7 +7,7 @@ et al. 2024, "Filtering after shading with stochastic texture filtering") and su
 
 import numpy as np
 
-from .mitsuba_scene import load_mitsuba
+from .mitsuba_scene import load_mitsuba, on_device
 from .places import Places
 from .surface_tables import NEAREST, NO_TEXTURE, UV_SHIFT, WRAP, Surfaces
 
@@ -34,10 +34,10 @@ class Shading:
 
     def __init__(self, surfaces: Surfaces, moved: float, places: Places):
         def floats(array):
-            return mi.Float(array.ravel())
+            return on_device(mi.Float, array)
 
         def words(array):
-            return mi.UInt32(array.ravel())
+            return on_device(mi.UInt32, array)
 
         self.places = places
         self.face, self.albedo_table = floats(surfaces.face), floats(surfaces.albedo)
@@ -56,7 +56,7 @@ class Shading:
         self.color = floats(surfaces.color) if self.colored else None
         self.slots = {name: words(table) for name, table in surfaces.slots.items()}
         self.texels = words(surfaces.texels)
-        self.linear = mi.Float(_srgb_table())
+        self.linear = floats(_srgb_table())
         self.metallic = "metallic_texture" in self.slots or bool((surfaces.albedo[:, 3] > 0).any())
         self.double_sided = bool((surfaces.surface[:, 2] > 0).any())
 

@@ -108,8 +108,7 @@ class Importance:
             found += len(points)
             if found >= count:
                 break
-        fields = (np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0]))
-        return SurfacePoints(*fields)[np.arange(min(found, count))]
+        return SurfacePoints.joined(parts)[np.arange(min(found, count))]
 
     def _look_from(self, eyes: np.ndarray, given: list[Camera], rng: np.random.Generator) -> None:
         """Look from `eyes` (E, 3) and from the given cameras, with the shares that fit them."""

@@ -14,7 +14,7 @@ from .free_space import FreeSpace
 from .importance import POINTS, Importance, ImportanceField
 from .selection import ViewSelection, poses
 from .surface_points import Triangles
-from .viewpoints import Viewpoints, visible
+from .viewpoints import Viewpoints
 from .visibility import VIEWS, Lens, Sides, sides, texels
 
 YFOV = 1.2  # rad; wide enough to see a room's corner from its middle, narrow enough to keep texels even
@@ -24,9 +24,10 @@ FEWEST, MOST = 320, 1024  # cameras, if their number is left open
 HELD_OUT, SPARE = 6, 18  # held-out cameras, and spare ones to replace those that turn out to see no light
 OUTSIDE_SHARE, OUTSIDE_FEWEST = 8, 4  # one view from outside per OUTSIDE_SHARE others, but at least OUTSIDE_FEWEST
 
-# Numbers of surface points that represent the surface while cameras are selected, one per round. The rounds end when
-# the goal is also reached on the validation samples, which are other points, used to measure the selection.
-SAMPLES = 4096, 8192, 16384
+# Numbers of surface points that are drawn while cameras are selected, one per round. Those of the first represent the
+# surface; of the others only those are added that too few of the cameras so far see. The rounds end when the goal is
+# also reached on the validation samples, which are other points, used to measure the selection.
+SAMPLES = 4096, 16384, 32768
 VALIDATION_SAMPLES = 4096
 # The aims of each round, one after another: the number of views that must see a sample, and the share of such samples.
 AIMS = (VIEWS, 0.993), (VIEWS, 1.0), (VIEWS + 1, 0.98)
@@ -108,14 +109,19 @@ def place(
 
     fewest, most = (max(n - len(own), 0) for n in ((FEWEST, MOST) if count is None else (count, count)))
     chosen: list[tuple[int, int]] = []
+    represent = 0  # samples that represent the surface
     for number in SAMPLES:
         samples = seen_sides(number)
+        represent = represent or len(samples)
+        if chosen:
+            times = _times_seen(triangles, own + cameras(chosen), samples, viewpoints.lens)
+            samples = samples[times < VIEWS]
         before = len(viewpoints.position)
-        lines = viewpoints.look_at(samples)
+        viewpoints.look_at(samples)
         meter.look_from(viewpoints.position[before:])
-        seen = _times_seen(triangles, own, samples, viewpoints.lens)
-        selection = ViewSelection(lines, ~viewpoints.kept, seen, viewpoints.lens, chosen)
-        if covered(most, visible(lines, samples) | (seen > 0)):
+        seen = _times_seen(triangles, own, viewpoints.samples, viewpoints.lens)
+        selection = ViewSelection(viewpoints.lines, ~viewpoints.kept, seen, viewpoints.lens, chosen)
+        if covered(most, viewpoints.visible | (seen > 0)):
             break
         chosen = selection.chosen
     choose(fewest, VIEWS, ENOUGH_WORTH)
@@ -129,7 +135,8 @@ def place(
     fitted = given | _named(chosen + outside[1:], given)
     apart = viewpoints.kept & (_distance(viewpoints.position, fitted) >= free.clearance)
     inside = HELD_OUT - len(outside[:1])
-    held_out = cameras(selection.held_out(inside + SPARE, apart if apart.any() else viewpoints.kept))
+    allowed = apart if apart.any() else viewpoints.kept
+    held_out = cameras(selection.held_out(inside + SPARE, allowed, represent))
     held_out = held_out[:inside] + outside[:1] + held_out[inside:]
     times = seen_by(triangles, list(fitted.values()), looked_at)
     field = replace(field, views=times.astype(np.float32))

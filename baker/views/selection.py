@@ -68,9 +68,13 @@ class ViewSelection:
                 return
             self._take(*view)
 
-    def held_out(self, number: int, allowed: np.ndarray) -> list[tuple[int, int]]:
-        """At most `number` views from `allowed` (E,) bool viewpoints, of different parts of what the chosen see."""
+    def held_out(self, number: int, allowed: np.ndarray, counting: int) -> list[tuple[int, int]]:
+        """At most `number` views from `allowed` (E,) bool viewpoints, of different parts of what the chosen see.
+
+        Only the first so many sides are counted.
+        """
         worth = np.minimum(self.count, VIEWS).astype(float)
+        worth[counting:] = 0
         views = []
         for _ in range(min(number, int(allowed.sum()))):
             bound = np.where(allowed, np.inf, -1.0)

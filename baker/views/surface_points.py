@@ -1,6 +1,7 @@
 """Points spread evenly over a scene's surfaces, and ray casting against its triangles (both by Open3D)."""
 
 import functools
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -42,6 +43,12 @@ class SurfacePoints:
     def __getitem__(self, index: np.ndarray) -> "SurfacePoints":
         """The points at `index`: a mask (N,) bool or positions (M,) int."""
         return SurfacePoints(self.position[index], self.normal[index], self.double_sided[index], self.material[index])
+
+    @staticmethod
+    def joined(parts: Sequence["SurfacePoints"]) -> "SurfacePoints":
+        """All points of several parts, in order."""
+        fields = ([vars(part)[name] for part in parts] for name in vars(parts[0]))
+        return SurfacePoints(*map(np.concatenate, fields))
 
 
 class Hits(NamedTuple):

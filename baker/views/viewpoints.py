@@ -20,7 +20,13 @@ ATTAINABLE = 0.995
 
 
 class Viewpoints:
-    """Viewpoints at `position` (E, 3) float64, m. The first `look_at` sets the texel limit of `lens` if it is None."""
+    """Viewpoints at `position` (E, 3) float64, m, and the sight `lines` from all of them to all `samples` so far.
+
+    The first `look_at` sets the texel limit of `lens` if it is None.
+    """
+
+    samples: Sides
+    lines: SightLines
 
     def __init__(self, triangles: Triangles, free: FreeSpace, lens: Lens, rng: np.random.Generator):
         self.position = np.zeros((0, 3))
@@ -34,8 +40,8 @@ class Viewpoints:
         """Which viewpoints (E,) bool are reserved for held-out views."""
         return np.arange(len(self.position)) % KEPT == KEPT - 1
 
-    def look_at(self, samples: Sides) -> SightLines:
-        """Sight lines from the viewpoints to samples, after drawing viewpoints for samples that few viewpoints see.
+    def look_at(self, samples: Sides) -> None:
+        """Add samples, and draw viewpoints for all samples so far that few viewpoints see.
 
         The first viewpoints are drawn in front of random samples. The next draw also serves samples that are unseen,
         which may be in a separate room; later draws serve only visible samples that few viewpoints see well. Samples
@@ -45,31 +51,38 @@ class Viewpoints:
             index = self._rng.integers(len(samples), size=TRIES * VIEWPOINTS)
             reach = self._triangles.diagonal
             self.position = self._free.draw(samples.points[index], reach, self._rng, VIEWPOINTS, must=True)
-        lines = sight_lines(self._triangles, self.position, samples.points, samples.extent)
+            self.samples, self.lines = samples, self._lines(self.position, samples)
+        else:
+            lines = self._lines(self.position, samples)
+            self.lines = self.lines.joined(lines._replace(side=lines.side + np.int32(len(self.samples))))
+            self.samples = self.samples.joined(samples)
         limit = self.lens.limit or np.sqrt(VIEWS / IDEAL_VIEWS) / self.lens.size
         for again in range(DRAWS):
-            well = np.bincount(lines.side[lines.footprint * self.lens.pixel <= limit], minlength=len(samples))
-            few = np.flatnonzero((well < FEW) & visible(lines, samples) if again else well < FEW)
+            near = self.lines.footprint * self.lens.pixel <= limit
+            few = np.bincount(self.lines.side[near], minlength=len(self.samples)) < FEW
+            few = np.flatnonzero(few & self.visible if again else few)
             if len(few):
-                lines = lines.joined(self._draw(samples, few, limit / self.lens.pixel))
+                self._draw(few, limit / self.lens.pixel)
         if self.lens.limit is None:
-            self.lens = self.lens._replace(limit=max(limit, _attainable(lines, samples) * self.lens.pixel))
-        return lines
+            attainable = _attainable(self.lines, self.samples) * self.lens.pixel
+            self.lens = self.lens._replace(limit=max(limit, attainable))
 
-    def _draw(self, samples: Sides, few: np.ndarray, reach: float) -> SightLines:
-        """Add viewpoints within `reach` extents of the samples `few` (indices); return their sight lines to all."""
-        before = len(self.position)
+    def _lines(self, position: np.ndarray, samples: Sides) -> SightLines:
+        return sight_lines(self._triangles, position, samples.points, samples.extent)
+
+    def _draw(self, few: np.ndarray, reach: float) -> None:
+        """Add viewpoints within `reach` extents of the samples `few` (indices)."""
         index = self._rng.choice(few, TRIES * MORE_VIEWPOINTS)
-        reach = np.minimum(reach * samples.extent[index], self._triangles.diagonal)
-        more = self._free.draw(samples.points[index], reach, self._rng, MORE_VIEWPOINTS)
+        reach = np.minimum(reach * self.samples.extent[index], self._triangles.diagonal)
+        more = self._free.draw(self.samples.points[index], reach, self._rng, MORE_VIEWPOINTS)
+        lines = self._lines(more, self.samples)
+        self.lines = self.lines.joined(lines._replace(viewpoint=lines.viewpoint + np.int32(len(self.position))))
         self.position = np.concatenate([self.position, more])
-        lines = sight_lines(self._triangles, more, samples.points, samples.extent)
-        return lines._replace(viewpoint=lines.viewpoint + np.int32(before))
 
-
-def visible(lines: SightLines, sampled: Sides) -> np.ndarray:
-    """Which sides (S,) bool free space sees: from at least VIEWS viewpoints, as that many views must see each side."""
-    return np.bincount(lines.side, minlength=len(sampled)) >= VIEWS
+    @property
+    def visible(self) -> np.ndarray:
+        """Which samples (S,) bool free space sees: from VIEWS viewpoints, as that many views must see each."""
+        return np.bincount(self.lines.side, minlength=len(self.samples)) >= VIEWS
 
 
 def _attainable(lines: SightLines, sampled: Sides) -> float:

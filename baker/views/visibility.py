@@ -35,6 +35,16 @@ class Sides:
     def __len__(self) -> int:
         return len(self.point)
 
+    def joined(self, other: "Sides") -> "Sides":
+        """These sides followed by others, of other points."""
+        points = SurfacePoints.joined([self.points, other.points])
+        first = self.point.max(initial=-1) + 1
+        return Sides(points, np.append(self.point, first + other.point), np.append(self.extent, other.extent))
+
+    def __getitem__(self, index: np.ndarray) -> "Sides":
+        """The sides at `index`: a mask (S,) bool or positions (M,) int."""
+        return Sides(self.points[index], self.point[index], self.extent[index])
+
 
 class SightLines(NamedTuple):
     """Unobstructed sight lines from viewpoints to surface sides, ordered by viewpoint.
@@ -49,8 +59,10 @@ class SightLines(NamedTuple):
     footprint: np.ndarray
 
     def joined(self, other: "SightLines") -> "SightLines":
-        """These lines followed by those of viewpoints with higher indices."""
-        return SightLines(*(np.concatenate(fields) for fields in zip(self, other, strict=True)))
+        """These lines and others, those of each viewpoint before the others'."""
+        both = SightLines(*map(np.concatenate, zip(self, other, strict=True)))
+        order = np.argsort(both.viewpoint, kind="stable")
+        return SightLines(*(column[order] for column in both))
 
 
 class Lens(NamedTuple):

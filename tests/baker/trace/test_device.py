@@ -10,6 +10,8 @@ import scenes
 from repository import ROOT
 
 from gsgi.baker.cache.store import MemoryCache
+from gsgi.baker.settings import Settings
+from gsgi.baker.tasks.request import Request
 from gsgi.baker.trace import device
 from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.baker.trace.planes import planes, traced_planes
@@ -60,6 +62,14 @@ def test_one_process_traces_on_one_device(monkeypatch):
     with pytest.raises(UsageError, match="llvm_ad_rgb"):
         device.choose("cuda")
     assert device.choose("cpu") == "cpu"
+
+
+def test_what_one_device_has_finished_is_not_what_is_asked_of_another(monkeypatch):
+    digests = []
+    for name in ("cpu", "cuda", "cpu"):
+        monkeypatch.setattr(device, "_chosen", name)
+        digests.append(Request(scenes.furnace(0.5), Settings()).digest)
+    assert digests[0] == digests[2] != digests[1]
 
 
 @pytest.mark.parametrize(
