@@ -62,14 +62,24 @@ class SeenSurface:
         around.digest = digest({"inside": self.digest, "outside": OUTSIDE_SHARE})
         return around
 
-    def shares(self, contrast: Contrast | None = None) -> np.ndarray:
-        """How many of the points that are drawn lie behind each pixel (P,): more where the light has `contrast`."""
+    def shares(self, contrast: Contrast | None = None, before: np.ndarray | None = None) -> np.ndarray:
+        """How many of the points that are drawn lie behind each pixel (P,): more where the light has `contrast`.
+
+        That is what is left between neighbours among points that were drawn by the shares `before` (P,) of the surfaces
+        `around`: where those were denser already, these are denser by both factors. So each round comes closer to light
+        that varies over a hand's breadth in a hall.
+        """
         seen = self._pixels
         inside, outside = seen.inside * seen.share, ~seen.inside * seen.share
         if self._outside and inside.any() and outside.any():
             inside *= (1 - self._outside) / inside.sum()
             inside += outside * self._outside / outside.sum()
-        varied = inside * contrast.around(seen.position, seen.normal) if contrast else inside
+        if contrast is None:
+            return inside
+        varied = inside * contrast.around(seen.position, seen.normal)
+        if before is not None:
+            even = self.around.shares()
+            varied *= np.divide(before, even, out=np.zeros_like(before), where=even > 0)
         if not varied.any():
             return inside
         return (1 - CONTRAST_SHARE) * inside + CONTRAST_SHARE * varied / varied.sum()

@@ -18,7 +18,7 @@ from .visibility import sight_lines
 
 EYES = 768  # places in free space from which people look
 STARTS = 8  # surface points tried per eye, because many places are not free
-ROUNDS = 2  # how often eyes are placed again, in front of what the eyes before see
+ROUNDS = 2  # how often half of the eyes are placed again, in front of what the eyes before see
 WITNESSES = 1024  # surface points that tell which eyes see the same
 
 GIVEN_SHARE = 0.25  # of all looks, from the given cameras into their pictures
@@ -80,19 +80,22 @@ class Importance:
     """How much of what people see each surface is.
 
     Eyes are in free space, look in all directions, and the share of each falls with the number of others that see the
-    same, so that spaces out of each other's sight count alike: a closed room as much as the street before it. Given
-    cameras look at what is in their pictures, pixel by pixel.
+    same, so that spaces out of each other's sight count alike: a closed room as much as the street before it. Half of
+    them are in front of things of each size alike, and each power of ten of the distance is as likely, since people go
+    and look at what is on a desk in a hall. The others are in front of what eyes see. Given cameras look at what is in
+    their pictures, pixel by pixel.
     """
 
     def __init__(self, triangles: Triangles, free: FreeSpace, given: list[Camera], rng: np.random.Generator):
         self._triangles = triangles
         starts = triangles.draw_by_size(STARTS * EYES, rng)[rng.permutation(STARTS * EYES)]
-        eyes = free.draw(starts, triangles.diagonal, rng, EYES, must=True)
-        self._look_from(eyes, given, rng)
+        reach = free.clearance * (triangles.diagonal / free.clearance) ** rng.random(len(starts))
+        at_things = free.draw(starts, reach, rng, EYES, must=True)
+        self._look_from(at_things, given, rng)
         for _ in range(ROUNDS):
-            eyes = free.draw(self.draw(STARTS * EYES, rng), triangles.diagonal, rng, EYES)
+            eyes = free.draw(self.draw(STARTS * EYES, rng), triangles.diagonal, rng, EYES // 2)
             if len(eyes):
-                self._look_from(eyes, given, rng)
+                self._look_from(np.concatenate([at_things[: EYES // 2], eyes]), given, rng)
 
     def draw(self, count: int, rng: np.random.Generator) -> SurfacePoints:
         """`count` random points that people see, with normals on the side that is seen; none if they see no surface."""

@@ -59,3 +59,19 @@ def test_samples_are_denser_where_light_varies(tmp_path):
     assert denser.mean() == pytest.approx((1 - CONTRAST_SHARE) * right.mean() + CONTRAST_SHARE, abs=0.02)
     nowhere = Contrast(everywhere[0], everywhere[1], np.zeros(COUNT, np.float32))
     np.testing.assert_array_equal(seen.shares(nowhere), even)
+
+
+def test_each_round_is_denser_where_the_one_before_was(tmp_path):
+    seen = SeenSurface(CachedTracer(scenes.furnace(), Cache(tmp_path)), [scenes.inside_camera()])
+    even = seen.shares()
+    points = seen.surface(COUNT, np.random.default_rng(3), even)
+    right = points[0][:, 0] > 0
+    everywhere = Contrast(points[0], points[1], np.ones(COUNT, np.float32))
+    once = seen.shares(Contrast(points[0], points[1], right.astype(np.float32)))
+    twice = seen.shares(everywhere, once)
+    share = [seen.surface(COUNT, np.random.default_rng(3), each)[0][:, 0] > 0 for each in (even, once, twice)]
+    before, after = share[0].mean(), share[1].mean()
+    times = after / before
+    grown = before * times / (before * times + (1 - before) * (1 - after) / (1 - before))
+    assert share[2].mean() == pytest.approx((1 - CONTRAST_SHARE) * before + CONTRAST_SHARE * grown, abs=0.02)
+    np.testing.assert_allclose(seen.shares(everywhere, even), even)

@@ -138,8 +138,9 @@ def test_held_out_cameras_stand_elsewhere(room, placed):
     apart = np.linalg.norm(viewpoints(placed.held_out)[:, None] - viewpoints(placed.fitted), axis=2)
     assert apart.min() > CLOSE
     points = room.draw(500, np.random.default_rng(4))
-    for camera in placed.held_out.values():
-        assert coverage.seen_by(room, [camera], points).mean() > 0.05
+    shares = [coverage.seen_by(room, [camera], points).mean() for camera in placed.held_out.values()]
+    assert min(shares[: views.HELD_OUT]) > 0.08
+    assert min(shares) > 0.03  # spare ones see what the others do not
 
 
 def test_given_cameras_come_first_and_count(room):
