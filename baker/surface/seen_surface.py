@@ -28,7 +28,7 @@ CONTRAST_SHARE = 1 / 2  # instead by importance and contrast, where the light's 
 OUTSIDE_SHARE = 1 / 2  # of the points from which light comes into a box; they go by area
 FREE_DRAWS = 32  # most times to draw points in a box from lines of sight that may pass beside it
 MASS = 1 / 4, 4  # range of the share of the samples around a point of importance, relative to the mean of all points
-FOOTPRINT_QUANTILE = 0.999  # larger pixel footprints are cut to this: at glancing angles they have no limit
+FOOTPRINT_QUANTILE = 0.999  # larger pixel footprints are cut to this
 
 
 class SeenSurface:
@@ -177,7 +177,9 @@ class SeenSurface:
             area = np.minimum(area, np.quantile(area, FOOTPRINT_QUANTILE))
             share, least = area * inside, np.finfo(np.float64).tiny
             if self._importance is not None and len(self._importance.position):
-                looks = _looks(arrays[0], arrays[1], share * upright, self._importance)
+                near = self._importance.nearest(arrays[0], arrays[1])
+                share *= _counting(near, upright, share > 0)
+                looks = _looks(near, share, self._importance)
                 looks /= max(looks.sum(), least)
                 share = AREA_SHARE * share / max(share.sum(), least) + (1 - AREA_SHARE) * looks
             share /= max(share.sum(), least)
@@ -217,13 +219,22 @@ def _runs(ascending: np.ndarray) -> list[tuple[int, slice]]:
     return [(int(ascending[a]), slice(a, b)) for a, b in zip(first, [*first[1:], len(ascending)], strict=True)]
 
 
-def _looks(position: np.ndarray, normal: np.ndarray, area: np.ndarray, importance: ImportanceField) -> np.ndarray:
+def _counting(near: np.ndarray, upright: np.ndarray, inside: np.ndarray) -> np.ndarray:
+    """Which pixels (P,) bool count, of those that are `near` (P,) the same point of importance.
+
+    Where views look at it `upright` (P,) bool and `inside` the box, a glance along the surface does not count: most
+    that is seen by glances alone lies behind what hangs on a wall, in a dark gap into which nobody looks.
+    """
+    return upright | (np.bincount(near, upright & inside) == 0)[near]
+
+
+def _looks(near: np.ndarray, area: np.ndarray, importance: ImportanceField) -> np.ndarray:
     """How often people look (P,) at what is behind pixels whose footprints have areas (P,), m^2.
 
-    What several views see counts once. The points of `importance` have nearly the same share each, so that a footprint
-    that is nearest to the wrong point, like one beside a wall that is nearest to a point behind it, gains nothing.
+    They are `near` (P,) points of `importance`. What several views see counts once. The points have nearly the same
+    share each, so that a footprint that is nearest to the wrong point, like one beside a wall that is nearest to a
+    point behind it, gains nothing.
     """
-    near = importance.nearest(position, normal)
     looks = area * importance.density[near] / np.maximum(importance.views[near], 1)
     around = np.bincount(near, looks, len(importance.position))
     share = np.clip(around, *np.divide(MASS, len(around)))

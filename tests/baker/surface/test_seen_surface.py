@@ -6,6 +6,9 @@ import scenes
 from gsgi.baker.cache.store import Cache
 from gsgi.baker.surface.seen_surface import SIZE, SeenSurface
 from gsgi.baker.trace.cached_tracer import CachedTracer
+from gsgi.baker.views.importance import ImportanceField
+from gsgi.baker.views.surface_points import SurfacePoints
+from gsgi.runtime.camera import Camera, look_at
 from gsgi.runtime.scene import Scene
 
 COUNT = 1 << 15
@@ -55,3 +58,40 @@ def test_within_a_box_all_points_lie_in_it_and_light_comes_from_around_it(tmp_pa
     position = around.surface(4096, rng, around.shares())[0]
     assert abs((position[:, 0] < 0).mean() - 0.5) < 0.02
     assert SeenSurface(tracer, [scenes.inside_camera()]).around.digest != around.digest
+
+
+def at(eye, target) -> Camera:
+    return look_at(np.array(eye, float), np.array(target, float), np.array([0.0, 1, 0]), 1.2, 0.01)
+
+
+def field(*positions) -> ImportanceField:
+    """Importance at points that face +z."""
+    position = np.array(positions, np.float32)
+    normal = np.tile(np.array([0, 0, 1], np.float32), (len(position), 1))
+    return ImportanceField.of(
+        SurfacePoints(position, normal, np.zeros(len(position), bool), np.zeros(len(position), np.int32))
+    )
+
+
+def square(half: float, z: float):
+    return scenes.quad([(-half, -half, z), (half, -half, z), (half, half, z), (-half, half, z)])
+
+
+def test_a_glance_behind_what_hangs_on_a_wall_does_not_count(tmp_path):
+    tracer = CachedTracer(Scene((square(2, 0), square(1, 0.02)), (scenes.WHITE,)), Cache(tmp_path))
+    cameras = [at((0, 0, 3), (0, 0, 0)), at((-1.9, 0, 0.01), (0, 0, 0.01))]
+    importance = field((-1.5, 0, 0), (1.5, 0, 0), (0, 1.5, 0), (0, -1.5, 0), (0, 0, 0.02))
+    behind = []
+    for some in (None, importance):
+        seen = SeenSurface(tracer, cameras, importance=some)
+        position, *_ = seen.surface(COUNT, np.random.default_rng(0), seen.shares())
+        behind.append(((np.abs(position[:, :2]).max(axis=1) < 0.9) & (position[:, 2] < 0.01)).mean())
+    assert behind[0] > 0.02
+    assert behind[1] == 0
+
+
+def test_a_glance_counts_where_nobody_looks_better(tmp_path):
+    tracer = CachedTracer(Scene((square(2, 0),), (scenes.WHITE,)), Cache(tmp_path))
+    seen = SeenSurface(tracer, [at((-1.9, 0, 0.01), (0, 0, 0.01))], importance=field((-1.9, 0, 0), (1, 0, 0)))
+    position, *_ = seen.surface(COUNT, np.random.default_rng(0), seen.shares())
+    assert (position[:, 0] > 0).mean() > 0.1
