@@ -92,6 +92,6 @@ def test_a_glance_behind_what_hangs_on_a_wall_does_not_count(tmp_path):
 
 def test_a_glance_counts_where_nobody_looks_better(tmp_path):
     tracer = CachedTracer(Scene((square(2, 0),), (scenes.WHITE,)), Cache(tmp_path))
-    seen = SeenSurface(tracer, [at((-1.9, 0, 0.01), (0, 0, 0.01))], importance=field((-1.9, 0, 0), (1, 0, 0)))
+    seen = SeenSurface(tracer, [at((-1.9, 0, 0.15), (2, 0, 0))], importance=field((-1.9, 0, 0), (1, 0, 0)))
     position, *_ = seen.surface(COUNT, np.random.default_rng(0), seen.shares())
     assert (position[:, 0] > 0).mean() > 0.1
