@@ -8,11 +8,11 @@ PROBES, NEIGHBOURS = 1 << 12, 8
 BENT_SINE, BENT_COSINE = 0.25, 0.7  # of the angle from the tangent plane to a neighbour; of that between normals
 
 # Gaussians if every neighbour is bent, and if none is. `gsgi tradeoff` shows the accuracy of fewer and more.
-PER_SCENE, FEWEST = 1 << 17, 1 << 11
+PER_SCENE, FEWEST = 7 << 14, 1 << 11
 
 
 def gaussians_for(seen: ImportanceField) -> int:
-    """Number of Gaussians that the detail calls for: at least 2^11 (one flat wall), 4,800 for a Cornell box."""
+    """Number of Gaussians that the detail calls for: at least 2^11 (one flat wall), 4,300 for a Cornell box."""
     return max(round(PER_SCENE * bent_share(seen)), FEWEST)
 
 
