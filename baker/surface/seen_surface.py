@@ -66,8 +66,8 @@ class SeenSurface:
         """How many of the points that are drawn lie behind each pixel (P,): more where the light has `contrast`.
 
         That is what is left between neighbours among points that were drawn by the shares `before` (P,) of the surfaces
-        `around`: where those were denser already, these are denser by both factors. So each round comes closer to light
-        that varies over a hand's breadth in a hall.
+        `around`, which must be given with it: where those were denser already, these are denser by both factors. So
+        each round comes closer to light that varies over a hand's breadth in a hall.
         """
         seen = self._pixels
         inside, outside = seen.inside * seen.share, ~seen.inside * seen.share
@@ -76,10 +76,9 @@ class SeenSurface:
             inside += outside * self._outside / outside.sum()
         if contrast is None:
             return inside
-        varied = inside * contrast.around(seen.position, seen.normal)
-        if before is not None:
-            even = self.around.shares()
-            varied *= np.divide(before, even, out=np.zeros_like(before), where=even > 0)
+        even = self.around.shares()
+        denser = np.divide(before, even, out=np.zeros_like(before), where=even > 0)
+        varied = inside * contrast.around(seen.position, seen.normal) * denser
         if not varied.any():
             return inside
         return (1 - CONTRAST_SHARE) * inside + CONTRAST_SHARE * varied / varied.sum()

@@ -52,13 +52,13 @@ def test_samples_are_denser_where_light_varies(tmp_path):
     even = seen.shares()
     everywhere = seen.surface(COUNT, np.random.default_rng(3), even)
     right = everywhere[0][:, 0] > 0
-    varied = seen.shares(Contrast(everywhere[0], everywhere[1], right.astype(np.float32)))
+    varied = seen.shares(Contrast(everywhere[0], everywhere[1], right.astype(np.float32)), even)
     assert even.sum() == pytest.approx(1)
     assert varied.sum() == pytest.approx(1)
     denser = seen.surface(COUNT, np.random.default_rng(3), varied)[0][:, 0] > 0
     assert denser.mean() == pytest.approx((1 - CONTRAST_SHARE) * right.mean() + CONTRAST_SHARE, abs=0.02)
     nowhere = Contrast(everywhere[0], everywhere[1], np.zeros(COUNT, np.float32))
-    np.testing.assert_array_equal(seen.shares(nowhere), even)
+    np.testing.assert_array_equal(seen.shares(nowhere, even), even)
 
 
 def test_each_round_is_denser_where_the_one_before_was(tmp_path):
@@ -67,7 +67,7 @@ def test_each_round_is_denser_where_the_one_before_was(tmp_path):
     points = seen.surface(COUNT, np.random.default_rng(3), even)
     right = points[0][:, 0] > 0
     everywhere = Contrast(points[0], points[1], np.ones(COUNT, np.float32))
-    once = seen.shares(Contrast(points[0], points[1], right.astype(np.float32)))
+    once = seen.shares(Contrast(points[0], points[1], right.astype(np.float32)), even)
     twice = seen.shares(everywhere, once)
     share = [seen.surface(COUNT, np.random.default_rng(3), each)[0][:, 0] > 0 for each in (even, once, twice)]
     before, after = share[0].mean(), share[1].mean()
