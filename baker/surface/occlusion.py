@@ -47,7 +47,9 @@ def seen_light(surface: SurfaceSamples, free: SurfaceSamples, triangles: Triangl
     Those of the `surface` come first. Where light varies among neighbours on the same surface, they may lie on both
     sides of a wall. Where all is as good as black, the level is not below LEAK of the light nearby, so that a black
     room does not take the Gaussians of the bright one beside it. In free space it is nowhere below SPACE_LEAK of it:
-    otherwise black Gaussians fill the space behind bright walls, and smudge them. Of the noise relative to that level
+    otherwise black Gaussians fill the space behind bright walls, and smudge them. On surfaces it is not below what is
+    `seen` around: people look into a gap from where they see the bright wall beside it, and the denser the samples in
+    it, the less of its surroundings have their blocks. Of the noise relative to that level
     and the noise of all blocks around, the lower counts: the latter takes in that of light behind a wall, the former
     that of darker blocks.
     """
@@ -64,6 +66,7 @@ def seen_light(surface: SurfaceSamples, free: SurfaceSamples, triangles: Triangl
     level[black] = np.hypot(level[black], LEAK * nearby[black])
     space = slice(len(surface), None)
     level[space] = np.maximum(level[space], SPACE_LEAK * nearby[space])
+    level[: len(surface)] = np.maximum(level[: len(surface)], surface.seen)
     return LocalLight(level, noise)
 
 

@@ -13,6 +13,7 @@ from gsgi.baker.trace.known_light import known_light
 from gsgi.baker.trace.local_light import Blocks
 from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling
 
+from .adaptation import seen_around
 from .budget import PATHS_STEP, connected_layers, free_count, sample_count
 from .contrast import Contrast
 from .layers import Layer, Points, invalid, mean, traced
@@ -33,7 +34,8 @@ class SurfaceSamples:
 
     position (S, 3) m and normal (S, 3) unit are in world space. indirect_a and indirect_b (S, 3) are the two halves of
     B, linear Rec.709 radiance. invalid is the number of paths that gave no finite number. mapped (S, 3) is the normal
-    that B belongs to, bent by a normal map; by default the normal itself.
+    that B belongs to, bent by a normal map; by default the normal itself. seen (S,) is the brightness, radiance, to
+    which eyes adapt that see the points; by default 0, which is unknown.
     """
 
     position: np.ndarray
@@ -42,10 +44,13 @@ class SurfaceSamples:
     indirect_b: np.ndarray
     invalid: int
     mapped: np.ndarray = None
+    seen: np.ndarray = None
 
     def __post_init__(self):
         if self.mapped is None:
             object.__setattr__(self, "mapped", self.normal)
+        if self.seen is None:
+            object.__setattr__(self, "seen", np.zeros(len(self.position), np.float32))
 
     @property
     def bend(self) -> np.ndarray:
@@ -72,25 +77,30 @@ class SurfaceSamples:
 
     def __getitem__(self, index) -> "SurfaceSamples":
         """The samples at `index`: a slice, a mask (S,) bool or indices (M,) int."""
-        arrays = (np.ascontiguousarray(getattr(self, name)[index]) for name in ARRAYS)
-        return SurfaceSamples(*arrays, self.invalid, np.ascontiguousarray(self.mapped[index]))
+        first, last = (
+            [np.ascontiguousarray(getattr(self, name)[index]) for name in names] for names in (ARRAYS, AFTER)
+        )
+        return SurfaceSamples(*first, self.invalid, *last)
 
 
 ARRAYS = "position", "normal", "indirect_a", "indirect_b"
+AFTER = "mapped", "seen"  # what follows from the traced points, and from their neighbours
 
 
 def joined(parts: list[SurfaceSamples]) -> SurfaceSamples:
     """Concatenate one or more sets of samples."""
-    arrays = (np.concatenate([getattr(part, name) for part in parts]) for name in ARRAYS)
-    mapped = np.concatenate([part.mapped for part in parts])
-    return SurfaceSamples(*arrays, sum(part.invalid for part in parts), mapped)
+    first, last = (
+        [np.concatenate([getattr(part, name) for part in parts]) for name in names] for names in (ARRAYS, AFTER)
+    )
+    return SurfaceSamples(*first, sum(part.invalid for part in parts), *last)
 
 
 def combined(points: Points, mapped: np.ndarray, a: np.ndarray, b: np.ndarray, invalid: int) -> SurfaceSamples:
     """Samples at the points where both halves of B, `a` and `b` (P, 3), are numbers; B is that of `mapped` normals."""
     both = np.isfinite(a).all(axis=1) & np.isfinite(b).all(axis=1)
-    arrays = points.position, points.normal, a, b
-    return SurfaceSamples(*(array[both] for array in arrays), invalid, mapped[both])
+    arrays = [array[both] for array in (points.position, points.normal, a, b)]
+    seen = seen_around(points.camera[both], points.place[both], (arrays[2] + arrays[3]).mean(axis=1) / 2)
+    return SurfaceSamples(*arrays, invalid, mapped[both], seen)
 
 
 def surface_layers(budget: int, paths: int) -> list[int]:

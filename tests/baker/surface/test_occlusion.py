@@ -172,6 +172,16 @@ def test_eyes_beside_a_wall_adapt_to_the_light_on_their_side():
     np.testing.assert_allclose(around.level[samples.position[:, 0] < -0.001], BRIGHT, rtol=few)
 
 
+def test_eyes_that_see_bright_light_around_adapt_to_that():
+    samples = on_floor()
+    alone = seen_light(samples, in_space(), TRIANGLES)
+    seen = np.where(samples.position[:, 0] > 0.5, 0.3 * BRIGHT, 0).astype(np.float32)
+    around = seen_light(replace(samples, seen=seen), in_space(), TRIANGLES)
+    np.testing.assert_array_equal(around.level[: len(samples)], np.maximum(alone.level[: len(samples)], seen))
+    np.testing.assert_array_equal(around.level[len(samples) :], alone.level[len(samples) :])
+    np.testing.assert_array_equal(around.noise, alone.noise)
+
+
 def test_black_space_behind_a_wall_counts_by_the_light_in_front():
     surface, free = on_floor(), in_space()
     level = seen_light(surface, free, TRIANGLES).level
