@@ -7,7 +7,7 @@ import numpy as np
 from gsgi.runtime.camera import Camera
 
 from .surface_points import SurfacePoints, Triangles
-from .visibility import VIEWS, Sides, sight_lines, texels
+from .visibility import VIEWS, Sides, camera_lines, sight_lines
 
 GOAL = 0.99  # of what people see
 VIEWPOINTS_AT_ONCE = 32  # after which it is known again which sides few see
@@ -68,9 +68,12 @@ class CoverageMeter:
 
     def add(self, cameras: list[Camera]) -> None:
         """Add cameras."""
-        for camera in cameras:
-            sizes = texels(self._triangles, camera, self._sampled.points, self._size, self._sampled.extent)
-            self._finest = np.sort(np.concatenate([self._finest, sizes[None]]), axis=0)[:VIEWS]
+        lines, sizes = camera_lines(self._triangles, cameras, self._sampled.points, self._size, self._sampled.extent)
+        side = np.append(np.tile(np.arange(len(self._sampled)), VIEWS), lines.side)
+        size = np.append(self._finest, sizes)
+        order = np.lexsort((size, side))
+        first = np.searchsorted(side[order], np.arange(len(self._sampled)))
+        self._finest = size[order][first + np.arange(VIEWS)[:, None]]
 
     def look_from(self, viewpoints: np.ndarray) -> None:
         """Add viewpoints (E, 3) in free space."""
@@ -108,10 +111,8 @@ class CoverageMeter:
 
 def seen_by(triangles: Triangles, cameras: list[Camera], points: SurfacePoints) -> np.ndarray:
     """Number (N,) int64 of cameras that see points on the normals' side, in square images, at less than 80 degrees."""
-    count = np.zeros(len(points), np.int64)
-    for camera in cameras:
-        count += np.isfinite(texels(triangles, camera, points, size=1))
-    return count
+    lines, _ = camera_lines(triangles, cameras, points, size=1)
+    return np.bincount(lines.side, minlength=len(points))
 
 
 def coverage_summary(coverage: Coverage) -> list[str]:

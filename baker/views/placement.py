@@ -15,7 +15,7 @@ from .importance import POINTS, Importance, ImportanceField
 from .selection import ViewSelection, poses
 from .surface_points import Triangles
 from .viewpoints import Viewpoints
-from .visibility import VIEWS, Lens, Sides, sides, texels
+from .visibility import VIEWS, Lens, Sides, camera_lines, sides
 
 YFOV = 1.2  # rad; wide enough to see a room's corner from its middle, narrow enough to keep texels even
 NEAR = 0.1  # near plane, as a share of the viewpoints' clearance
@@ -31,6 +31,7 @@ SAMPLES = 4096, 16384, 32768
 VALIDATION_SAMPLES = 4096
 # The aims of each round, one after another: the number of views that must see a sample, and the share of such samples.
 AIMS = (VIEWS, 0.993), (VIEWS, 1.0), (VIEWS + 1, 0.98)
+CAMERAS_AT_ONCE = 32  # after which it is known again which sides few see
 ENOUGH_WORTH = 1 / 32  # factor on the worth of a further view of a side that is seen often enough
 
 
@@ -109,17 +110,17 @@ def place(
 
     fewest, most = (max(n - len(own), 0) for n in ((FEWEST, MOST) if count is None else (count, count)))
     chosen: list[tuple[int, int]] = []
+    seen = np.zeros(0, np.int64)  # by how many of the given cameras, of all samples so far
     represent = 0  # samples that represent the surface
     for number in SAMPLES:
         samples = seen_sides(number)
         represent = represent or len(samples)
         if chosen:
-            times = _times_seen(triangles, own + cameras(chosen), samples, viewpoints.lens)
-            samples = samples[times < VIEWS]
+            samples = _seen_by_few(triangles, own + cameras(chosen), samples, viewpoints.lens)
         before = len(viewpoints.position)
         viewpoints.look_at(samples)
         meter.look_from(viewpoints.position[before:])
-        seen = _times_seen(triangles, own, viewpoints.samples, viewpoints.lens)
+        seen = np.append(seen, _times_seen(triangles, own, samples, viewpoints.lens))
         selection = ViewSelection(viewpoints.lines, ~viewpoints.kept, seen, viewpoints.lens, chosen)
         if covered(most, viewpoints.visible | (seen > 0)):
             break
@@ -145,10 +146,17 @@ def place(
 
 def _times_seen(triangles: Triangles, cameras: list[Camera], sampled: Sides, lens: Lens) -> np.ndarray:
     """Number (S,) int64 of cameras that see each side at the texel limit or finer."""
-    count = np.zeros(len(sampled), np.int64)
-    for camera in cameras:
-        count += texels(triangles, camera, sampled.points, lens.size, sampled.extent) <= lens.limit
-    return count
+    lines, sizes = camera_lines(triangles, cameras, sampled.points, lens.size, sampled.extent)
+    return np.bincount(lines.side[sizes <= lens.limit], minlength=len(sampled))
+
+
+def _seen_by_few(triangles: Triangles, cameras: list[Camera], sampled: Sides, lens: Lens) -> Sides:
+    """The sides that fewer than VIEWS cameras see at the texel limit or finer."""
+    times = np.zeros(len(sampled), np.int64)
+    for first in range(0, len(cameras), CAMERAS_AT_ONCE):
+        few = np.flatnonzero(times < VIEWS)
+        times[few] += _times_seen(triangles, cameras[first : first + CAMERAS_AT_ONCE], sampled[few], lens)
+    return sampled[times < VIEWS]
 
 
 def _camera(viewpoint: np.ndarray, direction: int, near: float) -> Camera:

@@ -1,6 +1,7 @@
 """Sight lines: which surface sides cameras see, and at what texel size."""
 
 import os
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -88,18 +89,27 @@ def sides(points: SurfacePoints) -> Sides:
 
 
 def sight_lines(
-    triangles: Triangles, viewpoints: np.ndarray, points: SurfacePoints, extent: np.ndarray | None = None
+    triangles: Triangles,
+    viewpoints: np.ndarray,
+    points: SurfacePoints,
+    extent: np.ndarray | None = None,
+    cameras: Sequence[Camera] | None = None,
 ) -> SightLines:
     """Sight lines from viewpoints (E, 3) to points (S,), in any direction, below 80 degrees from the normal.
 
-    Footprints are relative to the points' `extent` (S,), m; without it they are in m.
+    With E `cameras` there, they run to points in the square images of these alone. Footprints are relative to the
+    points' `extent` (S,), m; without it they are in m.
     """
     lifted = triangles.lifted(points.position, points.normal)
     normal = np.ascontiguousarray(points.normal.T)
     step = max(PAIRS_AT_ONCE // max(len(points), 1), 1)
 
     def part(first: int) -> SightLines:
-        return _sight_lines(triangles, viewpoints[first : first + step], first, lifted, normal)
+        some = viewpoints[first : first + step]
+        inside = np.ones((len(some), len(points)), bool)
+        for row, camera in zip(inside, (cameras or ())[first : first + step], strict=False):
+            row[:] = in_image(points.position, camera)
+        return _sight_lines(triangles, some, first, lifted, normal, inside)
 
     starts = range(0, max(len(viewpoints), 1), step)
     if len(starts) == 1:
@@ -112,13 +122,21 @@ def sight_lines(
 
 
 def _sight_lines(
-    triangles: Triangles, viewpoints: np.ndarray, first: int, lifted: np.ndarray, normal: np.ndarray
+    triangles: Triangles,
+    viewpoints: np.ndarray,
+    first: int,
+    lifted: np.ndarray,
+    normal: np.ndarray,
+    inside: np.ndarray,
 ) -> SightLines:
-    """The same for viewpoints (E, 3), numbered from `first`, to `lifted` points (S, 3) with normals (3, S)."""
+    """The same for viewpoints (E, 3), numbered from `first`, to `lifted` points (S, 3) with normals (3, S).
+
+    `inside` (E, S) bool marks the pairs that may have one.
+    """
     x, y, z = np.ascontiguousarray(lifted.T)[:, None] - viewpoints.T.astype(np.float32)[..., None]
     distance = np.sqrt(x * x + y * y + z * z)  # twice as fast as np.linalg.norm
     cosine = -(x * normal[0] + y * normal[1] + z * normal[2]) / distance
-    pair = np.flatnonzero(cosine >= COS_MIN)
+    pair = np.flatnonzero((cosine >= COS_MIN) & inside)
     viewpoint, side = np.divmod(pair, len(lifted))
     free = ~triangles.blocked(lifted[side], viewpoints[viewpoint])
     pair, viewpoint, side = pair[free], viewpoint[free], side[free]
@@ -142,26 +160,23 @@ def texel(footprint: np.ndarray, cos_axis: np.ndarray, pixel: float) -> np.ndarr
     return footprint * pixel * cos_axis**1.5
 
 
-def texels(
-    triangles: Triangles, camera: Camera, points: SurfacePoints, size: int, extent: np.ndarray | None = None
-) -> np.ndarray:
-    """Texel size (S,) float32 at which a camera sees points on the normals' side, in a square image of `size` px.
-
-    It is relative to the points' `extent` (S,), m, or without it in m.
-
-    It is infinite where the camera does not see a point, or sees it at 80 degrees or more.
-    """
-    result = np.full(len(points), np.inf, np.float32)
-    towards = np.flatnonzero(in_image(points.position - camera.position, camera))
-    there = None if extent is None else extent[towards]
-    seen = sight_lines(triangles, camera.position[None], points[towards], there)
-    cos_axis = np.maximum(seen.direction @ -camera.world_from_view[:3, 2], 0)
-    result[towards[seen.side]] = texel(seen.footprint, cos_axis, pixel(camera.yfov, size))
-    return result
+def camera_lines(
+    triangles: Triangles, cameras: Sequence[Camera], points: SurfacePoints, size: int, extent: np.ndarray | None = None
+) -> tuple[SightLines, np.ndarray]:
+    """Sight lines from cameras to points (S,) in their square images of `size` px, and the texel size (P,) float32 of
+    each, relative to the points' `extent` (S,), m, or without it in m."""
+    position = np.array([camera.position for camera in cameras]).reshape(-1, 3)
+    lines = sight_lines(triangles, position, points, extent, cameras)
+    sizes = np.empty(len(lines.side), np.float32)
+    for number, camera in enumerate(cameras):
+        own = slice(*np.searchsorted(lines.viewpoint, (number, number + 1)))
+        cos_axis = np.maximum(lines.direction[own] @ -camera.world_from_view[:3, 2], 0)
+        sizes[own] = texel(lines.footprint[own], cos_axis, pixel(camera.yfov, size))
+    return lines, sizes
 
 
-def in_image(direction: np.ndarray, camera: Camera) -> np.ndarray:
-    """Whether (N,) bool directions (N, 3) in world space lie within a square image."""
-    local = direction @ camera.world_from_view[:3, :3]
+def in_image(position: np.ndarray, camera: Camera) -> np.ndarray:
+    """Whether (N,) bool positions (N, 3) in world space lie within a square image of a camera."""
+    local = (position - camera.position) @ camera.world_from_view[:3, :3]
     reach = -local[:, 2] * np.tan(camera.yfov / 2)
     return (np.abs(local[:, 0]) < reach) & (np.abs(local[:, 1]) < reach)
