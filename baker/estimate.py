@@ -12,7 +12,7 @@ from .evaluation import bias, group_error, held_out
 from .evaluation.monitor import entries
 from .plan import Plan
 
-POINTS, SAMPLES = 1 << 14, PASS_SAMPLES  # one launch: as large as those of a bake
+POINTS, SAMPLES = 1 << 13, PASS_SAMPLES  # half a launch of a bake; with a quarter, a path takes a tenth longer
 STEPS = 10  # of the fit: those from one listing of its samples to the next
 FEW = 32  # px, edge of a view that is evaluated once so that later ones find all loaded
 
@@ -126,7 +126,8 @@ def _seconds_per_path(plan: Plan) -> tuple[float, float, bool]:
     whole = seconds(None)
     if not plan.known_paths:
         return whole, whole, False
-    known = known_light(tracer, position, normal, lights[-1], lights[-1], plan.settings.bounces).a
+    light = lights[-1]
+    known = known_light(tracer, position, normal, light, light, plan.settings.bounces, alike=True).a
     return whole, seconds(known), len(known.lit) > 0
 
 

@@ -40,16 +40,28 @@ def coarse_level(
 
     With the `triangles` of the scene, Gaussians are cut where they would carry light across an occluder.
     """
-    gaussians = _evenly_apart(samples.position, count, np.random.default_rng(seed))
-    optimiser = coarse_optimiser(samples, gaussians, blend)
-    state = SurfaceState.fresh(gaussians)
-    for step in range(STEPS):
-        if step % SOLVE_STEPS == 0:
-            state = replace(state, gaussians=optimiser.solve(state.gaussians, RIDGE, SOLVE_ITERATIONS))
-        falling = RATE_END ** (step / STEPS)
-        state, _ = optimiser.step(state, {name: falling * rate for name, rate in RATES.items()}, step + 1)
-        state = replace(state, gaussians=_everywhere_again(state.gaussians, gaussians))
+    optimiser, state = coarse_start(samples, count, blend, seed)
+    for first in range(0, STEPS, SOLVE_STEPS):
+        state = coarse_steps(optimiser, state, first)
     return _lit(state.gaussians, samples, optimiser, triangles, count)
+
+
+def coarse_start(
+    samples: SurfaceSamples, count: int, blend: SurfaceBlend, seed: int
+) -> tuple[SurfaceOptimiser, SurfaceState]:
+    """What the fit of `coarse_level` begins with."""
+    gaussians = _evenly_apart(samples.position, count, np.random.default_rng(seed))
+    return coarse_optimiser(samples, gaussians, blend), SurfaceState.fresh(gaussians)
+
+
+def coarse_steps(optimiser: SurfaceOptimiser, state: SurfaceState, first: int) -> SurfaceState:
+    """Solve for the colours, then take SOLVE_STEPS steps, of which the first has the number `first`."""
+    state = replace(state, gaussians=optimiser.solve(state.gaussians, RIDGE, SOLVE_ITERATIONS))
+    for step in range(first, first + SOLVE_STEPS):
+        before, falling = state.gaussians, RATE_END ** (step / STEPS)
+        state, _ = optimiser.step(state, {name: falling * rate for name, rate in RATES.items()}, step + 1)
+        state = replace(state, gaussians=_everywhere_again(state.gaussians, before))
+    return state
 
 
 def coarse_again(

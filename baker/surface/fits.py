@@ -142,9 +142,10 @@ class SurfaceFits:
 def parts_on_grey_light(plan: "Plan", steps: int) -> list[Callable[[], object]]:
     """Parts of the plan's fit, on grey samples, for timing.
 
-    They are `steps` steps of the fine level, a solution for its colours, and the coarse level, all with few samples.
+    They are `steps` steps of the fine level, a solution for its colours, and a solution and the steps to the next one
+    of the coarse level, all with few samples.
     """
-    from .coarse import coarse_level
+    from .coarse import coarse_level, coarse_start, coarse_steps
     from .fit import RATES, start
     from .optimiser import SurfaceOptimiser
     from .state import SurfaceState
@@ -155,10 +156,11 @@ def parts_on_grey_light(plan: "Plan", steps: int) -> list[Callable[[], object]]:
     state = SurfaceState.fresh(start(samples, -(-settings.budget // FINE_TIMED), rng))
     still = dict.fromkeys(RATES, 0.0)
     few = samples[: point_count(free_layers(settings.budget)) // COARSE_TIMED]
+    coarse = coarse_start(few, coarse_count(settings.budget), plan.blend, 0)
     return [
         lambda: [optimiser.step(state, still, 1 + i) for i in range(steps)],
         lambda: optimiser.solve(state.gaussians),
-        lambda: coarse_level(few, coarse_count(settings.budget), plan.blend, 0, plan.triangles),
+        lambda: coarse_steps(*coarse, 0),
     ]
 
 
@@ -168,13 +170,14 @@ def times_on_grey_light(plan: "Plan", timed: "Plan", steps: int) -> list[float]:
     A part takes as long as it has samples: a sample reaches about as many Gaussians with any budget, except in the
     coarse level.
     """
+    from .coarse import SOLVE_STEPS, STEPS
     from .fit import GROWTH
 
     solved = 3 * (len(GROWTH) + 2)  # each time for the colours, and twice for the cuts
     coarse, timed_coarse = (coarse_count(each.settings.budget) for each in (plan, timed))
     free = plan.free_paths / timed.free_paths * max(coarse / timed_coarse, 1.0) ** COARSE_GROWS
     samples = FINE_TIMED * CHANGES * plan.points / timed.points
-    return [samples * plan.settings.iterations / steps, samples * solved, COARSE_TIMED * free]
+    return [samples * plan.settings.iterations / steps, samples * solved, COARSE_TIMED * free * STEPS / SOLVE_STEPS]
 
 
 def group_times_on_grey_light(plan: "Plan", timed: "Plan") -> list[float]:

@@ -24,11 +24,13 @@ def known_light(
     b: np.ndarray,
     bounces: int,
     before: KnownLight | None = None,
+    alike: bool = False,
 ) -> KnownLight:
     """Known light from both halves `a` and `b` (S, 3) of B at samples, position (S, 3) m and normal (S, 3) unit.
 
     Paths of at most so many `bounces` will end in it. They are connected to lit places if that pays. `before` is what
-    the paths of the samples ended in: its lit places stay.
+    the paths of the samples ended in: its lit places stay. `alike`: those of both halves are the same, which are found
+    in half the time, but noise in them is not seen any more.
     """
     light = IrradianceCache.halves(position, normal, a, b, tracer.blocked)
     if before:
@@ -37,7 +39,8 @@ def known_light(
         return light
     from .learned_places import learn
 
-    other = _with(light, *(learn(tracer, position, normal, seed) for seed in range(2)))
+    places = [learn(tracer, position, normal, seed) for seed in range(1 if alike else 2)]
+    other = _with(light, places[0], places[-1])
     return other if other.connected and _pays(tracer, position, normal, bounces, light, other) else light
 
 

@@ -105,9 +105,10 @@ def test_all_parts_of_a_fit_are_timed(closed, monkeypatch, operator, parts):
     assert len(runs) == parts
     steps = SETTINGS.iterations / (3 if operator == "over" else estimating.STEPS)
     # The colours are solved for five times, and twice for each of five cuts; of the fine level, one sample in 4 is
-    # timed, and of the coarse one, one in 8.
+    # timed, and of the coarse one, one in 8, for a tenth of its steps.
     changes = 4 * fits.CHANGES if operator == "surface" else 1
-    assert fit == pytest.approx(changes * 10 * steps + (0 if operator == "over" else changes * 100 * 15 + 1000 * 8))
+    others = 0 if operator == "over" else changes * 100 * 15 + 1000 * 8 * 10
+    assert fit == pytest.approx(changes * 10 * steps + others)
 
 
 def test_what_was_timed_for_one_bake_tells_of_others(closed):
