@@ -33,6 +33,7 @@ from .surface import budget as surface_budget
 from .surface.samples import Sampler, free_layers, known_paths, known_rounds, path_count, point_count, surface_layers
 from .surface.seen_surface import SeenSurface
 from .surface_detail import gaussians_for
+from .together import together
 from .trace import pilot
 
 if TYPE_CHECKING:
@@ -250,7 +251,8 @@ def plan_within(
     """
     there, asked = memory.available(), settings
     with progress.stage("views") as advance:
-        triangles, given = make_triangles(), scene.cameras | dict(path or {})
+        _, triangles = together(lambda: tracer.scene_digest, make_triangles)
+        given = scene.cameras | dict(path or {})
         at_size = settings.size or PLACED_SIZE
         placement, found = place_once(tracer, triangles, given, at_size, settings.seed, settings.views)
         if found:

@@ -60,7 +60,7 @@ ROOMS = (
     *("cache", "trace", "views", "fitting", "over", "surface", "evaluation", "update", "tasks", "cluster", "world"),
     "tradeoff",
 )
-RECORDS = {"interrupts", "native", "neighbours", "progress", "settings"}
+RECORDS = {"interrupts", "native", "neighbours", "progress", "settings", "together"}
 # What rooms that bake import besides: the study and worlds whole bakes, the tasks what a bake is made of.
 WHOLE_BAKES = {
     "update": {"plan"},

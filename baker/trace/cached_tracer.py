@@ -152,6 +152,10 @@ class CachedTracer:
         tracer.recall = self.learned
         return tracer
 
+    def start(self) -> None:
+        """Make the tracer, before it is needed."""
+        assert self.tracer
+
     @property
     def lights_key(self) -> str:
         """The key of what is learned about the scene's lights, which the cache has if there is something to choose."""

@@ -7,6 +7,7 @@ import numpy as np
 
 from gsgi.baker.cache.code_version import code_version
 from gsgi.baker.cache.records import from_arrays, to_arrays
+from gsgi.baker.together import together
 from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.runtime.camera import Camera
 
@@ -21,12 +22,15 @@ PACKAGES = ("open3d", "numpy")
 def place_once(
     tracer: CachedTracer, triangles: Triangles, given: dict[str, Camera], size: int, seed: int, count: int | None
 ) -> tuple[Placement, bool]:
-    """The result of `place` for the `triangles` of the tracer's scene, and whether it was in the tracer's cache."""
+    """The result of `place` for the `triangles` of the tracer's scene, and whether it was in the tracer's cache.
+
+    While views are placed the tracer starts, since their light is traced next.
+    """
     inputs = {"names": list(given), "given": given, "size": size, "seed": seed, "count": count, "box": triangles.box}
     key = tracer.key("placement", __name__, placed_by=code_version(__name__, PACKAGES), **inputs)
     if found := tracer.cache.get(key):
         return placement_of(found), True
-    placement = place(triangles, given, size, seed, count)
+    placement, _ = together(lambda: place(triangles, given, size, seed, count), tracer.start)
     tracer.cache.put(key, placement_arrays(placement))
     return placement, False
 
