@@ -14,7 +14,11 @@ from .plan import Plan
 
 POINTS, SAMPLES = 1 << 13, PASS_SAMPLES  # half a launch of a bake; with a quarter, a path takes a tenth longer
 STEPS = 10  # of the fit: those from one listing of its samples to the next
-FEW = 32  # px, edge of a view that is evaluated once so that later ones find all loaded
+FEW = 32  # px, edge of a view that is evaluated once so that later ones find all loaded, and tells what it shows
+LOOKING = 16  # views in which surfaces are found
+# Work on what views show, relative to finding it there: before the known light, and before the samples.
+BEFORE_KNOWN, BEFORE_SAMPLES = 2.5, 1.0
+LEAKS = 1.5  # an evaluation that looks for leaks, relative to one in grey light, where nothing is dark
 
 
 def estimate(plan: Plan) -> dict[str, float]:
@@ -29,18 +33,21 @@ def estimate(plan: Plan) -> dict[str, float]:
 class Rates:
     """What parts of a bake take on this machine, in seconds.
 
-    `whole` is a path, and `gathering` one that ends in known light, `connected` to lit places or not. `fit` are the
-    parts of the fit of the plan `of` which was timed. A view is `prepared` once and `evaluated`; those held out are
-    `looked` at several times during the fit, before which they are prepared.
+    `whole` is a path, and `gathering` one that ends in known light, `connected` to lit places or not. `found` is what a
+    view to fit shows. `fit` are the parts of the fit of the plan `of` which was timed. A view is `prepared` once and
+    `evaluated`; those held out are `looked` at several times during the fit, before which they are prepared. Of the
+    pixels of all these, the share `shown` shows a surface with B.
     """
 
     of: Plan
     whole: float
     gathering: float
+    found: float
     fit: tuple[float, ...]
     prepared: float
     looked: float
     evaluated: float
+    shown: float = 1.0
     connected: bool = False
 
     @staticmethod
@@ -49,7 +56,8 @@ class Rates:
         parts = _fits(plan).parts_on_grey_light(plan, STEPS)
         fit = tuple(_seconds(run) for run in parts)
         whole, gathering, connected = _seconds_per_path(plan)
-        return Rates(plan, whole, gathering, fit, *_seconds_per_view(plan), connected)
+        views = _seconds_per_view(plan)  # loads what finds surfaces too
+        return Rates(plan, whole, gathering, _seconds_of_finding(plan), fit, *views, connected)
 
     def seconds(self, plan: Plan, evaluate: bool = True) -> dict[str, float]:
         """The seconds of each stage of the bake of another plan for the same scene.
@@ -58,11 +66,11 @@ class Rates:
         """
         known = self.whole * plan.whole_paths + self.gathering * (plan.known_paths - plan.whole_paths)
         path = self.gathering if plan.known_paths else self.whole
-        fit = sum(self.fits(plan))
-        stages = {"known light": known} if plan.known_paths else {}
+        fit, finding = sum(self.fits(plan)), self.found * len(plan.placement.fitted)
+        stages = {"known light": known + BEFORE_KNOWN * finding} if plan.known_paths else {}
         samples = plan.connected_samples if self.connected else plan.samples
         irradiance = path * (plan.points * samples + plan.free_paths)
-        stages |= {"irradiance": irradiance, "fit": fit}
+        stages |= {"irradiance": irradiance + BEFORE_SAMPLES * finding, "fit": fit}
         if plan.groups:
             stages |= {f"light group {name}": known + irradiance + self.solved(plan) for name in plan.groups}
         if not evaluate:
@@ -72,8 +80,9 @@ class Rates:
         looks = self.prepared + entries(plan.settings.iterations) * self.looked
         return stages | {
             "fit": fit + looks * len(plan.placement.held_out),
-            "references": each * held_out.points(plan) * held_out.samples(plan) / 2 + compared * bias.PATHS,
-            "evaluation": views * self.evaluated
+            "references": each * self.shown * held_out.points(plan) * held_out.samples(plan) / 2
+            + compared * bias.PATHS,
+            "evaluation": LEAKS * views * self.evaluated
             + own * self.prepared
             + self.whole * len(plan.groups) * group_error.PATHS,
         }
@@ -106,11 +115,13 @@ def _seconds_per_path(plan: Plan) -> tuple[float, float, bool]:
     """
     from gsgi.baker.trace.irradiance_cache import IrradianceCache
     from gsgi.baker.trace.known_light import known_light
+    from gsgi.baker.trace.point_order import coherent
 
     seen, tracer = plan.placement.importance, plan.tracer.tracer
     if not len(seen.position):
         return 0.0, 0.0, False
     index = np.random.default_rng(plan.settings.seed).integers(len(seen.position), size=POINTS)
+    index = index[coherent(seen.position[index], seen.normal[index])]  # neighbours follow each other, as in a bake
     position, normal = seen.position[index], seen.normal[index]
     sampling = Sampling(SAMPLES, plan.settings.bounces)
     lights = []
@@ -131,19 +142,34 @@ def _seconds_per_path(plan: Plan) -> tuple[float, float, bool]:
     return whole, seconds(known), len(known.lit) > 0
 
 
-def _seconds_per_view(plan: Plan) -> tuple[float, float, float]:
-    """Seconds that a view takes before, during and after the fit, with the scene's surfaces in grey light."""
+def _seconds_of_finding(plan: Plan) -> float:
+    """Seconds in which the surfaces are found that a view to fit shows; 0 with `over`, which traces its pixels."""
+    if plan.settings.operator != "surface":
+        return 0.0
+    from .surface.seen_surface import SIZE
+
+    cameras = plan.cameras[:LOOKING]
+    return _seconds(lambda: list(plan.tracer.tracer.surfaces(cameras, SIZE, SIZE))) / max(len(cameras), 1)
+
+
+def _seconds_per_view(plan: Plan) -> tuple[float, float, float, float]:
+    """Seconds that a view takes before, during and after the fit, with the scene's surfaces in grey light.
+
+    Also the share of the pixels of all views that are evaluated which show a surface with B.
+    """
     from gsgi.baker.trace.reference import Reference
     from gsgi.baker.trace.tracer import Surface
 
     from .surface.fits import grey_bake
 
-    size, views = held_out.SIZE, plan.placement.held_out
-    surfaces = ((name, plan.tracer.tracer.surface(camera, size, size)) for name, camera in views.items())
-    name, surface = next(((name, surface) for name, surface in surfaces if surface.diffuse.any()), (None, None))
-    if surface is None:
-        return 0.0, 0.0, 0.0
-    few = plan.tracer.tracer.surface(views[name], FEW, FEW)
+    tracer, views = plan.tracer.tracer, plan.placement.held_out
+    cameras = views | held_out.scene_cameras(plan)
+    small = dict(zip(cameras, tracer.surfaces(list(cameras.values()), FEW, FEW), strict=True))
+    shown = float(np.mean([surface.diffuse.mean() for surface in small.values()])) if small else 0.0
+    name = next((name for name in views if small[name].diffuse.any()), None)
+    if name is None:
+        return 0.0, 0.0, 0.0, shown
+    surface = tracer.surface(views[name], held_out.SIZE, held_out.SIZE)
 
     def truth(surface: Surface) -> dict[str, Reference]:
         grey = np.ones_like(surface.position)
@@ -153,10 +179,10 @@ def _seconds_per_view(plan: Plan) -> tuple[float, float, float]:
         held_out.evaluate(references, views, baked, {}, plan.triangles)
 
     baked = grey_bake(plan)
-    evaluate(truth(few if few.diffuse.any() else surface))  # the first call loads the denoiser and the metrics
-    shown, losses = truth(surface), []
-    prepared = _seconds(lambda: losses.append(held_out.HeldOutLoss(shown, views, 1.0)))
-    return prepared, _seconds(lambda: losses[0].of(baked)), _seconds(lambda: evaluate(shown))
+    evaluate(truth(small[name]))  # the first call loads the denoiser and the metrics
+    truths, losses = truth(surface), []
+    prepared = _seconds(lambda: losses.append(held_out.HeldOutLoss(truths, views, 1.0)))
+    return prepared, _seconds(lambda: losses[0].of(baked)), _seconds(lambda: evaluate(truths)), shown
 
 
 def _seconds(run: Callable[[], object]) -> float:

@@ -15,6 +15,7 @@ from benches.decoders import decoders
 from benches.error_time import error_time
 from benches.fit import fit
 from benches.flight import flight
+from benches.foretold import foretold
 from benches.format import format
 from benches.frames import frames
 from benches.front import front
@@ -48,6 +49,7 @@ BENCHES = {
         stages,
         deadline,
         speed,
+        foretold,
         error_time,
         cluster,
         update,
@@ -71,7 +73,7 @@ BENCHES = {
         motion,
     )
 }
-BY_SCENE = speed.__name__, error_time.__name__
+BY_SCENE = speed.__name__, foretold.__name__, error_time.__name__
 GROUPED = {"lookup": LOOKUP}
 GROUPS = {name: [bench.__name__ for bench in group] for name, group in GROUPED.items()}
 
@@ -103,7 +105,7 @@ def main() -> None:
                                      formatter_class=argparse.RawDescriptionHelpFormatter)  # fmt: skip
     parser.add_argument("name", nargs="?", choices=[*BENCHES, *GROUPS], help="one benchmark (default: all)")
     parser.add_argument("--json", metavar="FILE", help="also write the rows to FILE")
-    parser.add_argument("--scene", metavar="NAME", help=f"of {' and '.join(BY_SCENE)}: one scene of the shared folder")
+    parser.add_argument("--scene", metavar="NAME", help=f"of {', '.join(BY_SCENE)}: one scene of the shared folder")
     options = parser.parse_args()
     if options.scene and options.name not in BY_SCENE:
         parser.error(f"--scene goes with {' or '.join(BY_SCENE)}")

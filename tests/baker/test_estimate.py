@@ -11,7 +11,7 @@ from gsgi.baker import estimate as estimating
 from gsgi.baker import job
 from gsgi.baker.cache.store import Cache
 from gsgi.baker.estimate import Rates, estimate
-from gsgi.baker.evaluation import held_out
+from gsgi.baker.evaluation import bias, held_out
 from gsgi.baker.plan import Plan, make_plan
 from gsgi.baker.plan_table import decisions
 from gsgi.baker.progress import Progress
@@ -62,6 +62,7 @@ def traced(monkeypatch) -> list[int]:
 def test_a_bake_traces_the_paths_that_were_announced(closed, traced, monkeypatch, operator):
     plan = replace(closed, settings=replace(closed.settings, operator=operator))
     monkeypatch.setattr(estimating, "_seconds_per_path", lambda plan: (1.0, 1.0, False))
+    monkeypatch.setattr(estimating, "_seconds_of_finding", lambda plan: 0.0)
     announced = estimate(plan)
     report = job.run(plan, Progress(), lambda data, count: None).as_dict()
     assert sum(traced) == sum(paths for stage, paths in announced.items() if stage not in {"fit", "evaluation"})
@@ -99,7 +100,8 @@ def test_all_parts_of_a_fit_are_timed(closed, monkeypatch, operator, parts):
     plan = replace(closed, settings=replace(closed.settings, operator=operator))
     runs = []
     monkeypatch.setattr(estimating, "_seconds_per_path", lambda plan: (0.0, 0.0, False))
-    monkeypatch.setattr(estimating, "_seconds_per_view", lambda plan: (0.0, 0.0, 0.0))
+    monkeypatch.setattr(estimating, "_seconds_per_view", lambda plan: (0.0, 0.0, 0.0, 1.0))
+    monkeypatch.setattr(estimating, "_seconds_of_finding", lambda plan: 0.0)
     monkeypatch.setattr(estimating, "_seconds", lambda run: (run(), runs.append(run), 10.0 ** len(runs))[2])
     fit = estimate(plan)["fit"]
     assert len(runs) == parts
@@ -112,7 +114,7 @@ def test_all_parts_of_a_fit_are_timed(closed, monkeypatch, operator, parts):
 
 
 def test_what_was_timed_for_one_bake_tells_of_others(closed):
-    rates = Rates(closed, 1.0, 0.5, (2.0, 0.0, 0.0), 3.0, 5.0, 7.0)
+    rates = Rates(closed, 1.0, 0.5, 0.0, (2.0, 0.0, 0.0), 3.0, 5.0, 7.0)
     longer = replace(closed, settings=replace(closed.settings, iterations=8))
     before, after = rates.seconds(closed), rates.seconds(longer)
     assert before.keys() == after.keys()
@@ -120,18 +122,24 @@ def test_what_was_timed_for_one_bake_tells_of_others(closed):
     assert before["fit"] == pytest.approx(4 * steps + looks * (3 + 4 * 5))
     assert after["fit"] == pytest.approx(8 * steps + looks * (3 + 8 * 5))
     own = len(held_out.scene_cameras(closed))  # those held out have been prepared for the fit
-    assert before["evaluation"] == 7 * (looks + own) + 3 * own
+    assert before["evaluation"] == pytest.approx(estimating.LEAKS * 7 * (looks + own) + 3 * own)
+    unseen = replace(rates, shown=0.25).seconds(closed)
+    whole = 1.0 * bias.PATHS if held_out.gathers(closed) else 0.0
+    assert unseen["references"] - whole == pytest.approx((before["references"] - whole) / 4)
+    finding = replace(rates, found=11.0).seconds(closed)
+    for stage, works in (("known light", estimating.BEFORE_KNOWN), ("irradiance", estimating.BEFORE_SAMPLES)):
+        assert finding[stage] - before[stage] == pytest.approx(works * 11 * len(closed.placement.fitted))
     assert rates.seconds(closed, evaluate=False).keys() == before.keys() - {"references", "evaluation"}
     assert rates.seconds(closed, evaluate=False)["fit"] == pytest.approx(4 * steps)
 
 
 def test_light_groups_cost_their_paths_and_solutions(closed, traced):
     plan = replace(closed, scene=replace(closed.scene, groups={"walls": ("wall",)}))
-    announced = Rates(closed, 1.0, 1.0, (0.0, 0.0, 0.0), 0.0, 0.0, 0.0).seconds(plan, evaluate=False)
+    announced = Rates(closed, 1.0, 1.0, 0.0, (0.0, 0.0, 0.0), 0.0, 0.0, 0.0).seconds(plan, evaluate=False)
     report = job.run(plan, Progress(), lambda data, count: None, evaluate=False)
     assert sum(traced) == sum(announced.values())
     assert announced["light group walls"] == announced["known light"] + announced["irradiance"] > 0
     assert "light group walls" in report.seconds
-    solved = Rates(closed, 0.0, 0.0, (9.0, 1.0, 0.0), 0.0, 0.0, 0.0).seconds(plan, evaluate=False)
+    solved = Rates(closed, 0.0, 0.0, 0.0, (9.0, 1.0, 0.0), 0.0, 0.0, 0.0).seconds(plan, evaluate=False)
     assert solved["light group walls"] == fits.FINE_TIMED * fits.CHANGES * SOLUTIONS
     assert {row.what: row for row in decisions(plan)}["light groups"].why.startswith("walls: ")

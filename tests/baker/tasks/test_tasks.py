@@ -81,7 +81,7 @@ def quick(monkeypatch):
 def make_quick(patch: pytest.MonkeyPatch) -> None:
     """Small tasks, and no waiting for estimates."""
     make_small(patch.setattr)
-    rates = estimate.Rates(None, 2e-6, 1e-6, (), 0.0, 0.0, 0.0)
+    rates = estimate.Rates(None, 2e-6, 1e-6, 0.0, (), 0.0, 0.0, 0.0)
     patch.setattr(estimate.Rates, "timed", staticmethod(lambda plan: rates))
     patch.setattr(estimate.Rates, "fits", lambda self, plan: [3.0, 2.0])
     patch.setattr(estimate.Rates, "solved", lambda self, plan: 1.0)
