@@ -18,7 +18,7 @@ FEW = 32  # px, edge of a view that is evaluated once so that later ones find al
 LOOKING = 16  # views in which surfaces are found
 # Work on what views show, relative to finding it there: before the known light, and before the samples.
 BEFORE_KNOWN, BEFORE_SAMPLES = 2.5, 1.0
-LEAKS = 1.5  # an evaluation that looks for leaks, relative to one in grey light, where nothing is dark
+LEAKS = 1.3  # an evaluation that looks for leaks, relative to one in grey light, where nothing is dark
 
 
 def estimate(plan: Plan) -> dict[str, float]:

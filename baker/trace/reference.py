@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from gsgi.runtime.camera import Camera
+from gsgi.runtime.display import auto_exposure, tone_map
 
 from . import denoise
 from .irradiance_cache import KnownLight
@@ -14,6 +15,8 @@ from .tracer import PASS_SAMPLES, Sampling, Surface, Tracer
 # Edges (px) of squares of pixels whose paths follow each other. With 3/4 of the paths, the SSIM between halves is as
 # high as where pixels have nothing to do with each other.
 SQUARE, LARGEST = 2, 4
+
+SLOPES_OFF = 1.02  # how much farther from the other half slopes may be, since both are far in a noisy view
 
 
 @dataclass(frozen=True)
@@ -57,10 +60,30 @@ class Reference:
         return self._denoised(self.indirect_a), self._denoised(self.indirect_b)
 
     def _denoised(self, indirect: np.ndarray) -> np.ndarray:
-        if not denoise.available():
-            return indirect
-        normal = self.surface.normal
-        return denoise.denoise(indirect, normal, self.valid, self.surface.shading_normal - normal)
+        return self._denoised_by(self._by_slopes, indirect) if denoise.available() else indirect
+
+    def _denoised_by(self, slopes: bool, indirect: np.ndarray) -> np.ndarray:
+        """With `slopes` the bends of normals are taken out of B, else the denoiser is told of them."""
+        normal, shading = self.surface.normal, self.surface.shading_normal
+        if not slopes:
+            return denoise.denoise(indirect, shading, self.valid)
+        return denoise.denoise(indirect, normal, self.valid, shading - normal)
+
+    @cached_property
+    def _by_slopes(self) -> bool:
+        """Whether slopes tell bends from noise, as they mostly do: then a denoised half is near the other as traced.
+
+        Where there is hardly any noise, as outdoors, they blur what is not in proportion to bends.
+        """
+        if not self.valid.any() or (self.surface.shading_normal == self.surface.normal).all():
+            return False
+        exposure, valid = auto_exposure(self.indirect), self.valid
+        other = tone_map(self.indirect_b, exposure)[valid]
+        off, off_guided = (
+            np.abs(tone_map(self._denoised_by(slopes, self.indirect_a), exposure)[valid] - other).mean()
+            for slopes in (True, False)
+        )
+        return bool(off <= SLOPES_OFF * off_guided)
 
 
 def primary(tracer: Tracer, surface: Surface) -> np.ndarray:

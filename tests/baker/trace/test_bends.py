@@ -1,10 +1,13 @@
 """What normal maps do to light is told from noise."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from gsgi.baker.trace.bends import MOST, bent
 from gsgi.baker.trace.denoise import denoise
+from gsgi.baker.trace.reference import Reference
 
 SIZE = 64
 TOWARDS = np.array([0.6, 0.0, 0.8])  # where the light comes from
@@ -59,3 +62,25 @@ def test_black_stays_black_and_a_bend_changes_no_light_without_bounds(wall):
     spots = np.where(bend[..., :1] > 0.2, 100.0, 0.0) * COLOUR
     factor = bent(spots, bend, valid)
     assert 1 / MOST <= factor.min() < factor.max() <= MOST
+
+
+def test_a_reference_has_slopes_only_where_they_bring_one_half_near_the_other(wall):
+    normal, bend = wall
+    mapped, valid = normal + bend, np.ones((SIZE, SIZE), bool)
+    surface = SimpleNamespace(normal=normal, shading_normal=mapped)
+
+    def errors(truth: np.ndarray, noise: np.ndarray) -> tuple[float, float, float]:
+        """Mean relative errors of the clean light, and of denoising with slopes and without."""
+        halves = [(truth * each).astype(np.float32) for each in noise]
+        reference = Reference(surface, np.zeros_like(halves[0]), *halves, valid)
+        guides = (normal, valid, mapped - normal), (mapped, valid)
+        cleaned = reference.clean, *(denoise(reference.indirect, *guide) for guide in guides)
+        return tuple(np.abs(image / truth - 1).mean() for image in cleaned)
+
+    in_proportion = lit(mapped)
+    noise = np.random.default_rng(1).gamma(16, 1 / 16, (2, *in_proportion.shape))
+    error, by_slopes, guided = errors(in_proportion, noise)
+    assert error == by_slopes < guided
+    out_of_proportion = np.where(np.abs(bend[..., :1]) < 0.15, 1.0, 0.8) * COLOUR
+    error, by_slopes, guided = errors(out_of_proportion, np.ones_like(noise))
+    assert error == guided < by_slopes / 2
