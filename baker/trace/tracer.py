@@ -216,12 +216,17 @@ class Tracer:
         if numbers is None:
             numbers = np.stack([np.arange(count), np.zeros(count)], axis=1).astype(np.uint32)
         passes = -(-sampling.samples // PASS_SAMPLES)
+        # Of few points, passes that depend on no other share launches.
+        together = 1 if sampling.error else min(max(launch_points(count) // max(count, 1), 1), passes)
         sums = _Sums.empty(count, apart)
         active = np.arange(count)
-        for k in range(passes):
+        for k in range(0, passes, together):
             step = advance and (lambda n: advance(n / passes))
-            going_on = numbers + np.uint32([0, k * PASS_SAMPLES])
-            self._pass(points, active, going_on, sums, sampling.bounces, known, seed, step)
+            these = np.arange(k, min(k + together, passes), dtype=np.uint32)
+            at = np.tile(active, len(these))
+            going_on = numbers[at]
+            going_on[:, 1] += PASS_SAMPLES * np.repeat(these, len(active))
+            self._pass([column[at] for column in points], at, going_on, sums, sampling.bounces, known, seed, step)
             if not sampling.error:
                 continue
             going = active[sums.error()[active] > sampling.error * (sums.brightness()[active] + sampling.scale)]
@@ -277,20 +282,20 @@ class Tracer:
             launches.append({name: column[lanes] for name, column in columns.items()})
         return {name: np.concatenate([launch[name] for launch in launches]) for name in launches[0]}
 
-    def _pass(self, points, active, numbers, sums: "_Sums", bounces: int, known, seed: int, advance) -> None:
-        """Trace PASS_SAMPLES more paths for the points `active`."""
+    def _pass(self, points, at, numbers, sums: "_Sums", bounces: int, known, seed: int, advance) -> None:
+        """Trace PASS_SAMPLES more paths from each of the `points`, and add them to `sums` at the rows `at`."""
         from . import paths
 
         seed = int(np.random.SeedSequence(seed).generate_state(1)[0])
-        most = launch_points(len(active))
-        for first in range(0, len(active), most):
-            at = active[first : first + most]
-            lanes = _lanes(len(at), most)
-            padded = [_padded(array[at], lanes, most) for array in (*points, numbers)]
+        most = launch_points(len(at))
+        for first in range(0, len(at), most):
+            some = slice(first, first + most)
+            lanes = _lanes(len(at[some]), most)
+            padded = [_padded(array[some], lanes, most) for array in (*points, numbers)]
             launch = paths.indirect(self, *padded, PASS_SAMPLES, bounces, seed, known, sums.apart.shape[1])
-            sums.add(at, paths.Sums(*(column[lanes] for column in launch)))
+            sums.add(at[some], paths.Sums(*(column[lanes] for column in launch)))
             if advance:
-                advance(len(at))
+                advance(len(at[some]))
 
 
 def pixel_rays(camera: Camera, width: int, height: int, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -333,12 +338,12 @@ class _Sums:
         return _Sums(np.zeros((count, 3)), np.zeros(count), *counts, np.zeros((count, apart, 3)))
 
     def add(self, at: np.ndarray, launch) -> None:
-        """Add the sums of a launch for the points `at`."""
-        self.total[at] += launch.light
-        self.squared[at] += launch.squared
-        self.samples[at] += PASS_SAMPLES - launch.invalid
-        self.invalid[at] += launch.invalid
-        self.apart[at] += launch.apart
+        """Add the sums of a launch for the points `at`, which may be there more than once."""
+        np.add.at(self.total, at, launch.light)
+        np.add.at(self.squared, at, launch.squared)
+        np.add.at(self.samples, at, PASS_SAMPLES - launch.invalid)
+        np.add.at(self.invalid, at, launch.invalid)
+        np.add.at(self.apart, at, launch.apart)
 
     def brightness(self) -> np.ndarray:
         """Channel mean (N,) of B."""

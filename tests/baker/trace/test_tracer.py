@@ -298,6 +298,17 @@ def test_one_trace_tells_the_light_of_every_number_of_bounces():
     assert (found.within[4] < whole.mean).any()
 
 
+def test_passes_that_share_a_launch_keep_their_bits():
+    scene = scenes.furnace(albedo=0.5, emission=1.0)
+    position, normal = even_points(scene, 600)
+    points, tracer = (position, normal, normal), Tracer(scene)
+    together = tracer.indirect(*points, Sampling(5 * PASS_SAMPLES, 2), seed=0)
+    # What is to end before each pass begins has launches of its own; no point ends this early.
+    apart = tracer.indirect(*points, Sampling(5 * PASS_SAMPLES, 2, error=1e-12), seed=0)
+    for name, values in vars(apart).items():
+        np.testing.assert_array_equal(getattr(together, name), values, name)
+
+
 @pytest.mark.parametrize("count", [0, 1, 31, 33, 4096, LAUNCH_POINTS - 1, LAUNCH_POINTS])
 def test_points_are_spread_evenly_over_the_lanes_of_a_launch(count):
     lanes = tracing._lanes(count, LAUNCH_POINTS)
