@@ -246,7 +246,8 @@ def moved(
     position = g.position + (axes(g.rotation) * (g.scale * place)[:, None, :]).sum(axis=2)
     rotation = (Rotation.from_quat(g.rotation) * Rotation.from_rotvec(turn)).as_quat().reshape(-1, 4)
     opacity = g.opacity.astype(np.float64)
-    odds = np.clip(np.log(opacity / (1 - opacity)) + logit[:, 0], -LOGIT_MAX, LOGIT_MAX)
+    with np.errstate(divide="ignore"):  # an opacity that was stored, before an edit, may be 0 or 1
+        odds = np.clip(np.log(opacity / (1 - opacity)) + logit[:, 0], -LOGIT_MAX, LOGIT_MAX)
     arrays = (
         position,
         rotation,

@@ -97,6 +97,14 @@ def test_a_move_keeps_to_its_limits():
         np.testing.assert_allclose(np.linalg.norm(result.rotation, axis=1), 1, rtol=1e-6)
 
 
+@pytest.mark.filterwarnings("error")
+def test_opacities_that_were_stored_as_none_or_all_come_within_the_limits():
+    given = gaussians(2)
+    given.opacity[...] = 0, 1
+    result = moved(given, np.zeros((2, 15)), 1.0, given.scale / 2, given.scale * 2)
+    np.testing.assert_allclose(result.opacity, 1 / (1 + np.exp([5.0, -5.0])), rtol=1e-5)
+
+
 def samples_of(light: np.ndarray, position, normal, noise: float = 0.0) -> SurfaceSamples:
     rng = np.random.default_rng(9)
     halves = (light + noise * rng.normal(size=light.shape) for _ in range(2))
