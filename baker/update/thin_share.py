@@ -4,7 +4,8 @@ Random numbers are counted: a path that meets nothing changed brings the same bi
 light that differs by what was changed. So the change of light has no noise but that of the paths that meet a change.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -14,10 +15,10 @@ from gsgi.baker.trace.point_order import by_side
 
 SHARE = 16  # one point in so many is traced again
 
-# Points of the thin share, the nearest on the same side, that tell of a point. A change that a share f of the paths
-# around it meets is unseen by all of them with a chance of (1 - f)^(ASKED * paths of each).
+# Points of the thin share that tell of one of them, the nearest on the same side: it and its neighbours. A change that
+# a share f of the paths around them meets is unseen by all of them with a chance of (1 - f)^(ASKED * paths of each).
 ASKED = 8
-SMOOTHED = 16  # over whose changes the change of a point is averaged that is not traced again
+SMOOTHED = 16  # over whose changes that of points is averaged that are not traced again
 
 # Share of the light around, as much as samples may have of noise: where more has changed, points are traced again.
 CHANGED = 0.05
@@ -57,21 +58,36 @@ class ThinShare:
     @staticmethod
     def joined(parts: list["ThinShare"]) -> "ThinShare":
         """All points of one or more thin shares."""
-        return ThinShare(*(np.concatenate(columns) for columns in zip(*(vars(p).values() for p in parts), strict=True)))
+        names = [each.name for each in fields(ThinShare)]
+        return ThinShare(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
     def judge(self, position: np.ndarray, normal: np.ndarray) -> Verdict:
-        """What is known of points (N, 3), m, with unit normals (N, 3)."""
-        count = len(position)
+        """What is known of points (N, 3), m, with unit normals (N, 3).
+
+        It is the verdict at the nearest point of the thin share on the same side.
+        """
+        nearest = np.full(len(position), len(self.level))
+        for side, here in by_side(normal):
+            if side in self._sides:
+                known, tree = self._sides[side]
+                nearest[here] = known[tree.nearest(position[here], 1)[1][:, 0]]
+        return Verdict(*(column[nearest] for column in self._verdict))
+
+    @cached_property
+    def _sides(self) -> dict[int, tuple[np.ndarray, Neighbours]]:
+        """The points of each side, by its number: their indices, and what finds the nearest of them."""
+        return {side: (here, Neighbours(self.position[here])) for side, here in by_side(self.normal)}
+
+    @cached_property
+    def _verdict(self) -> Verdict:
+        """The verdict at each of the T points; a row more where there is none."""
+        count = len(self.level) + 1
         change, same = np.full(count, np.inf), np.zeros(count, bool)
         shifts = np.zeros((2, count, 3), np.float32)
         changes = np.stack([self.change_a, self.change_b]).astype(np.float64)
         untouched = ~changes.any(axis=(0, 2))
-        there = dict(by_side(self.normal))
-        for side, here in by_side(normal):
-            if side not in there:
-                continue
-            known = there[side]
-            near = known[Neighbours(self.position[known]).nearest(position[here], SMOOTHED)[1]]
+        for here, tree in self._sides.values():
+            near = here[tree.nearest(self.position[here], SMOOTHED)[1]]
             asked = near[:, :ASKED]
             same[here] = untouched[asked].all(axis=1)
             relative = (changes[:, asked] / self.level[asked][None, :, :, None]).mean(axis=2)
