@@ -64,6 +64,7 @@ def test_a_bake_in_sectors_is_resumed_and_its_manifest_comes_last(tmp_path, monk
     assert number in (0, 1)
     assert view["final"]["psnr"] > 25  # of what lies in the sector
     assert json.dumps(report.as_dict())
+    assert not list((tmp_path / "cache").glob("bake-*"))  # records for updates, which are never of a sector
 
     baked = bake.WorldBaker.sector
 
