@@ -4,7 +4,6 @@ import dataclasses
 import hashlib
 import json
 import os
-from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 
 import numpy as np
@@ -23,7 +22,7 @@ def digest(value) -> str:
     else.
     """
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        plain = _plain(value, pool.submit)
+        plain = _plain(value, _Arrays(pool))
         text = json.dumps(plain, sort_keys=True, separators=(",", ":"), default=Future.result)
     return _hashed(text.encode())
 
@@ -38,22 +37,37 @@ def scene_digest(scene: Scene) -> str:
     return digest(dataclasses.replace(scene, meshes=meshes, **unseen))
 
 
-def _plain(value, submit: Callable[..., Future]):
-    """`value` in a form that json accepts, but for the digests of large arrays, which threads compute."""
+class _Arrays:
+    """Arrays in a form that json accepts, but for the digests of large ones, which threads compute.
+
+    Those of an array that copies share are computed once.
+    """
+
+    def __init__(self, pool: ThreadPoolExecutor):
+        self._pool, self._known = pool, {}
+
+    def plain(self, array: np.ndarray) -> list:
+        if id(array) not in self._known:
+            content = np.ascontiguousarray(array).reshape(-1).view(np.uint8)
+            hashed = self._pool.submit(_hashed, content) if len(content) > LARGE else _hashed(content)
+            self._known[id(array)] = [array.dtype.str, list(array.shape), hashed]
+        return self._known[id(array)]
+
+
+def _plain(value, arrays: _Arrays):
+    """`value` in a form that json accepts, but for what `arrays` leave to threads."""
     if value is None or isinstance(value, bool | int | float | str):
         return value
     if isinstance(value, np.generic):
         return value.item()
     if isinstance(value, np.ndarray):
-        content = np.ascontiguousarray(value).reshape(-1).view(np.uint8)
-        hashed = submit(_hashed, content) if len(content) > LARGE else _hashed(content)
-        return [value.dtype.str, list(value.shape), hashed]
+        return arrays.plain(value)
     if isinstance(value, tuple | list):
-        return [_plain(item, submit) for item in value]
+        return [_plain(item, arrays) for item in value]
     if isinstance(value, dict):
-        return {str(name): _plain(item, submit) for name, item in value.items()}
+        return {str(name): _plain(item, arrays) for name, item in value.items()}
     if dataclasses.is_dataclass(value):
-        fields = {field.name: _plain(getattr(value, field.name), submit) for field in dataclasses.fields(value)}
+        fields = {field.name: _plain(getattr(value, field.name), arrays) for field in dataclasses.fields(value)}
         return {"record": type(value).__name__} | fields
     raise TypeError(f"no digest of a {type(value).__name__}")
 

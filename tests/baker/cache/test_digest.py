@@ -27,6 +27,7 @@ def test_different_values_have_different_digests():
 def test_equal_values_have_equal_digests():
     a = np.arange(6, dtype=np.float32).reshape(2, 3)
     assert digest(a) == digest(np.asfortranarray(a)) == digest(a.copy())
+    assert digest([a, a]) == digest([a, a.copy()]) != digest([a, a + 1])
     assert digest({"a": 1, "b": (2, np.float64(3))}) == digest({"b": [2, 3.0], "a": 1})
     with pytest.raises(TypeError, match="set"):
         digest({1, 2})
