@@ -13,7 +13,7 @@ import numpy as np
 from gsgi.baker.neighbours import Neighbours
 from gsgi.baker.trace.point_order import by_side
 
-SHARE = 16  # one point in so many is traced again
+SHARE = 32  # one point in so many is traced again
 
 # Points of the thin share that tell of one of them, the nearest on the same side: it and its neighbours. A change that
 # a share f of the paths around them meets is unseen by all of them with a chance of (1 - f)^(ASKED * paths of each).
