@@ -24,14 +24,9 @@ class Contrast:
     contrast: np.ndarray
 
     @staticmethod
-    def of(
-        position: np.ndarray, normal: np.ndarray, a: np.ndarray, b: np.ndarray, seen: np.ndarray | float = 0.0
-    ) -> "Contrast":
-        """The contrast of both halves (S, 3) of B: products of their differences have no noise on average.
-
-        `seen` (S,) is the brightness that eyes see around the points: the light around is no darker than that.
-        """
-        level = np.maximum(local_light(position, normal, a, b).level, seen)
+    def of(position: np.ndarray, normal: np.ndarray, a: np.ndarray, b: np.ndarray) -> "Contrast":
+        """The contrast of both halves (S, 3) of B: products of their differences have no noise on average."""
+        level = local_light(position, normal, a, b).level
         bright_a, bright_b = (half.mean(axis=1) for half in (a, b))
         of_sample, contrast = (np.zeros(len(position), np.float32) for _ in range(2))
         for _, here in by_side(normal):

@@ -333,7 +333,7 @@ class Sampler:
         known = self._known_samples
         if known is None or not len(known):
             return self._seen.shares()
-        contrast = Contrast.of(known.position, known.normal, known.indirect_a, known.indirect_b, known.seen)
+        contrast = Contrast.of(known.position, known.normal, known.indirect_a, known.indirect_b)
         return self._seen.shares(contrast, self._known.sampler._shares)
 
     @cached_property

@@ -37,17 +37,6 @@ def test_it_is_where_a_shadow_ends():
     assert contrast.max() <= MOST
 
 
-def test_there_is_less_of_it_for_eyes_that_see_brighter_light_around():
-    position, normal = plane(np.random.default_rng(1))
-    light = np.where(position[:, :1] < 0, np.float32(0.2), np.float32(1)) * np.ones(3, np.float32)
-    seen = np.where(position[:, 2] < 0, np.float32(10), np.float32(0))
-    dazzled = Contrast.of(position, normal, light, light, seen).contrast
-    adapted = Contrast.of(position, normal, light, light).contrast
-    edge = adapted > 0.3
-    assert dazzled[edge & (position[:, 2] < -0.2)].max() < 0.1
-    np.testing.assert_array_equal(dazzled[position[:, 2] > 0.2], adapted[position[:, 2] > 0.2])
-
-
 def test_the_two_sides_of_a_sheet_are_no_neighbours():
     position, normal = plane(np.random.default_rng(2))
     normal[::2] *= -1
