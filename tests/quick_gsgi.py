@@ -23,7 +23,8 @@ def main(log: str, *arguments: str, put: Callable[[object, str, object], object]
     def make_plan(scene, *_) -> SimpleNamespace:
         settings, tracer = SimpleNamespace(target_loss=None), SimpleNamespace(cache=None)
         placement = SimpleNamespace(coverage=None, held_out={})
-        return SimpleNamespace(scene=scene, placement=placement, settings=settings, tracer=tracer, kept=None)
+        inputs = {"scene": scene, "settings": settings, "triangles": SimpleNamespace(box=None)}
+        return SimpleNamespace(**inputs, placement=placement, tracer=tracer, kept=None)
 
     def baked(made, *_) -> SimpleNamespace:
         with open(log, "a", encoding="utf-8") as file:
