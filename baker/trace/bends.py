@@ -7,7 +7,7 @@ all pixels of a window by linear regression (Bitterli et al. 2016), averaged ove
 
 import numpy as np
 
-WINDOW = 11  # px, edge of the squares in which the slopes are the same
+WINDOW = 17  # px, edge of the squares in which the slopes are the same
 
 # Squared length of a bend, and of a way in windows: where the pixels of a window hardly differ by more, noise would
 # decide on the slopes.
