@@ -48,10 +48,9 @@ def seen_light(surface: SurfaceSamples, free: SurfaceSamples, triangles: Triangl
     sides of a wall. Where all is as good as black, the level is not below LEAK of the light nearby, so that a black
     room does not take the Gaussians of the bright one beside it. In free space it is nowhere below SPACE_LEAK of it:
     otherwise black Gaussians fill the space behind bright walls, and smudge them. On surfaces it is not below what is
-    `seen` around: people look into a gap from where they see the bright wall beside it, and the denser the samples in
-    it, the less of its surroundings have their blocks. Of the noise relative to that level
-    and the noise of all blocks around, the lower counts: the latter takes in that of light behind a wall, the former
-    that of darker blocks.
+    `seen` around: people look into a gap from where they see the bright wall beside it, while blocks shrink to the gap
+    where its samples are dense. Of the noise relative to that level and the noise of all blocks around, the lower
+    counts: the latter takes in that of light behind a wall, the former that of darker blocks.
     """
     samples = joined([surface, free])
     around, varies = _around(samples)
@@ -64,9 +63,8 @@ def seen_light(surface: SurfaceSamples, free: SurfaceSamples, triangles: Triangl
     nearby = np.maximum(nearby_light(samples.position, bright), 0)
     black = level < BLACK * FAINT * bright.sum(dtype=np.float64) / max(len(bright), 1)
     level[black] = np.hypot(level[black], LEAK * nearby[black])
-    space = slice(len(surface), None)
-    level[space] = np.maximum(level[space], SPACE_LEAK * nearby[space])
-    level[: len(surface)] = np.maximum(level[: len(surface)], surface.seen)
+    least = np.concatenate([surface.seen, SPACE_LEAK * nearby[len(surface) :]])
+    level = np.maximum(level, least)
     return LocalLight(level, noise)
 
 

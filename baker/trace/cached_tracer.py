@@ -154,7 +154,7 @@ class CachedTracer:
 
     def start(self) -> None:
         """Make the tracer, before it is needed."""
-        assert self.tracer
+        _ = self.tracer
 
     @property
     def lights_key(self) -> str:
