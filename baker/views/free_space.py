@@ -70,10 +70,10 @@ class FreeSpace:
         most: int | None = None,
         must: bool = False,
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Free viewpoints (E, 3) on clear sight lines of at most `reach` (m) from `sides`, and the index (E,) of each side.
+        """Free viewpoints (E, 3) on clear sight lines of at most `reach` (m) from `sides`, and indices (E,) of those.
 
-        There is one or none for each side, and at most `most`, those of the first sides. With `must`, if no viewpoint is
-        free, the result is the LEAST viewpoints that violate the conditions least.
+        There is one or none for each side, and at most `most`, those of the first sides. With `must`, if no viewpoint
+        is free, the result is the LEAST viewpoints that violate the conditions least.
         """
         away = cosine_directions(sides.normal, rng)
         start = self._triangles.lifted(sides.position, sides.normal)

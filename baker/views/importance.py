@@ -85,9 +85,9 @@ class Importance:
     Eyes are in free space, look in all directions, and the share of each falls with the number of others that see the
     same, so that spaces out of each other's sight count alike: a closed room as much as the street before it. Half of
     them are in front of things of each size alike, and each power of ten of the distance is as likely, since people go
-    and look at what is on a desk in a hall. Half of their looks go to the thing, which even from close by is a small part
-    of all that is around. The other eyes are in front of what eyes see. Given cameras look at what is in their pictures,
-    pixel by pixel.
+    and look at what is on a desk in a hall. Half of their looks go to the thing, which even from close by is a small
+    part of all that is around. The other eyes are in front of what eyes see. Given cameras look at what is in their
+    pictures, pixel by pixel.
     """
 
     def __init__(self, triangles: Triangles, free: FreeSpace, given: list[Camera], rng: np.random.Generator):
@@ -124,8 +124,10 @@ class Importance:
         return SurfacePoints.joined(parts)[np.arange(min(found, count))]
 
     def _look_from(self, eyes: np.ndarray, things: np.ndarray, given: list[Camera], rng: np.random.Generator) -> None:
-        """Look from `eyes` (E, 3), the first in front of `things` (T, 3), and from the given cameras, with the shares that
-        fit them."""
+        """Look from `eyes` (E, 3), of which the first are in front of `things` (T, 3), and from the given cameras.
+
+        The share of each falls with the number of others that see the same.
+        """
         self._eyes, self._things, self._given = eyes, things, []
         self._below = np.arange(1, len(eyes) + 1) / len(eyes)
         if len(witnesses := self.draw(WITNESSES, rng)):

@@ -25,7 +25,8 @@ def test_no_more_places_are_looked_for_than_asked_for(most, monkeypatch):
     looked.clear()
     some, of_some = free.draw(points, triangles.diagonal, second, most)
     assert 20 < len(every) <= 200
-    assert np.array_equal(some, every[:most]) and np.array_equal(of_some, of[:most])
+    assert np.array_equal(some, every[:most])
+    assert np.array_equal(of_some, of[:most])
     before = ((every - points.position[of]) * points.normal[of]).sum(axis=1)
     assert (before > 0).all()
     assert (sum(looked) < looks) == (most < len(every))
