@@ -8,7 +8,7 @@ PROBES, NEIGHBOURS = 1 << 12, 8
 BENT_SINE, BENT_COSINE = 0.25, 0.7  # of the angle from the tangent plane to a neighbour; of that between normals
 
 # Gaussians if every neighbour is bent, and if none is. `gsgi tradeoff` shows the accuracy of fewer and more.
-PER_SCENE, FEWEST = 7 << 14, 1 << 11
+PER_SCENE, FEWEST = 27 << 12, 1 << 11
 
 
 def gaussians_for(seen: ImportanceField) -> int:

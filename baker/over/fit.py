@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -74,9 +75,14 @@ def fit(
             raise FloatingPointError(f"{error} at iteration {iteration}, view {view}") from error
         statistics = statistics.with_step(found)
         if monitor:
-            monitor(iteration + 1, loss, optimiser.raw.to_gaussians)
+            monitor(iteration + 1, loss, partial(_gaussians, optimiser))
         if checkpoint and checkpoint.due():
             checkpoint.save(to_arrays(_Run(State(optimiser.raw, optimiser.adam), statistics, iteration + 1)))
+    return _gaussians(optimiser)
+
+
+def _gaussians(optimiser) -> Gaussians:
+    """What an optimiser has now; copied from a GPU in a good part of a step's time, so a monitor calls it at need."""
     return optimiser.raw.to_gaussians()
 
 

@@ -44,7 +44,10 @@ class CpuOptimiser:
 
 
 def optimiser_class() -> type:
-    """The fastest optimiser that this machine can run: CudaOptimiser or CpuOptimiser."""
+    """CudaOptimiser where gsplat can run, otherwise CpuOptimiser.
+
+    A GPU pays from some ten thousand Gaussians on: fewer are stepped on a CPU before a GPU's kernels are launched.
+    """
     if find_spec("gsplat") is None:  # checked first, because torch takes seconds to import
         return CpuOptimiser
     from .cuda_optimiser import CudaOptimiser

@@ -69,11 +69,11 @@ class FreeSpace:
         rng: np.random.Generator,
         most: int | None = None,
         must: bool = False,
-    ) -> np.ndarray:
-        """Free viewpoints (E, 3) on clear sight lines of at most `reach` (m) from `sides`: one or none for each side.
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Free viewpoints (E, 3) on clear sight lines of at most `reach` (m) from `sides`, and indices (E,) of those.
 
-        There are at most `most`, those of the first sides. With `must`, if no viewpoint is free, the result is the
-        LEAST viewpoints that violate the conditions least.
+        There is one or none for each side, and at most `most`, those of the first sides. With `must`, if no viewpoint
+        is free, the result is the LEAST viewpoints that violate the conditions least.
         """
         away = cosine_directions(sides.normal, rng)
         start = self._triangles.lifted(sides.position, sides.normal)
@@ -92,7 +92,7 @@ class FreeSpace:
             around = look_around(self._triangles, viewpoints)
             wrong = np.round(around.backs + around.double_backs, 1)
             free = np.lexsort((-self._triangles.clearance(viewpoints), wrong))[:LEAST]
-        return viewpoints[free]
+        return viewpoints[free], free
 
     def _free(self, viewpoints: np.ndarray) -> np.ndarray:
         """Indices of the viewpoints (E, 3) that are free."""

@@ -21,6 +21,9 @@ STARTS = 8  # surface points tried per eye, because many places are not free
 ROUNDS = 2  # how often half of the eyes are placed again, in front of what the eyes before see
 WITNESSES = 1024  # surface points that tell which eyes see the same
 
+AT_THING = 0.5  # of the looks of an eye that went close to a thing go to it, the others anywhere
+ABOUT = 0.3  # tangent of the angle about the thing within which they go: a picture of it and of what it stands on
+
 GIVEN_SHARE = 0.25  # of all looks, from the given cameras into their pictures
 GIVEN_ASPECT = 16 / 9  # of those pictures, width to height
 DRAWS = 64  # most times to look around; many looks into the open meet nothing
@@ -82,20 +85,23 @@ class Importance:
     Eyes are in free space, look in all directions, and the share of each falls with the number of others that see the
     same, so that spaces out of each other's sight count alike: a closed room as much as the street before it. Half of
     them are in front of things of each size alike, and each power of ten of the distance is as likely, since people go
-    and look at what is on a desk in a hall. The others are in front of what eyes see. Given cameras look at what is in
-    their pictures, pixel by pixel.
+    and look at what is on a desk in a hall. Half of their looks go to the thing, which even from close by is a small
+    part of all that is around. The other eyes are in front of what eyes see. Given cameras look at what is in their
+    pictures, pixel by pixel.
     """
 
     def __init__(self, triangles: Triangles, free: FreeSpace, given: list[Camera], rng: np.random.Generator):
         self._triangles = triangles
         starts = triangles.draw_by_size(STARTS * EYES, rng)[rng.permutation(STARTS * EYES)]
         reach = free.clearance * (triangles.diagonal / free.clearance) ** rng.random(len(starts))
-        at_things = free.draw(starts, reach, rng, EYES, must=True)
-        self._look_from(at_things, given, rng)
+        at_things, of = free.draw(starts, reach, rng, EYES, must=True)
+        things = starts.position[of]
+        self._look_from(at_things, things, given, rng)
         for _ in range(ROUNDS):
-            eyes = free.draw(self.draw(STARTS * EYES, rng), triangles.diagonal, rng, EYES // 2)
+            eyes, _ = free.draw(self.draw(STARTS * EYES, rng), triangles.diagonal, rng, EYES // 2)
             if len(eyes):
-                self._look_from(np.concatenate([at_things[: EYES // 2], eyes]), given, rng)
+                close, things = at_things[: EYES // 2], things[: EYES // 2]
+                self._look_from(np.concatenate([close, eyes]), things, given, rng)
 
     def draw(self, count: int, rng: np.random.Generator) -> SurfacePoints:
         """`count` random points that people see, with normals on the side that is seen; none if they see no surface."""
@@ -103,6 +109,10 @@ class Importance:
         for _ in range(DRAWS):
             eye = np.minimum(np.searchsorted(self._below, rng.random(count), side="right"), len(self._eyes) - 1)
             direction = _directions(count, rng)
+            at = np.flatnonzero((eye < len(self._things)) & (rng.random(count) < AT_THING))
+            # An eye in the open, half of whose looks meet nothing, shall not look more often than one in a room.
+            at = at[self._triangles.hits(self._eyes[eye[at]], direction[at]).triangle >= 0]
+            direction[at] = _about(self._things[eye[at]] - self._eyes[eye[at]], direction[at], rng)
             if self._given:
                 number = eye - (len(self._eyes) - len(self._given))
                 direction[number >= 0] = _into_pictures(self._given, number[number >= 0], rng)
@@ -113,9 +123,12 @@ class Importance:
                 break
         return SurfacePoints.joined(parts)[np.arange(min(found, count))]
 
-    def _look_from(self, eyes: np.ndarray, given: list[Camera], rng: np.random.Generator) -> None:
-        """Look from `eyes` (E, 3) and from the given cameras, with the shares that fit them."""
-        self._eyes, self._given = eyes, []
+    def _look_from(self, eyes: np.ndarray, things: np.ndarray, given: list[Camera], rng: np.random.Generator) -> None:
+        """Look from `eyes` (E, 3), of which the first are in front of `things` (T, 3), and from the given cameras.
+
+        The share of each falls with the number of others that see the same.
+        """
+        self._eyes, self._things, self._given = eyes, things, []
         self._below = np.arange(1, len(eyes) + 1) / len(eyes)
         if len(witnesses := self.draw(WITNESSES, rng)):
             lines = sight_lines(self._triangles, eyes, witnesses)
@@ -134,6 +147,13 @@ def _directions(count: int, rng: np.random.Generator) -> np.ndarray:
     """Random unit directions (count, 3), uniform over the sphere."""
     direction = rng.normal(size=(count, 3))
     return direction / np.linalg.norm(direction, axis=1, keepdims=True)
+
+
+def _about(way: np.ndarray, direction: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Unit directions (N, 3) about the ways (N, 3) to things, each off its way towards a unit `direction` (N, 3)."""
+    way = way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), np.finfo(np.float32).tiny)
+    about = way + ABOUT * np.cbrt(rng.random((len(way), 1))) * direction
+    return about / np.linalg.norm(about, axis=1, keepdims=True)
 
 
 def _into_pictures(cameras: list[Camera], number: np.ndarray, rng: np.random.Generator) -> np.ndarray:

@@ -50,7 +50,7 @@ class Viewpoints:
         if not len(self.position):
             index = self._rng.integers(len(samples), size=TRIES * VIEWPOINTS)
             reach = self._triangles.diagonal
-            self.position = self._free.draw(samples.points[index], reach, self._rng, VIEWPOINTS, must=True)
+            self.position, _ = self._free.draw(samples.points[index], reach, self._rng, VIEWPOINTS, must=True)
             self.samples, self.lines = samples, self._lines(self.position, samples)
         else:
             lines = self._lines(self.position, samples)
@@ -74,7 +74,7 @@ class Viewpoints:
         """Add viewpoints within `reach` extents of the samples `few` (indices)."""
         index = self._rng.choice(few, TRIES * MORE_VIEWPOINTS)
         reach = np.minimum(reach * self.samples.extent[index], self._triangles.diagonal)
-        more = self._free.draw(self.samples.points[index], reach, self._rng, MORE_VIEWPOINTS)
+        more, _ = self._free.draw(self.samples.points[index], reach, self._rng, MORE_VIEWPOINTS)
         lines = self._lines(more, self.samples)
         self.lines = self.lines.joined(lines._replace(viewpoint=lines.viewpoint + np.int32(len(self.position))))
         self.position = np.concatenate([self.position, more])

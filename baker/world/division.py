@@ -100,7 +100,8 @@ def automatic_size(triangles: Triangles, seed: int) -> float:
     """Edge of boxes, m: FAR_SIGHTS times the median distance to what people see."""
     rng = np.random.default_rng(seed)
     even = sides(triangles.draw(SEEN, rng))
-    viewpoints = FreeSpace(triangles, [], even.points, rng).draw(even.points, triangles.diagonal, rng, must=True)
+    free = FreeSpace(triangles, [], even.points, rng)
+    viewpoints, _ = free.draw(even.points, triangles.diagonal, rng, must=True)
     directions = sphere(LOOKS)
     hits = triangles.hits(np.repeat(viewpoints, LOOKS, axis=0), np.tile(directions, (len(viewpoints), 1)))
     met = hits.distance[np.isfinite(hits.distance)]

@@ -5,6 +5,7 @@ import pytest
 import scenes
 
 from gsgi.baker.views.coverage import seen_by
+from gsgi.baker.views.exterior import INSIDE_MIN
 from gsgi.baker.views.placement import HELD_OUT, place
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.scene import Scene
@@ -35,7 +36,7 @@ def test_an_open_side_is_looked_in_by_several_views(axis, sign):
     assert (viewpoints[:, 1] >= -1).all()
 
 
-def test_nobody_looks_at_the_outer_wall_around_a_window():
+def test_hardly_anything_that_views_see_is_the_outer_wall_around_a_window():
     """A wall of 5 cm with a window of edge 1; its outer side faces the void."""
     walls = [mesh for mesh in scenes.box() if not np.allclose(mesh.position[:, 2], 1)]
     for x, y in (((-1, -0.5), (-1, 1)), ((0.5, 1), (-1, 1)), ((-0.5, 0.5), (-1, -0.5)), ((-0.5, 0.5), (0.5, 1))):
@@ -43,5 +44,7 @@ def test_nobody_looks_at_the_outer_wall_around_a_window():
         walls += [scenes.quad([(*p, 1.0) for p in corners[::-1]]), scenes.quad([(*p, 1.05) for p in corners])]
     triangles = Triangles(Scene(tuple(walls), (scenes.WHITE,)))
     placement, points = place(triangles, {}, 48, seed=0), triangles.draw(4096, np.random.default_rng(0))
-    outer = points[points.position[:, 2] > 1.04]
-    assert not seen_by(triangles, [*placement.fitted.values(), *placement.held_out.values()], outer).any()
+    outer = points.position[:, 2] > 1.04
+    for name, camera in (placement.fitted | placement.held_out).items():
+        seen = seen_by(triangles, [camera], points) > 0
+        assert seen[outer].sum() <= (1 - INSIDE_MIN) * seen.sum(), name

@@ -44,6 +44,15 @@ def test_a_closet_counts_as_much_as_a_hall():
     assert 0.3 < (points.position[:, 0] > 6).mean() < 0.7
 
 
+def test_a_thing_on_a_hall_s_floor_is_looked_at():
+    hall = [replace(mesh, position=np.float32(10) * mesh.position) for mesh in scenes.box()]
+    thing = [replace(mesh, position=np.float32(0.05) * mesh.position) for mesh in scenes.box(inward=False)]
+    points = drawn(*hall, *moved(thing, (3.0, -9.95, 2.0)))
+    near = np.abs(points.position - (3, -9.95, 2)).max(axis=1)
+    assert (near < 0.051).mean() > 0.001  # of the area, 6e-6
+    assert (near < 0.15).mean() > 2 * (near < 0.051).mean()  # the floor around it too
+
+
 def test_in_a_room_walls_count_by_their_solid_angle():
     points = drawn(*scenes.box())
     _, number = np.unique(np.round(points.normal), axis=0, return_counts=True)
