@@ -34,7 +34,7 @@ def relief() -> list[dict]:
     `error_B` is the squared error of B over its square. `floor` is that of the same bake at interpolated normals,
     against path tracing that ignores the maps: what has nothing to do with maps. `gone` is the share of the ignoring
     bake's error that following the maps takes away, and `gone_of_maps` its share of what the maps cause, which is that
-    error less the floor of the same bake.
+    error less the floor of the same bake. `flat_ssim_B` and its ceiling are like the floor, without maps.
     """
     found = {("bumpy room", "draft"): bumpy_room()}
     found |= {(path.stem, "medium"): lit_scene(path) for path in SHARED.glob("*/sponza_sun.gltf")}
@@ -57,6 +57,7 @@ def rows(name: str, quality: str, scene: Scene) -> list[dict]:
     ms = frame_ms(scene, {followed: bake for followed, (_, bake) in bakes.items()}, list(seen))
     error = {followed: mean_error(bake, seen, with_maps) for followed, (_, bake) in bakes.items()}
     floor = {followed: mean_error(bake, seen, without_maps) for followed, (_, bake) in bakes.items()}
+    flat = {followed: scores(bake, seen, without_maps) for followed, (_, bake) in bakes.items()}
     less = error[False] - error[True]
     gone, gone_of_maps = less / error[False], less / (error[False] - floor[False])
     return [
@@ -66,6 +67,7 @@ def rows(name: str, quality: str, scene: Scene) -> list[dict]:
             "fit_s": round(report.seconds["fit"], 1), "frame_ms": round(ms[followed], 1),
             **scores(bake, seen, with_maps), "error_B": round(error[followed], 5), "floor": round(floor[followed], 5),
             "gone": round(gone, 3), "gone_of_maps": round(gone_of_maps, 3),
+            **{f"flat_{name}": value for name, value in flat[followed].items() if name.endswith("_B")},
         }
         for followed, (report, bake) in bakes.items()
     ]  # fmt: skip
