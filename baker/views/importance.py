@@ -22,7 +22,7 @@ ROUNDS = 2  # how often half of the eyes are placed again, in front of what the 
 WITNESSES = 1024  # surface points that tell which eyes see the same
 
 AT_THING = 0.5  # of the looks of an eye that went close to a thing go to it, the others anywhere
-ABOUT = 0.3  # tangent of the angle about the thing within which they go: a picture of it and of what it stands on
+ABOUT = 0.3  # sine of the angle about the thing within which they go: a picture of it and of what it stands on
 
 GIVEN_SHARE = 0.25  # of all looks, from the given cameras into their pictures
 GIVEN_ASPECT = 16 / 9  # of those pictures, width to height
@@ -97,11 +97,11 @@ class Importance:
         at_things, of = free.draw(starts, reach, rng, EYES, must=True)
         things = starts.position[of]
         self._look_from(at_things, things, given, rng)
+        at_things, things = at_things[: EYES // 2], things[: EYES // 2]
         for _ in range(ROUNDS):
             eyes, _ = free.draw(self.draw(STARTS * EYES, rng), triangles.diagonal, rng, EYES // 2)
             if len(eyes):
-                close, things = at_things[: EYES // 2], things[: EYES // 2]
-                self._look_from(np.concatenate([close, eyes]), things, given, rng)
+                self._look_from(np.concatenate([at_things, eyes]), things, given, rng)
 
     def draw(self, count: int, rng: np.random.Generator) -> SurfacePoints:
         """`count` random points that people see, with normals on the side that is seen; none if they see no surface."""

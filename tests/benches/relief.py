@@ -34,7 +34,7 @@ def relief() -> list[dict]:
     `error_B` is the squared error of B over its square. `floor` is that of the same bake at interpolated normals,
     against path tracing that ignores the maps: what has nothing to do with maps. `gone` is the share of the ignoring
     bake's error that following the maps takes away, and `gone_of_maps` its share of what the maps cause, which is that
-    error less the floor of the same bake. `flat_ssim_B` and its ceiling are like the floor, without maps.
+    error less the floor of the same bake. Scores that begin with `flat_` are like the floor, without maps.
     """
     found = {("bumpy room", "draft"): bumpy_room()}
     found |= {(path.stem, "medium"): lit_scene(path) for path in SHARED.glob("*/sponza_sun.gltf")}
@@ -67,7 +67,7 @@ def rows(name: str, quality: str, scene: Scene) -> list[dict]:
             "fit_s": round(report.seconds["fit"], 1), "frame_ms": round(ms[followed], 1),
             **scores(bake, seen, with_maps), "error_B": round(error[followed], 5), "floor": round(floor[followed], 5),
             "gone": round(gone, 3), "gone_of_maps": round(gone_of_maps, 3),
-            **{f"flat_{name}": value for name, value in flat[followed].items() if name.endswith("_B")},
+            **{f"flat_{score}": value for score, value in flat[followed].items()},
         }
         for followed, (report, bake) in bakes.items()
     ]  # fmt: skip
