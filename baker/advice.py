@@ -62,7 +62,7 @@ def _turn(plan: Plan) -> tuple[str | None, int | None]:
         return f"--target-loss {s.target_loss / 2:.2g}", None
     if s.budget >= BUDGET_MAX:
         return None, None
-    budget = min(MORE * s.budget, BUDGET_MAX)
+    budget = min(MORE * plan.gaussians(s.budget), BUDGET_MAX)
     qualities = QUALITIES[s.operator]
     if s.quality != "high" and s.budget == round(
         qualities[s.quality].gaussians * gaussians_for(plan.placement.importance)

@@ -32,7 +32,7 @@ from .settings import BOUNCE_FRACTION, BUDGET_MAX, ERROR, QUALITIES, SAMPLES, Se
 from .surface import budget as surface_budget
 from .surface.samples import Sampler, free_layers, known_paths, known_rounds, path_count, point_count, surface_layers
 from .surface.seen_surface import SeenSurface
-from .surface_detail import gaussians_for
+from .surface_detail import gaussians_for, gaussians_for_light
 from .together import together
 from .trace import pilot
 
@@ -69,7 +69,8 @@ class Plan:
     No field of `settings` is None, except `target_loss` if none is asked for; `asked` are those that were asked for.
     `lost` is the share of the picture that further bounces would add; None if it was not measured. `dark` has the names
     of the fitted views that see no light. `start` is a bake of the scene before an edit, from which the fit goes on;
-    None: it begins anew. `kept` counts what its bake keeps of that one.
+    None: it begins anew. `kept` counts what its bake keeps of that one. The budget follows from shapes, unless it was
+    asked for; `by_light`: a fit has more Gaussians than that if the light calls for them.
     """
 
     scene: Scene
@@ -83,6 +84,7 @@ class Plan:
     asked: Settings | None = None
     start: Bake | None = None
     kept: "Tally | None" = None
+    by_light: bool = False
 
     @property
     def sampling(self) -> Sampling:
@@ -195,7 +197,7 @@ class Plan:
     def spending(self, budget: int, error: float, iterations: int) -> "Plan":
         """The plan with other costs of a bake with `surface`. Light that is known already is not traced again."""
         settings = replace(self.settings, budget=budget, error=error, iterations=iterations)
-        other = replace(self, settings=settings)
+        other = replace(self, settings=settings, by_light=False)
         vars(other)["sampler"] = self.sampler.until(error)
         return other
 
@@ -208,15 +210,29 @@ class Plan:
                 self.sampler.prepare(advance)
         return self.sampler.known_light
 
+    def gaussians(self, budget: int) -> int:
+        """Most Gaussians of a fit with this budget, once the light in which paths end is known."""
+        if not self.by_light:
+            return budget
+        quality = QUALITIES[self.settings.operator][self.settings.quality]
+        wanted = round(quality.gaussians * gaussians_for_light(self.sampler.contrast))
+        return min(max(wanted, budget), self.most_gaussians)
+
+    @property
+    def most_gaussians(self) -> int:
+        """Most Gaussians of the file, before the light is known: as many as its samples can tell apart."""
+        budget = self.settings.budget
+        return max(min(self.points // surface_budget.SAMPLES_LEAST, BUDGET_MAX), budget) if self.by_light else budget
+
     @property
     def memory(self) -> int:
         """Expected peak memory of the process, bytes."""
-        return memory.peak_memory(self.scene, len(self.triangles), self.points, self.settings.budget)
+        return memory.peak_memory(self.scene, len(self.triangles), self.points, self.most_gaussians)
 
     @property
     def file_bytes(self) -> int:
         """Bytes that the file hardly exceeds."""
-        return file_bytes(self.settings.operator, self.settings.budget, self.scene, len(self.groups))
+        return file_bytes(self.settings.operator, self.most_gaussians, self.scene, len(self.groups))
 
 
 def make_plan(
@@ -270,12 +286,14 @@ def plan_within(
         dark = dark_views(triangles, placement.fitted | placement.held_out, tracer.at_points, bounces, settings.seed)
         placement = placement.without_dark(dark)
     settings = replace(settings, views=len(placement.fitted), size=size, bounces=bounces)
+    by_light = settings.operator == "surface" and settings.budget is None and settings.target_loss is None
     settings = replace(settings, budget=_budget(settings, seen), iterations=_iterations(settings))
     samples = SAMPLES[settings.operator] if settings.samples is None else settings.samples
     error = ERROR[settings.operator] if settings.error is None else settings.error
     settings = replace(settings, samples=samples, error=error, bounce_fraction=fraction)
     dark &= placement.fitted.keys()
-    plan = Plan(scene, settings, triangles, tracer, placement, probe, probe.lost.get(bounces), dark, asked)
+    made = placement, probe, probe.lost.get(bounces), dark, asked
+    plan = Plan(scene, settings, triangles, tracer, *made, by_light=by_light)
     if there is not None and plan.memory > there:
         progress.warn(
             f"the bake takes about {plan.memory / 1e9:.1f} GB of memory, and {there / 1e9:.1f} GB are available"

@@ -34,6 +34,8 @@ def decisions(plan: Plan) -> list[Decision]:
     if not np.isfinite(coverage.texel_median):
         fine = f"less than half of the area is seen by {VIEWS} views"
     seen = f"of what people see is seen by {VIEWS} views at {length(coverage.texel_limit)} per texel or finer"
+    gaussians = f"{_range(s.budget, plan.most_gaussians)} Gaussians"
+    varied = ", as light varies" if plan.most_gaussians > s.budget else ""
     dark = f"; {len(plan.dark)} see no light" if plan.dark else ""
     rows = [
         *((f.name, f.found, f.cost) for f in findings(plan.scene)),
@@ -43,9 +45,13 @@ def decisions(plan: Plan) -> list[Decision]:
         ("coverage", f"{coverage.seen[VIEWS - 1]:.1%}", seen),
         *(_surface_rows(plan) if s.operator == "surface" else _over_rows(plan, fine)),
         ("memory", f"{plan.memory / 1e9:.1f} GB", "at the peak"),
-        ("file", f"{plan.file_bytes} bytes", f"at most, with {s.budget} Gaussians"),
+        ("file", f"{plan.file_bytes} bytes", f"at most, with {gaussians}{varied}"),
     ]
     return [Decision(*row) for row in rows]
+
+
+def _range(least: int, most: int) -> str:
+    return f"{least} to {most}" if most > least else f"{least}"
 
 
 def _bounces(plan: Plan) -> str:
@@ -76,13 +82,14 @@ def _surface_rows(plan: Plan) -> list[tuple[str, str, str]]:
     """The decisions that concern only the `surface` operator."""
     s = plan.settings
     coarse = coarse_count(s.budget)
+    fine = _range(s.budget - coarse, plan.most_gaussians - coarse)
     most = -(-s.samples // PATHS_STEP) * PATHS_STEP
     until = f"until the standard error is below {s.error:.0%} of B there" if s.error else "all of them"
     fewer = f", or {plan.connected_samples:.0f} if connections to lit places pay" if plan.scene.lights else ""
     return [
         ("SH degree", f"{FINE_DEGREE}", f"{COARSE_DEGREE} in the coarse level, which lights moving objects"),
         ("basis", FINE_BASIS, "over the plane of a Gaussian on a surface; constant over one in free space"),
-        ("levels", f"{s.budget - coarse} + {coarse}", "Gaussians on surfaces, and in free space"),
+        ("levels", f"{fine} + {coarse}", "Gaussians on surfaces, and in free space"),
         ("known light", f"{plan.known_paths / 1e6:.1f} M", "paths that find B on surfaces, where those of samples end"),
         ("samples", f"{plan.points}", "points on the surfaces that the views see"),
         (
@@ -117,7 +124,8 @@ def summary(plan: Plan) -> str:
     traced = f"{views} views of {s.size} px, about {plan.samples:.0f} paths per pixel"
     if s.operator == "surface":
         traced = f"{plan.points} surface points in {views} views, about {plan.samples:.0f} paths each"
+    gaussians = _range(s.budget, plan.most_gaussians)
     return (
-        f"plan: {s.operator}, {s.bounces} bounces, {traced}, {s.budget} Gaussians at most, {s.iterations} fit "
-        f"steps, {plan.memory / 1e9:.1f} GB"
+        f"plan: {s.operator}, {s.bounces} bounces, {traced}, {gaussians} Gaussians, {s.iterations} fit steps, "
+        f"{plan.memory / 1e9:.1f} GB"
     )

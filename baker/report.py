@@ -71,7 +71,7 @@ class BakeReport:
             "device": device.title(),
             "gaussians": attempt.count,
             "bytes": len(self.data),
-            "budget": settings.budget,
+            "budget": plan.gaussians(settings.budget),
             "error": settings.error,
             "iterations": settings.iterations,
             "target_loss": settings.target_loss,

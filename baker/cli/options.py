@@ -158,7 +158,7 @@ def _add_accuracy(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--operator", choices=OPERATORS, default=Settings.operator,
                        help="read Gaussians at surface points, or blend them along rays")  # fmt: skip
     group.add_argument("--quality", choices=QUALITIES[Settings.operator], default=Settings.quality,
-                       help="number of Gaussians for the scene's detail, and length of the fit")  # fmt: skip
+                       help="number of Gaussians for the scene's shapes and light, and length of the fit")  # fmt: skip
     group.add_argument("--target-loss", type=positive, metavar="X",
                        help="search for the fewest Gaussians with at most this loss in held-out views")  # fmt: skip
     size = group.add_mutually_exclusive_group()

@@ -49,10 +49,12 @@ class SurfaceFits:
 
         plan = self.plan
         surface, free = self._samples(budget)
+        if (more := plan.gaussians(budget)) > budget:
+            self.progress.say(f"light varies more than shapes: at most {more} Gaussians instead of {budget}")
         start = time.perf_counter()
         with self.progress.stage("fit", plan.settings.iterations, "iterations") as advance:
             coarse = self.coarse(budget, free)
-            fine = budget - len(coarse)
+            fine = self._fine_count(budget, coarse)
             some = free[: round(FREE_SHARE * len(surface))]
             gaussians, history = self._fitted(fine, surface, some, coarse, advance, make_monitor)
         seconds = time.perf_counter() - start
@@ -94,6 +96,11 @@ class SurfaceFits:
             key = task_key("group", code=code, scene=plan.tracer.scene_digest, task=task)
             light, _ = plan.tracer.once(key, GroupLight, lambda: group_light(*task, plan.triangles))
         return LightGroup(name, plan.scene.groups.get(name, ()), **vars(light))
+
+    def _fine_count(self, budget: int, coarse: Gaussians) -> int:
+        """Most Gaussians of the fine level; after an edit, no fewer than before."""
+        count = self.plan.gaussians(budget) - len(coarse)
+        return max(count, len(self.plan.start.gaussians)) if self.plan.start else count
 
     def _layers(self, budget: int) -> tuple[list[int], list[int]]:
         """Layers of the samples on the surfaces and in free space."""

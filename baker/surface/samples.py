@@ -15,7 +15,7 @@ from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling
 
 from .adaptation import seen_around
 from .budget import PATHS_STEP, connected_layers, free_count, sample_count
-from .contrast import Contrast
+from .contrast import Contrast, sure_contrast
 from .layers import Layer, Points, invalid, mean, traced
 from .seen_surface import SeenSurface
 
@@ -194,7 +194,8 @@ class Sampler:
         prepared.
         """
         other = copy(self)
-        vars(other).pop("known_light", None)
+        for found in ("known_light", "contrast"):
+            vars(other).pop(found, None)
         other._tracer, other._drawn_by, other._known_samples, other.entries = tracer, self, None, {}
         other._known = self._known and Known(self._known.sampler.lit_by(tracer), self._known.layers)
         return other
@@ -218,6 +219,14 @@ class Sampler:
     def connected(self) -> bool:
         """Whether paths are connected to lit places, which is known once this is prepared."""
         return self.known_light is not None and self.known_light.connected
+
+    @cached_property
+    def contrast(self) -> float:
+        """How much the light in which paths end varies between neighbours; 0 if none is known."""
+        known = self._known_samples
+        if known is None or not len(known):
+            return 0.0
+        return sure_contrast(known.position, known.normal, known.indirect_a, known.indirect_b)
 
     @property
     def rounds(self) -> tuple["Known", ...]:

@@ -77,7 +77,7 @@ def bake_surface(ground: Ground, value: float, progress: Progress) -> BakedSurfa
     """Bake with a budget of `value` Gaussians, as `gsgi bake --budget` does."""
     from gsgi.baker.bake import Baker
 
-    plan = replace(ground.plan, settings=replace(ground.plan.settings, budget=int(value)))
+    plan = replace(ground.plan, settings=replace(ground.plan.settings, budget=int(value)), by_light=False)
     progress.seconds.update(ground.plan_seconds)
     baker = Baker(plan, progress)
     data = np.frombuffer(baker.best().data, np.uint8)

@@ -21,10 +21,16 @@ def view(ssim=0.99, ceiling=0.995, mottle=0.01, name="placed 1", **marks) -> Vie
     return ViewEvaluation(name, 0.01, score, score, mottle, **marks)
 
 
-def advised(*views: ViewEvaluation, **settings) -> advice.Advice | None:
+def advised(*views: ViewEvaluation, by_light=1.0, **settings) -> advice.Advice | None:
     made = Settings(**{"budget": MEDIUM, "samples": 192} | settings)
     return advise(
-        SimpleNamespace(settings=made, placement=SimpleNamespace(importance=None), groups=[], scene=SCENE),
+        SimpleNamespace(
+            settings=made,
+            placement=SimpleNamespace(importance=None),
+            groups=[],
+            scene=SCENE,
+            gaussians=lambda budget: round(by_light * budget),
+        ),
         Evaluation(list(views), None, [], None),
     )
 
@@ -60,6 +66,11 @@ def test_the_next_quality_and_its_bytes():
         f"try --quality high (at most {found.bytes} bytes) or --samples 768 (4 times the paths)"
     )
     assert advised(view(ssim=0.9), quality="draft", budget=DRAFT).option == "--quality medium"
+
+
+def test_the_next_quality_has_more_where_light_calls_for_more():
+    found = advised(view(ssim=0.9), by_light=1.5)
+    assert (found.option, found.gaussians) == ("--quality high", 1.5 * HIGH)
 
 
 @pytest.mark.parametrize("settings", [{"budget": 500}, {"quality": "high", "budget": HIGH}])

@@ -1,6 +1,7 @@
 """The plan: what a scene calls for, and that a bake follows it."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,8 +18,9 @@ from gsgi.baker.plan_table import decisions, summary
 from gsgi.baker.progress import Progress
 from gsgi.baker.settings import EFFECTS, ERROR, OPERATORS, QUALITIES, SAMPLES, Settings
 from gsgi.baker.surface import budget, fits, samples
+from gsgi.baker.surface.budget import SAMPLES_LEAST
 from gsgi.baker.surface.lookup import look_up
-from gsgi.baker.surface_detail import gaussians_for
+from gsgi.baker.surface_detail import PER_CONTRAST, gaussians_for
 from gsgi.baker.trace.reference import Reference
 from gsgi.baker.trace.tracer import BOUNCES_MAX, Surface
 from gsgi.baker.views import placement
@@ -122,6 +124,44 @@ def test_a_search_may_go_as_far_as_high_quality(seen, operator):
     high = planning._budget(replace(many, quality="high"), seen)
     for quality in QUALITIES[operator]:
         assert planning._budget(replace(many, quality=quality, target_loss=0.01), seen) == high
+
+
+def lit_plan(contrast: float, **settings) -> Plan:
+    """A plan whose known light has so much contrast."""
+    plan = planned(room(), replace(SMALL, **({"budget": None} | settings)))
+    vars(plan)["sampler"] = SimpleNamespace(contrast=contrast, until=lambda error: plan.sampler)
+    return plan
+
+
+def test_light_calls_for_gaussians_of_its_own():
+    for quality in QUALITIES["surface"]:
+        even, varied, most = (lit_plan(contrast, quality=quality) for contrast in (0.0, 0.04, 1.0))
+        budget = even.settings.budget
+        assert even.gaussians(budget) == budget
+        wanted = QUALITIES["surface"][quality].gaussians * PER_CONTRAST * 0.04
+        assert varied.gaussians(budget) == pytest.approx(max(wanted, budget), abs=1)
+        assert most.gaussians(budget) == most.most_gaussians == most.points // SAMPLES_LEAST > budget
+
+
+@pytest.mark.parametrize("settings", [{"budget": 77}, {"target_loss": 0.01}, {"operator": "over"}])
+def test_a_budget_or_a_target_that_is_asked_for_is_kept(settings):
+    plan = lit_plan(1.0, **settings)
+    for count in (7, plan.settings.budget):
+        assert plan.gaussians(count) == count
+    assert plan.most_gaussians == plan.settings.budget
+
+
+def test_what_a_deadline_decides_is_kept():
+    plan = lit_plan(1.0).spending(77, 0.1, 3)
+    assert plan.gaussians(77) == plan.most_gaussians == 77
+
+
+def test_the_table_says_how_many_gaussians_there_may_be():
+    plan = lit_plan(0.0)
+    told = f"{plan.settings.budget} to {plan.most_gaussians} Gaussians"
+    (row,) = (row for row in decisions(plan) if row.what == "file")
+    assert (row.decision, row.why) == (f"{plan.file_bytes} bytes", f"at most, with {told}, as light varies")
+    assert f", {told}, " in summary(plan)
 
 
 def test_a_search_is_told():

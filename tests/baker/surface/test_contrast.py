@@ -5,7 +5,7 @@ import pytest
 import scenes
 
 from gsgi.baker.cache.store import Cache
-from gsgi.baker.surface.contrast import MOST, Contrast
+from gsgi.baker.surface.contrast import MOST, Contrast, sure_contrast
 from gsgi.baker.surface.seen_surface import CONTRAST_SHARE, SeenSurface
 from gsgi.baker.trace.cached_tracer import CachedTracer
 
@@ -35,6 +35,17 @@ def test_it_is_where_a_shadow_ends():
     assert np.median(contrast[away < 0.01]) > 0.3
     assert not contrast[away > 0.2].any()
     assert contrast.max() <= MOST
+
+
+def test_noise_is_hardly_sure():
+    rng = np.random.default_rng(4)
+    position, normal = plane(rng)
+    noise = 1 + 0.3 * rng.standard_normal((2, COUNT, 1)).astype(np.float32) * np.ones(3, np.float32)
+    assert sure_contrast(position, normal, *noise) < 0.4 * Contrast.of(position, normal, *noise).contrast.mean()
+    light = (1 + 0.5 * np.sin(60 * position[:, :1])) * np.ones(3, np.float32)
+    sure = sure_contrast(position, normal, light, light)
+    assert sure == pytest.approx(Contrast.of(position, normal, light, light).contrast.mean(), rel=0.15)
+    assert sure_contrast(position, normal, *(noise * light)) == pytest.approx(sure, rel=0.3)
 
 
 def test_the_two_sides_of_a_sheet_are_no_neighbours():

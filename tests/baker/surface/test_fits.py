@@ -1,5 +1,6 @@
 """Fits with the surface operator: all of a bake but its views."""
 
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,7 @@ from gsgi.baker.bake import bake
 from gsgi.baker.cache.store import Cache
 from gsgi.baker.over.rasterise import set_thread_count
 from gsgi.baker.plan import Plan, make_plan
-from gsgi.baker.progress import Progress
+from gsgi.baker.progress import Progress, Silent
 from gsgi.baker.settings import Settings
 from gsgi.baker.surface import budget, fits, samples
 from gsgi.runtime.file import codec
@@ -44,6 +45,21 @@ def test_the_same_bytes_each_time_whatever_the_number_of_threads(plan):
         set_thread_count(0)
     assert files[0] == files[1] == files[2]
     assert bake(replace(plan, settings=replace(plan.settings, seed=1)), QUIET).data != files[0]
+
+
+def test_light_that_varies_gets_more_gaussians_of_the_same_samples(plan):
+    said, display = [], Silent()
+    display.say = said.append
+    progress = Progress(display)
+    varied = replace(plan, by_light=True)
+    vars(varied)["sampler"] = copy(plan.sampler)
+    vars(varied.sampler)["contrast"] = 1.0
+    files = [codec.decode(bake(each, progress).data) for each in (plan, varied)]
+    assert varied.most_gaussians == plan.points // budget.SAMPLES_LEAST == 128
+    assert len(files[0].gaussians) <= 48
+    assert 100 <= len(files[1].gaussians) <= 128 - 16
+    np.testing.assert_array_equal(files[0].coarse.position, files[1].coarse.position)
+    assert "light varies more than shapes: at most 128 Gaussians instead of 64" in said
 
 
 def test_a_file_holds_both_levels_of_the_budget(plan):
