@@ -11,7 +11,7 @@ from gsgi.baker.trace.irradiance_cache import KnownLight
 from gsgi.baker.trace.tracer import PASS_SAMPLES
 from gsgi.runtime.errors import GsgiError
 
-HEAD = 4  # layers whose paths are the first of a point
+HEAD = 4  # one layer of so many is of the head: its paths are the first of a point
 
 REVISED = "revised"  # stage of the tasks whose results are chunks as an update has left them
 
@@ -26,8 +26,8 @@ class KeptChunk(Points):
 
     indirect_a and indirect_b (P, 3) float32 are both halves of B, NaN where it has none. first_a and first_b (P, 3)
     float32 are those of the first layer of paths alone, which must hold at the points of the thin share only. head_a
-    and head_b (P, 3) float32 are those of the first HEAD layers, of which each half has head_paths (P,) uint32 paths,
-    and paths (P,) uint32 in all. fate (P,) uint8 is what the update has done with each, a number of
+    and head_b (P, 3) float32 are those of the head, the first of HEAD layers, of which each half has head_paths (P,)
+    uint32 paths, and paths (P,) uint32 in all. fate (P,) uint8 is what the update has done with each, a number of
     `tally.FATES`; 0 in a chunk that no update has touched. invalid is the number of paths that gave no finite number.
     """
 
@@ -60,9 +60,10 @@ class KeptChunk(Points):
         points = from_arrays(Points, _arrays(cache, keys[0]))
         layers = [from_arrays(Layer, _arrays(cache, key)) for key in keys[1:]]
         traced = np.array([(layer.finite_a > 0) | (layer.finite_b > 0) for layer in layers])
-        paths, head_paths = (PASS_SAMPLES * some.sum(axis=0, dtype=np.uint32) for some in (traced, traced[:HEAD]))
+        of_head = slice(-(-len(layers) // HEAD))
+        paths, head_paths = (PASS_SAMPLES * some.sum(axis=0, dtype=np.uint32) for some in (traced, traced[of_head]))
         first = layers[0].indirect_a, layers[0].indirect_b
-        halves, head = ([mean(some, half) for half in "ab"] for some in (layers, layers[:HEAD]))
+        halves, head = ([mean(some, half) for half in "ab"] for some in (layers, layers[of_head]))
         fate = np.zeros(len(paths), np.uint8)
         return KeptChunk(*vars(points).values(), *halves, *first, *head, head_paths, paths, fate, invalid(layers))
 

@@ -12,19 +12,22 @@ NAMED = 4  # most names of one kind in a line
 class Part:
     """One part of a scene: its `kind` ("object", "material", "light", ...), its `name`, and the digest of what it is.
 
-    `area` is that of an object's surfaces, m^2, and 0 for all else.
+    `area` is that of an object's surfaces, m^2, and 0 for all else. `met` is the digest of what decides where rays meet
+    an object, and with which normal, and "" for all else.
     """
 
     kind: str
     name: str
     digest: str
     area: float = 0.0
+    met: str = ""
 
 
 def parts(scene: Scene) -> list[Part]:
     """All parts of a scene that light depends on. Objects, materials and lights of the same name may occur often."""
     names = [material.name or f"material {number}" for number, material in enumerate(scene.materials)]
-    result = [_object(mesh, names[mesh.material]) for mesh in scene.meshes]
+    met = [digest(_filled(scene, _uncoloured(material))) for material in scene.materials]
+    result = [_object(mesh, names[mesh.material], met[mesh.material]) for mesh in scene.meshes]
     result += [
         Part("material", name, digest(_filled(scene, material)))
         for name, material in zip(names, scene.materials, strict=True)
@@ -58,10 +61,23 @@ def kept_share(before: list[Part], after: list[Part]) -> float:
     return sum(part.area for part in after if part.digest in known) / total if total else 0.0
 
 
-def _object(mesh: Mesh, material: str) -> Part:
-    """The part of a mesh; which material it has counts, but not what that is like."""
-    shape = digest({"mesh": replace(mesh, material=0, name=""), "material": material})
-    return Part("object", mesh.name or material, shape, float(mesh.areas().sum()))
+def all_met(before: list[Part], after: list[Part]) -> bool:
+    """Whether all rays meet what they did before an edit, wherever they come from."""
+    old, new = (sorted(part.met for part in parts if part.met) for parts in (before, after))
+    return old == new
+
+
+def _object(mesh: Mesh, material: str, met: str) -> Part:
+    """The part of a mesh; which material it has counts, but not what that is like, except for what rays have `met`."""
+    shape = digest(replace(mesh, material=0, name=""))
+    part = digest({"mesh": shape, "material": material})
+    return Part("object", mesh.name or material, part, float(mesh.areas().sum()), digest((shape, met)))
+
+
+def _uncoloured(material: Material) -> Material:
+    """A material without what changes light alone, and no point that a ray meets."""
+    alpha = float(material.base_color[3])
+    return replace(material, base_color=(0, 0, 0, alpha), emission=(0, 0, 0), emission_texture=None)
 
 
 def _filled(scene: Scene, material: Material) -> tuple:
@@ -88,4 +104,4 @@ def _listed(kind: str, names: list[str]) -> str:
 
 def as_arrays(parts: list[Part]) -> list[list]:
     """Parts as lists that JSON holds."""
-    return [[part.kind, part.name, part.digest, part.area] for part in parts]
+    return [[part.kind, part.name, part.digest, part.area, part.met] for part in parts]

@@ -34,15 +34,16 @@ class UpdatedSampler:
 
     def __init__(
         self, tracer: CachedTracer, seen: SeenSurface, entries: dict[str, list[str]], sampling: Sampling, seed: int,
-        tally: Tally, known: "UpdatedSampler | None" = None, mapped: bool = False,
+        tally: Tally, still: bool = False, known: "UpdatedSampler | None" = None, mapped: bool = False,
     ):  # fmt: skip
         """`entries` has the keys of what the cache has of the earlier samples; `seed` and `sampling` were theirs.
 
         Paths end at the first surface whose B is `known`. B is that of mapped normals if it is `mapped`, as that of
-        the samples is and that of known light is not. What becomes of the points is counted in `tally`.
+        the samples is and that of known light is not. What becomes of the points is counted in `tally`. `still`: the
+        edit has changed no point that a ray meets, so none is looked for again.
         """
         self._tracer, self._seen, self._before, self._sampling, self._seed = tracer, seen, entries, sampling, seed
-        self._tally, self._known, self._mapped = tally, known, mapped
+        self._tally, self._still, self._known, self._mapped = tally, still, known, mapped
         self._known_samples: SurfaceSamples | None = None
         self._known_light: KnownLight | None = None
         self.entries: dict[str, list[str]] = {}
@@ -50,19 +51,19 @@ class UpdatedSampler:
     @classmethod
     def gathering(
         cls, tracer: CachedTracer, seen: SeenSurface, bounces: int, seed: int, before: list[dict[str, list[str]]],
-        tally: Tally,
+        tally: Tally, still: bool = False,
     ) -> "UpdatedSampler":  # fmt: skip
         """The sampler that `Sampler.gathering` made with these bounces and seed, from the entries of its chain."""
         known = None
         for fewer, entries in zip(range(len(before) - 1, -1, -1), before, strict=True):
             sampling = Sampling(PASS_SAMPLES, bounces - fewer)
-            known = cls(tracer, seen, entries, sampling, seed + fewer, tally, known, mapped=not fewer)
+            known = cls(tracer, seen, entries, sampling, seed + fewer, tally, still, known, mapped=not fewer)
         return known
 
     def lit_by(self, tracer: UpdatedTracer) -> "UpdatedSampler":
         """A sampler of the light of one light group, whose points have the same places."""
         asked = self._sampling.bounces, self._seed
-        return UpdatedSampler.gathering(tracer, self._seen, *asked, tracer.samplers, Tally())
+        return UpdatedSampler.gathering(tracer, self._seen, *asked, tracer.samplers, Tally(), self._still)
 
     @property
     def lights_key(self) -> str:
@@ -163,6 +164,8 @@ class UpdatedSampler:
     def _found(self, stage: str, chunk: KeptChunk) -> tuple[Points, np.ndarray]:
         """The points that a chunk has now, and their fates so far: SAME, NEW or GONE."""
         points = chunk.points
+        if self._still:
+            return points, np.where(chunk.lit, SAME, GONE).astype(np.uint8)
         *there, diffuse = self._seen.behind(points.camera, points.place)
         now = Points(*there, points.camera, points.place)
         if stage == "surface":
@@ -225,7 +228,7 @@ class UpdatedSampler:
     def _traced(self, points: Points, whole: np.ndarray, part: np.ndarray, before: KeptChunk, seed):
         """B of both halves at points of which the `whole` or a `part` is traced again, masks (P,).
 
-        Of each half, "a" and "b", the means over all paths and over those of the first HEAD layers; of each half that
+        Of each half, "a" and "b", the means over all paths and over those of the head; of each half that
         over the first layer alone; and the number of paths that gave no finite number.
         """
         done = np.arange(0, int(before.paths[whole | part].max(initial=0)), PASS_SAMPLES)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import scenes
 
-from gsgi.baker.update.parts import changes, kept_share, parts
+from gsgi.baker.update.parts import all_met, changes, kept_share, parts
 from gsgi.runtime.scene import Environment, Light, Material, Scene, Texture, TextureSlot
 
 SUN = Light("directional", np.ones(3), np.zeros(3), np.array([0.0, -1.0, 0.0]), name="sun")
@@ -46,6 +46,22 @@ def test_what_has_changed_is_named():
     assert lines(replace(scene, meshes=(*scene.meshes, *many))) == [
         "added: object chair 0, chair 1, chair 2, chair 3 and 2 more"
     ]
+
+
+def test_rays_meet_the_same_whatever_the_colours_and_lights():
+    scene = room()
+    floor, table = scene.meshes
+
+    def same(**edit) -> bool:
+        return all_met(parts(scene), parts(replace(scene, **edit)))
+
+    bright = replace(BLUE, base_color=(0, 1, 0, 1), emission=(3, 3, 3), name="lamp")
+    assert same(materials=(RED, bright), lights=())
+    assert same(meshes=(table, floor))
+    assert not same(meshes=(floor, replace(table, position=table.position + np.float32([1, 0, 0]))))
+    assert not same(meshes=(floor,))
+    for edit in ({"base_color": (0, 0, 1, 0.5)}, {"alpha_cutoff": 0.5}, {"metallic": 1.0}, {"double_sided": True}):
+        assert not same(materials=(RED, replace(BLUE, **edit)))
 
 
 def test_a_texture_counts_by_its_pixels():
