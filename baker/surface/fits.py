@@ -178,9 +178,11 @@ def times_on_grey_light(plan: "Plan", timed: "Plan", steps: int) -> list[float]:
     coarse level.
     """
     from .coarse import SOLVE_STEPS, STEPS
-    from .fit import GROWTH
+    from .colours import LEAST, MOST
+    from .fit import GROWTH, SOLVED_EVERY
 
     solved = 3 * (len(GROWTH) + 2)  # each time for the colours, and twice for the cuts
+    solved += LEAST / MOST * plan.settings.iterations / SOLVED_EVERY  # which are nearly right already
     coarse, timed_coarse = (coarse_count(each.settings.budget) for each in (plan, timed))
     free = plan.free_paths / timed.free_paths * max(coarse / timed_coarse, 1.0) ** COARSE_GROWS
     samples = FINE_TIMED * CHANGES * plan.points / timed.points

@@ -18,6 +18,8 @@ from gsgi.baker.progress import Progress
 from gsgi.baker.settings import OPERATORS, Settings
 from gsgi.baker.surface import budget, fits, samples
 from gsgi.baker.surface.budget import COARSE_SHARE, FREE_PER_GAUSSIAN
+from gsgi.baker.surface.colours import LEAST, MOST
+from gsgi.baker.surface.fit import SOLVED_EVERY
 from gsgi.baker.surface.group_light import SOLUTIONS
 from gsgi.baker.trace import known_light
 from gsgi.baker.trace.tracer import PASS_SAMPLES
@@ -106,10 +108,11 @@ def test_all_parts_of_a_fit_are_timed(closed, monkeypatch, operator, parts):
     fit = estimate(plan)["fit"]
     assert len(runs) == parts
     steps = SETTINGS.iterations / (3 if operator == "over" else estimating.STEPS)
-    # The colours are solved for five times, and twice for each of five cuts; of the fine level, one sample in 4 is
-    # timed, and of the coarse one, one in 8, for a tenth of its steps.
+    # The colours are solved for five times, twice for each of five cuts, and soon again every few steps; of the
+    # fine level, one sample in 4 is timed, and of the coarse one, one in 8, for a tenth of its steps.
+    solved = 15 + LEAST / MOST * SETTINGS.iterations / SOLVED_EVERY
     changes = 4 * fits.CHANGES if operator == "surface" else 1
-    others = 0 if operator == "over" else changes * 100 * 15 + 1000 * 8 * 10
+    others = 0 if operator == "over" else changes * 100 * solved + 1000 * 8 * 10
     assert fit == pytest.approx(changes * 10 * steps + others)
 
 

@@ -90,7 +90,7 @@ def everywhere(light: float) -> Gaussians:
 def test_the_fine_level_says_what_the_coarse_one_lacks():
     """Below a floor that high the coarse level, about as dark as the darkest wall, always has its share: the fine one
     has to make up for it, and without it light is missing."""
-    coarse, blend, points = everywhere(0.25), SurfaceBlend(floor=5.0), corner(5000, seed=1)
+    coarse, blend, points = everywhere(0.25), SurfaceBlend(floor=6.0), corner(5000, seed=1)
     samples = noisy(noise=0.0)
     fitted = fit_surface(samples, samples[:0], coarse, blend, Schedule(200, 60))
     light, weight = look_up(fitted, coarse, blend, *points)
