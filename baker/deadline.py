@@ -21,7 +21,6 @@ from .settings import BUDGET_MAX, Settings
 # Between two of them lie PARTS steps.
 LADDER = (1 / 4, 0.2, 80), (1 / 4, 0.2, 300), (1, 0.2, 300), (1, 0.05, 300), (4, 0.05, 300), (4, 0.0125, 300)
 PARTS = 8
-KNOWN = "known light"  # the stage after which it is known how many Gaussians the light calls for
 LONGER = 2  # most steps of the fit, relative to those on the ladder, that fill the time up to the next rung
 
 DECIDED = "quality", "budget", "target_loss", "error", "iterations"  # the settings that a deadline replaces
@@ -94,7 +93,7 @@ class Clock:
             self._progress.say(f"{self._seconds:g} s: as decided before, {self._decided.flags}")
             return self._decided
         spent = self._progress.elapsed
-        if KNOWN in done:
+        if self._plan.sampler.prepared:
             self._rungs = rungs(self._plan.gaussians(self._plan.settings.budget))
         rung = fitting(self._rungs, lambda rung: self._left(rung, *done), self._seconds - spent)
         decided = Deadline(self._seconds, *rung, spent + self._left(rung, *done))

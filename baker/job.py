@@ -7,7 +7,7 @@ from pathlib import Path
 from gsgi.runtime.file import codec
 
 from . import bake as baking
-from .deadline import KNOWN, Clock
+from .deadline import Clock
 from .evaluation import bias, group_error, held_out
 from .evaluation.preview import Preview
 from .plan import Plan
@@ -46,7 +46,7 @@ def run(
         progress.warn("no held-out view shows a surface with indirect light: there is no loss to aim at")
     if clock:
         plan.known_light(progress)
-        decided = clock.decide(KNOWN, "references")
+        decided = clock.decide("known light", "references")
         clock.keep(decided)
         plan = plan.spending(decided.budget, decided.error, decided.iterations)
         progress.say(summary(plan))

@@ -228,8 +228,8 @@ class UpdatedSampler:
     def _traced(self, points: Points, whole: np.ndarray, part: np.ndarray, before: KeptChunk, seed):
         """B of both halves at points of which the `whole` or a `part` is traced again, masks (P,).
 
-        Of each half, "a" and "b", the means over all paths and over those of the head; of each half that
-        over the first layer alone; and the number of paths that gave no finite number.
+        Of each half, "a" and "b", the means over all paths and over those of the head; of each half that over the first
+        layer alone; and the number of paths that gave no finite number.
         """
         done = np.arange(0, int(before.paths[whole | part].max(initial=0)), PASS_SAMPLES)
         which = (whole & (before.paths > done[:, None])) | (part & (before.head_paths > done[:, None]))
