@@ -151,7 +151,7 @@ class Plan:
 
     def _gathered_samples(self, error: float, layers: int) -> float:
         step = surface_budget.PATHS_STEP
-        return self.pilot.gathered_samples(error, step, float(step * layers))
+        return self.pilot.gathered_samples(error / surface_budget.GUIDED_NOISE, step, float(step * layers))
 
     @property
     def free_paths(self) -> int:

@@ -34,7 +34,7 @@ QUALITIES = {
     "surface": {"draft": Quality(0.9 / 16, 0, 300), "medium": Quality(0.9 / 4, 0, 300), "high": Quality(0.9, 0, 300)},
 }
 
-SAMPLES = {"over": 256, "surface": 1024}  # most paths per pixel of a view, or per surface sample
+SAMPLES = {"over": 256, "surface": 512}  # most paths per pixel of a view, or per surface sample
 LEAST = {"budget": 1, "views": 1, "size": 1, "samples": 1, "bounces": 0, "iterations": 0}
 
 # Of the picture, by bounces beyond the last. With `surface` most paths end at the next surface in light that few paths
@@ -53,7 +53,7 @@ class Settings:
     of high quality). size: edge of a view, px. samples: most paths per pixel of a view, or per surface sample. A pixel
     takes fewer if the standard error of B is below `error` * (B + its mean) earlier, a surface sample if it is below
     `error` * the mean B of its neighbours; with `error` 0 all are traced. Where paths are connected to lit places, a
-    surface sample takes at most a quarter of them. bounces: surfaces that a path may visit after the point; None:
+    surface sample takes at most half of them. bounces: surfaces that a path may visit after the point; None:
     enough that further ones add less than `bounce_fraction` of the picture.
     ignore: effects (of EFFECTS) that the bake leaves out. metals: how metals reflect, one of METALS. Raises UsageError
     for an unknown operator, quality, effect or way to reflect, and for a number that is too small.

@@ -1,6 +1,7 @@
 """What the samples of the `surface` operator are made of: points, and layers of paths from them."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -37,14 +38,24 @@ class Layer:
     invalid: int
 
 
+class ChunkSeed(NamedTuple):
+    """The seed of a chunk of points: that of all, the chunk's number, and whether they are in free space (0 or 1)."""
+
+    seed: int
+    chunk: int
+    free: int
+
+
 def traced(
     tracer: Tracer, points: tuple[np.ndarray, ...], noisy: np.ndarray, numbers: np.ndarray, sampling: Sampling, known,
-    seed: tuple[int, ...], advance,
+    seed: ChunkSeed, advance,
 ) -> Layer:  # fmt: skip
     """A layer of paths from those of the points (position, normal and geometric normal) that are `noisy` (P,).
 
     `numbers` (P, 2) are those of the points and of their first paths. `advance(paths)` is called as paths are done.
+    Those from points in free space are not guided.
     """
+    known = known.unguided() if known and seed.free else known
     where = (column[noisy] for column in points)
     step = lambda count: advance(count * PASS_SAMPLES)  # noqa: E731
     lights = tracer.halves(*where, sampling, seed, step, known, numbers[noisy])

@@ -16,7 +16,7 @@ from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling
 from .adaptation import seen_around
 from .budget import PATHS_STEP, connected_layers, free_count, sample_count
 from .contrast import Contrast, sure_contrast
-from .layers import Layer, Points, invalid, mean, traced
+from .layers import ChunkSeed, Layer, Points, invalid, mean, traced
 from .seen_surface import SeenSurface
 
 CHUNK = 1 << 16  # points that are drawn together
@@ -274,8 +274,8 @@ class Sampler:
 
         return key, self._tracer.once(key, Points, draw)[0]
 
-    def _chunk_seed(self, stage: str, chunk: int) -> tuple[int, int, int]:
-        return self._seed, chunk, int(stage == "free")
+    def _chunk_seed(self, stage: str, chunk: int) -> ChunkSeed:
+        return ChunkSeed(self._seed, chunk, int(stage == "free"))
 
     def chunk(self, stage: str, number: int, layers: int, advance: Callable[..., None]) -> SurfaceSamples:
         """One chunk of the samples of `surface` or `free`, which `stage` names."""
@@ -307,7 +307,7 @@ class Sampler:
         return light.noise > self._error * light.level
 
     def _layer(
-        self, points_key: str, points: Points, noisy: np.ndarray, done: np.ndarray, seed: tuple[int, ...], advance
+        self, points_key: str, points: Points, noisy: np.ndarray, done: np.ndarray, seed: ChunkSeed, advance
     ) -> tuple[Layer, str]:
         key = self._tracer.key("layer", __name__, points=points_key, paths=self._paths, noisy=noisy, done=done)
         numbers = np.stack([np.arange(len(done), dtype=np.uint32), done], axis=1)

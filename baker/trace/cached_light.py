@@ -3,6 +3,7 @@
 import numpy as np
 
 from .connections import Connections
+from .guided import Directions
 from .irradiance_cache import AWAY, COORDINATE_BITS, UNKNOWN, IrradianceCache, hashed_cell
 from .mitsuba_scene import load_mitsuba, on_device
 
@@ -12,13 +13,14 @@ import drjit as dr  # noqa: E402  (needs the LLVM that load_mitsuba chose)
 
 
 class CachedLight:
-    """An irradiance cache on the device, and the lit `places` that go with it, or None."""
+    """An irradiance cache on the device, with the lit `places` and the guided `directions` that it has, or None."""
 
     def __init__(self, cache: IrradianceCache):
         cells = cache.start, _some(cache.low), _some(cache.high)
         self._start, self._low, self._high = (on_device(mi.UInt32, array) for array in cells)
         self._light = on_device(mi.Float, _some(cache.light))
         self.places = Connections(cache.lit) if len(cache.lit) else None
+        self.directions = Directions(cache.guide) if len(cache.guide) else None
         self._levels = cache.levels
         self._mask = dr.opaque(mi.UInt32, len(cache.start) - 2)
         self._size = dr.opaque(mi.Float, cache.size)

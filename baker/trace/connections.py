@@ -30,14 +30,14 @@ class Connections:
         """The cell of a vertex with a unit normal, whose connections go where they matter in it."""
         return self._cells.find(p, n, active)
 
-    def light(self, tracer, u, rest, cell, p, n, ng, active):
+    def light(self, tracer, u, rest, cell, p, n, ng, lobe, active):
         """Light that comes to a vertex from one lit place, over pi, with the place's share of the work.
 
-        `u` and `rest` are those of `light_choice.chosen`.
+        `u` and `rest` are those of `light_choice.chosen`. Rays leave the vertex by the `lobe`.
         """
         cluster, again, probability = chosen(self._likely, u, rest, cell, self._clusters)
         index = cluster * self._each + mi.UInt32(again * self._each)
-        return arriving(tracer, self._place, index, probability, p, n, ng, active)
+        return arriving(tracer, self._place, index, probability, p, n, ng, lobe, active)
 
     def density(self, lights, index, p, ng, cell, active):
         """The density, per m^2, in which vertices in `cell` are connected to p, a place that light `index` lights."""
@@ -49,12 +49,11 @@ class Connections:
         return dr.gather(mi.Float, self._density, leaf, active) * per_area * dr.abs(dr.dot(ng, towards)) * (high - low)
 
 
-def arriving(tracer, places, index, probability, p, n, ng, active):
+def arriving(tracer, places, index, probability, p, n, ng, lobe, active):
     """Light that comes to a vertex from place `index` of `places`, over pi, with the place's share of the work.
 
     `places` (12 P,) are those of `LitPlaces`, as they lie in memory. The vertex is connected to those of the place's
-    cluster with this probability; rays of the cosine lobe do the rest, by the balance heuristic (Veach and Guibas
-    1995).
+    cluster with this probability; rays of the `lobe` do the rest, by the balance heuristic (Veach and Guibas 1995).
     """
     at, normal, light = (dr.gather(mi.Vector4f, places, 3 * index + k, active) for k in range(3))
     light = mi.Color3f(light.x, light.y, light.z)
@@ -67,5 +66,6 @@ def arriving(tracer, places, index, probability, p, n, ng, active):
     active &= unoccluded(tracer, p, wi, distance, active)
     if tracer.filtering is not None:
         light = light * transmitted(tracer, p, wi, distance, active)[0]
-    by_ray = cosine * facing * dr.inv_pi / squared
-    return dr.select(active, light * by_ray / (by_ray + at.w * probability), 0)
+    by_cosine = cosine * facing * dr.inv_pi / squared
+    density = by_cosine * lobe.ratio(wi, active) + at.w * probability
+    return dr.select(active, light * by_cosine / density, 0)

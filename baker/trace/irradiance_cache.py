@@ -5,12 +5,13 @@ light hardly shows, because a point sees the mean over all directions of it, ref
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from gsgi.baker.neighbours import Neighbours
 
+from .guide import Guide
 from .lit_places import LitPlaces
 from .point_order import signed_axis
 
@@ -42,6 +43,8 @@ class IrradianceCache:
     float64 is the lowest corner of cell 0, size the edge of the finest cells, m. The E cells lie in a hash
     table of a power of two of buckets: `start` (buckets + 1,) uint32 is each bucket's first cell, `low` and `high` (E,)
     uint32 are the cells' keys, and light (E, 3) float32 is B, linear Rec.709 radiance, or UNKNOWN.
+
+    Paths that end in it leave points on surfaces by its `guide`, and are connected to its `lit` places.
     """
 
     origin: np.ndarray
@@ -52,6 +55,7 @@ class IrradianceCache:
     high: np.ndarray
     light: np.ndarray
     lit: LitPlaces = field(default_factory=LitPlaces)
+    guide: Guide = field(default_factory=Guide)
 
     @staticmethod
     def halves(
@@ -103,6 +107,10 @@ class KnownLight:
     def connected(self) -> bool:
         """Whether paths are connected to lit places."""
         return len(self.a.lit) > 0
+
+    def unguided(self) -> "KnownLight":
+        """The same for paths that leave points in free space, of which the guide knows nothing."""
+        return KnownLight(*(replace(half, guide=Guide()) for half in (self.a, self.b)))
 
 
 def cell_keys(position: np.ndarray, normal: np.ndarray, origin: np.ndarray, size: float, level: int) -> np.ndarray:

@@ -1,9 +1,10 @@
-"""The light in which paths end, from samples of it, with the lit places that they are connected to."""
+"""The light in which paths end, from samples of it, with the lit places and the guide of these paths."""
 
 from dataclasses import replace
 
 import numpy as np
 
+from .guide import Guide
 from .irradiance_cache import IrradianceCache, KnownLight
 from .lit_places import LitPlaces
 from .local_light import Blocks
@@ -28,20 +29,24 @@ def known_light(
 ) -> KnownLight:
     """Known light from both halves `a` and `b` (S, 3) of B at samples, position (S, 3) m and normal (S, 3) unit.
 
-    Paths of at most so many `bounces` will end in it. They are connected to lit places if that pays. `before` is what
-    the paths of the samples ended in: its lit places stay. `alike`: those of both halves are the same, which are found
-    in half the time, but noise in them is not seen any more.
+    Paths of at most so many `bounces` will end in it. They are guided, and connected to lit places if that pays.
+    `before` is what the paths of the samples ended in: its lit places and its guide stay. `alike`: the places of both
+    halves are the same, which are found in half the time, but noise in them is not seen any more.
     """
     light = IrradianceCache.halves(position, normal, a, b, tracer.blocked)
     if before:
-        return _with(light, before.a.lit, before.b.lit)
-    if not tracer.lights.count:
-        return light
-    from .learned_places import learn
+        return _with(light, before.a.lit, before.b.lit, before.a.guide)
+    if tracer.lights.count:
+        from .learned_places import learn
 
-    places = [learn(tracer, position, normal, seed) for seed in range(1 if alike else 2)]
-    other = _with(light, places[0], places[-1])
-    return other if other.connected and _pays(tracer, position, normal, bounces, light, other) else light
+        places = [learn(tracer, position, normal, seed) for seed in range(1 if alike else 2)]
+        other = _with(light, places[0], places[-1])
+        if other.connected and _pays(tracer, position, normal, bounces, light, other):
+            light = other
+    from .learned_guide import learn as learn_guide
+
+    # What a half knows does not bias the other, whose paths it only guides.
+    return _with(light, light.a.lit, light.b.lit, learn_guide(tracer, position, normal, light.a, bounces))
 
 
 def _pays(tracer: Tracer, position, normal, bounces: int, plain: KnownLight, connected: KnownLight) -> bool:
@@ -64,15 +69,18 @@ def known_light_again(
 ) -> KnownLight:
     """The same after an edit of a scene whose known light was `edited`: in its cells, and by its directions of lights.
 
-    So paths that meet nothing changed bring the same bits.
+    They are guided as before. So paths that meet nothing changed bring the same bits.
     """
     light = IrradianceCache.halves(position, normal, a, b, tracer.blocked, edited.a)
-    if not edited.connected:
-        return light
-    from .learned_places import lit_again
+    lit = edited.a.lit, edited.b.lit
+    if edited.connected:
+        from .learned_places import lit_again
 
-    return _with(light, *(lit_again(tracer, half.lit) for half in (edited.a, edited.b)))
+        lit = [lit_again(tracer, half) for half in lit]
+    return _with(light, *lit, edited.a.guide)
 
 
-def _with(light: KnownLight, a: LitPlaces, b: LitPlaces) -> KnownLight:
-    return KnownLight(replace(light.a, lit=a), replace(light.b, lit=b))
+def _with(light: KnownLight, a: LitPlaces, b: LitPlaces, guide: Guide | None = None) -> KnownLight:
+    """The light with the lit places of both halves, and with a guide, by default none."""
+    guide = guide or Guide()
+    return KnownLight(replace(light.a, lit=a, guide=guide), replace(light.b, lit=b, guide=guide))

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .guided import Lobe
 from .light_cells import LightCells
 from .light_choice import FoundCell, LightChoice
 from .mitsuba_scene import load_mitsuba
@@ -94,15 +95,25 @@ def likely(brought: np.ndarray, cell: np.ndarray, count: int, share: np.ndarray)
     clusters weigh.
     """
     fallback = (share + 1 / len(share)) / 2
+    square = np.zeros((count, len(share)))
+    np.add.at(square, cell, np.square(brought.astype(np.float64)))
+    return likely_by_square(square, fallback)
+
+
+def likely_by_square(square: np.ndarray, fallback: np.ndarray) -> np.ndarray:
+    """How likely each of K kinds of light is to be chosen in each of C cells: (C, K), rows of sum 1.
+
+    square (C, K) sums the squares of the light that came by each, and fallback (K,) is how likely they are without.
+    """
+    count = len(square)
     result = np.tile((1 - OWN - LARGER) * fallback, (count, 1))
     for part, up in ((OWN, 0), (LARGER, GENERATIONS_UP)):
         # The root mean square, since what varies within a cell wants more samples (as in importance sampling of means).
-        square = np.zeros((count >> up or 1, len(share)))
-        np.add.at(square, cell >> up, np.square(brought.astype(np.float64)))
-        root = np.sqrt(square)
+        larger = np.arange(count) >> up
+        root = np.sqrt(np.add.reduceat(square, np.unique(larger, return_index=True)[1]))
         total = root.sum(axis=1, keepdims=True)
         chosen = np.divide(root, total, out=np.tile(fallback, (len(root), 1)), where=total > 0)
-        result += part * chosen[np.arange(count) >> up]
+        result += part * chosen[larger]
     return result / result.sum(axis=1, keepdims=True)
 
 
@@ -172,7 +183,7 @@ def _leave_light(tracer, draws, cluster):
 
 def _from_emitter(tracer, draws, cluster, p, n, active):
     index, probability = tracer.emitters.choice.choose_within(draws.one(EMITTER), cluster)
-    return emitter_light(tracer, draws, index, probability, p, n, n, active)
+    return emitter_light(tracer, draws, index, probability, p, n, n, Lobe(n), active)
 
 
 def _from_light(tracer, draws, cluster, p, n, active):

@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 
 from .connections import arriving
+from .guided import Lobe
 from .learned_lights import likely
 from .light_cells import LightCells
 from .lit_places import ASKED, CLUSTERS, LIGHTS_MOST, PLACES, LitPlaces, corners, tree, tree_depth
@@ -150,7 +151,7 @@ def _connected(tracer, places, index, clusters, p, n, active, mean):
     end = at + clusters
     while at < end:
         place = dr.gather(mi.UInt32, index, at)
-        brought = arriving(tracer, places, place, dr.rcp(mi.Float(clusters)), p, n, n, active)
+        brought = arriving(tracer, places, place, dr.rcp(mi.Float(clusters)), p, n, n, Lobe(n), active)
         channels = (brought.x + brought.y + brought.z) * (1 / 3)
         dr.scatter(mean, dr.select(dr.isfinite(channels), channels, 0), at)
         at += 1

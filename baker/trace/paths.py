@@ -13,6 +13,7 @@ import numpy as np
 from gsgi.runtime import constants
 
 from .cached_light import CachedLight
+from .guided import Lobe
 from .mitsuba_scene import load_mitsuba
 from .random_numbers import DIRECTION, Draws, hashed
 from .rays import closest_front, closest_through, lifted, lifted_hit, lifted_point, side, transmitted, unoccluded
@@ -164,7 +165,8 @@ def _paths(tracer, cells, known, by_bounce, key, first, start, start_n, start_ng
     total, squared, invalid = mi.Color3f(0), mi.Float(0), mi.UInt32(0)
     sample, bounce = mi.UInt32(first), mi.UInt32(0)
     active = (dr.squared_norm(start_n) > 0) & (samples > 0)
-    places = None if known is None else known.places
+    places, directions = (None, None) if known is None else (known.places, known.directions)
+    guided_by = mi.UInt32(0) if directions is None else directions.cell(start, start_n, active)
     start_cell = _cell(cells, start, start_n, active)
     cell = mi.UInt32(start_cell)
     # A round goes from a vertex to the light known at the next, so that most gathering paths take one: with the look-up
@@ -172,13 +174,14 @@ def _paths(tracer, cells, known, by_bounce, key, first, start, start_n, start_ng
     while active:
         draws = Draws(key, sample, bounce)
         before = mi.Color3f(light)
-        light += throughput * _emitted_to_vertex(tracer, draws, cell, p, n, ng, bounce, active)
+        lobe = Lobe(n, directions, guided_by, bounce)
+        light += throughput * _emitted_to_vertex(tracer, draws, cell, p, n, ng, bounce, lobe, active)
         from_cell = mi.UInt32(0)
         if places is not None:
             from_cell, u, rest = places.cell(p, n, active), draws.one(PLACE), draws.rest(PLACE)
-            light += throughput * places.light(tracer, u, rest, from_cell, p, n, ng, active & (bounce < bounces))
+            light += throughput * places.light(tracer, u, rest, from_cell, p, n, ng, lobe, active & (bounce < bounces))
         light_there, alive, p, n, ng, distance, reflectance, by_ray = _next_vertex(
-            tracer, draws, cell, p, n, ng, bounce < bounces, active
+            tracer, draws, cell, p, ng, lobe, bounce < bounces, active
         )
         light += throughput * light_there
         _add_apart(by_bounce, bounce, light, before, active)
@@ -223,7 +226,7 @@ def _cell(cells, p, n, active):
     return mi.UInt32(0) if cells is None else cells.find(p, n, active)
 
 
-def _emitted_to_vertex(tracer, draws, cell, p, n, ng, bounce, active):
+def _emitted_to_vertex(tracer, draws, cell, p, n, ng, bounce, lobe, active):
     """An estimate of the light at a vertex straight from emitters and the environment, over pi.
 
     The engine computes the direct light of punctual lights, so the point itself (bounce 0) gets none of it, but for
@@ -234,9 +237,9 @@ def _emitted_to_vertex(tracer, draws, cell, p, n, ng, bounce, active):
         light += _chosen_punctual_light(tracer, draws, cell, p, n, ng, mi.Bool(False), active & (bounce == 0))
     if tracer.emitters.count > 0:
         index, probability = tracer.emitters.choice.choose(draws.one(EMITTER), draws.rest(EMITTER), cell)
-        light += emitter_light(tracer, draws, index, probability, p, n, ng, active)
+        light += emitter_light(tracer, draws, index, probability, p, n, ng, lobe, active)
     if tracer.environment is not None and tracer.environment.samples_light:
-        light += _sample_environment(tracer, draws, p, n, ng, active)
+        light += _sample_environment(tracer, draws, p, n, ng, lobe, active)
     return light
 
 
@@ -269,19 +272,18 @@ def _chosen_punctual_light(tracer, draws, cell, p, n, ng, active, filtered, plac
     return punctual_light(tracer, p, n, ng, index, active, filtered, share) / probability
 
 
-def _next_vertex(tracer, draws, cell, p, n, ng, reflects, active):
-    """Sample a direction of the cosine lobe and follow it to the next surface.
+def _next_vertex(tracer, draws, cell, p, ng, lobe, reflects, active):
+    """Sample a direction of the `lobe` and follow it to the next surface.
 
     Returns the light that the surface emits or that comes from the environment; whether the path continues (only where
     `reflects`); the position, normals, distance and albedo at the surface; and the density, per m^2, in which rays meet
-    it there.
+    it there. Light and albedo are what they bring by the cosine lobe, over the density of the lobe relative to it.
     """
     finds_light = tracer.emitters.count > 0 or tracer.environment is not None
     active = active & (mi.Bool(finds_light) | reflects)
-    local = mi.warp.square_to_cosine_hemisphere(draws.two(DIRECTION))
-    d = mi.Frame3f(n).to_world(local)
+    d, cosine, ratio = lobe.sample(draws.two(DIRECTION))
     active &= dr.dot(d, ng) > 0
-    pdf = local.z * dr.inv_pi
+    pdf, factor_of_lobe = ratio * cosine * dr.inv_pi, dr.rcp(ratio)
     hit, factor = closest_through(tracer, p, d, draws.one(FILTER), active)
     found = active & dr.isfinite(hit.t)
     front_ng, material, front = side(tracer, hit, d, found)
@@ -301,6 +303,7 @@ def _next_vertex(tracer, draws, cell, p, n, ng, reflects, active):
     alive = visible & reflects
     reflectance = tracer.shading.albedo(material, hit.prim, hit.b, alive, jitter)
     reflectance = dr.select(alive & ~is_unlit(tracer, material, alive), reflectance, 0)
+    light, reflectance = light * factor_of_lobe, reflectance * factor_of_lobe
     if tracer.filtering is not None:
         light, reflectance = light * factor, reflectance * factor
     next_n = tracer.shading.shading_normal(hit.prim, hit.b, front_ng, alive)
@@ -342,10 +345,10 @@ def punctual_light(tracer, p, n, ng, index, active, filtered, share=1):
     return dr.select(counts, dr.select(passed, 1, share) * factor * color * cosine * dr.inv_pi, 0)
 
 
-def emitter_light(tracer, draws, index, probability, p, n, ng, active):
+def emitter_light(tracer, draws, index, probability, p, n, ng, lobe, active):
     """Light of one point on emissive triangle `index`, chosen with this probability, over it.
 
-    Multiple importance sampling with the cosine lobe (Veach 1997).
+    Multiple importance sampling with the `lobe` (Veach 1997).
     """
     point, prim, b, density = tracer.emitters.sample(index, draws.two(EMITTER_POINT))
     density *= probability
@@ -370,11 +373,11 @@ def emitter_light(tracer, draws, index, probability, p, n, ng, active):
         own = tracer.shading.is_filter(material, active)
         radiance *= dr.select(own, tracer.shading.filtered(prim, b, own)[1], 1)
     light_pdf = density * squared / dr.abs(facing)
-    pdf = cosine * dr.inv_pi
-    return dr.select(active, radiance * pdf / (light_pdf + pdf), 0)
+    by_cosine = cosine * dr.inv_pi
+    return dr.select(active, radiance * by_cosine / (light_pdf + by_cosine * lobe.ratio(wi, active)), 0)
 
 
-def _sample_environment(tracer, draws, p, n, ng, active):
+def _sample_environment(tracer, draws, p, n, ng, lobe, active):
     """Light from one direction of the environment, sampled in proportion to its radiance."""
     wi, radiance, density = tracer.environment.sample(draws.two(ENVIRONMENT))
     cosine = dr.dot(wi, n)
@@ -382,8 +385,8 @@ def _sample_environment(tracer, draws, p, n, ng, active):
     active = active & unoccluded(tracer, p, wi, mi.Float(dr.inf), active)
     if tracer.filtering is not None:
         radiance = radiance * transmitted(tracer, p, wi, mi.Float(dr.inf), active)[0]
-    pdf = cosine * dr.inv_pi
-    return dr.select(active, radiance * pdf / (density + pdf), 0)
+    by_cosine = cosine * dr.inv_pi
+    return dr.select(active, radiance * by_cosine / (density + by_cosine * lobe.ratio(wi, active)), 0)
 
 
 def is_unlit(tracer, material, active):

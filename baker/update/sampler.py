@@ -7,7 +7,7 @@ import numpy as np
 
 from gsgi.baker.cache.records import from_arrays, to_arrays
 from gsgi.baker.surface.budget import PATHS_STEP
-from gsgi.baker.surface.layers import Layer, Points, mean, traced
+from gsgi.baker.surface.layers import ChunkSeed, Layer, Points, mean, traced
 from gsgi.baker.surface.samples import SurfaceSamples, combined, joined
 from gsgi.baker.surface.seen_surface import SeenSurface
 from gsgi.baker.trace.cached_tracer import CachedTracer
@@ -139,9 +139,9 @@ class UpdatedSampler:
         seed = self._chunk_seed(name)
         return self._tracer.key(REVISED, __name__, before=self._before[name], seed=seed, known=known)
 
-    def _chunk_seed(self, name: str) -> tuple[int, int, int]:
+    def _chunk_seed(self, name: str) -> ChunkSeed:
         stage, _, number = name.partition("-")
-        return self._seed, int(number), int(stage == "free")
+        return ChunkSeed(self._seed, int(number), int(stage == "free"))
 
     def _normals(self, points: Points) -> np.ndarray:
         """The normals (P, 3) that B belongs to."""
@@ -181,9 +181,7 @@ class UpdatedSampler:
         changes = (getattr(first, f"indirect_{h}")[thin] - getattr(chunk, f"first_{h}")[thin] for h in "ab")
         return ThinShare(points.position[thin], points.normal[thin], *changes, level[thin])
 
-    def _layers(
-        self, points: Points, which: np.ndarray, done: np.ndarray, seed: tuple[int, ...]
-    ) -> tuple[list[Layer], int]:
+    def _layers(self, points: Points, which: np.ndarray, done: np.ndarray, seed: ChunkSeed) -> tuple[list[Layer], int]:
         """Layers of paths from the points `which` (L, P) bool, after `done` (L,) of each half, in launches for all.
 
         Their `invalid` is 0; the number of all paths that gave no finite number is returned beside them.
@@ -197,7 +195,7 @@ class UpdatedSampler:
         return _each(found, which), found.invalid
 
     def _chunk(
-        self, before: KeptChunk, points: Points, fate: np.ndarray, first, share: ThinShare, seed: tuple[int, ...]
+        self, before: KeptChunk, points: Points, fate: np.ndarray, first, share: ThinShare, seed: ChunkSeed
     ) -> KeptChunk:
         """A chunk of which the thin share has been traced, with all that is to be traced again."""
         kept = np.flatnonzero(fate == SAME)

@@ -18,7 +18,7 @@ from gsgi.baker.plan_table import decisions, summary
 from gsgi.baker.progress import Progress
 from gsgi.baker.settings import EFFECTS, ERROR, OPERATORS, QUALITIES, SAMPLES, Settings
 from gsgi.baker.surface import budget, fits, samples
-from gsgi.baker.surface.budget import SAMPLES_LEAST
+from gsgi.baker.surface.budget import GUIDED_NOISE, SAMPLES_LEAST
 from gsgi.baker.surface.lookup import look_up
 from gsgi.baker.surface_detail import PER_CONTRAST, gaussians_for
 from gsgi.baker.trace.reference import Reference
@@ -223,7 +223,8 @@ def test_noisier_light_takes_more_paths_up_to_the_most():
     gathered = plan.pilot.gathered
     counts = []
     for noise in (0.0, 1.0, 2.0, 100.0):
-        pilot = replace(plan.pilot, gathered=gathered._replace(noise=noise * 0.05 * gathered.level))
+        aim = 0.05 / GUIDED_NOISE * gathered.level  # guided paths have less noise than the pilot's
+        pilot = replace(plan.pilot, gathered=gathered._replace(noise=noise * aim))
         counts.append(replace(plan, pilot=pilot).samples)
     # The pilot took 64 paths: at twice the noise that is aimed at, four times as many are needed.
     assert counts == [64, 64, 256, SAMPLES["surface"]]

@@ -322,7 +322,7 @@ def test_quiet_points_take_no_further_layers(traced):
     assert 1 < counts[1] < 8
 
 
-def test_paths_that_are_connected_take_a_quarter_of_the_layers(traced, monkeypatch):
+def test_paths_that_are_connected_take_half_of_the_layers(traced, monkeypatch):
     monkeypatch.setattr(known_light, "PAYS", 0.0)
     connected = prepared(gathering(scenes.spot_room()))
     assert connected.connected
@@ -330,7 +330,7 @@ def test_paths_that_are_connected_take_a_quarter_of_the_layers(traced, monkeypat
     advanced = []
     traced.clear()
     connected.surface([8], lambda paths, *_: advanced.append(paths))
-    assert sum(traced) == 2 * PATHS_STEP * CHUNK
+    assert sum(traced) == 4 * PATHS_STEP * CHUNK
     assert sum(advanced) == path_count([8])
 
 

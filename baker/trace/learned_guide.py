@@ -1,0 +1,62 @@
+"""The guide of paths, learned from others that end in known light. Importing this starts Mitsuba."""
+
+from functools import partial
+
+import numpy as np
+
+from .cached_light import CachedLight
+from .guide import EDGE, Guide
+from .irradiance_cache import IrradianceCache
+from .learned_lights import likely_by_square
+from .light_cells import LightCells
+from .mitsuba_scene import load_mitsuba
+from .paths import indirect
+from .random_numbers import DIRECTION, Draws, hashed
+from .tracer import LAUNCH_POINTS
+
+mi = load_mitsuba()
+
+POINTS, PATHS = 1 << 16, 32  # at most so many points, with so many paths from each
+
+# What each square is blurred by along each edge: noise between neighbours would take from even paths what they gain.
+BLUR = 1 / 4, 1 / 2, 1 / 4
+
+
+def learn(
+    tracer, position: np.ndarray, normal: np.ndarray, known: IrradianceCache, bounces: int, seed: int = 0
+) -> Guide:
+    """The guide of paths of at most so many `bounces` that end in `known` light.
+
+    They leave points of surfaces, position (N, 3) m and unit normals (N, 3).
+    """
+    some = np.sort(np.random.default_rng(seed).permutation(len(position))[:POINTS])
+    if not len(some):
+        return Guide()
+    from scipy.ndimage import convolve1d
+
+    position, normal = position[some], normal[some]
+    cells = LightCells.of(position, normal)
+    cell, count = cells.find(position, normal), 2**cells.depth
+    square = np.zeros(count * EDGE**2)
+    kernel = partial(_brought, known=CachedLight(known), bounces=bounces, seed=seed)
+    together = max(LAUNCH_POINTS // PATHS, 1)
+    for first in range(0, len(some), together):
+        here = np.repeat(np.arange(first, min(first + together, len(some)), dtype=np.uint32), PATHS)
+        numbers = np.stack([here, np.tile(np.arange(PATHS, dtype=np.uint32), len(here) // PATHS)], axis=1)
+        found = tracer.launched(kernel, position[here], normal[here], numbers)
+        square += np.bincount(cell[here] * EDGE**2 + found["square"], np.square(found["light"]), len(square))
+    square = square.reshape(count, EDGE, EDGE)
+    for axis in (1, 2):
+        square = convolve1d(square, BLUR, axis, mode="nearest")
+    likely = likely_by_square(square.reshape(count, -1), np.full(EDGE**2, 1 / EDGE**2))
+    return Guide(cells.axis, cells.split, likely.astype(np.float32).reshape(count, EDGE, EDGE))
+
+
+def _brought(tracer, position, normal, numbers, known: CachedLight, bounces: int, seed: int) -> dict[str, np.ndarray]:
+    """The mean of the channels of the `light` (N,) float64 that one path brings to each point, 0 where it is no finite
+    number, and the `square` (N,) of the lobe by which it left."""
+    sums = indirect(tracer, position, normal, normal, numbers, 1, bounces, seed, known)
+    point, path = mi.Point2u(numbers.T)
+    draws = Draws(hashed(point + hashed(mi.UInt32(seed))), path, mi.UInt32(0))
+    column, row = np.minimum(np.array(draws.two(DIRECTION)) * EDGE, EDGE - 1).astype(np.int64)
+    return {"light": sums.light.mean(axis=1), "square": row * EDGE + column}
