@@ -37,16 +37,17 @@ class ImportanceField:
 
     position (P, 3) float32 m, normal (P, 3) float32 unit. density (P,) float32, 1/m^2, is the share of all looks of
     people that meet a square metre there, of which the integral over what is seen is 1. views (P,) float32 is the
-    number of views that see the point.
+    number of views that see the point. `spaces`: as many places out of each other's sight show all this together.
     """
 
     position: np.ndarray
     normal: np.ndarray
     density: np.ndarray
     views: np.ndarray
+    spaces: float = 1.0
 
     @staticmethod
-    def of(points: SurfacePoints) -> "ImportanceField":
+    def of(points: SurfacePoints, spaces: float = 1.0) -> "ImportanceField":
         """The field of random points that people see, by their nearest neighbours (Loftsgaarden, Quesenberry 1965)."""
         count = len(points)
         density = np.ones(count, np.float32)
@@ -57,7 +58,7 @@ class ImportanceField:
                 distance, _ = Neighbours(position).nearest(position, number + 1)
                 radius = np.maximum(distance[:, -1], np.finfo(np.float32).tiny)
                 density[here] = number / (count * np.pi * radius**2)
-        return ImportanceField(points.position, points.normal, density, np.ones(count, np.float32))
+        return ImportanceField(points.position, points.normal, density, np.ones(count, np.float32), spaces)
 
     def width(self) -> float:
         """Diagonal of the box of most that is seen, m: without the outer 5 % along each axis; infinite of nothing."""
@@ -88,6 +89,8 @@ class Importance:
     and look at what is on a desk in a hall. Half of their looks go to the thing, which even from close by is a small
     part of all that is around. The other eyes are in front of what eyes see. Given cameras look at what is in their
     pictures, pixel by pixel.
+
+    `spaces` is the sum over all eyes of how much of what each sees is its own: one for a room, hundreds for a city.
     """
 
     def __init__(self, triangles: Triangles, free: FreeSpace, given: list[Camera], rng: np.random.Generator):
@@ -128,7 +131,7 @@ class Importance:
 
         The share of each falls with the number of others that see the same.
         """
-        self._eyes, self._things, self._given = eyes, things, []
+        self._eyes, self._things, self._given, self.spaces = eyes, things, [], 1.0
         self._below = np.arange(1, len(eyes) + 1) / len(eyes)
         if len(witnesses := self.draw(WITNESSES, rng)):
             lines = sight_lines(self._triangles, eyes, witnesses)
@@ -136,6 +139,7 @@ class Importance:
             sees = np.maximum(np.bincount(lines.viewpoint, minlength=len(eyes)), 1)
             share = np.bincount(lines.viewpoint, 1 / seen_by[lines.side], len(eyes)) / sees
             if share.any():
+                self.spaces = float(share.sum())
                 self._below = np.cumsum(share / share.sum())
         if given:
             self._eyes, self._given = np.concatenate([eyes, [camera.position for camera in given]]), given

@@ -76,7 +76,7 @@ def place(
     free = FreeSpace(triangles, own, even.points, rng)
     importance = Importance(triangles, free, own, rng)
     looked_at = importance.draw(POINTS, rng)
-    field = ImportanceField.of(looked_at)
+    field = ImportanceField.of(looked_at, importance.spaces)
 
     def seen_sides(number: int) -> Sides:
         if len(looked_at):

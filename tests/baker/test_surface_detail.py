@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scenes
 
-from gsgi.baker.surface_detail import FEWEST, PER_SCENE, bent_share, gaussians_for
+from gsgi.baker.surface_detail import FEWEST, PER_SCENE, PER_SPACE, bent_share, gaussians_for
 from gsgi.baker.views.importance import POINTS, ImportanceField
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.scene import Mesh, Scene
@@ -53,6 +53,12 @@ def test_one_flat_wall_has_no_detail():
     floor = seen(scenes.floor())
     assert bent_share(floor) == 0
     assert gaussians_for(floor) == FEWEST
+
+
+def test_each_space_has_gaussians_of_its_own():
+    floor = seen(scenes.floor())
+    assert gaussians_for(replace(floor, spaces=1.5)) == FEWEST
+    assert gaussians_for(replace(floor, spaces=50.0)) == 50 * PER_SPACE
 
 
 def test_triangles_that_lie_flat_are_no_detail():

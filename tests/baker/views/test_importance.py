@@ -53,6 +53,15 @@ def test_a_thing_on_a_hall_s_floor_is_looked_at():
     assert (near < 0.15).mean() > 2 * (near < 0.051).mean()  # the floor around it too
 
 
+def test_rooms_out_of_each_other_s_sight_are_spaces_of_their_own():
+    one, four = (
+        importance(*(mesh for k in range(count) for mesh in moved(scenes.box(), (3.0 * k, 0, 0)))).spaces
+        for count in (1, 4)
+    )
+    assert 1 <= one < 1.5
+    assert 3.5 < four / one < 4.5
+
+
 def test_in_a_room_walls_count_by_their_solid_angle():
     points = drawn(*scenes.box())
     _, number = np.unique(np.round(points.normal), axis=0, return_counts=True)
