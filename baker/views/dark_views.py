@@ -10,6 +10,7 @@ from gsgi.runtime.camera import Camera
 from .surface_points import Hits, Triangles
 
 RAYS = 4  # per camera, along each edge of its image
+LOOKS = 1, 32  # passes of paths from each: what seems dark is looked at longer, as light may be rare there
 DARK = 1e-4  # share of the average view; eyes adapt to what is brighter
 
 
@@ -22,17 +23,24 @@ def dark_views(
     no surface has no picture of B and is not dark.
     """
     names = np.array(list(cameras))
+    if not len(names):
+        return frozenset()
     origin, direction = (np.concatenate(part) for part in zip(*map(_rays, cameras.values()), strict=True))
     hits = triangles.hits(origin, direction)
     met = hits.triangle >= 0
-    if not met.any():
-        return frozenset()
-    position = triangles.met(origin[met], direction[met], Hits(*(column[met] for column in hits)))
-    light = at_points(position, hits.normal[met], Sampling(PASS_SAMPLES, bounces), seed).mean
     of = np.repeat(np.arange(len(names)), RAYS**2)[met]
     count = np.bincount(of, minlength=len(names))
-    seen = np.bincount(of, light.mean(axis=1, dtype=np.float64), len(names)) / np.maximum(count, 1)
-    return frozenset(names[(count > 0) & (seen < DARK * seen[count > 0].mean())].tolist())
+    position = triangles.met(origin[met], direction[met], Hits(*(column[met] for column in hits)))
+    seen, dark = np.zeros(len(names)), count > 0
+    for passes in LOOKS:
+        here = dark[of]
+        if not here.any():
+            break
+        light = at_points(position[here], hits.normal[met][here], Sampling(passes * PASS_SAMPLES, bounces), seed).mean
+        brightness = np.bincount(of[here], light.mean(axis=1, dtype=np.float64), len(names)) / np.maximum(count, 1)
+        seen[dark] = brightness[dark]
+        dark = (count > 0) & (seen < DARK * seen[count > 0].mean())
+    return frozenset(names[dark].tolist())
 
 
 def _rays(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
