@@ -12,7 +12,7 @@ from .light_cells import LightCells
 from .mitsuba_scene import load_mitsuba
 from .paths import indirect
 from .random_numbers import DIRECTION, Draws, hashed
-from .tracer import LAUNCH_POINTS
+from .tracer import LAUNCH_POINTS_GPU
 
 mi = load_mitsuba()
 
@@ -39,7 +39,7 @@ def learn(
     cell, count = cells.find(position, normal), 2**cells.depth
     square = np.zeros(count * EDGE**2)
     kernel = partial(_brought, known=CachedLight(known), bounces=bounces, seed=seed)
-    together = max(LAUNCH_POINTS // PATHS, 1)
+    together = LAUNCH_POINTS_GPU // PATHS
     for first in range(0, len(some), together):
         here = np.repeat(np.arange(first, min(first + together, len(some)), dtype=np.uint32), PATHS)
         numbers = np.stack([here, np.tile(np.arange(PATHS, dtype=np.uint32), len(here) // PATHS)], axis=1)
