@@ -100,14 +100,15 @@ def likely(brought: np.ndarray, cell: np.ndarray, count: int, share: np.ndarray)
     return likely_by_square(square, fallback)
 
 
-def likely_by_square(square: np.ndarray, fallback: np.ndarray) -> np.ndarray:
+def likely_by_square(square: np.ndarray, fallback: np.ndarray, own: float = OWN, around: float = LARGER) -> np.ndarray:
     """How likely each of K kinds of light is to be chosen in each of C cells: (C, K), rows of sum 1.
 
-    square (C, K) sums the squares of the light that came by each, and fallback (K,) is how likely they are without.
+    square (C, K) sums the squares of the light that came by each. Shares of the choices go by those of the cell's `own`
+    and those of the larger cell around it, the others by fallback (K,).
     """
     count = len(square)
-    result = np.tile((1 - OWN - LARGER) * fallback, (count, 1))
-    for part, up in ((OWN, 0), (LARGER, GENERATIONS_UP)):
+    result = np.tile((1 - own - around) * fallback, (count, 1))
+    for part, up in ((own, 0), (around, GENERATIONS_UP)):
         # The root mean square, since what varies within a cell wants more samples (as in importance sampling of means).
         larger = np.arange(count) >> up
         root = np.sqrt(np.add.reduceat(square, np.unique(larger, return_index=True)[1]))

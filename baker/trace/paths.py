@@ -106,13 +106,14 @@ def first_hits(tracer, origin: np.ndarray, direction: np.ndarray) -> dict[str, n
 
 def indirect(
     tracer, position, normal, geometric_normal, numbers, samples: int, bounces: int, seed: int,
-    known: CachedLight | None = None, apart: int = 0,
+    known: CachedLight | None = None, apart: int = 0, by_rays: bool = False,
 ) -> Sums:  # fmt: skip
     """Sums over `samples` paths of the light arriving at each point; arguments (N, 3) float32.
 
     Column 0 of `numbers` (N, 2) uint32 is the number of the point, and column 1 that of its first path. A path ends at
-    the first surface whose B is `known`. Light by fewer than `apart` bounces is summed apart too. Each lane follows the
-    paths of one point one after another, so that short and long paths even out.
+    the first surface whose B is `known`. Light by fewer than `apart` bounces is summed apart too. `by_rays`: what the
+    first ray finds alone counts, not what is asked for beside it. Each lane follows the paths of one point one after
+    another, so that short and long paths even out.
     """
     p, n, ng = mi.Point3f(position.T), mi.Normal3f(normal.T), mi.Normal3f(geometric_normal.T)
     p = lifted_point(tracer, p, ng, dr.squared_norm(n) > 0)
@@ -121,7 +122,7 @@ def indirect(
     key = hashed(point + hashed(dr.opaque(mi.UInt32, seed)))
     limits = dr.opaque(mi.UInt32, samples), dr.opaque(mi.UInt32, bounces)
     by_bounce = _Apart(len(position), apart) if apart else None
-    light, squared, invalid = _paths(tracer, tracer.cells, known, by_bounce, key, first, p, n, ng, *limits)
+    light, squared, invalid = _paths(tracer, tracer.cells, known, by_bounce, by_rays, key, first, p, n, ng, *limits)
     dr.eval(light, squared, invalid)
     parts = np.array(by_bounce.sums, np.float64) if by_bounce else np.zeros(0)
     sums = np.array(light, np.float64).T, np.array(squared, np.float64), np.array(invalid, np.int64)
@@ -155,7 +156,7 @@ def direct(tracer, position, normal, geometric_normal) -> dict[str, np.ndarray]:
 
 
 @dr.syntax
-def _paths(tracer, cells, known, by_bounce, key, first, start, start_n, start_ng, samples, bounces):
+def _paths(tracer, cells, known, by_bounce, by_rays, key, first, start, start_n, start_ng, samples, bounces):
     """Sums over the paths of each lane's point: cosine-weighted light without direct light from punctual lights.
 
     The points of a path are lifted off their surfaces.
@@ -175,11 +176,12 @@ def _paths(tracer, cells, known, by_bounce, key, first, start, start_n, start_ng
         draws = Draws(key, sample, bounce)
         before = mi.Color3f(light)
         lobe = Lobe(n, directions, guided_by, bounce)
-        light += throughput * _emitted_to_vertex(tracer, draws, cell, p, n, ng, bounce, lobe, active)
+        asks = active & (bounce > 0) if by_rays else active
+        light += throughput * _emitted_to_vertex(tracer, draws, cell, p, n, ng, bounce, lobe, asks)
         from_cell = mi.UInt32(0)
         if places is not None:
             from_cell, u, rest = places.cell(p, n, active), draws.one(PLACE), draws.rest(PLACE)
-            light += throughput * places.light(tracer, u, rest, from_cell, p, n, ng, lobe, active & (bounce < bounces))
+            light += throughput * places.light(tracer, u, rest, from_cell, p, n, ng, lobe, asks & (bounce < bounces))
         light_there, alive, p, n, ng, distance, reflectance, by_ray = _next_vertex(
             tracer, draws, cell, p, ng, lobe, bounce < bounces, active
         )
