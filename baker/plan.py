@@ -151,7 +151,8 @@ class Plan:
 
     def _gathered_samples(self, error: float, layers: int) -> float:
         step = surface_budget.PATHS_STEP
-        return self.pilot.gathered_samples(error / surface_budget.GUIDED_NOISE, step, float(step * layers))
+        noise = surface_budget.GUIDED_NOISE if self.known_paths else 1.0
+        return self.pilot.gathered_samples(error / noise, step, float(step * layers))
 
     @property
     def free_paths(self) -> int:

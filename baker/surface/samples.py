@@ -188,7 +188,7 @@ class Sampler:
         return other
 
     def lit_by(self, tracer: CachedTracer) -> "Sampler":
-        """A sampler of the light of another tracer, at the same points and along the same paths.
+        """A sampler of the light of another tracer, at the same points.
 
         A sample takes further layers by the noise of that light. The points are drawn by this sampler, which must be
         prepared.

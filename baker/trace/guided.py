@@ -38,11 +38,16 @@ class Directions:
         return dr.gather(mi.Float, self._ratio, (cell * EDGE + row) * EDGE + column, active)
 
 
+# A frame about a normal turns with it, but for a seam near one direction and its opposite, which few surfaces face. The
+# seam of mi.Frame3f runs across all walls that face along x: the sign of a zero would turn their guide upside down.
+OBLIQUE, SEAM = (0.36, 0.48, 0.8), 1e-6
+
+
 class Lobe:
     """The lobe by which a path leaves a vertex: that of the cosine about its normal, on bounce 0 perhaps guided."""
 
     def __init__(self, n, directions: Directions | None = None, cell=None, bounce=None):
-        self._frame, self._directions, self._cell = mi.Frame3f(n), directions, cell
+        self._frame, self._directions, self._cell = _frame(n), directions, cell
         self._guided = None if directions is None else bounce == 0
 
     def sample(self, u):
@@ -60,3 +65,11 @@ class Lobe:
             return mi.Float(1)
         at = mi.warp.cosine_hemisphere_to_square(self._frame.to_local(wi))
         return dr.select(self._guided, self._directions.density(at, self._cell, active & self._guided), 1)
+
+
+def _frame(n):
+    """The frame about unit normals, the same for normals that are nearly the same."""
+    across = dr.cross(mi.Vector3f(OBLIQUE), n)
+    squared = dr.squared_norm(across)
+    t = dr.select(squared > SEAM, across * dr.rsqrt(squared), mi.Frame3f(n).t)
+    return mi.Frame3f(dr.cross(t, n), t, n)

@@ -80,7 +80,6 @@ def known_light_again(
     return _with(light, *lit, edited.a.guide)
 
 
-def _with(light: KnownLight, a: LitPlaces, b: LitPlaces, guide: Guide | None = None) -> KnownLight:
+def _with(light: KnownLight, a: LitPlaces, b: LitPlaces, guide: Guide = Guide()) -> KnownLight:  # noqa: B008
     """The light with the lit places of both halves, and with a guide, by default none."""
-    guide = guide or Guide()
     return KnownLight(replace(light.a, lit=a, guide=guide), replace(light.b, lit=b, guide=guide))

@@ -1,11 +1,12 @@
 """The guide of paths, learned from others that end in known light. Importing this starts Mitsuba."""
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from .cached_light import CachedLight
-from .guide import EDGE, Guide
+from .guide import EDGE, PATHS, POINTS, Guide
 from .irradiance_cache import IrradianceCache
 from .learned_lights import likely_by_square
 from .light_cells import LightCells
@@ -15,8 +16,6 @@ from .random_numbers import DIRECTION, Draws, hashed
 from .tracer import LAUNCH_POINTS_GPU
 
 mi = load_mitsuba()
-
-POINTS, PATHS = 1 << 16, 32  # at most so many points, with so many paths from each
 
 # What each square is blurred by along each edge: noise between neighbours would take from even paths what they gain.
 BLUR = 1 / 4, 1 / 2, 1 / 4
@@ -42,7 +41,8 @@ def learn(
     cells = LightCells.of(position, normal)
     cell, count = cells.find(position, normal), 2**cells.depth
     square = np.zeros(count * EDGE**2)
-    kernel = partial(_brought, known=CachedLight(known), bounces=bounces, seed=seed)
+    unguided = CachedLight(replace(known, guide=Guide()))
+    kernel = partial(_brought, known=unguided, bounces=bounces, seed=seed)
     together = LAUNCH_POINTS_GPU // PATHS
     for first in range(0, len(some), together):
         here = np.repeat(np.arange(first, min(first + together, len(some)), dtype=np.uint32), PATHS)

@@ -13,9 +13,10 @@ from gsgi.baker.cache.store import Cache
 from gsgi.baker.evaluation import held_out
 from gsgi.baker.plan import Plan, as_baked, plan_within
 from gsgi.baker.progress import Display, Progress
-from gsgi.baker.settings import Settings
+from gsgi.baker.settings import SAMPLES, Settings
 from gsgi.baker.surface.samples import Sampler
 from gsgi.baker.surface.seen_surface import SeenSurface
+from gsgi.baker.trace.guide import EDGE, Guide
 from gsgi.baker.trace.irradiance_cache import IrradianceCache, KnownLight
 from gsgi.baker.trace.reference import Reference
 from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling
@@ -26,7 +27,7 @@ from gsgi.runtime.scene import Scene
 from .cold_tracer import ColdProgress, ColdTracer
 from .method import Answer, Method
 
-PATHS = 1024  # per texel: as many as a sample of ours takes at most
+PATHS = SAMPLES["surface"]  # per texel: as many as a sample of ours takes at most
 GATHERING_PAYS = 2  # from so many times the paths of the gathered light on
 FREE_POINTS, FREE_SAMPLES = 2048, 1024  # points in free space where moving objects may be, and paths at each
 
@@ -123,8 +124,10 @@ class Ground:
 
         return self.timed("gathered", KnownLight, trace, settings=self.plan.settings)
 
-    def trace(self, position, normal, geometric_normal, paths: int, progress: Progress) -> np.ndarray:
-        """B (N, 3) float32 at points, with `paths` paths each.
+    def trace(
+        self, position, normal, geometric_normal, paths: int, progress: Progress, free: bool = False
+    ) -> np.ndarray:
+        """B (N, 3) float32 at points, with `paths` paths each; `free`: they are in free space, not on surfaces.
 
         They end in gathered light, as those of our own samples do, unless there are so few that it would take longer.
         """
@@ -132,6 +135,7 @@ class Ground:
         if self.plan.known_paths and len(position) * paths > GATHERING_PAYS * self.plan.known_paths:
             known, seconds = self.gathered()
             progress.seconds.update(seconds)
+            known = known.unguided() if free else known
         half = Sampling(-(-paths // (2 * PASS_SAMPLES)) * PASS_SAMPLES, self.plan.settings.bounces)
         seed = self.settings.seed, len(position)
         with progress.stage("irradiance", 2 * len(position), "points") as advance:
@@ -160,6 +164,7 @@ class Ground:
         """Compile the path tracer's kernels, so that no method pays for them."""
         position, normal = (np.tile(np.float32(v), (64, 1)) for v in (self.plan.triangles.low, [0, 1, 0]))
         light = np.ones((64, 3), np.float32)
-        known = IrradianceCache.halves(position, normal, light, light)
-        for end in (None, known.a):
+        known = IrradianceCache.halves(position, normal, light, light).a
+        guided = replace(known, guide=Guide(likely=np.full((1, EDGE, EDGE), 1 / EDGE**2, np.float32)))
+        for end in (None, known, guided):
             self.cold.tracer.indirect(position, normal, normal, Sampling(PASS_SAMPLES, 4), 0, None, end)

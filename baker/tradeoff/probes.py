@@ -121,7 +121,7 @@ def bake_plain(ground: Ground, value: float, progress: Progress) -> Probes:
     normal = sphere(NORMALS)
     position = np.repeat(at[free].astype(np.float32), NORMALS, axis=0)
     normals = np.tile(normal.astype(np.float32), (int(free.sum()), 1))
-    light = ground.trace(position, normals, normals, PATHS, progress).reshape(-1, NORMALS, 3)
+    light = ground.trace(position, normals, normals, PATHS, progress, free=True).reshape(-1, NORMALS, 3)
     sh = np.zeros((*size, COEFFICIENTS // 3, 3))
     sh[free] = np.einsum("kn,pnc->pkc", np.linalg.pinv(_basis(normal)), light)
     _spread(sh, free)

@@ -90,7 +90,7 @@ class Importance:
     part of all that is around. The other eyes are in front of what eyes see. Given cameras look at what is in their
     pictures, pixel by pixel.
 
-    `spaces` is the sum over all eyes of how much of what each sees is its own: one for a room, hundreds for a city.
+    `spaces` is the sum over all eyes of how much of what each sees is its own: one for a room, a hundred for a city.
     """
 
     def __init__(self, triangles: Triangles, free: FreeSpace, given: list[Camera], rng: np.random.Generator):

@@ -4,18 +4,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scenes
 from slit_room import BOUNCES, PANE, SUN, inside, known, room, traced
 
 from gsgi.baker.cache.records import from_arrays, to_arrays
 from gsgi.baker.surface.layers import ChunkSeed
 from gsgi.baker.surface.layers import traced as layer
+from gsgi.baker.trace import known_light as known_lights
 from gsgi.baker.trace.guide import EDGE, Guide
 from gsgi.baker.trace.irradiance_cache import KnownLight
 from gsgi.baker.trace.known_light import known_light_again
 from gsgi.baker.trace.learned_guide import learn
 from gsgi.baker.trace.light_cells import LightCells
 from gsgi.baker.trace.tracer import Sampling, Tracer
-from gsgi.runtime.scene import Environment
+from gsgi.runtime.scene import Environment, Material, Scene
 
 EVEN = Environment(np.ones((1, 2, 3), np.float32))
 UNEVEN = Environment(np.linspace(0.2, 3, 4 * 8 * 3, dtype=np.float32).reshape(4, 8, 3))  # sampled itself
@@ -33,20 +35,34 @@ def light(tracer) -> KnownLight:
     return known(tracer)
 
 
+def glowing() -> Scene:
+    """The room with a panel that shines on its ceiling, and the sky through its slit."""
+    scene = replace(room(slit=0.3), environment=EVEN)
+    panel = replace(scenes.quad([(0.4, 0.9, -0.3), (0.8, 0.9, -0.3), (0.8, 0.9, 0.3), (0.4, 0.9, 0.3)]), material=1)
+    glow = Material("glow", (0.5, 0.5, 0.5, 1.0), emission=(3.0, 3.0, 3.0), double_sided=True)
+    return replace(scene, meshes=(*scene.meshes, panel), materials=(*scene.materials, glow))
+
+
 @pytest.mark.parametrize(
-    ("scene", "variance"),
+    ("scene", "connected", "variance"),
     [
-        (replace(room(slit=0.3), environment=EVEN), 0.5),
-        (replace(room(slit=0.3), environment=UNEVEN), 0.5),
-        (room(SUN), 1.2),
-        (room(SUN, across=PANE), 1.2),
+        (replace(room(slit=0.3), environment=EVEN), False, 0.5),
+        (replace(room(slit=0.3), environment=UNEVEN), False, 0.5),
+        (glowing(), False, 0.7),
+        (room(SUN), True, 1.2),
+        (room(SUN, across=PANE), True, 1.2),
     ],
-    ids=["even environment", "sampled environment", "connected to lit places", "through a pane"],
+    ids=["even environment", "sampled environment", "emissive panel", "connected to lit places", "through a pane"],
 )
-def test_guided_paths_bring_the_same_light_with_less_noise(scene, variance):
+def test_guided_paths_bring_the_same_light(scene, connected, variance, monkeypatch):
+    """With far less noise, where nothing else takes it away."""
+    monkeypatch.setattr(known_lights, "PAYS", 0.0 if connected else 1e9)
     tracer = Tracer(scene)
-    light = known(tracer).a
-    guided, plain = traced(tracer, light, RUNS), traced(tracer, replace(light, guide=Guide()), RUNS)
+    known_light = known(tracer)
+    assert known_light.connected == connected
+    light = known_light.a
+    guided = traced(tracer, light, RUNS)
+    plain = traced(tracer, replace(light, guide=Guide()), 2 * RUNS)[RUNS:]  # other seeds
     error = np.sqrt((guided.var(axis=0) + plain.var(axis=0)) / RUNS)
     difference = guided.mean(axis=0) - plain.mean(axis=0)
     assert abs(difference.mean()) < 4 * np.sqrt(np.square(error).sum()) / len(error)
@@ -79,9 +95,15 @@ def test_directions_are_drawn_as_often_as_their_density_says(light):
 
 
 def test_cells_are_those_of_the_points(light):
+    import mitsuba as mi
+
+    from gsgi.baker.trace.guided import Directions
+
     position, normal = inside(500, 3)
     guide = light.a.guide
     cell = LightCells(guide.axis, guide.split).find(position, normal)
+    p, n = mi.Point3f(position.T), mi.Normal3f(normal.T)
+    np.testing.assert_array_equal(np.array(Directions(guide).cell(p, n, mi.Bool(True))), cell)
     # The slit is above: what looks up from the floor is guided towards the middle of its lobe.
     middle = slice(EDGE // 4, 3 * EDGE // 4)
     floor = cell[normal[:, 1] > 0]
@@ -109,8 +131,30 @@ def test_a_guide_is_stored_and_stays_after_an_edit(tracer, light):
     assert after.a.guide is after.b.guide is light.a.guide
 
 
-def test_the_guide_depends_on_its_arguments_alone(tracer, light):
+def test_no_guide_is_learned_by_guided_paths(tracer, light):
     position, normal = inside(3000)
-    first, again = (learn(tracer, position, normal, light.a, BOUNCES) for _ in range(2))
+    unguided = replace(light.a, guide=Guide())
+    first, again = (learn(tracer, position, normal, known, BOUNCES) for known in (light.a, unguided))
     np.testing.assert_array_equal(first.likely, again.likely)
     assert not len(learn(tracer, position[:0], normal[:0], light.a, BOUNCES))
+    assert len(learn(tracer, position[:5], normal[:5], light.a, BOUNCES)) == 1
+
+
+def test_normals_that_are_nearly_the_same_have_nearly_the_same_lobe():
+    """Also where the sign of a zero is all that differs, as on walls that face along x."""
+    import mitsuba as mi
+
+    from gsgi.baker.trace.guided import Lobe
+
+    rng = np.random.default_rng(0)
+    some = rng.normal(size=(64, 3))
+    normal = np.concatenate([np.eye(3), -np.eye(3), some / np.linalg.norm(some, axis=1, keepdims=True)])
+    u = mi.Point2f(rng.random((2, 1)) * np.ones(len(normal)))
+
+    def directions(nudge: float) -> np.ndarray:
+        return np.array(Lobe(mi.Normal3f((normal + nudge).T)).sample(u)[0]).T
+
+    up, down = directions(1e-7), directions(-1e-7)
+    np.testing.assert_allclose(up, down, atol=1e-5)
+    oblique = mi.Normal3f(0.36, 0.48, 0.8)  # of the seam
+    assert np.isfinite(np.array(Lobe(oblique).sample(mi.Point2f(0.3, 0.6))[0])).all()
