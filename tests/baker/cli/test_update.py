@@ -103,13 +103,14 @@ def test_light_groups_are_kept_and_follow_an_edit(tmp_path, monkeypatch):
     _, thin = bake(SCENES / "cornell.glb", "same", "cache", *update)
     assert 0 < thin < whole / 8
     new, _ = bake(scene, "new", "cache", *update)
-    full, _ = bake(scene, "full", "other")
+    # A whole bake is guided by its own light, along other paths: of so few, the light of two seeds differs by a tenth.
+    whole_bakes = [bake(scene, f"full {seed}", "other", "--seed", str(seed))[0] for seed in range(3)]
     rng = np.random.default_rng(0)
     place, way = rng.uniform((-0.2, 0.1, -0.5), (0.2, 0.5, -0.1), (256, 3)), rng.normal(size=(256, 3))
     for name in ("base", "lamp"):
         alone = {other: float(other == name) for other in ("base", "lamp")}
-        a, b, c = (gsgi.sample(one, place, way, alone).mean(axis=0) for one in (old, new, full))
-        kept, found = (np.linalg.norm(light / c - 1) for light in (a, b))
+        a, b, *c = (gsgi.sample(one, place, way, alone).mean(axis=0) for one in (old, new, *whole_bakes))
+        kept, found = (np.linalg.norm(light / np.mean(c, axis=0) - 1) for light in (a, b))
         assert found < kept / 8
     again, few = bake(scene, "again", "cache", "--update", str(tmp_path / "new.gsgi"))  # an update of an update
     assert 0 < few < whole / 8
