@@ -17,6 +17,8 @@ from .tracer import LAUNCH_POINTS_GPU
 
 mi = load_mitsuba()
 
+SEED = 0  # any: a guide is no part of the light
+
 # What each square is blurred by along each edge: noise between neighbours would take from even paths what they gain.
 BLUR = 1 / 4, 1 / 2, 1 / 4
 
@@ -25,14 +27,12 @@ BLUR = 1 / 4, 1 / 2, 1 / 4
 OWN, AROUND = 0.4, 0.2
 
 
-def learn(
-    tracer, position: np.ndarray, normal: np.ndarray, known: IrradianceCache, bounces: int, seed: int = 0
-) -> Guide:
+def learn(tracer, position: np.ndarray, normal: np.ndarray, known: IrradianceCache, bounces: int) -> Guide:
     """The guide of paths of at most so many `bounces` that end in `known` light.
 
     They leave points of surfaces, position (N, 3) m and unit normals (N, 3).
     """
-    some = np.sort(np.random.default_rng(seed).permutation(len(position))[:POINTS])
+    some = np.sort(np.random.default_rng(SEED).permutation(len(position))[:POINTS])
     if not len(some):
         return Guide()
     from scipy.ndimage import convolve1d
@@ -42,7 +42,7 @@ def learn(
     cell, count = cells.find(position, normal), 2**cells.depth
     square = np.zeros(count * EDGE**2)
     unguided = CachedLight(replace(known, guide=Guide()))
-    kernel = partial(_brought, known=unguided, bounces=bounces, seed=seed)
+    kernel = partial(_brought, known=unguided, bounces=bounces)
     together = LAUNCH_POINTS_GPU // PATHS
     for first in range(0, len(some), together):
         here = np.repeat(np.arange(first, min(first + together, len(some)), dtype=np.uint32), PATHS)
@@ -56,11 +56,11 @@ def learn(
     return Guide(cells.axis, cells.split, likely.astype(np.float32).reshape(count, EDGE, EDGE))
 
 
-def _brought(tracer, position, normal, numbers, known: CachedLight, bounces: int, seed: int) -> dict[str, np.ndarray]:
+def _brought(tracer, position, normal, numbers, known: CachedLight, bounces: int) -> dict[str, np.ndarray]:
     """The mean of the channels of the `light` (N,) float64 that one path brings to each point, 0 where it is no finite
     number, and the `square` (N,) of the lobe by which it left. What lights are asked for beside it does not count."""
-    sums = indirect(tracer, position, normal, normal, numbers, 1, bounces, seed, known, by_rays=True)
+    sums = indirect(tracer, position, normal, normal, numbers, 1, bounces, SEED, known, by_rays=True)
     point, path = mi.Point2u(numbers.T)
-    draws = Draws(hashed(point + hashed(mi.UInt32(seed))), path, mi.UInt32(0))
+    draws = Draws(hashed(point + hashed(mi.UInt32(SEED))), path, mi.UInt32(0))
     column, row = np.minimum(np.array(draws.two(DIRECTION)) * EDGE, EDGE - 1).astype(np.int64)
     return {"light": sums.light.mean(axis=1), "square": row * EDGE + column}

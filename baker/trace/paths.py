@@ -285,7 +285,7 @@ def _next_vertex(tracer, draws, cell, p, ng, lobe, reflects, active):
     active = active & (mi.Bool(finds_light) | reflects)
     d, cosine, ratio = lobe.sample(draws.two(DIRECTION))
     active &= dr.dot(d, ng) > 0
-    pdf, factor_of_lobe = ratio * cosine * dr.inv_pi, dr.rcp(ratio)
+    pdf, weight = ratio * cosine * dr.inv_pi, dr.rcp(ratio)
     hit, factor = closest_through(tracer, p, d, draws.one(FILTER), active)
     found = active & dr.isfinite(hit.t)
     front_ng, material, front = side(tracer, hit, d, found)
@@ -305,7 +305,7 @@ def _next_vertex(tracer, draws, cell, p, ng, lobe, reflects, active):
     alive = visible & reflects
     reflectance = tracer.shading.albedo(material, hit.prim, hit.b, alive, jitter)
     reflectance = dr.select(alive & ~is_unlit(tracer, material, alive), reflectance, 0)
-    light, reflectance = light * factor_of_lobe, reflectance * factor_of_lobe
+    light, reflectance = light * weight, reflectance * weight
     if tracer.filtering is not None:
         light, reflectance = light * factor, reflectance * factor
     next_n = tracer.shading.shading_normal(hit.prim, hit.b, front_ng, alive)

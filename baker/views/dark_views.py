@@ -23,8 +23,6 @@ def dark_views(
     no surface has no picture of B and is not dark.
     """
     names = np.array(list(cameras))
-    if not len(names):
-        return frozenset()
     origin, direction = (np.concatenate(part) for part in zip(*map(_rays, cameras.values()), strict=True))
     hits = triangles.hits(origin, direction)
     met = hits.triangle >= 0
