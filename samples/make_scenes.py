@@ -233,6 +233,35 @@ def gaps() -> Glb:
     return glb
 
 
+def cells() -> Glb:
+    """Five cells along a corridor, which each sees through a hatch: three under lamps of 1,000, 30 and 1, two without."""
+    glb = Glb()
+    paint, stone = glb.material("paint", (0.55, 0.6, 0.5)), glb.material("stone", (0.3, 0.28, 0.26))
+    bed, wide, height, half = glb.material("bed", (0.4, 0.3, 0.2)), 2.4, 2.7, 0.05
+    x, z = (0, 5 * wide), (-3.2, 2.3)
+    hatches = [(start + 1.0, start + 1.4, 1.3, 1.55) for start in np.arange(5) * wide]
+    shell = wall(z[0], x, height, 1, axis="z") + wall(z[1], x, height, -1, axis="z")
+    shell += wall(x[0], z, height, 1) + wall(x[1], z, height, -1) + [level(x, z, height, down=True)]
+    shell += wall(-half, x, height, z[0], hatches, "z") + wall(half, x, height, z[1], hatches, "z")
+    for hatch in hatches:
+        shell += [*reveal((-half, half), hatch, "z"), level(hatch[:2], (-half, half), hatch[2])]
+    for at in np.arange(1, 5) * wide:
+        shell += wall(at - half, (z[0], -half), height, 0) + wall(at + half, (z[0], -half), height, x[1])
+    glb.solid("walls", shell, paint)
+    glb.solid("floor", [level(x, z, 0)], stone)
+    for number, (power, name) in enumerate([(0, "dark"), (1000, "bright"), (0, "darker"), (1, "dim"), (30, "lit")]):
+        start = number * wide
+        glb.solid(f"bed {number}", box((start + 0.15, 0, -3.15), (start + 0.95, 0.5, -1.25)), bed)
+        if power:
+            lamp = glb.material(f"lamp {number}", (0.5, 0.5, 0.5), **glb.emission(power))
+            glb.solid(
+                f"lamp {number}", box((start + 1.4, height - 0.1, -1.7), (start + 1.6, height - 0.05, -1.5)), lamp
+            )
+        glb.camera(name, (start + 2.1, 1.6, -0.3), (start + 0.6, 0.7, -2.6), 1.1)
+    glb.camera("corridor", (0.4, 1.6, 1.2), (x[1], 1.1, 1.0), 1.1)
+    return glb
+
+
 def corridor() -> Glb:
     """A corridor of 20 m with one bright window at its end and niches that the window hardly reaches."""
     glb = Glb()
@@ -356,7 +385,7 @@ def furnace() -> Glb:
 
 def make_scenes() -> dict[str, bytes]:
     """The bytes of each file, by file name."""
-    makers = (cornell, cornell_emissive, two_rooms, house, gaps, corridor, metals, chapel, furnace)
+    makers = (cornell, cornell_emissive, two_rooms, house, gaps, cells, corridor, metals, chapel, furnace)
     return {f"{maker.__name__}.glb": maker().encode() for maker in makers}
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from gsgi.baker.fitting.rotations import axes
 from gsgi.baker.native import kernels
 from gsgi.baker.neighbours import Neighbours
-from gsgi.baker.trace.local_light import FAINT, LocalLight, nearby_light
+from gsgi.baker.trace.local_light import FAINT, LocalLight, adapted, nearby_light
 from gsgi.baker.trace.point_order import coherent
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
@@ -24,7 +24,6 @@ FACTOR = 8.0  # light differs across an occluder if it does by this factor in a 
 GREY = 0.5  # times its mean over the channels is added to light for that: what is faint in a colour hardly counts
 VARIES = 0.5  # standard deviation of the light of neighbours, relative to its mean
 SIGNIFICANT = 3.0  # standard deviations of the noise, by which a sample is darker than its neighbours
-BLACK = 2.0  # times the level to which eyes adapt at least: less light is as good as none
 LEAK = 0.003  # of the light on the bright side of a wall: less on a black side is within tolerance
 SPACE_LEAK = 0.02  # the same in free space, where things move: black there must not smudge a bright wall
 NEIGHBOURS = 8  # samples over whose light is averaged, as far as they see each other
@@ -54,14 +53,14 @@ def seen_light(surface: SurfaceSamples, free: SurfaceSamples, triangles: Triangl
     """
     samples = joined([surface, free])
     around, varies = _around(samples)
-    level = around.level.copy()
     bright = samples.indirect.mean(axis=1)
-    light = _seen_mean(samples[varies], triangles, bright[varies], True)
-    level[varies] = np.maximum(light, around.level.min(initial=np.inf))
+    (light,) = (means[samples.blocks.number] for means in samples.blocks.means(bright))
+    light[varies] = _seen_mean(samples[varies], triangles, bright[varies], True)
+    mean = float(bright.sum(dtype=np.float64)) / max(len(bright), 1)
+    level, black = adapted(light, mean).astype(np.float32), light <= FAINT * mean
     noise = samples.blocks.noise(samples.indirect_a, samples.indirect_b)
     noise = np.minimum(noise, around.noise / around.level * level)
     nearby = np.maximum(nearby_light(samples.position, bright), 0)
-    black = level < BLACK * FAINT * bright.sum(dtype=np.float64) / max(len(bright), 1)
     level[black] = np.hypot(level[black], LEAK * nearby[black])
     least = np.concatenate([surface.seen, SPACE_LEAK * nearby[len(surface) :]])
     level = np.maximum(level, least)

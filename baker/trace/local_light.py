@@ -16,7 +16,8 @@ from gsgi.baker.neighbours import Neighbours
 LEAST_POINTS = 16  # in a block, whose mean light is what eyes adapt to; there are less than twice as many
 TOGETHER = 8  # blocks, neighbours, whose noise is averaged
 NEARBY, ONE_IN = 16, 8  # points over which the light nearby is averaged, of one in so many
-FAINT = 0.002  # of the mean B over all points: eyes in a scene adapt to no less
+FAINT = 1e-6  # of the mean B over all points: eyes in a scene adapt to no less, so less is black
+UNSEEN = 0.002  # of that mean: light that is not missed where it is black, where nothing tells what eyes adapt to
 LEAST = 1e-12  # radiance; its inverse square, times any squared radiance, is finite in float32
 
 
@@ -60,7 +61,7 @@ class Blocks:
     def light(self, a: np.ndarray, b: np.ndarray) -> LocalLight:
         """The light around the points, from both halves (S, 3) of B.
 
-        The level is at least FAINT of its mean, and LEAST where all is black. Light that is not finite counts as black.
+        The level is that of `adapted`. Light that is not finite counts as black.
         Noise is averaged relative to the level of each block: that of a bright room says nothing of a dark one beside
         it.
         """
@@ -68,7 +69,7 @@ class Blocks:
             return LocalLight(np.empty(0, np.float32), np.empty(0, np.float32))
         light, variance = _brightness(a, b)
         level, variance = self.means(light, variance)
-        level = np.maximum(level, max(FAINT * float(light.mean()), LEAST))
+        level = adapted(level, float(light.mean()))
         noise = np.sqrt(_together(variance / np.square(level))) * level
         return LocalLight(*(values[self.number].astype(np.float32) for values in (level, noise)))
 
@@ -76,6 +77,14 @@ class Blocks:
         """The noise (S,) float32 of B's halves (S, 3), as in `light`, but averaged whatever the level of the blocks."""
         (variance,) = self.means(_brightness(a, b)[1])
         return np.sqrt(_together(variance))[self.number].astype(np.float32)
+
+
+def adapted(light: np.ndarray, mean: float) -> np.ndarray:
+    """The brightness (N,) to which eyes adapt in `light` (N,) of a scene with this `mean`.
+
+    It is UNSEEN of the mean where it is black, and at least LEAST.
+    """
+    return np.maximum(np.where(light > FAINT * mean, light, UNSEEN * mean), LEAST)
 
 
 def _brightness(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

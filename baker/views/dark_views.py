@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from gsgi.baker.trace.local_light import FAINT
 from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling
 from gsgi.runtime.camera import Camera
 
@@ -11,13 +12,12 @@ from .surface_points import Hits, Triangles
 
 RAYS = 4  # per camera, along each edge of its image
 LOOKS = 1, 32  # passes of paths from each: what seems dark is looked at longer, as light may be rare there
-DARK = 1e-4  # share of the average view; eyes adapt to what is brighter
 
 
 def dark_views(
     triangles: Triangles, cameras: dict[str, Camera], at_points: Callable, bounces: int, seed: int
 ) -> frozenset[str]:
-    """Names of the cameras whose picture has a mean B below DARK times the mean over all pictures.
+    """Names of the cameras whose picture has a mean B below FAINT times that over all: eyes adapt to what is brighter.
 
     `at_points(position, normal, sampling, seed)` traces B at points (N, 3) with unit normals (N, 3). A camera that sees
     no surface has no picture of B and is not dark.
@@ -37,7 +37,7 @@ def dark_views(
         light = at_points(position[here], hits.normal[met][here], Sampling(passes * PASS_SAMPLES, bounces), seed).mean
         brightness = np.bincount(of[here], light.mean(axis=1, dtype=np.float64), len(names)) / np.maximum(count, 1)
         seen[dark] = brightness[dark]
-        dark = (count > 0) & (seen < DARK * seen[count > 0].mean())
+        dark = (count > 0) & (seen < FAINT * seen[count > 0].mean())
     return frozenset(names[dark].tolist())
 
 

@@ -12,6 +12,7 @@ FILES = (
     SCENES / "two_rooms.glb",
     SCENES / "house.glb",
     SCENES / "gaps.glb",
+    SCENES / "cells.glb",
     SCENES / "corridor.glb",
     SCENES / "metals.glb",
     SHARED / "modern_hall" / "modern_hall.gltf",

@@ -11,6 +11,7 @@ from gsgi.runtime.gltf.reader import read_gltf
 from gsgi.runtime.metals import metal_areas
 
 NAMES = (
+    "cells.glb",
     "chapel.glb",
     "cornell.glb",
     "cornell_emissive.glb",
@@ -119,7 +120,7 @@ def test_the_table_mirrors_its_half():
     np.testing.assert_allclose((first.position - place) * (-1, 1, 1), second.position - place, atol=1e-6)
 
 
-@pytest.mark.parametrize("name", ["house.glb", "gaps.glb", "corridor.glb"])
+@pytest.mark.parametrize("name", ["house.glb", "gaps.glb", "cells.glb", "corridor.glb"])
 def test_from_its_cameras_a_closed_scene_shows_no_backs_and_no_way_out(name):
     scene = read(name)
     triangles = Triangles(scene)
@@ -149,6 +150,22 @@ def test_the_dark_rooms_get_light_only_below_the_door():
     lamp = np.array([2, 0.005, -1.5])
     blocked = Triangles(scene).blocked(eyes, np.tile(lamp, (len(eyes), 1)))
     assert blocked.tolist() == [True] * 4 + [False, True, True, True]
+
+
+def test_the_lamps_of_the_cells_are_seen_neither_from_the_cells_without_nor_from_the_corridor():
+    scene = read("cells.glb")
+    lamps = {
+        mesh.material: middle(mesh) - (0, 0.03, 0)
+        for mesh in scene.meshes
+        if scene.emits(scene.materials[mesh.material])
+    }
+    power = sorted(scene.materials[material].emission[0] for material in lamps)
+    assert power == [1, 30, 1000]
+    sees = {
+        name: sum(not Triangles(scene).blocked(camera.position[None], lamp[None])[0] for lamp in lamps.values())
+        for name, camera in scene.cameras.items()
+    }
+    assert sees == {"dark": 0, "bright": 1, "darker": 0, "dim": 1, "lit": 1, "corridor": 0}
 
 
 def test_metals():

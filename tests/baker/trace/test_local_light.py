@@ -4,7 +4,17 @@ import numpy as np
 import pytest
 
 from gsgi.baker.native import kernels
-from gsgi.baker.trace.local_light import FAINT, LEAST, LEAST_POINTS, NEARBY, ONE_IN, Blocks, local_light, nearby_light
+from gsgi.baker.trace.local_light import (
+    FAINT,
+    LEAST,
+    LEAST_POINTS,
+    NEARBY,
+    ONE_IN,
+    UNSEEN,
+    Blocks,
+    local_light,
+    nearby_light,
+)
 
 COUNT = 8192
 
@@ -117,9 +127,11 @@ def test_the_order_of_samples_is_kept_and_the_result_scales_with_the_light():
 
 def test_what_is_faint_or_black_has_a_level_all_the_same():
     position, normal = floor()
-    light = np.where(position[:, 0] > 0.5, 100.0, 0.0)
-    found = local_light(position, normal, *halves(light, 0.0))
-    assert found.level.min() == pytest.approx(FAINT * light.mean(), rel=1e-3)
+    bright = position[:, 0] > 0.5
+    for faint, level in ((10 * FAINT, 10 * FAINT), (0.1 * FAINT, UNSEEN), (0.0, UNSEEN)):
+        light = np.where(bright, 1 / bright.mean(), faint)  # 1 on average
+        found = local_light(position, normal, *halves(light, 0.0))
+        assert found.level[position[:, 0] < 0].max() == pytest.approx(level, rel=1e-3)
     black = local_light(position, normal, *halves(np.zeros(COUNT), 0.0))
     assert (black.level == np.float32(LEAST)).all()
     assert not black.noise.any()

@@ -11,8 +11,9 @@ from gsgi.baker.cache.store import Cache
 from gsgi.baker.surface import samples, seen_surface
 from gsgi.baker.surface.samples import Sampler
 from gsgi.baker.trace.cached_tracer import CachedTracer
+from gsgi.baker.trace.local_light import FAINT
 from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling
-from gsgi.baker.views.dark_views import DARK, LOOKS, dark_views
+from gsgi.baker.views.dark_views import LOOKS, dark_views
 from gsgi.baker.views.placement import HELD_OUT, Placement
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.camera import look_at
@@ -51,8 +52,8 @@ def test_the_camera_in_the_box_without_light_is_dark(light):
         assert dark_views(triangles, cameras, light.at_points, 4, seed=0) == dark
 
 
-@pytest.mark.parametrize(("light_there", "dark"), [(0.0, True), (0.5 * DARK, True), (2 * DARK, False), (1.0, False)])
-def test_dark_is_what_has_a_hundredth_of_the_light_of_all_views(light_there, dark):
+@pytest.mark.parametrize(("light_there", "dark"), [(0.0, True), (0.5 * FAINT, True), (2 * FAINT, False), (1.0, False)])
+def test_dark_is_what_has_a_millionth_of_the_light_of_all_views(light_there, dark):
     def at_points(position, normal, sampling, _seed):
         assert sampling in [Sampling(passes * PASS_SAMPLES, 3) for passes in LOOKS]
         assert np.allclose(np.linalg.norm(normal, axis=1), 1, rtol=1e-5)
@@ -72,7 +73,7 @@ def test_what_seems_dark_is_looked_at_longer():
 
     def rarely(position, _normal, sampling, _seed):
         looks.append((len(position), sampling.samples))
-        found = 2 * DARK if sampling.samples > PASS_SAMPLES else 0.0
+        found = 2 * FAINT if sampling.samples > PASS_SAMPLES else 0.0
         return SimpleNamespace(mean=np.where(position[:, :1] > APART / 2, found, 1.0).repeat(3, 1))
 
     assert dark_views(Triangles(two_boxes()), CAMERAS, rarely, 3, seed=0) == frozenset()
