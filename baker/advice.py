@@ -13,6 +13,9 @@ MOTTLE_SEEN = 0.015  # blotches that are stronger are seen on a smooth wall
 MORE = 4  # times the Gaussians, as from one quality to the next, or the paths, which halves their noise
 SAMPLES_MAX = 1 << 20
 
+# What lamps and the sun send through panes is part of B, and as soft as the Gaussians.
+SHARP = "--transparent cutout (where panes are clear, the light of lamps and the sun keeps its edges behind them)"
+
 
 @dataclass(frozen=True)
 class Advice:
@@ -41,6 +44,7 @@ def advise(plan: Plan, evaluation: Evaluation) -> Advice | None:
     samples = min(MORE * plan.settings.samples, SAMPLES_MAX)
     turns = [f"{option} (at most {size} bytes)" if size else option] if option else []
     turns += [f"--samples {samples} ({samples / plan.settings.samples:g} times the paths)"]
+    turns += [SHARP] if plan.scene.lights and any(m.filter for m in plan.scene.used_materials()) else []
     mottle = "" if view.mottle is None else f", mottle {view.mottle:.1%}"
     found = f"SSIM {view.final.ssim:.4f} (ceiling {view.final.ssim_ceiling:.4f}){mottle}"
     text = f"{named(view)} differs visibly from path tracing, {found}: try {' or '.join(turns)}"

@@ -1,16 +1,19 @@
 """Advice where a bake differs visibly: when it is given, what it says to turn, and what that costs."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
+import scenes
 
 from gsgi.baker import advice
-from gsgi.baker.advice import MORE, advise, falls_short
+from gsgi.baker.advice import MORE, SHARP, advise, falls_short
 from gsgi.baker.evaluation.comparison import Comparison
 from gsgi.baker.evaluation.held_out import Evaluation, ViewEvaluation
 from gsgi.baker.plan import file_bytes
 from gsgi.baker.settings import BUDGET_MAX, Settings
-from gsgi.runtime.scene import Scene
+from gsgi.runtime.scene import Filter, Light, Scene
 
 SCENE = Scene((), ())
 DETAIL, DRAFT, MEDIUM, HIGH = 16000, 900, 3600, 14400  # of the scene, and Gaussians of each quality for it
@@ -21,14 +24,14 @@ def view(ssim=0.99, ceiling=0.995, mottle=0.01, name="placed 1", **marks) -> Vie
     return ViewEvaluation(name, 0.01, score, score, mottle, **marks)
 
 
-def advised(*views: ViewEvaluation, by_light=1.0, **settings) -> advice.Advice | None:
+def advised(*views: ViewEvaluation, by_light=1.0, scene=SCENE, **settings) -> advice.Advice | None:
     made = Settings(**{"budget": MEDIUM, "samples": 192} | settings)
     return advise(
         SimpleNamespace(
             settings=made,
             placement=SimpleNamespace(importance=None),
             groups=[],
-            scene=SCENE,
+            scene=scene,
             gaussians=lambda budget: round(by_light * budget),
         ),
         Evaluation(list(views), None, [], None),
@@ -66,6 +69,15 @@ def test_the_next_quality_and_its_bytes():
         f"try --quality high (at most {found.bytes} bytes) or --samples 768 (4 times the paths)"
     )
     assert advised(view(ssim=0.9), quality="draft", budget=DRAFT).option == "--quality medium"
+
+
+def test_light_behind_panes_can_keep_its_edges():
+    glass = replace(scenes.WHITE, filter=Filter(transmission=0.9))
+    sun = Light("directional", np.ones(3), np.zeros(3), np.array([0.0, -1.0, 0.0]))
+    pane, wall = (Scene((scenes.floor(),), (material,), lights=(sun,)) for material in (glass, scenes.WHITE))
+    assert advised(view(ssim=0.9), scene=pane).text.endswith(f" or {SHARP}")
+    for without in (wall, replace(pane, lights=())):
+        assert SHARP not in advised(view(ssim=0.9), scene=without).text
 
 
 def test_the_next_quality_has_more_where_light_calls_for_more():
