@@ -64,7 +64,8 @@ class Rates:
 
         Without `evaluate`, there are no references and no evaluation.
         """
-        known = self.whole * plan.whole_paths + self.gathering * (plan.known_paths - plan.whole_paths)
+        gathering = plan.known_paths - plan.whole_paths + plan.guide_paths
+        known = self.whole * plan.whole_paths + self.gathering * gathering
         path = self.gathering if plan.known_paths else self.whole
         fit, finding = sum(self.fits(plan)), self.found * len(plan.placement.fitted)
         stages = {"known light": known + BEFORE_KNOWN * finding} if plan.known_paths else {}

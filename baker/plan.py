@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gsgi.baker.cache.store import Cache
+from gsgi.baker.trace import guide
 from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.baker.trace.irradiance_cache import KnownLight
 from gsgi.baker.trace.pilot import Pilot
@@ -178,6 +179,12 @@ class Plan:
         """Number of the known light's paths that do not end in known light themselves."""
         rounds = known_rounds(self.settings.bounces) if self.settings.operator == "surface" else ()
         return path_count(rounds[0]) if rounds else 0
+
+    @property
+    def guide_paths(self) -> int:
+        """Number of paths from the first samples of the known light that only guide all later ones."""
+        rounds = known_rounds(self.settings.bounces) if self.settings.operator == "surface" else ()
+        return min(point_count(rounds[0]), guide.POINTS) * guide.PATHS if rounds else 0
 
     @cached_property
     def sampler(self) -> Sampler:

@@ -21,7 +21,7 @@ from gsgi.baker.surface.budget import COARSE_SHARE, FREE_PER_GAUSSIAN
 from gsgi.baker.surface.colours import LEAST, MOST
 from gsgi.baker.surface.fit import SOLVED_EVERY
 from gsgi.baker.surface.group_light import SOLUTIONS
-from gsgi.baker.trace import known_light
+from gsgi.baker.trace import guide, known_light
 from gsgi.baker.trace.tracer import PASS_SAMPLES
 
 CHUNK = 1 << 10
@@ -67,8 +67,9 @@ def test_a_bake_traces_the_paths_that_were_announced(closed, traced, monkeypatch
     monkeypatch.setattr(estimating, "_seconds_of_finding", lambda plan: 0.0)
     announced = estimate(plan)
     report = job.run(plan, Progress(), lambda data, count: None).as_dict()
-    assert sum(traced) == sum(paths for stage, paths in announced.items() if stage not in {"fit", "evaluation"})
-    assert report["paths"] == announced["irradiance"] + announced.get("known light", 0)
+    paths = sum(paths for stage, paths in announced.items() if stage not in {"fit", "evaluation"})
+    assert sum(traced) + plan.guide_paths == paths
+    assert report["paths"] + plan.guide_paths == announced["irradiance"] + announced.get("known light", 0)
     traced.clear()
     job.run(replace(plan), Progress(), lambda data, count: None, evaluate=False)
     assert sum(traced) == report["paths"]
@@ -91,6 +92,7 @@ def test_the_table_says_how_many_paths_there_are(closed):
     assert f"about {4 * PASS_SAMPLES} per sample" in rows["paths"].why
     # With one bounce, paths end in light without any, which is traced in two chunks by a pass per half.
     assert closed.known_paths == 2 * CHUNK * 2 * PASS_SAMPLES
+    assert closed.guide_paths == 2 * CHUNK * guide.PATHS
     # The same for free space: one layer for each of two chunks.
     assert closed.free_paths == 2 * CHUNK * 2 * PASS_SAMPLES
     assert rows["free space"].decision == "0.1 M"
@@ -140,7 +142,7 @@ def test_light_groups_cost_their_paths_and_solutions(closed, traced):
     plan = replace(closed, scene=replace(closed.scene, groups={"walls": ("wall",)}))
     announced = Rates(closed, 1.0, 1.0, 0.0, (0.0, 0.0, 0.0), 0.0, 0.0, 0.0).seconds(plan, evaluate=False)
     report = job.run(plan, Progress(), lambda data, count: None, evaluate=False)
-    assert sum(traced) == sum(announced.values())
+    assert sum(traced) + 2 * plan.guide_paths == sum(announced.values())  # one guide for each group
     assert announced["light group walls"] == announced["known light"] + announced["irradiance"] > 0
     assert "light group walls" in report.seconds
     solved = Rates(closed, 0.0, 0.0, 0.0, (9.0, 1.0, 0.0), 0.0, 0.0, 0.0).seconds(plan, evaluate=False)
