@@ -149,6 +149,20 @@ def test_short_courses(iterations):
     assert 0.9 * fitting.START_SHARE * 50 <= len(fitted) <= 50
 
 
+def test_a_hole_that_opens_after_the_growth_is_filled(monkeypatch):
+    stepped = fitting._stepped
+
+    def losing_a_wall(state, optimiser, falling, iteration, monitor):
+        kept = state.keep(axes(state.gaussians.rotation)[:, 0, 2] < 0.5) if iteration == 40 else state
+        return stepped(kept, optimiser, falling, iteration, monitor)
+
+    whole = relative_error(fit(Schedule(120, 60)))
+    monkeypatch.setattr(fitting, "_stepped", losing_a_wall)
+    assert relative_error(fit(Schedule(120, 60))) < 2 * whole
+    monkeypatch.setattr(fitting, "GROWTH", {share: grown for share, grown in fitting.GROWTH.items() if share <= 0.5})
+    assert relative_error(fit(Schedule(120, 60))) > 5 * whole
+
+
 def test_black_light_stays_black():
     points = corner(3000)
     fitted = fit(Schedule(60, 30), samples=samples_of(np.zeros((3000, 3)), *points))
@@ -226,8 +240,8 @@ def run_until(stop: int, folder) -> None:
         fit(COURSE, watch, Checkpoint(Cache(folder), KEY), samples=noisy(3000))
 
 
-# Changes of the number come after 12, 21 and 30 steps, so one with a fresh state, the others between two states.
-@pytest.mark.parametrize("stop", [1, 10, 11, 12, 13, 20, 21, 22, 29, 30, 31, 32, 41, 59, 60])
+# Changes of the number come after 12, 21, 30 and 45 steps, so one with a fresh state, the others between two states.
+@pytest.mark.parametrize("stop", [1, 10, 11, 12, 13, 20, 21, 22, 29, 30, 31, 32, 41, 45, 46, 59, 60])
 def test_an_interrupted_fit_ends_in_the_same_bits(tmp_path, always_due, undisturbed, stop):
     expected, told = undisturbed
     assert len({count for _, _, count in told}) > 2
