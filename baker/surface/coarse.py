@@ -90,7 +90,7 @@ def coarse_optimiser(samples: SurfaceSamples, gaussians: Gaussians, blend: Surfa
     nothing = SurfaceState.fresh(gaussians).keep(np.zeros(len(gaussians), bool)).gaussians
     # An object moves through the light of all directions: what is around a sample does not depend on its normal.
     upwards = np.tile(np.float32([0, 1, 0]), (len(samples), 1))
-    around = local_light(samples.position, upwards, samples.indirect_a, samples.indirect_b)
+    around = local_light(samples.position, upwards, samples.indirect_a, samples.indirect_b, sure=True)
     return SurfaceOptimiser(samples, nothing, replace(blend, sharpness=0, floor=0.0), around)
 
 

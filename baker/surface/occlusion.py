@@ -12,7 +12,7 @@ import numpy as np
 from gsgi.baker.fitting.rotations import axes
 from gsgi.baker.native import kernels
 from gsgi.baker.neighbours import Neighbours
-from gsgi.baker.trace.local_light import FAINT, LocalLight, adapted, nearby_light
+from gsgi.baker.trace.local_light import LEAST_POINTS, LocalLight, adapted, is_black, nearby_light
 from gsgi.baker.trace.point_order import coherent
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
@@ -44,20 +44,23 @@ def seen_light(surface: SurfaceSamples, free: SurfaceSamples, triangles: Triangl
     """The light around samples as their blocks have it, but only over neighbours that see each other.
 
     Those of the `surface` come first. Where light varies among neighbours on the same surface, they may lie on both
-    sides of a wall. Where all is as good as black, the level is not below LEAK of the light nearby, so that a black
-    room does not take the Gaussians of the bright one beside it. In free space it is nowhere below SPACE_LEAK of it:
-    otherwise black Gaussians fill the space behind bright walls, and smudge them. On surfaces it is not below what is
-    `seen` around: people look into a gap from where they see the bright wall beside it, while blocks shrink to the gap
-    where its samples are dense. Of the noise relative to that level and the noise of all blocks around, the lower
-    counts: the latter takes in that of light behind a wall, the former that of darker blocks.
+    sides of a wall. Where all is black, or so dark that it may be no more than noise, the level is not below LEAK of
+    the light nearby, so that a black room does not take the Gaussians of the bright one beside it. In free space it is
+    nowhere below SPACE_LEAK of it: otherwise black Gaussians fill the space behind bright walls, and smudge them. On
+    surfaces it is not below what is `seen` around: people look into a gap from where they see the bright wall beside
+    it, while blocks shrink to the gap where its samples are dense. Of the noise relative to that level and the noise of
+    all blocks around, the lower counts: the latter takes in that of light behind a wall, the former that of darker
+    blocks.
     """
     samples = joined([surface, free])
     around, varies = _around(samples)
     bright = samples.indirect.mean(axis=1)
-    (light,) = (means[samples.blocks.number] for means in samples.blocks.means(bright))
-    light[varies] = _seen_mean(samples[varies], triangles, bright[varies], True)
     mean = float(bright.sum(dtype=np.float64)) / max(len(bright), 1)
-    level, black = adapted(light, mean).astype(np.float32), light <= FAINT * mean
+    squared = np.square((samples.indirect_a - samples.indirect_b).mean(axis=1) / 2)
+    light, variance = (means[samples.blocks.number] for means in samples.blocks.means(bright, squared))
+    light[varies] = _seen_mean(samples[varies], triangles, bright[varies], True)
+    black = is_black(light, mean, np.sqrt(variance / LEAST_POINTS))
+    level = adapted(light, mean, black).astype(np.float32)
     noise = samples.blocks.noise(samples.indirect_a, samples.indirect_b)
     noise = np.minimum(noise, around.noise / around.level * level)
     nearby = np.maximum(nearby_light(samples.position, bright), 0)

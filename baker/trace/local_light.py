@@ -17,7 +17,8 @@ LEAST_POINTS = 16  # in a block, whose mean light is what eyes adapt to; there a
 TOGETHER = 8  # blocks, neighbours, whose noise is averaged
 NEARBY, ONE_IN = 16, 8  # points over which the light nearby is averaged, of one in so many
 FAINT = 1e-6  # of the mean B over all points: eyes in a scene adapt to no less, so less is black
-UNSEEN = 0.002  # of that mean: light that is not missed where it is black, where nothing tells what eyes adapt to
+UNSEEN = 0.002  # of that mean: an error that is not seen where it is black, and nothing tells what eyes adapt to
+SURE = 3.0  # standard errors above which such faint light is no noise
 LEAST = 1e-12  # radiance; its inverse square, times any squared radiance, is finite in float32
 
 
@@ -58,18 +59,19 @@ class Blocks:
         """The mean over each block (B,) float64 of each of `values` (S,)."""
         return [np.bincount(self.number, column) / self._count for column in values]
 
-    def light(self, a: np.ndarray, b: np.ndarray) -> LocalLight:
+    def light(self, a: np.ndarray, b: np.ndarray, sure: bool = False) -> LocalLight:
         """The light around the points, from both halves (S, 3) of B.
 
-        The level is that of `adapted`. Light that is not finite counts as black.
-        Noise is averaged relative to the level of each block: that of a bright room says nothing of a dark one beside
-        it.
+        The level is that of `adapted`. Light that is not finite counts as black, and with `sure`, where no more paths
+        will tell, so does faint light that may be noise. Noise is averaged relative to the level of each block: that of
+        a bright room says nothing of a dark one beside it.
         """
         if not len(self.number):
             return LocalLight(np.empty(0, np.float32), np.empty(0, np.float32))
         light, variance = _brightness(a, b)
         level, variance = self.means(light, variance)
-        level = adapted(level, float(light.mean()))
+        mean, error = float(light.mean()), np.sqrt(variance / LEAST_POINTS) if sure else np.zeros(len(level))
+        level = adapted(level, mean, is_black(level, mean, error))
         noise = np.sqrt(_together(variance / np.square(level))) * level
         return LocalLight(*(values[self.number].astype(np.float32) for values in (level, noise)))
 
@@ -79,12 +81,17 @@ class Blocks:
         return np.sqrt(_together(variance))[self.number].astype(np.float32)
 
 
-def adapted(light: np.ndarray, mean: float) -> np.ndarray:
-    """The brightness (N,) to which eyes adapt in `light` (N,) of a scene with this `mean`.
+def is_black(light: np.ndarray, mean: float, error: np.ndarray) -> np.ndarray:
+    """Where (N,) bool eyes in a scene with this `mean` see nothing in `light` (N,), which has a standard `error` (N,).
 
-    It is UNSEEN of the mean where it is black, and at least LEAST.
+    That is where there is none, or so little that it may be noise.
     """
-    return np.maximum(np.where(light > FAINT * mean, light, UNSEEN * mean), LEAST)
+    return (light <= FAINT * mean) | ((light < UNSEEN * mean) & (light < SURE * error))
+
+
+def adapted(light: np.ndarray, mean: float, black: np.ndarray) -> np.ndarray:
+    """The brightness (N,) to which eyes adapt in `light` (N,): where it is `black` (N,), UNSEEN of the mean."""
+    return np.maximum(np.where(black, UNSEEN * mean, light), LEAST)
 
 
 def _brightness(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -100,9 +107,11 @@ def _together(values: np.ndarray) -> np.ndarray:
     return (np.bincount(group, values) / np.bincount(group))[group]
 
 
-def local_light(position: np.ndarray, normal: np.ndarray, a: np.ndarray, b: np.ndarray) -> LocalLight:
+def local_light(
+    position: np.ndarray, normal: np.ndarray, a: np.ndarray, b: np.ndarray, sure: bool = False
+) -> LocalLight:
     """The light around points (S, 3), m, with unit normals (S, 3), from both halves (S, 3) of B, in `Blocks`."""
-    return Blocks.of(position, normal).light(a, b)
+    return Blocks.of(position, normal).light(a, b, sure)
 
 
 def nearby_light(position: np.ndarray, light: np.ndarray) -> np.ndarray:

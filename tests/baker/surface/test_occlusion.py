@@ -185,6 +185,13 @@ def test_a_room_a_hundred_thousand_times_as_dark_as_another_counts_as_much():
     np.testing.assert_allclose(level[x > 0.001], 1e-5 * BRIGHT, rtol=0.2)
 
 
+@pytest.mark.parametrize(("noise", "expected"), [(0.3, 1e-4), (10.0, UNSEEN / 2)])
+def test_faint_light_counts_where_it_is_more_than_noise(noise, expected):
+    samples = on_floor(dark=1e-4 * BRIGHT, noise=noise)
+    level = seen_light(samples, samples[:0], TRIANGLES).level
+    assert np.median(level[samples.position[:, 0] > 0.5]) == pytest.approx(expected * BRIGHT, rel=0.2)
+
+
 def test_eyes_that_see_bright_light_around_adapt_to_that():
     samples = on_floor()
     alone = seen_light(samples, in_space(), TRIANGLES)

@@ -138,6 +138,15 @@ def test_what_is_faint_or_black_has_a_level_all_the_same():
     assert all(len(values) == 0 for values in local_light(*[np.empty((0, 3), np.float32)] * 4))
 
 
+@pytest.mark.parametrize(("noise", "sure", "level"), [(0.1, True, 1e-4), (4.0, False, 1e-4), (4.0, True, UNSEEN)])
+def test_faint_light_that_may_be_noise_is_black_where_no_more_paths_will_tell(noise, sure, level):
+    position, normal = floor()
+    bright = position[:, 0] > 0.5
+    light = np.where(bright, 1 / bright.mean(), 1e-4)  # 1 on average
+    found = local_light(position, normal, *halves(light, noise * light), sure=sure)
+    assert np.median(found.level[position[:, 0] < 0.3]) == pytest.approx(level, rel=0.5)
+
+
 def test_light_nearby_is_that_of_all_points_near():
     position, _ = floor()
     light = np.where(position[:, 0] > 0.5, 100.0, 1.0).astype(np.float32)
