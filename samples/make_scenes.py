@@ -234,7 +234,7 @@ def gaps() -> Glb:
 
 
 def cells() -> Glb:
-    """Five cells along a corridor, which each sees through a hatch: three under lamps of 1,000, 30 and 1, two without."""
+    """Five cells that see a corridor through hatches: three under lamps of 1,000, 30 and 1, and two without."""
     glb = Glb()
     paint, stone = glb.material("paint", (0.55, 0.6, 0.5)), glb.material("stone", (0.3, 0.28, 0.26))
     bed, wide, height, half = glb.material("bed", (0.4, 0.3, 0.2)), 2.4, 2.7, 0.05
