@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from gsgi.runtime.scene import CUTOFF, Material
+
 from .evaluation.held_out import SSIM_GOOD, Evaluation, ViewEvaluation
 from .evaluation.summary import named
 from .plan import Plan, file_bytes
@@ -44,7 +46,7 @@ def advise(plan: Plan, evaluation: Evaluation) -> Advice | None:
     samples = min(MORE * plan.settings.samples, SAMPLES_MAX)
     turns = [f"{option} (at most {size} bytes)" if size else option] if option else []
     turns += [f"--samples {samples} ({samples / plan.settings.samples:g} times the paths)"]
-    turns += [SHARP] if plan.scene.lights and any(m.filter for m in plan.scene.used_materials()) else []
+    turns += [SHARP] if plan.scene.lights and any(map(_clear, plan.scene.used_materials())) else []
     mottle = "" if view.mottle is None else f", mottle {view.mottle:.1%}"
     found = f"SSIM {view.final.ssim:.4f} (ceiling {view.final.ssim_ceiling:.4f}){mottle}"
     text = f"{named(view)} differs visibly from path tracing, {found}: try {' or '.join(turns)}"
@@ -57,6 +59,14 @@ def falls_short(view: ViewEvaluation) -> bool:
         return False
     ssim, ceiling = view.final.ssim, view.final.ssim_ceiling
     return ssim < min(SSIM_GOOD, ceiling) or ssim < ceiling - SSIM_SHORT or (view.mottle or 0) > MOTTLE_SEEN
+
+
+def _clear(material: Material) -> bool:
+    """Whether more than half of the light passes a material, which `--transparent cutout` makes a hole."""
+    passes = material.filter
+    if passes is None:
+        return False
+    return passes.transmission > 1 - CUTOFF or (passes.blends and material.base_color[3] < CUTOFF)
 
 
 def _turn(plan: Plan) -> tuple[str | None, int | None]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gsgi.baker.trace.irradiance_cache import cell_keys
-from gsgi.baker.trace.local_light import FAINT
+from gsgi.baker.trace.local_light import UNSEEN
 from gsgi.baker.trace.reference import Reference
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.display import luminance
@@ -59,12 +59,12 @@ class Surroundings:
     def bright_side(self, position: np.ndarray, normal: np.ndarray, light: np.ndarray) -> np.ndarray:
         """Light (N,) of the brightest patch near points (N, 3) that they do not see; 0 where none is far brighter.
 
-        Normals are (N, 3), and `light` (N,) is the luminance of B at the points. Eyes adapt to no less than FAINT of
-        its mean over all patches.
+        Normals are (N, 3), and `light` (N,) is the luminance of B at the points. What is darker than
+        UNSEEN of its mean over all patches counts as bright as that.
         """
         from scipy.spatial import cKDTree
 
-        least = np.maximum(light, FAINT * self.light.mean()) / DARK  # light of patches that are far brighter
+        least = np.maximum(light, UNSEEN * self.light.mean()) / DARK  # light of patches that are far brighter
         octave = np.floor(np.log2(np.maximum(least, np.finfo(float).tiny)))
         pairs = [np.empty((2, 0), np.int64)]
         for each in np.unique(octave):  # few patches are brighter than most points ask for

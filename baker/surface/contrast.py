@@ -51,11 +51,8 @@ def sure_contrast(position: np.ndarray, normal: np.ndarray, a: np.ndarray, b: np
 
 
 def _squared(position: np.ndarray, normal: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """The squared contrast (S,) at each point: products of the halves' differences have no noise on average.
-
-    It is relative to the noise where that exceeds the light, or one path into a black void would be a contrast.
-    """
-    level = np.maximum(*local_light(position, normal, a, b))
+    """The squared contrast (S,) at each point: products of the halves' differences have no noise on average."""
+    level = local_light(position, normal, a, b).level
     halves, squared = [half.mean(axis=1) for half in (a, b)], np.zeros(len(position), np.float32)
     for here, near in _neighbours(position, normal, NEIGHBOURS):
         changes = (bright[near] - bright[here, None] for bright in halves)

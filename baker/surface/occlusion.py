@@ -56,10 +56,12 @@ def seen_light(surface: SurfaceSamples, free: SurfaceSamples, triangles: Triangl
     around, varies = _around(samples)
     bright = samples.indirect.mean(axis=1)
     mean = float(bright.sum(dtype=np.float64)) / max(len(bright), 1)
-    squared = np.square((samples.indirect_a - samples.indirect_b).mean(axis=1) / 2)
+    squared = np.square((samples.indirect_a - samples.indirect_b).mean(axis=1, dtype=np.float64) / 2)
     light, variance = (means[samples.blocks.number] for means in samples.blocks.means(bright, squared))
-    light[varies] = _seen_mean(samples[varies], triangles, bright[varies], True)
-    black = is_black(light, mean, np.sqrt(variance / LEAST_POINTS))
+    light[varies], variance[varies] = _seen_mean(
+        samples[varies], triangles, np.stack([bright, squared], axis=1)[varies], True
+    ).T
+    black = is_black(light, mean, np.sqrt(variance / np.where(varies, NEIGHBOURS, LEAST_POINTS)))
     level = adapted(light, mean, black).astype(np.float32)
     noise = samples.blocks.noise(samples.indirect_a, samples.indirect_b)
     noise = np.minimum(noise, around.noise / around.level * level)

@@ -16,9 +16,9 @@ from gsgi.baker.neighbours import Neighbours
 LEAST_POINTS = 16  # in a block, whose mean light is what eyes adapt to; there are less than twice as many
 TOGETHER = 8  # blocks, neighbours, whose noise is averaged
 NEARBY, ONE_IN = 16, 8  # points over which the light nearby is averaged, of one in so many
-FAINT = 1e-6  # of the mean B over all points: eyes in a scene adapt to no less, so less is black
-UNSEEN = 0.002  # of that mean: an error that is not seen where it is black, and nothing tells what eyes adapt to
-SURE = 3.0  # standard errors above which such faint light is no noise
+FAINT = 1e-6  # of the mean B over all points: no more is black to eyes in a scene
+UNSEEN = 0.002  # of that mean: an error that nobody sees where all is black, with nothing to adapt to
+SURE = 3.0  # standard errors above which light that is fainter than that is not noise
 LEAST = 1e-12  # radiance; its inverse square, times any squared radiance, is finite in float32
 
 
@@ -84,13 +84,13 @@ class Blocks:
 def is_black(light: np.ndarray, mean: float, error: np.ndarray) -> np.ndarray:
     """Where (N,) bool eyes in a scene with this `mean` see nothing in `light` (N,), which has a standard `error` (N,).
 
-    That is where there is none, or so little that it may be noise.
+    That is where there is at most FAINT of the mean, or less than UNSEEN of it, which may be noise.
     """
     return (light <= FAINT * mean) | ((light < UNSEEN * mean) & (light < SURE * error))
 
 
 def adapted(light: np.ndarray, mean: float, black: np.ndarray) -> np.ndarray:
-    """The brightness (N,) to which eyes adapt in `light` (N,): where it is `black` (N,), UNSEEN of the mean."""
+    """The brightness (N,) to which eyes adapt in `light` (N,): at least LEAST, UNSEEN of the mean where `black`."""
     return np.maximum(np.where(black, UNSEEN * mean, light), LEAST)
 
 
@@ -110,7 +110,7 @@ def _together(values: np.ndarray) -> np.ndarray:
 def local_light(
     position: np.ndarray, normal: np.ndarray, a: np.ndarray, b: np.ndarray, sure: bool = False
 ) -> LocalLight:
-    """The light around points (S, 3), m, with unit normals (S, 3), from both halves (S, 3) of B, in `Blocks`."""
+    """The `Blocks.light` around points (S, 3), m, with unit normals (S, 3), from both halves (S, 3) of B."""
     return Blocks.of(position, normal).light(a, b, sure)
 
 

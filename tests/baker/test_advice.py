@@ -74,9 +74,11 @@ def test_the_next_quality_and_its_bytes():
 def test_light_behind_panes_can_keep_its_edges():
     glass = replace(scenes.WHITE, filter=Filter(transmission=0.9))
     sun = Light("directional", np.ones(3), np.zeros(3), np.array([0.0, -1.0, 0.0]))
-    pane, wall = (Scene((scenes.floor(),), (material,), lights=(sun,)) for material in (glass, scenes.WHITE))
+    curtain = replace(scenes.WHITE, base_color=(1, 1, 1, 0.8), filter=Filter(blends=True))
+    made = (Scene((scenes.floor(),), (material,), lights=(sun,)) for material in (glass, curtain, scenes.WHITE))
+    pane, *others = made
     assert advised(view(ssim=0.9), scene=pane).text.endswith(f" or {SHARP}")
-    for without in (wall, replace(pane, lights=())):
+    for without in (*others, replace(pane, lights=())):
         assert SHARP not in advised(view(ssim=0.9), scene=without).text
 
 

@@ -21,8 +21,8 @@ from gsgi.baker.surface.budget import COARSE_SHARE, FREE_PER_GAUSSIAN
 from gsgi.baker.surface.colours import LEAST, MOST
 from gsgi.baker.surface.fit import SOLVED_EVERY
 from gsgi.baker.surface.group_light import SOLUTIONS
-from gsgi.baker.trace import guide, known_light
-from gsgi.baker.trace.tracer import PASS_SAMPLES
+from gsgi.baker.trace import guide, known_light, learned_guide
+from gsgi.baker.trace.tracer import PASS_SAMPLES, Tracer
 
 CHUNK = 1 << 10
 # Two chunks in free space; no whole number of passes; and no pixel is done before the others.
@@ -60,14 +60,29 @@ def traced(monkeypatch) -> list[int]:
     return counted(monkeypatch)
 
 
+@pytest.fixture
+def guiding(monkeypatch) -> list[int]:
+    """The number of paths of each call by which a guide is learned."""
+    counts, launch = [], Tracer.launched
+
+    def counting(tracer, kernel, *inputs):
+        if getattr(kernel, "func", None) is learned_guide._brought:
+            counts.append(len(inputs[0]))
+        return launch(tracer, kernel, *inputs)
+
+    monkeypatch.setattr(Tracer, "launched", counting)
+    return counts
+
+
 @pytest.mark.parametrize("operator", OPERATORS)
-def test_a_bake_traces_the_paths_that_were_announced(closed, traced, monkeypatch, operator):
+def test_a_bake_traces_the_paths_that_were_announced(closed, traced, guiding, monkeypatch, operator):
     plan = replace(closed, settings=replace(closed.settings, operator=operator))
     monkeypatch.setattr(estimating, "_seconds_per_path", lambda plan: (1.0, 1.0, False))
     monkeypatch.setattr(estimating, "_seconds_of_finding", lambda plan: 0.0)
     announced = estimate(plan)
     report = job.run(plan, Progress(), lambda data, count: None).as_dict()
     paths = sum(paths for stage, paths in announced.items() if stage not in {"fit", "evaluation"})
+    assert sum(guiding) == plan.guide_paths
     assert sum(traced) + plan.guide_paths == paths
     assert report["paths"] + plan.guide_paths == announced["irradiance"] + announced.get("known light", 0)
     traced.clear()
