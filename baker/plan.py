@@ -177,14 +177,17 @@ class Plan:
     @property
     def whole_paths(self) -> float:
         """Number of the known light's paths that do not end in known light themselves."""
-        rounds = known_rounds(self.settings.bounces) if self.settings.operator == "surface" else ()
-        return path_count(rounds[0]) if rounds else 0
+        return path_count(self._known_rounds[0]) if self._known_rounds else 0
 
     @property
     def guide_paths(self) -> int:
         """Number of paths from the first samples of the known light that only guide all later ones."""
-        rounds = known_rounds(self.settings.bounces) if self.settings.operator == "surface" else ()
-        return min(point_count(rounds[0]), guide.POINTS) * guide.PATHS if rounds else 0
+        return min(point_count(self._known_rounds[0]), guide.POINTS) * guide.PATHS if self._known_rounds else 0
+
+    @property
+    def _known_rounds(self) -> tuple[list[int], ...]:
+        """The layers of each round of the known light; none with `over`."""
+        return known_rounds(self.settings.bounces) if self.settings.operator == "surface" else ()
 
     @cached_property
     def sampler(self) -> Sampler:

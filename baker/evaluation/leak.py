@@ -59,8 +59,8 @@ class Surroundings:
     def bright_side(self, position: np.ndarray, normal: np.ndarray, light: np.ndarray) -> np.ndarray:
         """Light (N,) of the brightest patch near points (N, 3) that they do not see; 0 where none is far brighter.
 
-        Normals are (N, 3), and `light` (N,) is the luminance of B at the points. What is darker than
-        UNSEEN of its mean over all patches counts as bright as that.
+        Normals are (N, 3), and `light` (N,) is the luminance of B at the points. What is darker than UNSEEN
+        of its mean over all patches counts as bright as that.
         """
         from scipy.spatial import cKDTree
 

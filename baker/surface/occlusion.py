@@ -12,7 +12,7 @@ import numpy as np
 from gsgi.baker.fitting.rotations import axes
 from gsgi.baker.native import kernels
 from gsgi.baker.neighbours import Neighbours
-from gsgi.baker.trace.local_light import LEAST_POINTS, LocalLight, adapted, is_black, nearby_light
+from gsgi.baker.trace.local_light import LEAST_POINTS, LocalLight, adapted, brightness, is_black, nearby_light
 from gsgi.baker.trace.point_order import coherent
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
@@ -56,7 +56,7 @@ def seen_light(surface: SurfaceSamples, free: SurfaceSamples, triangles: Triangl
     around, varies = _around(samples)
     bright = samples.indirect.mean(axis=1)
     mean = float(bright.sum(dtype=np.float64)) / max(len(bright), 1)
-    squared = np.square((samples.indirect_a - samples.indirect_b).mean(axis=1, dtype=np.float64) / 2)
+    _, squared = brightness(samples.indirect_a, samples.indirect_b)
     light, variance = (means[samples.blocks.number] for means in samples.blocks.means(bright, squared))
     light[varies], variance[varies] = _seen_mean(
         samples[varies], triangles, np.stack([bright, squared], axis=1)[varies], True

@@ -68,21 +68,21 @@ class Blocks:
         """
         if not len(self.number):
             return LocalLight(np.empty(0, np.float32), np.empty(0, np.float32))
-        light, variance = _brightness(a, b)
+        light, variance = brightness(a, b)
         level, variance = self.means(light, variance)
-        mean, error = float(light.mean()), np.sqrt(variance / LEAST_POINTS) if sure else np.zeros(len(level))
+        mean, error = float(light.mean()), np.sqrt(variance / LEAST_POINTS) if sure else 0.0
         level = adapted(level, mean, is_black(level, mean, error))
         noise = np.sqrt(_together(variance / np.square(level))) * level
         return LocalLight(*(values[self.number].astype(np.float32) for values in (level, noise)))
 
     def noise(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """The noise (S,) float32 of B's halves (S, 3), as in `light`, but averaged whatever the level of the blocks."""
-        (variance,) = self.means(_brightness(a, b)[1])
+        (variance,) = self.means(brightness(a, b)[1])
         return np.sqrt(_together(variance))[self.number].astype(np.float32)
 
 
-def is_black(light: np.ndarray, mean: float, error: np.ndarray) -> np.ndarray:
-    """Where (N,) bool eyes in a scene with this `mean` see nothing in `light` (N,), which has a standard `error` (N,).
+def is_black(light: np.ndarray, mean: float, error: np.ndarray | float) -> np.ndarray:
+    """Where (N,) bool eyes in a scene with this `mean` see nothing in `light` (N,), which has a standard `error`.
 
     That is where there is at most FAINT of the mean, or less than UNSEEN of it, which may be noise.
     """
@@ -94,7 +94,7 @@ def adapted(light: np.ndarray, mean: float, black: np.ndarray) -> np.ndarray:
     return np.maximum(np.where(black, UNSEEN * mean, light), LEAST)
 
 
-def _brightness(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def brightness(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Brightness (S,) of the mean of two halves (S, 3) of B, and its variance (S,); 0 where they are not finite."""
     bright_a, bright_b = (half.mean(axis=1, dtype=np.float64) for half in (a, b))
     light, variance = (bright_a + bright_b) / 2, np.square(bright_a - bright_b) / 4
