@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass
 
-from gsgi.runtime.scene import CUTOFF, Material
-
 from .evaluation.held_out import SSIM_GOOD, Evaluation, ViewEvaluation
 from .evaluation.summary import named
 from .plan import Plan, file_bytes
@@ -14,9 +12,6 @@ SSIM_SHORT = 0.02  # of its ceiling: an SSIM that falls shorter
 MOTTLE_SEEN = 0.015  # blotches that are stronger are seen on a smooth wall
 MORE = 4  # times the Gaussians, as from one quality to the next, or the paths, which halves their noise
 SAMPLES_MAX = 1 << 20
-
-# What lamps and the sun send through panes is part of B, and as soft as the Gaussians.
-SHARP = "--transparent cutout (where panes are clear, the light of lamps and the sun keeps its edges behind them)"
 
 
 @dataclass(frozen=True)
@@ -46,7 +41,6 @@ def advise(plan: Plan, evaluation: Evaluation) -> Advice | None:
     samples = min(MORE * plan.settings.samples, SAMPLES_MAX)
     turns = [f"{option} (at most {size} bytes)" if size else option] if option else []
     turns += [f"--samples {samples} ({samples / plan.settings.samples:g} times the paths)"]
-    turns += [SHARP] if plan.scene.lights and any(map(_clear, plan.scene.used_materials())) else []
     mottle = "" if view.mottle is None else f", mottle {view.mottle:.1%}"
     found = f"SSIM {view.final.ssim:.4f} (ceiling {view.final.ssim_ceiling:.4f}){mottle}"
     text = f"{named(view)} differs visibly from path tracing, {found}: try {' or '.join(turns)}"
@@ -59,14 +53,6 @@ def falls_short(view: ViewEvaluation) -> bool:
         return False
     ssim, ceiling = view.final.ssim, view.final.ssim_ceiling
     return ssim < min(SSIM_GOOD, ceiling) or ssim < ceiling - SSIM_SHORT or (view.mottle or 0) > MOTTLE_SEEN
-
-
-def _clear(material: Material) -> bool:
-    """Whether more than half of the light passes a material, which `--transparent cutout` makes a hole."""
-    passes = material.filter
-    if passes is None:
-        return False
-    return passes.transmission > 1 - CUTOFF or (passes.blends and material.base_color[3] < CUTOFF)
 
 
 def _turn(plan: Plan) -> tuple[str | None, int | None]:

@@ -88,15 +88,21 @@ def _environment(scene: Scene, share: str) -> Finding:
     return Finding("environment", f"image of {width} x {height}", f"{share} samples a bright part of it")
 
 
+def _first(names: list[str]) -> str:
+    return ", ".join([*names[:3], *["..."] * (len(names) > 3)])
+
+
 def _transparent(scene: Scene) -> Finding:
     """Blending and transmission: what lets light through, or else what the reader has put in its place."""
     if not scene.transparent:
         return Finding("transparent", "none", "")
-    filters = [material.name or f"material {i}" for i, material in enumerate(scene.materials) if material.filter]
-    if filters:
-        more = ", ..." if len(filters) > 3 else ""
-        cost = f"let light through: every ray goes on behind them ({', '.join(filters[:3])}{more})"
-        return Finding("transparent", f"{len(filters)} materials", cost)
+    filters = [(material.name or f"material {i}", material.filter) for i, material in enumerate(scene.materials)]
+    names = [name for name, of in filters if of]
+    if names:
+        clear = [name for name, of in filters if of and of.clear]
+        cost = f"let light through: every ray goes on behind them ({_first(names)})"
+        cost += f"; what is clear is to cast no shadow ({_first(clear)})" if clear else ""
+        return Finding("transparent", f"{len(names)} materials", cost)
     more = ", ..." if len(scene.transparent) > 1 else ""
     return Finding("transparent", f"{len(scene.transparent)} materials", scene.transparent[0] + more)
 

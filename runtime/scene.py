@@ -46,12 +46,14 @@ class Filter:
 
     It covers the share A: alpha (factor * texture * vertex colour) if it `blends`, else 1. What it covers transmits the
     share `transmission`, tinted by the base colour, and reflects and emits the rest as an opaque surface does. What it
-    leaves open is clear, or tinted by the base colour too if `stained`.
+    leaves open is clear, or tinted by the base colour too if `stained`. Where alpha is below `clear` it casts no
+    shadow: punctual light that passes there is direct light, which the frame computes.
     """
 
     blends: bool = False
     transmission: float = 0.0
     stained: bool = False
+    clear: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -65,8 +67,9 @@ class Material:
     the light that is seen; light that goes on from the surface is that of the interpolated normal. An `unlit` surface
     shows its base colour as radiance, has albedo 0 and emits no light into the scene. A `stand_in` is what light meets
     of a partly transparent surface: it is not drawn itself, since frames show `Scene.blended`. Its `filter` lets light
-    through; shadow maps take it for opaque outside of its holes, and punctual light that it lets through is part of B.
-    What is seen through a blended surface has the tint (1 - tint) + tint * base colour.
+    through; shadow maps take it for opaque where its alpha is not below `shadow_cutoff`, and punctual light that it
+    lets through there is part of B. What is seen through a blended surface has the tint (1 - tint) + tint * base
+    colour.
     """
 
     name: str = ""
@@ -84,6 +87,12 @@ class Material:
     stand_in: bool = False
     filter: Filter | None = None
     tint: float = 0.0
+
+    @property
+    def shadow_cutoff(self) -> float | None:
+        """The alpha below which a shadow map has a hole. None: it has none. Infinite: the surface casts no shadow."""
+        clear = self.filter.clear if self.filter else 0.0
+        return max(self.alpha_cutoff or 0.0, clear) if clear else self.alpha_cutoff
 
     def slots(self) -> tuple[TextureSlot, ...]:
         """The texture slots that the material uses."""

@@ -14,6 +14,7 @@ SPOT = Light(
 )
 LAMP = Light("point", np.full(3, 0.3), np.array([-0.5, 0.5, 0.5]), np.array([0.0, -1.0, 0.0]))
 PANE = Material("pane", (0.8, 0.3, 0.3, 0.5), filter=Filter(blends=True), double_sided=True)
+CLEAR = Material("clear pane", (0.8, 0.9, 0.9, 0.2), filter=Filter(blends=True, clear=np.inf), double_sided=True)
 BOUNCES = 4
 
 

@@ -49,10 +49,12 @@ def add_scene(parser: argparse.ArgumentParser) -> None:
 
 def add_reading(parser: argparse.ArgumentParser) -> None:
     """Add how a scene is read."""
-    parser.add_argument("--transparent", choices=("filter", "stain", "cutout", "opaque", "absent"), default="filter",
+    parser.add_argument("--transparent", default="filter",
+                        choices=("filter", "stain", "shade", "cutout", "opaque", "absent"),
                         help="what materials that are blended or transmit light are to baked light: it passes them "
-                             "in part (`stain`: tinted by blended ones too), they are holes where mostly clear, solid, "
-                             "or absent; frames blend them, whichever it is")  # fmt: skip
+                             "in part (`stain`: tinted by blended ones too; `shade`: in the host even clear ones cast "
+                             "shadows), they are holes where mostly clear, solid, or absent; frames blend them, "
+                             "whichever it is")  # fmt: skip
     parser.add_argument("--limit", action="append", metavar="NAME=N",
                         help="raise a size limit for scenes; error messages give its NAME")  # fmt: skip
 

@@ -122,7 +122,7 @@ def _found(tracer, asked, density) -> dict[str, np.ndarray]:
 
 def _lit(tracer, o, d, index, active):
     """Where a ray meets a surface that reflects: its place, off the surface, the normal there, whether it is found,
-    and the radiance that leaves it of the light of punctual light `index` which no surface filters."""
+    and the radiance that leaves it of the light of punctual light `index` that is in no shadow."""
     hit = closest_blocking(tracer, o, d, active)
     found = active & dr.isfinite(hit.t)
     ng, material, front = side(tracer, hit, d, found)

@@ -150,7 +150,7 @@ def direct(tracer, position, normal, geometric_normal) -> dict[str, np.ndarray]:
     result = mi.Color3f(0)
     for index in range(tracer.lights.count):
         # An opaque index lets one kernel serve all lights.
-        result += punctual_light(tracer, p, n, ng, dr.opaque(mi.UInt32, index), active, mi.Bool(False))
+        result += punctual_light(tracer, p, n, ng, dr.opaque(mi.UInt32, index), active, mi.Bool(False), dims=False)
         dr.eval(result)
     return {"direct": np.array(result).T}
 
@@ -232,7 +232,7 @@ def _emitted_to_vertex(tracer, draws, cell, p, n, ng, bounce, lobe, active):
     """An estimate of the light at a vertex straight from emitters and the environment, over pi.
 
     The engine computes the direct light of punctual lights, so the point itself (bounce 0) gets none of it, but for
-    what filtering surfaces let through.
+    what filtering surfaces let through where they cast shadows.
     """
     light = mi.Color3f(0)
     if tracer.lights.count > 0 and tracer.filtering is not None:
@@ -255,7 +255,7 @@ def _known_or_punctual(tracer, known, draws, cell, p, n, ng, reached, active):
         light, found = known.look_up(p, n, reached.distance, active)
         goes_on = active & ~found
     if tracer.lights.count > 0:
-        # The B of other points has none of it either, but for what filtering surfaces let through.
+        # The B of other points has none of it either, but for what comes through filtering surfaces in their shadow.
         places = None if known is None else known.places
         light += _chosen_punctual_light(tracer, draws, cell, p, n, ng, active, goes_on, places, reached)
     return light, goes_on
@@ -326,11 +326,11 @@ def _balance(pdf, other):
     return dr.rcp(1 + other / pdf)
 
 
-def punctual_light(tracer, p, n, ng, index, active, filtered, share=1):
+def punctual_light(tracer, p, n, ng, index, active, filtered, share=1, dims=True):
     """Light of punctual light `index` that a white Lambertian surface at p would reflect.
 
-    Light that no surface filters counts where `active`, by its `share`, and light through filtering surfaces where
-    `filtered`.
+    Light that is in no shadow counts where `active`, by its `share`, and light in the shadow of filtering surfaces
+    where `filtered`. What casts no shadow `dims` light, or lets it through as it is, as shadow maps do.
     """
     # Not `active &= ...`, which would modify the caller's array.
     wi, distance, color = tracer.lights.arriving(index, p)
@@ -342,9 +342,10 @@ def punctual_light(tracer, p, n, ng, index, active, filtered, share=1):
         return dr.select(active, share * color * cosine * dr.inv_pi, 0)
     free = (active | filtered) & faces
     free = free & unoccluded(tracer, p, wi, distance, free)
-    factor, passed = transmitted(tracer, p, wi, distance, free)
-    counts = free & dr.select(passed, filtered, active)
-    return dr.select(counts, dr.select(passed, 1, share) * factor * color * cosine * dr.inv_pi, 0)
+    factor, _, shadowed = transmitted(tracer, p, wi, distance, free)
+    counts = free & dr.select(shadowed, filtered, active)
+    factor = factor if dims else mi.Color3f(1)
+    return dr.select(counts, dr.select(shadowed, 1, share) * factor * color * cosine * dr.inv_pi, 0)
 
 
 def emitter_light(tracer, draws, index, probability, p, n, ng, lobe, active):

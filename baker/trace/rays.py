@@ -155,7 +155,7 @@ def _through_filters(tracer, o, d, hit, u, least, active):
         found = tracer.filtering.ray_intersect_preliminary(_ray(o + d * start, d, t - start), active=searching)
         meets = searching & found.is_valid()
         index, there = tracer.places.triangle(FILTERING, found), start + found.t
-        through, share, _ = tracer.shading.filtered(index, found.prim_uv, meets)
+        through, share, *_ = tracer.shading.filtered(index, found.prim_uv, meets)
         chance = mi.Float(-1) if u is None else dr.max(through)
         stops = meets & ((share >= least) if u is None else _ends(left, chance, layers))
         passes = meets & ~stops
@@ -211,8 +211,9 @@ def unoccluded(tracer, origin, direction, distance, active):
 
 @dr.syntax
 def transmitted(tracer, origin, direction, distance, active):
-    """What filtering surfaces leave (Color3f) of such light, and whether it passes any of them outside its holes."""
-    factor, filtered = mi.Color3f(1), mi.Bool(False)
+    """What filtering surfaces leave (Color3f) of such light, whether it passes any of them outside its holes, and
+    whether one of these casts a shadow."""
+    factor, filtered, shadowed = mi.Color3f(1), mi.Bool(False), mi.Bool(False)
     limit = distance * (1 - SHORT)
     start, searching, layers = mi.Float(0), mi.Bool(active), mi.UInt32(0)
     while searching:
@@ -220,10 +221,11 @@ def transmitted(tracer, origin, direction, distance, active):
         found = tracer.filtering.ray_intersect_preliminary(ray, active=searching)
         meets = searching & found.is_valid()
         index = tracer.places.triangle(FILTERING, found)
-        through, _, there = tracer.shading.filtered(index, found.prim_uv, meets)
+        through, _, there, casts = tracer.shading.filtered(index, found.prim_uv, meets)
         factor *= dr.select(meets, dr.select(layers < LAYERS, through, 0), 1)
         filtered |= there
+        shadowed |= casts
         start = _beyond(tracer, origin, start + found.t, index, meets)
         layers += 1
         searching = meets & (dr.max(factor) > 0)
-    return factor, filtered
+    return factor, filtered, shadowed

@@ -120,14 +120,15 @@ class Shading:
         return active & (alpha < row.y)
 
     def filtered(self, prim, b, active):
-        """What a triangle that lets light through transmits (Color3f), the share of light from it, and where it is.
+        """What a triangle that lets light through transmits (Color3f), the share of light from it, where it is, and
+        where it casts a shadow.
 
         The share is the factor on what it reflects and emits; the two add up to at most 1 in each channel. In its
         holes, where it is not, they are 1 and 0.
         """
         _, material = self.frame(prim, active)
         row = dr.gather(mi.Vector4f, self.surface, material, active)
-        _, blends, transmission, stained = dr.gather(mi.Vector4f, self.filters, material, active)
+        clear, blends, transmission, stained = dr.gather(mi.Vector4f, self.filters, material, active)
         factor = dr.gather(mi.Vector4f, self.albedo_table, material, active)
         base = self._base(material, prim, b, active, None)
         tint = dr.clip(mi.Color3f(factor.x, factor.y, factor.z) * mi.Color3f(base.x, base.y, base.z), 0, 1)
@@ -135,11 +136,12 @@ class Shading:
         hole = alpha < row.y
         covered = dr.select(hole, 0, dr.select(blends > 0, alpha, 1))
         through = (1 - covered) * dr.select((stained > 0) & ~hole, tint, 1) + covered * transmission * tint
-        return through, covered * (1 - transmission), active & ~hole
+        is_there = active & ~hole
+        return through, covered * (1 - transmission), is_there, is_there & (alpha >= clear)
 
     def is_filter(self, material, active):
         """Whether the material lets light through."""
-        return active & (dr.gather(mi.Vector4f, self.filters, material, active).x > 0)
+        return active & (dr.gather(mi.Vector4f, self.filters, material, active).z >= 0)
 
     def is_double_sided(self, material, active):
         if not self.double_sided:

@@ -241,7 +241,7 @@ def _surface_row(material: Material) -> tuple[float, float, float, float]:
 
 def _filter_row(material: Material) -> tuple[float, float, float, float]:
     of = material.filter
-    return (0.0, 0.0, 0.0, 0.0) if of is None else (1.0, float(of.blends), of.transmission, float(of.stained))
+    return (0.0, 0.0, -1.0, 0.0) if of is None else (of.clear, float(of.blends), of.transmission, float(of.stained))
 
 
 def _textures(scene: Scene) -> tuple[dict[str, np.ndarray], np.ndarray]:

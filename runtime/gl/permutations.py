@@ -82,6 +82,10 @@ def _masked(triangles: Triangles) -> bool:
     return triangles.material.alpha_cutoff is not None
 
 
+def _shadow_masked(triangles: Triangles) -> bool:
+    return triangles.material.shadow_cutoff is not None
+
+
 def lookup_defines(fine: int, coarse: int, relief: int) -> dict[str, int]:
     """Defines of surface/gsgi_indirect.glsl for levels with that many SH coefficients, and so many texels of relief."""
     return {"FINE_SH_COUNT": fine, "COARSE_SH_COUNT": coarse, "RELIEF_COUNT": relief}
@@ -113,9 +117,9 @@ PASSES: dict[str, dict[str, Callable[[Any], int]]] = {
     "frame/gbuffer": _SURFACE,  # Triangles
     "frame/background": {"DIMMABLE": lambda dimmable: dimmable},  # bool; created if there is an environment
     "frame/shadow": {  # Triangles
-        "BASE_TEXTURE": lambda t: _masked(t) and "base" in sampled(t.material),
-        "VERTEX_COLOR": lambda t: _masked(t) and t.colored,
-        "ALPHA_MASK": _masked,
+        "BASE_TEXTURE": lambda t: _shadow_masked(t) and "base" in sampled(t.material),
+        "VERTEX_COLOR": lambda t: _shadow_masked(t) and t.colored,
+        "ALPHA_MASK": _shadow_masked,
         "INSTANCED": lambda t: t.instanced,
     },
     "frame/primary": {  # Light

@@ -104,7 +104,8 @@ class Shadow:
         self.atlas.repeat_x = self.atlas.repeat_y = False
         self._target = ctx.framebuffer(depth_attachment=self.atlas)
         self._programs: dict[tuple, moderngl.Program] = {}
-        self._draws = [(batch, self._vertex_array(batch)) for batch in geometry.batches]
+        casting = [batch for batch in geometry.batches if batch.material.shadow_cutoff != np.inf]
+        self._draws = [(batch, self._vertex_array(batch)) for batch in casting]
         self._drawn: Light | None = None
 
     def draw(self, light: Light) -> dict:
@@ -157,10 +158,10 @@ class Shadow:
 
     def _mask(self, batch: Batch) -> dict:
         material = batch.material
-        if material.alpha_cutoff is None:
+        if material.shadow_cutoff is None:
             return {}
         return {
             "base_alpha": material.base_color[3],
-            "alpha_cutoff": material.alpha_cutoff,
+            "alpha_cutoff": material.shadow_cutoff,
             **self.geometry.bind(material, "base"),
         }

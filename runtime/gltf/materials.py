@@ -56,12 +56,15 @@ class Materials:
 
     def read(self, material: Json) -> tuple[Paint, ...]:
         """The paints of an entry of /materials. Raises SceneError, UnsupportedError."""
-        opacities = transparency.read(self._document, material, self._mode)
-        return tuple(self._paint(material, opacity) for opacity in opacities)
+        base = self._base_color(material)
+        tint = min(base[0][:3]) if base[1] is None else 0.0
+        opacities = transparency.read(self._document, material, self._mode, tint)
+        return tuple(self._paint(material, *base, opacity) for opacity in opacities)
 
-    def _paint(self, material: Json, opacity: transparency.Opacity) -> Paint:
+    def _paint(
+        self, material: Json, factor: tuple[float, ...], base_texture: Json | None, opacity: transparency.Opacity
+    ) -> Paint:
         channels: list[UvChannel] = []
-        factor, base_texture = self._base_color(material)
         factor = (*factor[:3], factor[3] * opacity.factor if opacity.counts else 1.0)
         unlit = material.extension(UNLIT) is not None
         metallic, metallic_texture = (0.0, None) if unlit else self._metallic(material)

@@ -1,5 +1,6 @@
 """Remove what cannot be seen from a scene: holes, and materials and textures that no mesh uses."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +16,7 @@ def prune(scene: Scene) -> Scene:
     """
     blends = {mesh.material for mesh in scene.blended}
     alphas = [_alpha(material, scene.textures, i in blends) for i, material in enumerate(scene.materials)]
-    lowest: dict[int, float] = {}
+    bounds: dict[int, tuple[float, float]] = {}
 
     def seen(mesh: Mesh) -> bool:
         if mesh.color is None and _is_clear(scene.materials[mesh.material]):
@@ -24,13 +25,14 @@ def prune(scene: Scene) -> Scene:
         least = ALPHA_MIN if mesh.material in blends and not scene.materials[mesh.material].tint else 0.0
         is_seen = high >= max(least, scene.materials[mesh.material].alpha_cutoff or 0.0)
         if is_seen:
-            lowest[mesh.material] = min(low, lowest.get(mesh.material, low))
+            lowest, highest = bounds.get(mesh.material, (low, high))
+            bounds[mesh.material] = min(low, lowest), max(high, highest)
         return is_seen
 
     meshes, blended = ([mesh for mesh in part if seen(mesh)] for part in (scene.meshes, scene.blended))
-    materials = [_uncut(scene.materials[index], lowest[index]) for index in sorted(lowest)]
+    materials = [_uncut(scene.materials[index], *bounds[index]) for index in sorted(bounds)]
     textures = sorted({slot.texture for material in materials for slot in material.slots()})
-    material_of = {index: number for number, index in enumerate(sorted(lowest))}
+    material_of = {index: number for number, index in enumerate(sorted(bounds))}
     texture_of = {index: number for number, index in enumerate(textures)}
     return replace(
         scene,
@@ -66,11 +68,14 @@ def _is_clear(material: Material) -> bool:
     return is_glass and material.base_color_texture is None and min(material.base_color[:3]) == 1
 
 
-def _uncut(material: Material, lowest: float) -> Material:
-    """The material without its cut-off if no alpha is below it."""
-    if material.alpha_cutoff is None or lowest < material.alpha_cutoff:
+def _uncut(material: Material, lowest: float, highest: float) -> Material:
+    """The material without its cut-off if no alpha is below it; clear everywhere or nowhere where all alphas are."""
+    if material.alpha_cutoff is not None and lowest >= material.alpha_cutoff:
+        material = replace(material, alpha_cutoff=None)
+    if material.filter is None or lowest < material.filter.clear <= highest:
         return material
-    return replace(material, alpha_cutoff=None)
+    clear = math.inf if highest < material.filter.clear else 0.0
+    return replace(material, filter=replace(material.filter, clear=clear))
 
 
 def _renumbered(material: Material, texture_of: dict[int, int]) -> Material:

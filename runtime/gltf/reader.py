@@ -45,10 +45,11 @@ def read_gltf(path: str | Path, limits: Limits = Limits(), transparency: str = "
 
     Only materials and textures in use are kept. Skins, morph targets and animations stay at their rest pose.
     `transparency` selects what partly transparent surfaces are to light: "filter" (it passes in part, tinted by
-    what KHR_materials_transmission covers), "stain" (the same, and blended surfaces tint it too), "cutout" (holes where
-    opacity is low), "opaque" or "absent"; frames blend them, whichever it is. `Scene.warnings` lists every
-    simplification. Raises FileError (unreadable), SceneError (broken, larger than the limits, or without triangles) and
-    UnsupportedError (valid, but not supported), with `code` and `pointer`.
+    what KHR_materials_transmission covers), "stain" (the same, and blended surfaces tint it too), "shade" (the same as
+    "filter", but even clear ones cast shadows), "cutout" (holes where opacity is low), "opaque" or "absent"; frames
+    blend them, whichever it is. `Scene.warnings` lists every simplification. Raises FileError (unreadable), SceneError
+    (broken, larger than the limits, or without triangles) and UnsupportedError (valid, but not supported), with `code`
+    and `pointer`.
     """
     return read_document(open_document(Path(path), limits), transparency)
 

@@ -16,7 +16,8 @@ Other differences:
 - UnsupportedError: the flags VERTEX_NORMALS and FACE_NORMALS, SpecularGlossinessMaterial (pyrender draws it undefined),
   a texture that the driver cannot hold, and `gi` of the `over` operator with an OrthographicCamera.
 
-As in pyrender, alphaMode MASK cuts no holes, a light's `range` is ignored, and the emissive factor counts twice.
+As in pyrender, alphaMode MASK cuts no holes, blended surfaces cast shadows (bake with `--transparent shade`), a light's
+`range` is ignored, and the emissive factor counts twice.
 Indirect light falls on triangles, but not on points, lines or wireframes. Blended ones have none with a bake of `over`.
 
 pyrender itself need not be installed; the extra `gsgi[pyrender]` installs it.

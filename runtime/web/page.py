@@ -102,11 +102,12 @@ class _Arrays:
 def _batches(scene: Scene) -> list[list[Mesh]]:
     """Meshes that are drawn at once: all of one material that have vertex colours, or all that have none.
 
-    That is what runtime/gl/geometry.py does. Partly transparent ones, which are sorted, are drawn one by one.
+    That is what runtime/gl/geometry.py does. Partly transparent ones, which are sorted, are drawn one by one. What is
+    not drawn and casts no shadow is left out.
     """
     groups: dict[tuple[int, bool], list[Mesh]] = {}
     for mesh in scene.meshes:
-        if len(mesh.triangle):
+        if len(mesh.triangle) and scene.materials[mesh.material].shadow_cutoff != np.inf:
             groups.setdefault((mesh.material, mesh.color is not None), []).append(mesh)
     return [groups[key] for key in sorted(groups)] + [[mesh] for mesh in scene.blended]
 
@@ -143,7 +144,7 @@ def _material(scene: Scene, index: int, colored: bool) -> dict:
         "name": material.name,
         "color": list(material.base_color[:3]),
         "alpha": material.base_color[3],
-        "alphaCutoff": material.alpha_cutoff,
+        "alphaCutoff": material.shadow_cutoff if material.stand_in else material.alpha_cutoff,
         "map": _slot(material.base_color_texture),
         "metallic": material.metallic,
         "metallicMap": _slot(material.metallic_texture),

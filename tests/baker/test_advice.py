@@ -1,19 +1,16 @@
 """Advice where a bake differs visibly: when it is given, what it says to turn, and what that costs."""
 
-from dataclasses import replace
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
-import scenes
 
 from gsgi.baker import advice
-from gsgi.baker.advice import MORE, SHARP, advise, falls_short
+from gsgi.baker.advice import MORE, advise, falls_short
 from gsgi.baker.evaluation.comparison import Comparison
 from gsgi.baker.evaluation.held_out import Evaluation, ViewEvaluation
 from gsgi.baker.plan import file_bytes
 from gsgi.baker.settings import BUDGET_MAX, Settings
-from gsgi.runtime.scene import Filter, Light, Scene
+from gsgi.runtime.scene import Scene
 
 SCENE = Scene((), ())
 DETAIL, DRAFT, MEDIUM, HIGH = 16000, 900, 3600, 14400  # of the scene, and Gaussians of each quality for it
@@ -69,17 +66,6 @@ def test_the_next_quality_and_its_bytes():
         f"try --quality high (at most {found.bytes} bytes) or --samples 768 (4 times the paths)"
     )
     assert advised(view(ssim=0.9), quality="draft", budget=DRAFT).option == "--quality medium"
-
-
-def test_light_behind_panes_can_keep_its_edges():
-    glass = replace(scenes.WHITE, filter=Filter(transmission=0.9))
-    sun = Light("directional", np.ones(3), np.zeros(3), np.array([0.0, -1.0, 0.0]))
-    curtain = replace(scenes.WHITE, base_color=(1, 1, 1, 0.8), filter=Filter(blends=True))
-    made = (Scene((scenes.floor(),), (material,), lights=(sun,)) for material in (glass, curtain, scenes.WHITE))
-    pane, *others = made
-    assert advised(view(ssim=0.9), scene=pane).text.endswith(f" or {SHARP}")
-    for without in (*others, replace(pane, lights=())):
-        assert SHARP not in advised(view(ssim=0.9), scene=without).text
 
 
 def test_the_next_quality_has_more_where_light_calls_for_more():

@@ -103,6 +103,9 @@ def test_materials_that_let_light_through_are_found():
     (found,) = [finding for finding in findings(scene) if finding.name == "transparent"]
     assert found.found == "1 materials"
     assert "let light through" in found.cost
-    assert "(glass)" in found.cost
+    assert found.cost.endswith("behind them (glass)")
+    clear = replace(scene, materials=(replace(glass, filter=Filter(transmission=0.9, clear=np.inf)),))
+    (found,) = [finding for finding in findings(clear) if finding.name == "transparent"]
+    assert found.cost.endswith("; what is clear is to cast no shadow (glass)")
     holes = replace(scene, materials=(replace(glass, filter=None),))
     assert [finding.cost for finding in findings(holes) if finding.name == "transparent"] == ['"glass" transmits light']

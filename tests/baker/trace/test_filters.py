@@ -64,6 +64,50 @@ def test_where_alpha_is_too_low_to_be_drawn_sunlight_is_direct():
     np.testing.assert_allclose(direct, 1, rtol=1e-5)
 
 
+@pytest.mark.parametrize(
+    ("passes", "color"),
+    [
+        (replace(BLEND, clear=1 / 3), (1.0, 0.5, 0.2, 0.3)),
+        (replace(GLASS, clear=np.inf), (0.9, 0.8, 0.7, 1.0)),
+        (Filter(blends=True, transmission=0.5, clear=0.6), (0.8, 0.9, 1.0, 0.5)),
+    ],
+)
+def test_sunlight_through_a_clear_sheet_is_direct_and_what_it_lights_is_dimmed(passes, color):
+    """A white wall bounces light to the floor: as much of it as the sheet lets through."""
+    sheet = replace(pane(passes, color), double_sided=False)
+    scene = under(sheet, lights=(replace(SUN, direction=np.array([0.6, -0.8, 0.0])),))
+    wall = scenes.quad([(0.5, 0, -50), (0.5, 0.9, -50), (0.5, 0.9, 50), (0.5, 0, 50)], 0)
+    with_wall = replace(scene, meshes=(*scene.meshes, wall))
+    bare = replace(with_wall, meshes=(scene.meshes[0], wall))
+    b, direct = b_and_direct(with_wall, 4096)
+    np.testing.assert_allclose(direct, 0.8, rtol=1e-5)
+    assert not b_and_direct(scene, 64)[0].any()
+    without, _ = b_and_direct(bare, 4096)
+    assert without.min() > 0.05
+    transmitted, _ = b_and_direct(under(replace(sheet, filter=replace(passes, clear=0.0)), lights=(SUN,)), 64)
+    np.testing.assert_allclose(b / without, transmitted, rtol=0.05)
+
+
+def test_the_shadow_of_one_sheet_is_not_lit_through_another():
+    clear, curtain = pane(replace(BLEND, clear=0.5), (1, 1, 1, 0.25)), pane(BLEND, (1, 1, 1, 0.25))
+    for panes in ((clear, curtain), (curtain, clear)):
+        b, direct = b_and_direct(under(*(replace(each, double_sided=False) for each in panes), lights=(SUN,)), 64)
+        np.testing.assert_allclose(b, 0.75**2, rtol=1e-5)
+        assert not direct.any()
+
+
+def test_clear_and_dim_parts_of_a_texture_differ():
+    pixels = np.full((1, 2, 4), 255, np.uint8)
+    pixels[0, :, 3] = 51, 153
+    glazed = pane(replace(BLEND, clear=1 / 3), (1, 1, 1, 1.0), base_color_texture=TextureSlot(0))
+    textures = (Texture(pixels, nearest=True),)
+    tracer = Tracer(under(replace(glazed, double_sided=False), lights=(SUN,), textures=textures))
+    for x, direct, b in ((-2, 1.0, 0.0), (2, 0.0, 0.4)):
+        point = np.float32([[x, 0, 0]])
+        np.testing.assert_allclose(tracer.direct(point, UP, UP), direct, rtol=1e-5)
+        np.testing.assert_allclose(tracer.indirect(point, UP, UP, Sampling(64), seed=0).mean, b, atol=1e-5)
+
+
 def test_the_sky_through_tinted_glass_has_its_tint():
     b, _ = b_and_direct(under(pane(GLASS, (0.8, 0.5, 0.2, 1.0)), environment=WHITE_SKY), 4096)
     np.testing.assert_allclose(b, [0.8, 0.5, 0.2], rtol=0.015)

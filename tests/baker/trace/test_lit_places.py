@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from slit_room import BOUNCES, LAMP, PANE, SPOT, SUN, inside, known, room, traced
+from slit_room import BOUNCES, CLEAR, LAMP, PANE, SPOT, SUN, inside, known, room, traced
 
 from gsgi.baker.cache.records import from_arrays, to_arrays
 from gsgi.baker.trace import known_light as known_lights
@@ -28,8 +28,9 @@ def without(cache: IrradianceCache) -> IrradianceCache:
         (room(SPOT), 1.6),
         (room(SUN, SPOT, LAMP), 2),
         (room(SUN, SPOT, across=PANE), 0.9),  # most light is filtered here, which is left alone
+        (room(SUN, across=CLEAR), 1.8),
     ],
-    ids=["sun", "spot", "three", "pane"],
+    ids=["sun", "spot", "three", "pane", "clear pane"],
 )
 def test_b_is_the_same_with_less_noise(scene, gain, monkeypatch):
     monkeypatch.setattr(known_lights, "PAYS", 0.5)

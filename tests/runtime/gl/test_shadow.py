@@ -8,7 +8,7 @@ import scenes
 
 from gsgi.runtime.camera import look_at
 from gsgi.runtime.gl.renderer import DeferredRenderer
-from gsgi.runtime.scene import Light, Material, Mesh, Scene, Texture, TextureSlot
+from gsgi.runtime.scene import Filter, Light, Material, Mesh, Scene, Texture, TextureSlot
 
 SIZE = 128
 SCALES = [0.005, 0.5, 30.0, 1000.0]
@@ -128,6 +128,19 @@ def test_light_falls_through_where_vertex_colors_are_transparent(gl):
     color[:, 3] = blocker.position[:, 0] > 0
     meshes = floor, replace(blocker, color=color)
     assert_the_left_half_is_a_hole(gl, meshes, (scenes.WHITE, Material(alpha_cutoff=0.5)))
+
+
+def test_what_is_clear_casts_no_shadow(gl):
+    floor, blocker = blocker_above_floor(1.0, 0.5, 2)
+    color = np.ones((4, 4), np.float32)
+    color[:, 3] = np.where(blocker.position[:, 0] > 0, 0.9, 0.1)
+    film = Material("film", filter=Filter(blends=True, clear=0.5), stand_in=True)
+    assert_the_left_half_is_a_hole(gl, (floor, replace(blocker, color=color)), (scenes.WHITE, film))
+    light, camera = Light("directional", np.ones(3), np.zeros(3), DOWN), above(1.0)
+    pane = replace(film, filter=Filter(transmission=0.9, clear=np.inf))
+    lit = draw(gl, (floor, blocker), light, camera, (scenes.WHITE, pane))[0]
+    np.testing.assert_array_equal(lit, draw(gl, (floor,), light, camera)[0])
+    assert not np.array_equal(lit, draw(gl, (floor, blocker), light, camera, (scenes.WHITE, scenes.WHITE))[0])
 
 
 def assert_the_left_half_is_a_hole(gl, meshes, materials, textures=()):

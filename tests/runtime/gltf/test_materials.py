@@ -249,17 +249,18 @@ def test_transmission(read, factor, fields, mode, alpha, cutoff):
     assert any('"paint" transmits light: ' in warning for warning in scene.warnings)
 
 
-LEAST = pytest.approx(1 / 255)
+LEAST, THIRD = pytest.approx(1 / 255), pytest.approx(1 / 3)
 
 
 @pytest.mark.parametrize(
     ("fields", "mode", "passes", "cutoff"),
     [
-        (BLEND, "filter", Filter(True, 0.0, False), LEAST),
+        (BLEND, "filter", Filter(True, 0.0, False, THIRD), LEAST),
+        (BLEND, "shade", Filter(True, 0.0, False), LEAST),
         (BLEND, "stain", Filter(True, 0.0, True), LEAST),
         (glass(0.75), "filter", Filter(False, 0.75, False), None),
         (glass(0.75), "stain", Filter(False, 0.75, False), None),
-        (glass(0.75, **BLEND), "filter", Filter(True, 0.75, False), LEAST),
+        (glass(0.75, **BLEND), "filter", Filter(True, 0.75, False, THIRD), LEAST),
         (glass(0.75, alphaMode="MASK", alphaCutoff=0.9), "filter", Filter(False, 0.75, False), 0.9),
     ],
 )
@@ -277,12 +278,51 @@ def test_what_lets_light_through(read, fields, mode, passes, cutoff):
     assert len(traced.meshes) == 2, "one of them for shadows alone"
 
 
+@pytest.mark.parametrize(
+    ("fields", "color", "mode", "clear"),
+    [
+        (BLEND, (1, 0.5, 0.2, 0.3), "filter", np.inf),
+        (BLEND, (1, 0.5, 0.2, 0.34), "filter", 0),
+        (BLEND, (1, 0.5, 0.2, 0.3), "shade", 0),
+        (BLEND, (1, 0.5, 0.2, 0.3), "stain", 0),  # its blue is stained
+        (BLEND, (1, 0.9, 0.9, 0.2), "stain", np.inf),
+        (glass(0.8), (1, 0.9, 0.9, 1), "filter", np.inf),
+        (glass(0.8), (1, 0.9, 0.9, 1), "shade", 0),
+        (glass(0.7), (1, 0.9, 0.9, 1), "filter", 0),
+        (glass(0.8), (1, 0.9, 0.5, 1), "filter", 0),
+        (glass(0.5, **BLEND), (1, 1, 1, 0.6), "filter", np.inf),
+        (glass(0.5, **BLEND), (1, 1, 1, 0.7), "filter", 0),
+    ],
+)
+def test_panes_that_let_two_thirds_of_each_channel_through_cast_no_shadow(read, fields, color, mode, clear):
+    document, data = painted(**fields, pbrMetallicRoughness={"metallicFactor": 0, "baseColorFactor": list(color)})
+    (material,) = read(document, data, transparency=mode).used_materials()
+    assert material.filter.clear == clear
+    assert material.shadow_cutoff == (np.inf if clear else material.alpha_cutoff)
+
+
+def test_a_texture_decides_where_a_pane_is_clear(read):
+    document, data = alpha_pixels(40, 200)
+    document["materials"][0] |= BLEND
+    (material,) = read(document, data).used_materials()
+    assert material.filter.clear == material.shadow_cutoff == pytest.approx(1 / 3)
+    for pixels, cutoff in (((20, 60), np.inf), ((90, 200), None)):
+        document, data = alpha_pixels(*pixels)
+        document["materials"][0] |= BLEND
+        (material,) = read(document, data).used_materials()
+        assert material.shadow_cutoff == cutoff
+    document, data = alpha_pixels(255, 255)
+    document["materials"][0] |= glass(1)
+    (material,) = read(document, data).used_materials()
+    assert material.filter.clear == 0, "the texture may tint what it lets through"
+
+
 def test_clear_glass_is_nothing_to_light(read):
     document, data = painted(**glass(1), pbrMetallicRoughness={"metallicFactor": 0})
     document["meshes"][0]["primitives"].append({"attributes": {"POSITION": 0}, "indices": 3})
     assert not any(material.filter for material in read(document, data).materials)
     scene = read(put(document, f"{PBR}/baseColorFactor", [1, 0.9, 1, 1]), data)
-    assert [material.filter for material in scene.materials if material.stand_in] == [Filter(False, 1.0)]
+    assert [material.filter for material in scene.materials if material.stand_in] == [Filter(False, 1.0, clear=np.inf)]
 
 
 @pytest.mark.parametrize("fields", [glass(0.6), glass(0.6, alphaMode="MASK"), glass(1, **BLEND)])
