@@ -7,7 +7,7 @@
 uniform highp sampler2D albedo;
 uniform highp sampler2D normal;
 uniform highp sampler2D depth;
-uniform highp sampler2DShadow shadow_atlas;
+uniform highp sampler2D shadow_atlas;
 
 uniform mat4 world_from_offset;
 uniform vec2 axis;
@@ -32,9 +32,13 @@ float visibility(vec3 position, vec3 wi, vec3 face_normal, float view_depth) {
     int face = cube_face(position - light_position);
 #endif
     float texel = texel_size.x + texel_size.y * dot(depth_from_world[face], vec4(position, 1.0));
-    float lift = shadow_lift(texel, dot(face_normal, face_axis[face]), view_depth);
+    float cosine = dot(face_normal, face_axis[face]);
+    float lift = shadow_lift(texel, cosine, view_depth);
     vec3 lifted = position + lift * face_normal + SHADOW_PULL * texel * wi;
-    return shadow_visibility(shadow_atlas, atlas_from_world[face], depth_from_world[face], lifted);
+    // The plane falls off by the tangent of its slope, and the position was lifted.
+    float slope = sqrt(max(0.0, 1.0 - cosine * cosine)) / max(abs(cosine), 1e-3);
+    float reach = length(depth_from_world[face].xyz) * (texel * (2.0 * slope + 2.0 * SHADOW_PULL) + 2.0 * lift);
+    return shadow_visibility(shadow_atlas, atlas_from_world[face], depth_from_world[face], lifted, reach);
 }
 
 void main() {

@@ -20,8 +20,23 @@ float shadow_lift(float texel, float n_dot_axis, float view_depth) {
     return texel * SHADOW_PCF_RADIUS * sine + SHADOW_POSITION_ERROR * view_depth;
 }
 
-// Filtered 2x2 comparison: 1 is lit, 0 is in shadow. `atlas_from_world` maps to texture coordinates.
-float shadow_visibility(highp sampler2DShadow atlas, mat4 atlas_from_world, vec4 depth_from_world, vec3 position) {
+// Filtered 2x2 comparison: 1 is lit, 0 is in shadow. `atlas_from_world` maps to texture coordinates. `reach`: how much
+// deeper than `position` its own surface can be within the filter. A texel that is deeper shows what lies beyond the
+// edge of that surface, and tells nothing: where floor and wall meet, light behind the wall would leak in.
+float shadow_visibility(
+    highp sampler2D atlas, mat4 atlas_from_world, vec4 depth_from_world, vec3 position, float reach
+) {
     vec4 p = atlas_from_world * vec4(position, 1.0);
-    return texture(atlas, vec3(p.xy / p.w, dot(depth_from_world, vec4(position, 1.0))));
+    float depth = dot(depth_from_world, vec4(position, 1.0));
+    vec2 texels = p.xy / p.w * vec2(textureSize(atlas, 0)) - 0.5;
+    ivec2 corner = ivec2(floor(texels));
+    vec2 share = texels - vec2(corner);
+    vec4 weights = vec4(1.0 - share.x, share.x, 1.0 - share.x, share.x) * vec4(vec2(1.0 - share.y), vec2(share.y));
+    vec4 stored = vec4(
+        texelFetch(atlas, corner, 0).r, texelFetch(atlas, corner + ivec2(1, 0), 0).r,
+        texelFetch(atlas, corner + ivec2(0, 1), 0).r, texelFetch(atlas, corner + ivec2(1, 1), 0).r
+    );
+    float lit = dot(weights, step(vec4(depth), stored) * step(stored, vec4(depth + reach)));
+    float shadowed = dot(weights, 1.0 - step(vec4(depth), stored));
+    return lit + shadowed > 0.0 ? lit / (lit + shadowed) : 1.0;
 }

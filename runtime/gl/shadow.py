@@ -99,8 +99,8 @@ class Shadow:
         self.size = (SUN_SIZE, SUN_SIZE) if sun else (3 * FACE_SIZE, 2 * FACE_SIZE)
         self.corners = np.stack(np.meshgrid(*np.transpose(bounds)), axis=-1).reshape(8, 3)
         self.atlas = ctx.depth_texture(self.size)
-        self.atlas.compare_func = "<="
-        self.atlas.filter = (moderngl.LINEAR, moderngl.LINEAR)
+        self.atlas.compare_func = ""
+        self.atlas.filter = (moderngl.NEAREST, moderngl.NEAREST)
         self.atlas.repeat_x = self.atlas.repeat_y = False
         self._target = ctx.framebuffer(depth_attachment=self.atlas)
         self._programs: dict[tuple, moderngl.Program] = {}
@@ -136,10 +136,12 @@ class Shadow:
         for i, (column, row) in enumerate(tiles):
             self._target.viewport = (column * faces.size, row * faces.size, faces.size, faces.size)
             face = {"clip_from_world": faces.clip_from_world[i], "depth_from_world": faces.depth_from_world[i]}
+            texel = faces.texel_size * np.linalg.norm(faces.depth_from_world[i, :3])
             self.geometry.cull(faces.clip_from_world[i])
             for batch, triangles in self._draws:
                 if count := batch.count:
-                    set_uniforms(triangles.program, **face, **self._mask(batch))
+                    back_texel = 0 * texel if batch.material.double_sided else texel
+                    set_uniforms(triangles.program, **face, back_texel=back_texel, **self._mask(batch))
                     triangles.render(instances=count)
         self._target.viewport = (0, 0, *self.size)
 

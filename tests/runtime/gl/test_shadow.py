@@ -114,6 +114,32 @@ def test_a_single_sided_wall_stops_light_from_behind(gl):
     assert not primary.any()
 
 
+def test_little_light_leaks_in_where_walls_without_thickness_meet(gl):
+    rng, leaked = np.random.default_rng(0), []
+    for _ in range(20):
+        direction = rng.normal(size=3) * (1, 0, 1) - (0, rng.uniform(0.2, 2), 0)
+        light = Light("directional", np.ones(3), np.zeros(3), direction / np.linalg.norm(direction))
+        corner = np.array([rng.choice([-1, 1]), -1.0, rng.choice([-1, 1])])
+        camera = look_at(0.97 * corner, corner, np.array([0.0, 1.0, 0.0]), 1.2, 0.001)
+        primary, _, depth = draw(gl, scenes.box(), light, camera)
+        assert depth.all()
+        leaked.append((primary > 0).mean())
+    assert np.mean(leaked) < 0.003
+
+
+def test_a_thin_plate_is_lit(gl):
+    """Its back is nearer to its front than the edge of a texel."""
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    plate = [scenes.quad([(x, y, z) for x, z in corners[::turn]], 0) for y, turn in ((0.1, -1), (0.1 - 1e-4, 1))]
+    camera = above(1.0)
+    for slope in (0.0, 0.5, 2.0, 4.0):
+        direction = np.array([slope, -1.0, 0.3 * slope])
+        light = Light("directional", np.ones(3), np.zeros(3), direction / np.linalg.norm(direction))
+        primary, _, _ = draw(gl, [scenes.floor(2.0), *plate], light, camera)
+        expected = 0.5 / np.pi / np.linalg.norm(direction)
+        assert np.abs(primary[primary.shape[0] // 2] / expected - 1).max() < 0.01
+
+
 def test_light_falls_through_the_holes_of_a_mask(gl):
     pixels = np.full((1, 2, 4), 255, np.uint8)
     pixels[0, 0, 3] = 0
