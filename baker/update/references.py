@@ -88,15 +88,15 @@ class UpdatedTracer(CachedTracer):
         *found, _ = trace(thin)
         kept = fate == SAME
         where = now.position[kept], now.shading_normal[kept]
-        level = local_light(*where, *(half[kept] for half in halves)).level[thin[kept]]
+        level = local_light(*where, *(half[kept] for half in halves)).level
         changes = (new - half[thin] for new, half in zip(found, halves, strict=True))
-        share = ThinShare(now.position[thin], now.shading_normal[thin], *changes, level)
+        share = ThinShare(now.position[thin], now.shading_normal[thin], *changes, level[thin[kept]])
         verdict = share.judge(*where)
         fate[kept] = np.where(verdict.change > CHANGED, AGAIN, np.where(verdict.same, SAME, SHIFTED))
         again = (fate == AGAIN) | (fate == NEW)
         *found, both = trace(again)
         for half, shift, light in zip(halves, (verdict.shift_a, verdict.shift_b), found, strict=True):
-            half[kept] = np.maximum(half[kept] + shift, 0)
+            half[kept] = np.maximum(half[kept] + level[:, None] * shift, 0)
             half[again] = light
             half[~now.diffuse] = 0
         valid = before.valid & now.diffuse

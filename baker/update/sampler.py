@@ -176,8 +176,7 @@ class UpdatedSampler:
         return points, np.where(diffuse & covered, GONE, np.where(chunk.lit, SAME, NEW)).astype(np.uint8)
 
     def _thin_share(self, chunk: KeptChunk, points: Points, thin: np.ndarray, first) -> ThinShare:
-        halves = (np.nan_to_num(half) for half in (chunk.indirect_a, chunk.indirect_b))
-        level = local_light(points.position, points.normal, *halves).level
+        level = _level(chunk, points)
         changes = (getattr(first, f"indirect_{h}")[thin] - getattr(chunk, f"first_{h}")[thin] for h in "ab")
         return ThinShare(points.position[thin], points.normal[thin], *changes, level[thin])
 
@@ -208,11 +207,12 @@ class UpdatedSampler:
         traced, first_again, invalid = self._traced(points, whole, part, before, seed)
         thin = np.arange(len(fate)) % SHARE == 0
         columns = {}
+        level = _level(before, points)[shifted, None]
         for half, shift in zip("ab", (verdict.shift_a, verdict.shift_b), strict=True):
             light, head, start = (getattr(before, f"{name}_{half}").copy() for name in ("indirect", "head", "first"))
             all_paths, head_again = traced[half]
             for known in (light, head):
-                known[shifted] = np.maximum(known[shifted] + shift[fate[kept] == SHIFTED], 0)
+                known[shifted] = np.maximum(known[shifted] + level * shift[fate[kept] == SHIFTED], 0)
             light[part] = np.maximum(light[part] + head_again[part] - head[part], 0)
             light[whole] = all_paths[whole]
             light[fate == GONE] = np.nan
@@ -244,6 +244,12 @@ class UpdatedSampler:
         both = {half: [mean(some, half) if some else none for some in (everything, head)] for half in "ab"}
         first = {half: getattr(everything[0], f"indirect_{half}") if everything else none for half in "ab"}
         return both, first, invalid
+
+
+def _level(chunk: KeptChunk, points: Points) -> np.ndarray:
+    """The light (P,) around the points of a chunk before the edit."""
+    halves = (np.nan_to_num(half) for half in (chunk.indirect_a, chunk.indirect_b))
+    return local_light(points.position, points.normal, *halves).level
 
 
 def _each(found: Layer, which: np.ndarray) -> list[Layer]:
