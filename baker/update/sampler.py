@@ -151,15 +151,19 @@ class UpdatedSampler:
         """The chunks of a stage in the scene as it is now."""
         seeds = [self._chunk_seed(f"{stage}-{number}") for number in range(len(before))]
         found = [self._found(stage, chunk) for chunk in before]
-        firsts, shares = [], []
+        firsts, levels, shares = [], [], []
         for chunk, (points, fate), seed in zip(before, found, seeds, strict=True):
             thin = (np.arange(len(fate)) % SHARE == 0) & (fate == SAME)
             (first,), _ = self._layers(points, thin[None], np.zeros(1, int), seed)
+            levels.append(_level(chunk, points))
             firsts.append(first)
-            shares.append(self._thin_share(chunk, points, thin, first))
+            shares.append(self._thin_share(chunk, points, thin, first, levels[-1]))
         share = ThinShare.joined(shares)
-        each = zip(before, found, firsts, seeds, strict=True)
-        return [self._chunk(chunk, points, fate, first, share, seed) for chunk, (points, fate), first, seed in each]
+        each = zip(before, found, firsts, levels, seeds, strict=True)
+        return [
+            self._chunk(chunk, points, fate, first, level, share, seed)
+            for chunk, (points, fate), first, level, seed in each
+        ]
 
     def _found(self, stage: str, chunk: KeptChunk) -> tuple[Points, np.ndarray]:
         """The points that a chunk has now, and their fates so far: SAME, NEW or GONE."""
@@ -175,8 +179,7 @@ class UpdatedSampler:
         covered = np.linalg.norm(now.position - eye, axis=1) < np.linalg.norm(points.position - eye, axis=1)
         return points, np.where(diffuse & covered, GONE, np.where(chunk.lit, SAME, NEW)).astype(np.uint8)
 
-    def _thin_share(self, chunk: KeptChunk, points: Points, thin: np.ndarray, first) -> ThinShare:
-        level = _level(chunk, points)
+    def _thin_share(self, chunk: KeptChunk, points: Points, thin: np.ndarray, first, level: np.ndarray) -> ThinShare:
         changes = (getattr(first, f"indirect_{h}")[thin] - getattr(chunk, f"first_{h}")[thin] for h in "ab")
         return ThinShare(points.position[thin], points.normal[thin], *changes, level[thin])
 
@@ -194,9 +197,13 @@ class UpdatedSampler:
         return _each(found, which), found.invalid
 
     def _chunk(
-        self, before: KeptChunk, points: Points, fate: np.ndarray, first, share: ThinShare, seed: ChunkSeed
-    ) -> KeptChunk:
-        """A chunk of which the thin share has been traced, with all that is to be traced again."""
+        self, before: KeptChunk, points: Points, fate: np.ndarray, first, level: np.ndarray, share: ThinShare,
+        seed: ChunkSeed,
+    ) -> KeptChunk:  # fmt: skip
+        """A chunk of which the thin share has been traced, with all that is to be traced again.
+
+        `level` (P,) is the light around its points before the edit.
+        """
         kept = np.flatnonzero(fate == SAME)
         verdict = share.judge(points.position[kept], points.normal[kept])
         some = (verdict.change <= LARGE) & (before.head_paths < before.paths)[kept]
@@ -207,12 +214,12 @@ class UpdatedSampler:
         traced, first_again, invalid = self._traced(points, whole, part, before, seed)
         thin = np.arange(len(fate)) % SHARE == 0
         columns = {}
-        level = _level(before, points)[shifted, None]
         for half, shift in zip("ab", (verdict.shift_a, verdict.shift_b), strict=True):
             light, head, start = (getattr(before, f"{name}_{half}").copy() for name in ("indirect", "head", "first"))
             all_paths, head_again = traced[half]
             for known in (light, head):
-                known[shifted] = np.maximum(known[shifted] + level * shift[fate[kept] == SHIFTED], 0)
+                change = level[shifted, None] * shift[fate[kept] == SHIFTED]
+                known[shifted] = np.maximum(known[shifted] + change, 0)
             light[part] = np.maximum(light[part] + head_again[part] - head[part], 0)
             light[whole] = all_paths[whole]
             light[fate == GONE] = np.nan

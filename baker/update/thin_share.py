@@ -31,10 +31,9 @@ LARGE = 0.25
 class Verdict(NamedTuple):
     """What the thin share tells of N points.
 
-    `change` (N,) is by how much the light has changed, the root mean square over the channels, relative to the light
-    around; infinite where nothing is known.
+    `change` (N,) is by how much the light has changed, relative to the light around; infinite where nothing is known.
     `same` (N,) bool: no path around has met a change. shift_a and shift_b (N, 3) float32 is the change of both halves
-    of B there, relative to the light around: in that of a bright place beside it, a dark one would drown.
+    of B there, relative to the light around: the change of a bright place would swamp a dark one beside it.
     """
 
     change: np.ndarray
@@ -85,12 +84,14 @@ class ThinShare:
         count = len(self.level) + 1
         change, same = np.full(count, np.inf), np.zeros(count, bool)
         shifts = np.zeros((2, count, 3), np.float32)
-        relative = np.stack([self.change_a, self.change_b]) / self.level.astype(np.float64)[:, None]
-        untouched = ~relative.any(axis=(0, 2))
+        changes, level = np.stack([self.change_a, self.change_b]).astype(np.float64), self.level.astype(np.float64)
+        untouched = ~changes.any(axis=(0, 2))
         for here, tree in self._sides.values():
             near = here[tree.nearest(self.position[here], SMOOTHED)[1]]
             asked = near[:, :ASKED]
             same[here] = untouched[asked].all(axis=1)
-            change[here] = np.sqrt(np.maximum(np.prod(relative[:, asked], axis=0).mean(axis=(1, 2)), 0))
-            shifts[:, here] = np.where(same[here, None], 0, relative[:, near].mean(axis=2))
+            relative = (changes[:, asked] / level[asked][None, :, :, None]).mean(axis=2)
+            change[here] = np.sqrt(np.maximum(np.prod(relative, axis=0).mean(axis=1), 0))
+            shift = changes[:, near].sum(axis=2) / level[near].sum(axis=1)[:, None]
+            shifts[:, here] = np.where(same[here, None], 0, shift)
         return Verdict(change, same, *shifts)
