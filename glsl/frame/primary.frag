@@ -22,6 +22,7 @@ uniform mat4 atlas_from_world[FACES];
 uniform vec4 depth_from_world[FACES];
 uniform vec3 face_axis[FACES];
 uniform vec2 texel_size;       // m: constant part, part per unit of shadow depth
+uniform float casts;           // 1 if the surfaces are in the atlas themselves, 0 if they may not be
 
 layout(location = 0) out vec4 out_radiance;
 
@@ -35,9 +36,11 @@ float visibility(vec3 position, vec3 wi, vec3 face_normal, float view_depth) {
     float cosine = dot(face_normal, face_axis[face]);
     float lift = shadow_lift(texel, cosine, view_depth);
     vec3 lifted = position + lift * face_normal + SHADOW_PULL * texel * wi;
-    // The plane falls off by the tangent of its slope, and the position was lifted.
-    float slope = sqrt(max(0.0, 1.0 - cosine * cosine)) / max(abs(cosine), 1e-3);
+    // Across a texel, the depth of the plane changes by its slope as the light sees it; and the position was lifted.
+    float sine = sqrt(max(0.0, 1.0 - cosine * cosine));
+    float slope = sine * abs(dot(face_axis[face], wi)) / max(abs(dot(face_normal, wi)), 1e-3);
     float reach = length(depth_from_world[face].xyz) * (texel * (2.0 * slope + 2.0 * SHADOW_PULL) + 2.0 * lift);
+    if (casts < 0.5) reach = 1.0;
     return shadow_visibility(shadow_atlas, atlas_from_world[face], depth_from_world[face], lifted, reach);
 }
 

@@ -1,5 +1,4 @@
 // Writes linear depth. It is as precise far away as near the light, so the near plane may be arbitrarily close.
-#include "lib/constants.glsl"
 #include "lib/texture.glsl"
 
 #if ALPHA_MASK
@@ -16,7 +15,7 @@ in vec2 v_base_uv;
 #endif
 
 in float v_depth;
-uniform vec2 back_texel;  // depth of a texel's edge: constant part, part per unit of depth; 0 where the back is lit too
+uniform vec2 back_pull;  // depth: constant part, part per unit of depth; 0 where the back can be lit too
 
 void main() {
 #if ALPHA_MASK
@@ -30,6 +29,6 @@ void main() {
     if (alpha < alpha_cutoff) discard;
 #endif
     // Receivers are pulled towards the light, but not through the back of a wall, which itself receives none of it.
-    float pull = gl_FrontFacing ? 0.0 : SHADOW_PULL * (back_texel.x + back_texel.y * v_depth);
+    float pull = gl_FrontFacing ? 0.0 : back_pull.x + back_pull.y * v_depth;
     gl_FragDepth = clamp(v_depth - pull, 0.0, 1.0);
 }

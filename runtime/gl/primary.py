@@ -19,8 +19,8 @@ from .view import View
 class Primary:
     """Pass that adds `albedo / pi * color * attenuation * max(0, n.l) * visibility` of each light to the emission.
 
-    The emission is that of each G-buffer; all are of one size. n is the shading normal. Light from behind the triangle
-    is left out.
+    The emission is that of each G-buffer; all are of one size. The first has what casts shadows, and others have layers
+    of blended surfaces, which may cast none. n is the shading normal. Light from behind the triangle is left out.
     """
 
     def __init__(self, ctx: moderngl.Context, gbuffers: Sequence[GBuffer], shadow: Shadow, lights: Sequence[Light]):
@@ -51,6 +51,7 @@ class Primary:
         self.ctx.blend_func = moderngl.ONE, moderngl.ONE
         for gbuffer, target in zip(self.gbuffers, self._targets, strict=True):
             inputs = gbuffer.albedo, gbuffer.normal, gbuffer.depth, self.shadow.atlas
+            uniforms["casts"] = float(gbuffer is self.gbuffers[0])
             self._passes[_features(light)].draw(target, *inputs, **uniforms, **_light(light))
 
 

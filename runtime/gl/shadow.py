@@ -15,6 +15,7 @@ from .shader import program, set_uniforms
 FACE_SIZE = 1024  # px; on a cube's face, a texel spans about 0.1 degrees
 SPOT_SIZE, SUN_SIZE = 2048, 4096  # px; the face of a directional light covers the whole scene
 GUTTER = 4  # texels around a face; the normal offset and the filter stay within it
+BACK_PULL = 0.95  # of how far receivers are pulled towards the light at least, see SHADOW_PULL
 _NEAR = 1e-5  # of the light's reach; depth is linear, so a close near plane costs nothing
 
 _CUBE = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], float)
@@ -25,7 +26,7 @@ class Faces(NamedTuple):
 
     `clip_from_world` (F, 4, 4); `depth_from_world` (F, 4): plane equation of the stored depth [0, 1]; `axis` (F, 3):
     unit, away from the light; `texel_size` (2,): edge of a texel in m, a constant part and a part per unit of stored
-    depth; `size` of a face in px.
+    depth; `size` of a face in px; `least_cosine` of the angles between its light and the axis.
     """
 
     clip_from_world: np.ndarray
@@ -33,6 +34,7 @@ class Faces(NamedTuple):
     axis: np.ndarray
     texel_size: np.ndarray
     size: int
+    least_cosine: float
 
 
 def faces_of(light: Light, corners: np.ndarray) -> Faces:
@@ -55,7 +57,8 @@ def faces_of(light: Light, corners: np.ndarray) -> Faces:
         [1 / tangent, 0, 0, 0], [0, 1 / tangent, 0, 0],
         [0, 0, (far + near) / (near - far), 2 * far * near / (near - far)], [0, 0, -1, 0]])  # fmt: skip
     texel_size = np.array([0, 2 * tangent * reach / size])
-    return Faces(clip_from_view @ views, -views[:, 2] / reach, axes, texel_size, size)
+    least_cosine = 1 / np.sqrt(1 + 2 * tangent**2)
+    return Faces(clip_from_view @ views, -views[:, 2] / reach, axes, texel_size, size, least_cosine)
 
 
 def _orthographic(light: Light, corners: np.ndarray) -> Faces:
@@ -68,7 +71,7 @@ def _orthographic(light: Light, corners: np.ndarray) -> Faces:
     clip_from_view = np.diag([*(1, 1, -1) / half, 1])
     depth_from_view = np.array([0, 0, -0.5 / half[2], 0.5])
     texel_size = np.array([2 * half[:2].max() / size, 0])
-    return Faces((clip_from_view @ view)[None], (depth_from_view @ view)[None], axis[None], texel_size, size)
+    return Faces((clip_from_view @ view)[None], (depth_from_view @ view)[None], axis[None], texel_size, size, 1.0)
 
 
 def _view(axis: np.ndarray, origin: np.ndarray) -> np.ndarray:
@@ -136,12 +139,13 @@ class Shadow:
         for i, (column, row) in enumerate(tiles):
             self._target.viewport = (column * faces.size, row * faces.size, faces.size, faces.size)
             face = {"clip_from_world": faces.clip_from_world[i], "depth_from_world": faces.depth_from_world[i]}
-            texel = faces.texel_size * np.linalg.norm(faces.depth_from_world[i, :3])
+            # The pull moves receivers along their light, and the back of a sheet must not come before its front.
+            pull = BACK_PULL * faces.least_cosine * np.linalg.norm(faces.depth_from_world[i, :3]) * faces.texel_size
             self.geometry.cull(faces.clip_from_world[i])
             for batch, triangles in self._draws:
                 if count := batch.count:
-                    back_texel = 0 * texel if batch.material.double_sided else texel
-                    set_uniforms(triangles.program, **face, back_texel=back_texel, **self._mask(batch))
+                    back_pull = 0 * pull if batch.material.double_sided else pull
+                    set_uniforms(triangles.program, **face, back_pull=back_pull, **self._mask(batch))
                     triangles.render(instances=count)
         self._target.viewport = (0, 0, *self.size)
 

@@ -114,30 +114,43 @@ def test_a_single_sided_wall_stops_light_from_behind(gl):
     assert not primary.any()
 
 
-def test_little_light_leaks_in_where_walls_without_thickness_meet(gl):
+@pytest.mark.parametrize(("kind", "most"), [("directional", 0.003), ("point", 0.015)])
+def test_little_light_leaks_in_where_walls_without_thickness_meet(gl, kind, most):
     rng, leaked = np.random.default_rng(0), []
     for _ in range(20):
         direction = rng.normal(size=3) * (1, 0, 1) - (0, rng.uniform(0.2, 2), 0)
-        light = Light("directional", np.ones(3), np.zeros(3), direction / np.linalg.norm(direction))
+        direction /= np.linalg.norm(direction)
+        light = Light(kind, np.ones(3), -4 * direction, direction)
         corner = np.array([rng.choice([-1, 1]), -1.0, rng.choice([-1, 1])])
         camera = look_at(0.97 * corner, corner, np.array([0.0, 1.0, 0.0]), 1.2, 0.001)
         primary, _, depth = draw(gl, scenes.box(), light, camera)
         assert depth.all()
         leaked.append((primary > 0).mean())
-    assert np.mean(leaked) < 0.003
+    assert np.mean(leaked) < most
 
 
-def test_a_thin_plate_is_lit(gl):
+@pytest.mark.parametrize("thickness", [0.0, 1e-4, 1e-3])
+@pytest.mark.parametrize("kind", ["directional", "point", "spot"])
+def test_a_thin_plate_is_lit(gl, kind, thickness):
     """Its back is nearer to its front than the edge of a texel."""
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-    plate = [scenes.quad([(x, y, z) for x, z in corners[::turn]], 0) for y, turn in ((0.1, -1), (0.1 - 1e-4, 1))]
+    plate = [scenes.quad([(x, y, z) for x, z in corners[::turn]], 0) for y, turn in ((0.1, -1), (0.1 - thickness, 1))]
     camera = above(1.0)
-    for slope in (0.0, 0.5, 2.0, 4.0):
-        direction = np.array([slope, -1.0, 0.3 * slope])
-        light = Light("directional", np.ones(3), np.zeros(3), direction / np.linalg.norm(direction))
-        primary, _, _ = draw(gl, [scenes.floor(2.0), *plate], light, camera)
-        expected = 0.5 / np.pi / np.linalg.norm(direction)
-        assert np.abs(primary[primary.shape[0] // 2] / expected - 1).max() < 0.01
+    for slope in (0.0, 0.5, 1.0, 3.0):
+        towards = np.array([-slope, 1.0, -0.3 * slope])
+        direction = -towards / np.linalg.norm(towards)
+        aim = DOWN if kind == "point" else direction
+        light = Light(kind, np.ones(3), 1.5 * towards, aim, cos_inner=0.7, cos_outer=0.6)
+        primary, normal, depth = draw(gl, [scenes.floor(2.0), *plate], light, camera)
+        points = points_of(depth, camera)
+        on_top = (np.abs(points[..., 1] - 0.1) < 1e-3) & (normal[..., 1] > 0.9)
+        offset = light.position - points
+        distance = np.linalg.norm(offset, axis=-1)
+        irradiance = offset[..., 1] / distance**3 if kind != "directional" else -direction[1]
+        within = kind != "spot" or (-offset / distance[..., None]) @ direction > 0.72
+        counts = on_top & within & (np.abs(points[..., [0, 2]]).max(axis=-1) < 0.95)
+        assert counts.sum() > 500
+        assert np.abs(primary * 2 * np.pi / irradiance - 1)[counts].max() < 0.02
 
 
 def test_light_falls_through_the_holes_of_a_mask(gl):
