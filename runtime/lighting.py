@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from .environment import read_environment
+from .environment_sun import find_sun
 from .errors import FileError, SceneError
 from .files import inside
 from .light_groups import with_each
@@ -17,6 +18,8 @@ from .scene import MAX_LIGHT, Environment, Light, Scene
 SUFFIX = ".lights.toml"  # room.lights.toml belongs to room.gltf or room.glb
 MAX_TOML_BYTES = 1 << 20
 DEGREES_MAX = 3600.0
+SUN_IRRADIANCE = 10.0  # about three times the irradiance of a sky of radiance 1
+OF_ENVIRONMENT = "env"  # instead of the angles of a sun: that of the environment image
 
 
 @dataclass(frozen=True)
@@ -25,8 +28,9 @@ class Lighting:
 
     env: an image file, or one radiance (3,) for all directions. It is rotated by env_rotation (degrees,
     counter-clockwise seen from above) and multiplied by env_scale. sun: azimuth (degrees, clockwise from north seen
-    from above; north is -Z, east is +X) and elevation (degrees above the horizon). A surface that faces the sun
-    receives sun_irradiance * sun_color (lx, the unit of the file's directional lights). light_scale multiplies the
+    from above; north is -Z, east is +X) and elevation (degrees above the horizon), or "env": that of the image, which
+    is taken out of it. A surface that faces the sun receives sun_irradiance * sun_color (lx, the unit of the file's
+    directional lights), or what it has of the image's sun, times sun_color. light_scale multiplies the
     lights of the glTF file, both punctual lights and emissive surfaces; 0 turns them off. groups: lights to be baked
     apart, as patterns of the names of punctual lights, of their nodes, and of emissive materials, and the words
     "sun" and "environment", by the name of the group. group_each: every other light is a group of its own.
@@ -35,8 +39,8 @@ class Lighting:
     env: str | tuple[float, float, float] | None = None
     env_rotation: float = 0.0
     env_scale: float = 1.0
-    sun: tuple[float, float] | None = None
-    sun_irradiance: float = 10.0  # about three times the irradiance of a sky of radiance 1
+    sun: tuple[float, float] | str | None = None
+    sun_irradiance: float = SUN_IRRADIANCE
     sun_color: tuple[float, float, float] = (1.0, 1.0, 1.0)
     light_scale: float = 1.0
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
@@ -49,15 +53,17 @@ KEYS = tuple(field.name for field in dataclasses.fields(Lighting))
 def light(scene: Scene, lighting: Lighting) -> Scene:
     """The scene with this lighting.
 
-    Raises FileError or SceneError for an environment image that cannot be used, and SceneError for a light that cannot
-    be a group of its own.
+    Raises FileError or SceneError for an environment image that cannot be used, or has no sun that was asked for, and
+    SceneError for a light that cannot be a group of its own.
     """
     if lighting.light_scale != 1:
         scene = _scaled(scene, lighting.light_scale)
     if lighting.env is not None:
         files = (Path(lighting.env),) if isinstance(lighting.env, str) else ()
         scene = dataclasses.replace(scene, environment=_environment(lighting), files=(*scene.files, *files))
-    if lighting.sun is not None:
+    if lighting.sun == OF_ENVIRONMENT:
+        scene = _with_sun_of_environment(scene, lighting)
+    elif lighting.sun is not None:
         scene = dataclasses.replace(scene, lights=(*scene.lights, _sun(lighting)))
     if lighting.groups or lighting.group_each:
         groups = {name: tuple(patterns) for name, patterns in lighting.groups.items()}
@@ -104,7 +110,7 @@ def check(key: str, value):
         case "env":
             return value if isinstance(value, str) and value else _numbers(value, 3, "a file or three numbers")
         case "sun":
-            return _angles(value)
+            return value if value == OF_ENVIRONMENT else _angles(value)
         case "sun_color":
             return _numbers(value, 3, "three numbers")
         case "env_rotation":
@@ -130,7 +136,8 @@ def _groups(value) -> dict[str, tuple[str, ...]]:
 
 
 def _angles(value) -> tuple[float, float]:
-    azimuth, elevation = _numbers(value, 2, "azimuth and elevation in degrees", -DEGREES_MAX, DEGREES_MAX)
+    what = f"{OF_ENVIRONMENT}, or azimuth and elevation in degrees"
+    azimuth, elevation = _numbers(value, 2, what, -DEGREES_MAX, DEGREES_MAX)
     if abs(elevation) > 90:
         raise ValueError(f"expected an elevation from -90 to 90 degrees, got {elevation:g}")
     return azimuth, elevation
@@ -180,5 +187,23 @@ def _environment(lighting: Lighting) -> Environment:
 def _sun(lighting: Lighting) -> Light:
     azimuth, elevation = np.radians(lighting.sun)
     towards = [np.sin(azimuth) * np.cos(elevation), np.sin(elevation), -np.cos(azimuth) * np.cos(elevation)]
-    color = lighting.sun_irradiance * np.array(lighting.sun_color)
-    return Light("directional", color, position=np.zeros(3), direction=-np.array(towards), name="sun")
+    return _sunlight(np.array(towards), lighting.sun_irradiance * np.array(lighting.sun_color))
+
+
+def _sunlight(towards: np.ndarray, irradiance: np.ndarray) -> Light:
+    return Light("directional", irradiance, position=np.zeros(3), direction=-towards, name="sun")
+
+
+def _with_sun_of_environment(scene: Scene, lighting: Lighting) -> Scene:
+    if not isinstance(lighting.env, str):
+        raise SceneError(f"sun: {OF_ENVIRONMENT}: expected an environment image, got none")
+    if lighting.sun_irradiance != SUN_IRRADIANCE:
+        raise SceneError(f"sun_irradiance: the sun of {lighting.env} has its own; sun_color scales it")
+    environment = scene.environment
+    sun = find_sun(environment.radiance)
+    if sun is None:
+        raise SceneError(f"{lighting.env}: expected an image with a sun for `sun` = {OF_ENVIRONMENT}, got none")
+    (x, y, z), (cos, sin) = sun.towards, (np.cos(environment.rotation), np.sin(environment.rotation))
+    light = _sunlight(np.array([cos * x + sin * z, y, cos * z - sin * x]), sun.irradiance * lighting.sun_color)
+    rest = dataclasses.replace(environment, radiance=sun.rest)
+    return dataclasses.replace(scene, environment=rest, lights=(*scene.lights, light))

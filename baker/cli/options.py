@@ -69,7 +69,12 @@ def add_light(parser: argparse.ArgumentParser) -> None:
         ("--env", "FILE|R,G,B", "environment: an equirectangular .hdr or .exr centred on -Z, or one constant radiance"),
         ("--env-rotation", "DEG", "turn the environment counter-clockwise, seen from above"),
         ("--env-scale", "X", "factor on the radiance of the environment"),
-        ("--sun", "AZIMUTH,ELEVATION", "sun: degrees clockwise from north (-Z) seen from above, and above the horizon"),
+        (
+            "--sun",
+            "AZIMUTH,ELEVATION|env",
+            "sun: degrees clockwise from north (-Z) seen from above, and above the "
+            "horizon; env: that of --env, which becomes a directional light",
+        ),
         ("--sun-irradiance", "X", "irradiance of a surface that faces the sun, lx (default: 10)"),
         ("--sun-color", "R,G,B", "factor on the irradiance of the sun (default: 1,1,1)"),
         ("--light-scale", "X", "factor on all lights in the glTF file, punctual and emissive; 0 turns them off"),
