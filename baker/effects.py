@@ -1,9 +1,11 @@
 """Effects: what a scene contains that costs time to light. They are found by inspection and left out on request."""
 
+import math
 from collections import Counter
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 
+from gsgi.runtime.environment_sun import find_sun
 from gsgi.runtime.gaussians import Effects
 from gsgi.runtime.metals import has_metal, metal_areas
 from gsgi.runtime.scene import Material, Scene
@@ -85,7 +87,10 @@ def _environment(scene: Scene, share: str) -> Finding:
     if scene.environment.even:
         return Finding("environment", "one colour", "no extra ray: rays that leave the scene see it")
     height, width = scene.environment.radiance.shape[:2]
-    return Finding("environment", f"image of {width} x {height}", f"{share} samples a bright part of it")
+    cost = f"{share} samples a bright part of it"
+    if sun := find_sun(scene.environment.radiance):
+        cost += f"; its sun has {sun.share:.0%} of the light: --sun env makes it a directional light with sharp shadows"
+    return Finding("environment", f"image of {width} x {height}", cost)
 
 
 def _first(names: list[str]) -> str:
@@ -99,9 +104,9 @@ def _transparent(scene: Scene) -> Finding:
     filters = [(material.name or f"material {i}", material.filter) for i, material in enumerate(scene.materials)]
     names = [name for name, of in filters if of]
     if names:
-        clear = [name for name, of in filters if of and of.clear]
+        clear = [name if of.clear == math.inf else f"{name} in part" for name, of in filters if of and of.clear]
         cost = f"let light through: every ray goes on behind them ({_first(names)})"
-        cost += f"; what is clear is to cast no shadow ({_first(clear)})" if clear else ""
+        cost += f"; what is clear is to cast no shadow ({', '.join(clear)})" if clear else ""
         return Finding("transparent", f"{len(names)} materials", cost)
     more = ", ..." if len(scene.transparent) > 1 else ""
     return Finding("transparent", f"{len(scene.transparent)} materials", scene.transparent[0] + more)

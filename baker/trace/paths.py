@@ -141,8 +141,11 @@ def blocked(tracer, origin, target) -> dict[str, np.ndarray]:
     return {"blocked": np.array(apart & ~free).astype(bool)}
 
 
-def direct(tracer, position, normal, geometric_normal) -> dict[str, np.ndarray]:
-    """Light of all punctual lights at each point over pi, `direct` (N, 3) float32; arguments (N, 3) float32."""
+def direct(tracer, position, normal, geometric_normal, dims) -> dict[str, np.ndarray]:
+    """Light of all punctual lights at each point over pi, `direct` (N, 3) float32; arguments (N, 3) float32.
+
+    Clear panes let it through as it is, or they dim it if light `dims`.
+    """
     p, n, ng = mi.Point3f(position.T), mi.Normal3f(normal.T), mi.Normal3f(geometric_normal.T)
     active = dr.squared_norm(n) > 0
     p = lifted_point(tracer, p, ng, active)
@@ -150,7 +153,7 @@ def direct(tracer, position, normal, geometric_normal) -> dict[str, np.ndarray]:
     result = mi.Color3f(0)
     for index in range(tracer.lights.count):
         # An opaque index lets one kernel serve all lights.
-        result += punctual_light(tracer, p, n, ng, dr.opaque(mi.UInt32, index), active, mi.Bool(False), dims=False)
+        result += punctual_light(tracer, p, n, ng, dr.opaque(mi.UInt32, index), active, mi.Bool(False), dims=dims)
         dr.eval(result)
     return {"direct": np.array(result).T}
 
@@ -330,7 +333,8 @@ def punctual_light(tracer, p, n, ng, index, active, filtered, share=1, dims=True
     """Light of punctual light `index` that a white Lambertian surface at p would reflect.
 
     Light that is in no shadow counts where `active`, by its `share`, and light in the shadow of filtering surfaces
-    where `filtered`. What casts no shadow `dims` light, or lets it through as it is, as shadow maps do.
+    where `filtered`. With `dims`, surfaces that cast no shadow still dim light; without, they leave it as it is, as
+    shadow maps do.
     """
     # Not `active &= ...`, which would modify the caller's array.
     wi, distance, color = tracer.lights.arriving(index, p)

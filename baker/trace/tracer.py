@@ -251,17 +251,19 @@ class Tracer:
 
         return self.launched(paths.blocked, origin, target)["blocked"]
 
-    def direct(self, position, normal, geometric_normal) -> np.ndarray:
+    def direct(self, position, normal, geometric_normal, dims: bool = False) -> np.ndarray:
         """Direct light of the punctual lights: (N, 3) float32, such that primary = albedo * direct + emission.
 
         The arguments are those of `indirect`, with the shading normal. The result is exact: every light gets a shadow
-        ray, and the lights have no extent.
+        ray, and the lights have no extent. Clear panes let light through undimmed, as frames do, or, with `dims`, as
+        much of it as goes on from the points.
         """
         from . import paths
 
         if not self.lights.count:
             return np.zeros((len(position), 3), np.float32)
-        return self.launched(paths.direct, position, normal, geometric_normal)["direct"]
+        kernel = partial(paths.direct, dims=dims)
+        return self.launched(kernel, position, normal, geometric_normal)["direct"]
 
     def _first_hits(self, origin: np.ndarray, direction: np.ndarray) -> dict[str, np.ndarray]:
         """The columns of `paths.first_hits`, with `position` in place of triangle and distance."""

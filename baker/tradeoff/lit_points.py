@@ -34,7 +34,7 @@ def lit_points(ground: Ground, count: int, seed: int) -> LitPoints:
     points = both_sides(drawn)
     albedo, emission, there = materials(ground, *points)
     position, normal = (array[there] for array in points)
-    direct = ground.cold.tracer.direct(position, normal, normal)
+    direct = ground.cold.tracer.direct(position, normal, normal, dims=True)
     return LitPoints(position, normal, albedo[there], emission[there], direct, ground.plan.triangles.area / len(drawn))
 
 

@@ -134,7 +134,7 @@ def _form_factors(ground: Ground, surface: PatchedSurface, patch: np.ndarray, ad
         triangle = order[np.minimum(np.searchsorted(below, at, side="right"), len(order) - 1)]
         position, normal = surface.inside(triangle, rng), surface.face[triangle]
         albedo, _, there = materials(ground, position, normal)
-        direct = ground.cold.tracer.direct(position, normal, normal)
+        direct = ground.cold.tracer.direct(position, normal, normal, dims=True)
         direct = direct + emitted(ground, position, normal, EMITTED_PATHS, first)
         seen, _ = surface.seen(position, normal, RAYS, rng)
         shape = -1, POINTS, 3

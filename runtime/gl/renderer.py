@@ -35,11 +35,12 @@ class DeferredRenderer:
     Only what the scene needs is created: without a bake there are no splats and no composite, without lights no
     shadows, without an environment no background. Of partly transparent surfaces four are blended per pixel, lit by
     primary light and, with a bake of the `surface` operator, but not with a `World`, by B at each; their shadows are
-    those of what stands in for them in the bake, solid where it lets light through: that light is in B. Metals reflect
-    as in the bake, if there is one. A bake of the `surface` operator is read once per `splat_scale` x `splat_scale`
-    pixels (1 to 4) and upsampled; a bake of `over` is always drawn at full resolution. The framebuffer, blending, depth
-    test and culling of `ctx` are left changed. Raises ValueError for another `splat_scale`, and UnsupportedError for
-    textures, Gaussians or a size that the driver cannot hold. Its methods raise RuntimeError after release().
+    those of what stands in for them in the bake, solid but where it is clear: what else it lets through is in B. Metals
+    reflect as in the bake, if there is one. A bake of the `surface` operator is read once per `splat_scale` x
+    `splat_scale` pixels (1 to 4) and upsampled; a bake of `over` is always drawn at full resolution. The framebuffer,
+    blending, depth test and culling of `ctx` are left changed. Raises ValueError for another `splat_scale`, and
+    UnsupportedError for textures, Gaussians or a size that the driver cannot hold. Its methods raise RuntimeError after
+    release().
     """
 
     def __init__(

@@ -8,6 +8,8 @@ import numpy as np
 from gsgi.runtime.constants import ALPHA_MIN
 from gsgi.runtime.scene import TEXTURE_SLOTS, Material, Mesh, Scene, Texture, TextureSlot
 
+from .transparency import clear_below
+
 
 def prune(scene: Scene) -> Scene:
     """The scene without fully cut-out meshes, cut-offs without effect, and then unused materials and textures.
@@ -17,6 +19,7 @@ def prune(scene: Scene) -> Scene:
     blends = {mesh.material for mesh in scene.blended}
     alphas = [_alpha(material, scene.textures, i in blends) for i, material in enumerate(scene.materials)]
     bounds: dict[int, tuple[float, float]] = {}
+    tinted = {mesh.material for mesh in scene.meshes if mesh.color is not None and mesh.color[:, :3].min() < 1}
 
     def seen(mesh: Mesh) -> bool:
         if mesh.color is None and _is_clear(scene.materials[mesh.material]):
@@ -30,7 +33,10 @@ def prune(scene: Scene) -> Scene:
         return is_seen
 
     meshes, blended = ([mesh for mesh in part if seen(mesh)] for part in (scene.meshes, scene.blended))
-    materials = [_uncut(scene.materials[index], *bounds[index]) for index in sorted(bounds)]
+    materials = [
+        _uncut(_tinted(scene.materials[index]) if index in tinted else scene.materials[index], *bounds[index])
+        for index in sorted(bounds)
+    ]
     textures = sorted({slot.texture for material in materials for slot in material.slots()})
     material_of = {index: number for number, index in enumerate(sorted(bounds))}
     texture_of = {index: number for number, index in enumerate(textures)}
@@ -66,6 +72,12 @@ def _is_clear(material: Material) -> bool:
     of = material.filter
     is_glass = of.transmission == 1 and not of.blends if of else material.tint == 1 and material.base_color[3] == 0
     return is_glass and material.base_color_texture is None and min(material.base_color[:3]) == 1
+
+
+def _tinted(material: Material) -> Material:
+    """The material where vertex colours tint it, by who knows how much: it is clear where it is open alone."""
+    of = material.filter
+    return replace(material, filter=replace(of, clear=clear_below(of, 0.0))) if of and of.clear else material
 
 
 def _uncut(material: Material, lowest: float, highest: float) -> Material:

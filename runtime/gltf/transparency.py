@@ -75,12 +75,12 @@ def read(document: Document, material: Json, mode: str, tint: float) -> tuple[Op
         least = ALPHA_MIN if alpha == "BLEND" else cutoff
         passes = Filter(alpha == "BLEND", 1 - opaque, alpha == "BLEND" and mode == "stain")
         if mode != "shade":
-            passes = replace(passes, clear=_clear(passes, tint))
+            passes = replace(passes, clear=clear_below(passes, tint))
         return Opacity(1.0, least, stand_in=True, filter=passes), blended
     return Opacity(1.0, cutoff, stand_in=True), blended
 
 
-def _clear(passes: Filter, tint: float) -> float:
+def clear_below(passes: Filter, tint: float) -> float:
     """The alpha below which a surface lets through at least CLEAR, if the base colour leaves `tint` of a channel."""
     covered = passes.transmission * tint
     if covered >= CLEAR:

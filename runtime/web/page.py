@@ -144,7 +144,7 @@ def _material(scene: Scene, index: int, colored: bool) -> dict:
         "name": material.name,
         "color": list(material.base_color[:3]),
         "alpha": material.base_color[3],
-        "alphaCutoff": material.shadow_cutoff if material.stand_in else material.alpha_cutoff,
+        "alphaCutoff": _shadow_cutoff(material) if material.stand_in else material.alpha_cutoff,
         "map": _slot(material.base_color_texture),
         "metallic": material.metallic,
         "metallicMap": _slot(material.metallic_texture),
@@ -158,6 +158,12 @@ def _material(scene: Scene, index: int, colored: bool) -> dict:
         "blended": any(mesh.material == index for mesh in scene.blended),
         "standIn": material.stand_in,
     }
+
+
+def _shadow_cutoff(material: Material) -> float | None:
+    """The cut-off for shadow maps of three.js, which compare it with the alpha of the texture alone."""
+    cutoff, factor = material.shadow_cutoff, material.base_color[3]
+    return cutoff / factor if cutoff and factor else cutoff
 
 
 def _slot(slot: TextureSlot | None) -> dict | None:

@@ -86,6 +86,8 @@ def test_sunlight_through_a_clear_sheet_is_direct_and_what_it_lights_is_dimmed(p
     assert without.min() > 0.05
     transmitted, _ = b_and_direct(under(replace(sheet, filter=replace(passes, clear=0.0)), lights=(SUN,)), 64)
     np.testing.assert_allclose(b / without, transmitted, rtol=0.05)
+    dimmed = Tracer(with_wall).direct(ORIGIN, UP, UP, dims=True)[0]
+    np.testing.assert_allclose(dimmed, 0.8 * transmitted, rtol=1e-4)
 
 
 def test_the_shadow_of_one_sheet_is_not_lit_through_another():

@@ -317,6 +317,21 @@ def test_a_texture_decides_where_a_pane_is_clear(read):
     assert material.filter.clear == 0, "the texture may tint what it lets through"
 
 
+@pytest.mark.parametrize(("fields", "clear"), [(glass(0.9), 0), (glass(0.5, **BLEND), THIRD), (BLEND, THIRD)])
+def test_what_vertex_colours_tint_is_clear_where_it_is_open_alone(read, fields, clear):
+    color = np.ones((4, 4), np.float32)
+    color[:, 1] = 0.4
+    color[:2, 3] = 0.2
+    document, data = with_attributes({"COLOR_0": color})
+    document["materials"][0] = fields
+    (material,) = read(document, data).used_materials()
+    assert material.filter.clear == clear
+    color[:, 1] = 1
+    document, data = with_attributes({"COLOR_0": color})
+    document["materials"][0] = glass(0.9)
+    assert read(document, data).used_materials()[0].filter.clear == np.inf
+
+
 def test_clear_glass_is_nothing_to_light(read):
     document, data = painted(**glass(1), pbrMetallicRoughness={"metallicFactor": 0})
     document["meshes"][0]["primitives"].append({"attributes": {"POSITION": 0}, "indices": 3})

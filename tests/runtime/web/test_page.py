@@ -26,7 +26,7 @@ from gsgi.runtime.errors import UnsupportedError
 from gsgi.runtime.file import codec
 from gsgi.runtime.gaussians import Bake, OverBlend, SurfaceBlend
 from gsgi.runtime.gl.renderer import DeferredRenderer
-from gsgi.runtime.scene import Filter, Material, Scene
+from gsgi.runtime.scene import Filter, Material, Scene, TextureSlot
 from gsgi.runtime.web.page import MODULES, PAGE, write_page
 
 WIDTH, HEIGHT = 320, 240
@@ -206,13 +206,13 @@ def test_light_of_the_over_operator_is_refused(tmp_path, made):
 def test_stand_ins_are_there_for_their_shadows(tmp_path, made):
     scene, bake, _ = made
     first = len(scene.materials)
-    film = Material("film", (1, 1, 1, 0.3), filter=Filter(blends=True, clear=0.5), stand_in=True)
+    film = Material("film", (1, 1, 1, 0.8), TextureSlot(0), filter=Filter(blends=True, clear=0.5), stand_in=True)
     pane = Material("pane", filter=Filter(transmission=0.9, clear=np.inf), stand_in=True)
     sheets = scenes.floor(0.5, 0.1, first), scenes.floor(0.5, 0.2, first + 1)
     scene = replace(scene, materials=(*scene.materials, film, pane), meshes=(*scene.meshes, *sheets))
     write_page(tmp_path, scene, replace(bake, groups=()), codec.encode(replace(bake, groups=())), {}, "")
     materials = json.loads((tmp_path / "scene.json").read_text())["materials"]
-    assert [(each["name"], each["alphaCutoff"]) for each in materials if each["standIn"]] == [("film", 0.5)]
+    assert [(each["name"], each["alphaCutoff"]) for each in materials if each["standIn"]] == [("film", 0.625)]
 
 
 def test_films_are_blended_back_to_front(gl, made, tmp_path):
