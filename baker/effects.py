@@ -35,6 +35,8 @@ def effects(scene: Scene) -> Effects:
             found |= flag
     if scene.metals == "rough" and has_metal(scene):
         found |= Effects.METAL
+    if scene.lights and any(material.filter and material.filter.clear for material in scene.used_materials()):
+        found |= Effects.CLEAR_PANE
     return found
 
 

@@ -128,6 +128,7 @@ class Effects(IntFlag):
     NORMAL_MAP = 64  # some surfaces have normal textures; B follows them where there is relief
     UNLIT = 128  # some surfaces are unlit: they show their colour and have no B
     METAL = 256  # some surfaces are metallic, and their albedo is their base colour; without this, metals are black
+    CLEAR_PANE = 512  # some surfaces cast no shadow, for they are clear: what lamps send through them is not in B
 
 
 @dataclass(frozen=True)

@@ -5,15 +5,10 @@ Here it reflects that share of the light diffusely; docs/how-it-works.md says ho
 """
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .gaussians import Bake, Effects
 from .scene import Material, Scene
-
-if TYPE_CHECKING:
-    from .world.world import World
 
 METALLIC = 0.5  # a surface counts as metal from this value on
 
@@ -28,13 +23,6 @@ def lambertian(scene: Scene) -> Scene:
         return replace(scene, materials=tuple(_rough(material) for material in scene.materials))
     blends = {mesh.material for mesh in scene.blended}
     return replace(scene, materials=tuple(_black(m, index in blends) for index, m in enumerate(scene.materials)))
-
-
-def as_baked(scene: Scene, bake: "Bake | World | None") -> Scene:
-    """The scene with metals as they were when `bake` was made, since B belongs to those; without one as it is."""
-    if bake is None:
-        return scene
-    return replace(scene, metals="rough" if Effects.METAL in bake.effects else "black")
 
 
 def has_metal(scene: Scene) -> bool:

@@ -94,7 +94,7 @@ def damaged_files(name: str, count: int):
 _OF_LEVEL = [("position_floor", -150), ("position_floor", 105), ("position_bits", 17), ("angle_bits", 17)]
 _OF_LEVEL += [(name, 0) for name in STEPS]
 _EITHER = [
-    *[("reserved", 1), ("operator", 2), ("effects", 0x200), ("effects", 0x8000)],
+    *[("reserved", 1), ("operator", 2), ("effects", 0x400), ("effects", 0x8000)],
     *[("version", 0), ("version", 1), ("version", 4), ("version", 7), ("header_bytes", 86), ("header_bytes", 144)],
     *[("tone_scale", 0), ("tone_scale", np.nan)],
     *[(f"{level}.gaussian_count", 2**31) for level in LEVELS],

@@ -106,7 +106,8 @@ enum {
     GSGI_EFFECT_DOUBLE_SIDED = 32,
     GSGI_EFFECT_NORMAL_MAP = 64,
     GSGI_EFFECT_UNLIT = 128,
-    GSGI_EFFECT_METAL = 256 /* B is to be multiplied by the base colour; without it by base colour * (1 - metallic) */
+    GSGI_EFFECT_METAL = 256, /* B is to be multiplied by the base colour; without it by base colour * (1 - metallic) */
+    GSGI_EFFECT_CLEAR_PANE = 512 /* shadow maps leave clear panes out: what lamps send through them is not in B */
 };
 
 typedef enum gsgi_operator {

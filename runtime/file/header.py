@@ -45,7 +45,7 @@ GROUP_TAG, RELIEF_TAG = b"GRUP", b"RELF"
 Span = tuple[int, int]  # the first byte of a section's content, and the one after the last
 
 OPERATORS = OverBlend, SurfaceBlend  # the operator byte is an index into this
-EFFECT_BITS = 0x1FF
+EFFECT_BITS = 0x3FF
 
 OPERATOR_NAMES = {OverBlend: "over", SurfaceBlend: "surface"}
 SH_DEGREE_MAX = {OverBlend: 3, SurfaceBlend: 2}

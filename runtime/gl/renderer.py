@@ -5,12 +5,13 @@ from dataclasses import replace
 import moderngl
 import numpy as np
 
+from gsgi.runtime.as_baked import as_baked
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.errors import UnsupportedError
 from gsgi.runtime.gaussians import Bake, SurfaceBlend, check_bake
 from gsgi.runtime.layers import LAYERS
 from gsgi.runtime.light_groups import Factors, Weights, dimmed_lights, factor_on, factors_of, patterns_of
-from gsgi.runtime.metals import as_baked, lambertian
+from gsgi.runtime.metals import lambertian
 from gsgi.runtime.rebase import local_bake, local_camera, local_scene, origin_of
 from gsgi.runtime.scene import Scene
 from gsgi.runtime.world.world import World

@@ -8,10 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
+from gsgi.runtime.as_baked import as_baked
 from gsgi.runtime.errors import UnsupportedError
 from gsgi.runtime.gaussians import Bake
 from gsgi.runtime.light_groups import group_names, group_of, names_of, patterns_of
-from gsgi.runtime.metals import as_baked, lambertian
+from gsgi.runtime.metals import lambertian
 from gsgi.runtime.rebase import local_camera, local_scene, origin_of
 from gsgi.runtime.sampling import check_operator
 from gsgi.runtime.scene import Camera, Environment, Light, Material, Mesh, Scene, TextureSlot

@@ -5,10 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scenes
-from gsgi_files import surface_example
 
-from gsgi.runtime.gaussians import Effects
-from gsgi.runtime.metals import as_baked, has_metal, lambertian, metal_areas
+from gsgi.runtime.metals import has_metal, lambertian, metal_areas
 from gsgi.runtime.scene import Material, Scene, Texture, TextureSlot
 
 COLOR = (0.8, 0.6, 0.4, 1.0)
@@ -58,14 +56,6 @@ def test_a_black_metal_needs_no_textures_except_for_its_holes():
     assert black(replace(METAL, alpha_cutoff=0.5)) == replace(METAL, alpha_cutoff=0.5, normal_texture=None)
     for partly in (replace(METAL, metallic=0.9), replace(METAL, metallic_texture=SLOT)):
         assert black(partly) == partly
-
-
-def test_metals_are_those_of_the_bake():
-    scene, bake = floor_of(METAL), surface_example()
-    assert as_baked(scene, bake).metals == "black"
-    assert as_baked(scene, replace(bake, effects=bake.effects | Effects.METAL)).metals == "rough"
-    for metals in ("rough", "black"):
-        assert as_baked(replace(scene, metals=metals), None).metals == metals
 
 
 @pytest.mark.parametrize("color", [0.25, 0.5, 0.95])

@@ -7,7 +7,7 @@
 
 #define FORMAT_VERSION 6
 #define GAUSSIAN_COUNT_MAX (1u << 24)
-#define EFFECT_BITS 0x1FFu
+#define EFFECT_BITS 0x3FFu
 #define SHARPNESS_MAX 64u
 #define FLOOR_MAX 1e6f
 #define FLOOR_EXPONENT_MIN (-149)
@@ -245,7 +245,7 @@ gsgi_result gsgi__check_file(const gsgi__header* h, const uint8_t* data, size_t 
     if (h->crc != crc)
         return gsgi__fail(callbacks, GSGI_INVALID_FILE,
                           "byte 8 (crc32): expected 0x%08x, got 0x%08x: the file is damaged", crc, h->crc);
-    EXPECT((h->effects & ~EFFECT_BITS) == 0, 14, "effects", "bits of 0x1ff", h->effects);
+    EXPECT((h->effects & ~EFFECT_BITS) == 0, 14, "effects", "bits of 0x3ff", h->effects);
     EXPECT(h->reserved == 0, 18, "reserved", "0", h->reserved);
     if ((result = check_finite(h, callbacks))) return result;
     EXPECT(h->tone_scale > 0, 20, "tone_scale", "more than 0", h->tone_scale);

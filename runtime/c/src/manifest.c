@@ -13,7 +13,7 @@
 
 /* In the order of the bits of gsgi_info.effects. */
 static const char* const effects[] = {"punctual",     "emissive",   "alpha_mask", "denoised", "environment",
-                                      "double_sided", "normal_map", "unlit",      "metal"};
+                                      "double_sided", "normal_map", "unlit",      "metal",    "clear_pane"};
 #define EFFECT_COUNT (sizeof effects / sizeof *effects)
 
 static const char* const world_members[] = {"effects", "format", "margin", "scene", "sectors", "version"};

@@ -80,7 +80,7 @@ def test_an_error_names_the_place_in_the_file_itself(name, field, place):
 @pytest.mark.parametrize(
     "change",
     [
-        *[{"bounces": -1}, {"bounces": 1 << 16}, {"scene": 1 << 64}, {"effects": 0x200}, {"tone_scale": 0.0}],
+        *[{"bounces": -1}, {"bounces": 1 << 16}, {"scene": 1 << 64}, {"effects": 0x400}, {"tone_scale": 0.0}],
         *[{"blend": OverBlend(near=-1)}, {"blend": OverBlend(near=0.1, alpha_max=1.0)}],
         *[{"blend": SurfaceBlend()}, {"coarse": gaussians(1, 0)}, {"coarse": gaussians(0, 0)}],
         *[
