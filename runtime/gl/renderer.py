@@ -68,7 +68,7 @@ class DeferredRenderer:
         self.geometry = Geometry(ctx, scene)
         self.shadow = self.splats = self._blended_geometry = self._lookup = None
         if scene.lights and self.geometry.batches:
-            self.shadow = Shadow(ctx, self.geometry, scene.bounds(), scene.lights)
+            self.shadow = Shadow(ctx, self.geometry, scene.bounds(), scene.lights, scene.meshes)
         if bake is not None:
             self.splats = IndirectLight(ctx, bake, splat_scale=splat_scale, relief=self._bent)
         if scene.blended:

@@ -1,19 +1,21 @@
 """Shadow atlas: linear depth as seen from a light, in one face or the six faces of a cube."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import moderngl
 import numpy as np
 
-from gsgi.runtime.scene import Light
+from gsgi.runtime.instance import Instance
+from gsgi.runtime.scene import Light, Mesh
 
 from .geometry import Batch, Geometry
 from .permutations import defines, face_count
 from .shader import program, set_uniforms
 
 FACE_SIZE = 1024  # px; on a cube's face, a texel spans about 0.1 degrees
-SPOT_SIZE, SUN_SIZE = 2048, 4096  # px; the face of a directional light covers the whole scene
+SPOT_SIZE, SUN_SIZE = 2048, 4096  # px; the face of a directional light covers all that can cast a shadow
+FLAT = 1e-6  # of the scene's diagonal: what lies no further behind a triangle is in its plane
 GUTTER = 4  # texels around a face; the normal offset and the filter stay within it
 BACK_PULL = 0.95  # of how far receivers are pulled towards the light at least, see SHADOW_PULL
 _NEAR = 1e-5  # of the light's reach; depth is linear, so a close near plane costs nothing
@@ -37,13 +39,14 @@ class Faces(NamedTuple):
     least_cosine: float
 
 
-def faces_of(light: Light, corners: np.ndarray) -> Faces:
+def faces_of(light: Light, corners: np.ndarray, casters: np.ndarray | None = None) -> Faces:
     """Faces that cover what `light` reaches of a scene.
 
-    `corners` (8, 3) are those of the scene's bounds, world space, m.
+    `corners` (8, 3) are those of the scene's bounds, world space, m. The face of a directional light covers the points
+    `casters` (N, 3), or else the whole scene.
     """
     if light.kind == "directional":
-        return _orthographic(light, corners)
+        return _orthographic(light, corners, corners if casters is None else casters)
     reach = min(np.linalg.norm(corners - light.position, axis=1).max() * 1.001, light.range)
     if face_count(light) == 6:
         size, axes, tangent = FACE_SIZE, _CUBE, 1.0
@@ -61,14 +64,37 @@ def faces_of(light: Light, corners: np.ndarray) -> Faces:
     return Faces(clip_from_view @ views, -views[:, 2] / reach, axes, texel_size, size, least_cosine)
 
 
-def _orthographic(light: Light, corners: np.ndarray) -> Faces:
+def casters_of(meshes: Iterable[Mesh | Instance], direction: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Points (N, 3), m, between which lies all that can cast a shadow in light that travels along `direction`.
+
+    The ground casts none: nothing of the scene, whose bounds have these `corners` (8, 3), lies behind it.
+    """
+    points = []
+    for mesh in meshes:
+        if isinstance(mesh, Instance):
+            points.append(np.stack(np.meshgrid(*np.transpose(mesh.bounds())), axis=-1).reshape(8, 3))
+            continue
+        a, b, c = (mesh.position[mesh.triangle[:, k]].astype(np.float64) for k in range(3))
+        normal = np.cross(b - a, c - a)
+        normal *= -np.sign(normal @ direction)[:, None]
+        above = (normal @ corners.T).min(axis=1) - (normal * a).sum(axis=1)
+        tall = above < -FLAT * np.linalg.norm(normal, axis=1) * np.linalg.norm(corners[-1] - corners[0])
+        points.append(mesh.position[np.unique(mesh.triangle[tall])])
+    found = np.concatenate(points) if points else corners
+    return found if len(found) else corners
+
+
+def _orthographic(light: Light, corners: np.ndarray, covered: np.ndarray) -> Faces:
     size, axis = SUN_SIZE, np.asarray(light.direction, float)
     view = _view(axis, corners.mean(axis=0))
     half = np.abs(corners @ view[:3, :3].T + view[:3, 3]).max(axis=0)
     half = np.maximum(half, 1e-6 * half.max())
-    half[:2] *= size / (size - 2 * GUTTER)
+    seen = covered @ view[:2, :3].T + view[:2, 3]
+    middle = (seen.min(axis=0) + seen.max(axis=0)) / 2
+    half[:2] = np.maximum(np.ptp(seen, axis=0) / 2, 1e-6 * half.max()) * size / (size - 2 * GUTTER)
     half[2] *= 1.001
     clip_from_view = np.diag([*(1, 1, -1) / half, 1])
+    clip_from_view[:2, 3] = -middle / half[:2]
     depth_from_view = np.array([0, 0, -0.5 / half[2], 0.5])
     texel_size = np.array([2 * half[:2].max() / size, 0])
     return Faces((clip_from_view @ view)[None], (depth_from_view @ view)[None], axis[None], texel_size, size, 1.0)
@@ -96,8 +122,10 @@ class Shadow:
         geometry: Geometry,
         bounds: tuple[np.ndarray, np.ndarray],
         lights: Iterable[Light],
+        meshes: Sequence[Mesh | Instance],
     ):
-        self.ctx, self.geometry = ctx, geometry
+        """`bounds` are those of all that is lit, and `meshes` are the scene's."""
+        self.ctx, self.geometry, self._meshes = ctx, geometry, meshes
         sun = any(light.kind == "directional" for light in lights)
         self.size = (SUN_SIZE, SUN_SIZE) if sun else (3 * FACE_SIZE, 2 * FACE_SIZE)
         self.corners = np.stack(np.meshgrid(*np.transpose(bounds)), axis=-1).reshape(8, 3)
@@ -110,10 +138,11 @@ class Shadow:
         casting = [batch for batch in geometry.batches if batch.material.shadow_cutoff != np.inf]
         self._draws = [(batch, self._vertex_array(batch)) for batch in casting]
         self._drawn: Light | None = None
+        self._suns: dict[tuple, Faces] = {}  # by their directions, on which alone they depend
 
     def draw(self, light: Light) -> dict:
         """Fill the atlas unless it already holds `light`; return the uniforms that glsl/frame/shadow.glsl needs."""
-        faces = faces_of(light, self.corners)
+        faces = self._faces_of(light)
         tiles = [(i % 3, i // 3) for i in range(len(faces.axis))]
         if self._drawn is not light:
             self._fill(faces, tiles)
@@ -130,6 +159,15 @@ class Shadow:
         """Free the GPU memory."""
         for resource in [*(t for _, t in self._draws), *self._programs.values(), self._target, self.atlas]:
             resource.release()
+
+    def _faces_of(self, light: Light) -> Faces:
+        if light.kind != "directional":
+            return faces_of(light, self.corners)
+        key = tuple(light.direction)
+        if key not in self._suns:
+            casters = casters_of(self._meshes, light.direction, self.corners)
+            self._suns[key] = faces_of(light, self.corners, casters)
+        return self._suns[key]
 
     def _fill(self, faces: Faces, tiles: list[tuple[int, int]]) -> None:
         columns, rows = (faces.size * (max(place) + 1) for place in zip(*tiles, strict=True))

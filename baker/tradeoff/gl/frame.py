@@ -34,7 +34,7 @@ class Frame:
         self._background = None if scene.environment is None else Background(ctx, self.gbuffer, scene.environment)
         self._shadow = self._primary = None
         if scene.lights and self.geometry.batches:
-            self._shadow = Shadow(ctx, self.geometry, self.local.bounds(), scene.lights)
+            self._shadow = Shadow(ctx, self.geometry, self.local.bounds(), scene.lights, self.local.meshes)
             self._primary = Primary(ctx, [self.gbuffer], self._shadow, self.local.lights)
         self._composite = Composite(ctx, self.gbuffer)
 

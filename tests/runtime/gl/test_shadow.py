@@ -8,6 +8,7 @@ import scenes
 
 from gsgi.runtime.camera import look_at
 from gsgi.runtime.gl.renderer import DeferredRenderer
+from gsgi.runtime.gl.shadow import casters_of, faces_of
 from gsgi.runtime.scene import Filter, Light, Material, Mesh, Scene, Texture, TextureSlot
 
 SIZE = 128
@@ -127,6 +128,31 @@ def test_little_light_leaks_in_where_walls_without_thickness_meet(gl, kind, most
         assert depth.all()
         leaked.append((primary > 0).mean())
     assert np.mean(leaked) < most
+
+
+def test_the_suns_map_covers_what_can_cast_a_shadow(gl):
+    """A square above wide ground, which itself casts none: its shadow is as sharp as above a small floor."""
+    ground, (_, square) = scenes.floor(200.0), blocker_above_floor(1.0, 0.5, 1)
+    slanted = np.array([0.6, -0.8, 0.0])
+    meshes, corners = (
+        (ground, square),
+        np.float64([[x, y, z] for x in (-200, 200) for y in (0, 0.5) for z in (-200, 200)]),
+    )
+    casters = casters_of(meshes, slanted, corners)
+    np.testing.assert_array_equal(np.unique(casters, axis=0), np.unique(square.position, axis=0))
+    np.testing.assert_array_equal(casters_of(meshes, -slanted, corners)[:4], ground.position)  # from below, it is first
+    np.testing.assert_array_equal(casters_of((ground,), slanted, corners[::2]), corners[::2])
+    light = Light("directional", np.ones(3), np.zeros(3), slanted)
+    assert faces_of(light, corners, casters).texel_size[0] < 2e-4
+    camera = above(1.0)
+    wide, small = (draw(gl, (floor, square), light, camera)[0] for floor in (ground, scenes.floor(2.0)))
+    _, _, depth = draw(gl, (ground, square), light, camera)
+    near = np.abs(points_of(depth, camera)[..., [0, 2]]).max(axis=-1) < 1.9
+    assert (wide[near] > 0).any()
+    assert (wide[near] == 0).any()
+    assert (np.abs(wide - small)[near] > 1e-3).mean() < 2e-3
+    beyond = (depth > 0) & ~near
+    np.testing.assert_allclose(wide[beyond], 0.8 * 0.5 / np.pi, rtol=1e-3)
 
 
 @pytest.mark.parametrize("thickness", [0.0, 1e-4, 1e-3])

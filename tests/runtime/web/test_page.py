@@ -24,7 +24,7 @@ from surface_frames import surface_gaussians
 from gsgi.runtime.display import to_uint8, tone_map
 from gsgi.runtime.errors import UnsupportedError
 from gsgi.runtime.file import codec
-from gsgi.runtime.gaussians import Bake, OverBlend, SurfaceBlend
+from gsgi.runtime.gaussians import Bake, Effects, OverBlend, SurfaceBlend
 from gsgi.runtime.gl.renderer import DeferredRenderer
 from gsgi.runtime.scene import Filter, Material, Scene, TextureSlot
 from gsgi.runtime.web.page import MODULES, PAGE, write_page
@@ -210,9 +210,12 @@ def test_stand_ins_are_there_for_their_shadows(tmp_path, made):
     pane = Material("pane", filter=Filter(transmission=0.9, clear=np.inf), stand_in=True)
     sheets = scenes.floor(0.5, 0.1, first), scenes.floor(0.5, 0.2, first + 1)
     scene = replace(scene, materials=(*scene.materials, film, pane), meshes=(*scene.meshes, *sheets))
-    write_page(tmp_path, scene, replace(bake, groups=()), codec.encode(replace(bake, groups=())), {}, "")
-    materials = json.loads((tmp_path / "scene.json").read_text())["materials"]
-    assert [(each["name"], each["alphaCutoff"]) for each in materials if each["standIn"]] == [("film", 0.625)]
+    for effects, expected in ((Effects.CLEAR_PANE, [("film", 0.625)]), (Effects(0), [("film", None), ("pane", None)])):
+        folder, plain = tmp_path / str(int(effects)), replace(bake, groups=(), effects=bake.effects | effects)
+        folder.mkdir()
+        write_page(folder, scene, plain, codec.encode(plain), {}, "")
+        materials = json.loads((folder / "scene.json").read_text())["materials"]
+        assert [(each["name"], each["alphaCutoff"]) for each in materials if each["standIn"]] == expected
 
 
 def test_films_are_blended_back_to_front(gl, made, tmp_path):
