@@ -29,8 +29,9 @@ float shadow_visibility(
     vec4 p = atlas_from_world * vec4(position, 1.0);
     float depth = dot(depth_from_world, vec4(position, 1.0));
     vec2 texels = p.xy / p.w * vec2(textureSize(atlas, 0)) - 0.5;
-    ivec2 corner = ivec2(floor(texels)), last = textureSize(atlas, 0) - 1;
-    if (any(lessThan(corner, ivec2(0))) || any(greaterThanEqual(corner, last))) return 1.0;  // beyond all casters
+    vec2 last = vec2(textureSize(atlas, 0) - 1);
+    if (any(lessThan(texels, vec2(0.0))) || any(greaterThanEqual(texels, last))) return 1.0;  // beyond all casters
+    ivec2 corner = ivec2(floor(texels));
     vec2 share = texels - vec2(corner);
     vec4 weights = vec4(1.0 - share.x, share.x, 1.0 - share.x, share.x) * vec4(vec2(1.0 - share.y), vec2(share.y));
     vec4 stored = vec4(
