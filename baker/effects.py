@@ -95,10 +95,6 @@ def _environment(scene: Scene, share: str) -> Finding:
     return Finding("environment", f"image of {width} x {height}", cost)
 
 
-def _first(names: list[str]) -> str:
-    return ", ".join([*names[:3], *["..."] * (len(names) > 3)])
-
-
 def _transparent(scene: Scene) -> Finding:
     """Blending and transmission: what lets light through, or else what the reader has put in its place."""
     if not scene.transparent:
@@ -106,8 +102,9 @@ def _transparent(scene: Scene) -> Finding:
     filters = [(material.name or f"material {i}", material.filter) for i, material in enumerate(scene.materials)]
     names = [name for name, of in filters if of]
     if names:
+        more = ", ..." if len(names) > 3 else ""
         clear = [name if of.clear == math.inf else f"{name} in part" for name, of in filters if of and of.clear]
-        cost = f"let light through: every ray goes on behind them ({_first(names)})"
+        cost = f"let light through: every ray goes on behind them ({', '.join(names[:3])}{more})"
         cost += f"; what is clear is to cast no shadow ({', '.join(clear)})" if clear else ""
         return Finding("transparent", f"{len(names)} materials", cost)
     more = ", ..." if len(scene.transparent) > 1 else ""

@@ -30,10 +30,10 @@ class Lighting:
     counter-clockwise seen from above) and multiplied by env_scale. sun: azimuth (degrees, clockwise from north seen
     from above; north is -Z, east is +X) and elevation (degrees above the horizon), or "env": that of the image, which
     is taken out of it. A surface that faces the sun receives sun_irradiance * sun_color (lx, the unit of the file's
-    directional lights), or what it has of the image's sun, times sun_color. light_scale multiplies the
-    lights of the glTF file, both punctual lights and emissive surfaces; 0 turns them off. groups: lights to be baked
-    apart, as patterns of the names of punctual lights, of their nodes, and of emissive materials, and the words
-    "sun" and "environment", by the name of the group. group_each: every other light is a group of its own.
+    directional lights), or what it has of the image's sun, times sun_color. light_scale multiplies the lights of the
+    glTF file, both punctual lights and emissive surfaces; 0 turns them off. groups: lights to be baked apart, as
+    patterns of the names of punctual lights, of their nodes, and of emissive materials, and the words "sun" and
+    "environment", by the name of the group. group_each: every other light is a group of its own.
     """
 
     env: str | tuple[float, float, float] | None = None

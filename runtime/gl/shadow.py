@@ -6,7 +6,7 @@ from typing import NamedTuple
 import moderngl
 import numpy as np
 
-from gsgi.runtime.instance import Instance
+from gsgi.runtime.instance import Instance, corners_of_box
 from gsgi.runtime.scene import Light, Mesh
 
 from .geometry import Batch, Geometry
@@ -69,16 +69,17 @@ def casters_of(meshes: Iterable[Mesh | Instance], direction: np.ndarray, corners
 
     The ground casts none: nothing of the scene, whose bounds have these `corners` (8, 3), lies behind it.
     """
-    points = []
+    points, low, high = [], corners.min(axis=0), corners.max(axis=0)
     for mesh in meshes:
         if isinstance(mesh, Instance):
-            points.append(np.stack(np.meshgrid(*np.transpose(mesh.bounds())), axis=-1).reshape(8, 3))
+            points.append(corners_of_box(mesh.bounds()))
             continue
         a, b, c = (mesh.position[mesh.triangle[:, k]].astype(np.float64) for k in range(3))
         normal = np.cross(b - a, c - a)
         normal *= -np.sign(normal @ direction)[:, None]
-        above = (normal @ corners.T).min(axis=1) - (normal * a).sum(axis=1)
-        tall = above < -FLAT * np.linalg.norm(normal, axis=1) * np.linalg.norm(corners[-1] - corners[0])
+        lowest = np.minimum(normal * low, normal * high).sum(axis=1)  # of all points within the bounds
+        above = lowest - (normal * a).sum(axis=1)
+        tall = above < -FLAT * np.linalg.norm(normal, axis=1) * np.linalg.norm(high - low)
         points.append(mesh.position[np.unique(mesh.triangle[tall])])
     found = np.concatenate(points) if points else corners
     return found if len(found) else corners
@@ -128,7 +129,7 @@ class Shadow:
         self.ctx, self.geometry, self._meshes = ctx, geometry, meshes
         sun = any(light.kind == "directional" for light in lights)
         self.size = (SUN_SIZE, SUN_SIZE) if sun else (3 * FACE_SIZE, 2 * FACE_SIZE)
-        self.corners = np.stack(np.meshgrid(*np.transpose(bounds)), axis=-1).reshape(8, 3)
+        self.corners = corners_of_box(bounds)
         self.atlas = ctx.depth_texture(self.size)
         self.atlas.compare_func = ""
         self.atlas.filter = (moderngl.NEAREST, moderngl.NEAREST)

@@ -4,6 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gsgi.runtime.instance import corners_of_box
+
 from .flags import RenderFlags
 
 TRIANGLES = 4, 5, 6  # glTF's modes: list, strip, fan
@@ -55,7 +57,7 @@ def bounds(scene) -> np.ndarray:
         pose, boxes = scene.get_pose(node), np.array([primitive.bounds for primitive in primitives(node.mesh)])
         if len(boxes):
             low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
-            box = np.stack(np.meshgrid(*np.transpose([low, high])), axis=-1).reshape(8, 3)
+            box = corners_of_box(np.stack([low, high]))
             corners.append(box @ pose[:3, :3].T + pose[:3, 3])
     if not corners:
         return np.zeros((2, 3))

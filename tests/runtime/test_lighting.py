@@ -148,7 +148,10 @@ def test_the_file_beside_the_scene_is_found_and_told(tmp_path, capsys):
     [
         ("sun = [1, 2", "expected TOML, got an error: "),
         ('name = "x"', "name: expected one of the keys env, env_rotation, "),
-        ("[sun]\nazimuth = 1", "sun: expected env, or azimuth and elevation in degrees from "),
+        (
+            "[sun]\nazimuth = 1",
+            "sun: expected env, or azimuth and elevation in degrees from -3600 to 3600, got {'azimuth': 1}",
+        ),
         ("sun = [1]", "sun: expected env, or azimuth and elevation in degrees from -3600 to 3600, got 1"),
         ("sun = [1, 91]", "sun: expected an elevation from -90 to 90 degrees, got 91"),
         ("sun = [1, nan]", "sun: expected env, or azimuth and elevation"),
