@@ -22,6 +22,7 @@ WORST = 0.01  # share of the dark points that counts
 FEWEST = 0.01  # share of a view's points that must be dark
 POINTS = 4096  # of a view, that are looked at
 PATCHES = 8  # across the reach: the edge of the patches of surface whose mean light is compared
+BELOW = 0.1  # sine of the angle below a surface from which it hides what is there, though rays start a little off it
 
 
 def reach(baked: Bake) -> float:
@@ -65,21 +66,34 @@ class Surroundings:
         from scipy.spatial import cKDTree
 
         least = np.maximum(light, UNSEEN * self.light.mean()) / DARK  # light of patches that are far brighter
-        octave = np.floor(np.log2(np.maximum(least, np.finfo(float).tiny)))
-        pairs = [np.empty((2, 0), np.int64)]
-        for each in np.unique(octave):  # few patches are brighter than most points ask for
-            asks, bright = np.flatnonzero(octave == each), np.flatnonzero(self.light >= 2.0**each)
-            near = cKDTree(self.position[bright]).query_ball_point(position[asks], self.reach)
-            found = np.concatenate([np.empty(0, np.int64), *(np.asarray(some, np.int64) for some in near)])
-            pairs.append(np.stack([np.repeat(asks, [len(some) for some in near]), bright[found]]))
-        at, patch = np.concatenate(pairs, axis=1)
-        darker = least[at] < self.light[patch]
-        at, patch = at[darker], patch[darker]
-        lifted, targets = self.triangles.lifted(position, normal), self.triangles.lifted(self.position, self.normal)
-        hidden = self.triangles.blocked(lifted[at], targets[patch])
+        octave = np.floor(np.log2(np.maximum(self.light, np.finfo(float).tiny)))
         result = np.zeros(len(position))
-        np.maximum.at(result, at[hidden], self.light[patch[hidden]])
+        for each in np.unique(octave)[::-1]:  # most points have found a patch before the many darker ones are asked
+            patches = np.flatnonzero(octave == each)
+            asks = np.flatnonzero((result == 0) & (least < self.light[patches].max()))
+            near = cKDTree(self.position[patches]).query_ball_point(position[asks], self.reach)
+            found = np.concatenate([np.empty(0, np.int64), *(np.asarray(some, np.int64) for some in near)])
+            at, patch = np.repeat(asks, [len(some) for some in near]), patches[found]
+            darker = least[at] < self.light[patch]
+            at, patch = at[darker], patch[darker]
+            hidden = self._hidden(position[at], normal[at], patch)
+            np.maximum.at(result, at[hidden], self.light[patch[hidden]])
         return result
+
+    def _hidden(self, position: np.ndarray, normal: np.ndarray, patch: np.ndarray) -> np.ndarray:
+        """Whether (P,) bool points (P, 3) with normals (P, 3) do not see a `patch` (P,) each.
+
+        Rays are cast only where the surface of neither is in the way.
+        """
+        way = self.position[patch] - position
+        below = -BELOW * np.linalg.norm(way, axis=1)
+        hidden = ((way * normal).sum(axis=1) < below) | (-(way * self.normal[patch]).sum(axis=1) < below)
+        rest = np.flatnonzero(~hidden)
+        start = self.triangles.lifted(position[rest], normal[rest])
+        hidden[rest] = self.triangles.blocked(
+            start, self.triangles.lifted(self.position[patch[rest]], self.normal[patch[rest]])
+        )
+        return hidden
 
 
 def leak(image: np.ndarray, reference: Reference, around: Surroundings) -> float | None:

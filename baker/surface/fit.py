@@ -121,12 +121,13 @@ def fit_again(
     """Fit the fine level of a scene after an edit: the Gaussians `before` it, as the samples now want them.
 
     Those that hardly any sample sees now make room for others where the light is badly fitted. A share AGAIN of the
-    schedule's steps follows. It takes too little time for a checkpoint. The rest is as in `fit_surface`.
+    schedule's steps follows, then a cut at occluders. It takes too little time for a checkpoint. The rest is as in
+    `fit_surface`.
     """
     samples = joined([surface, free])
     optimiser, occlusion = _tools(surface, free, samples, coarse, blend, schedule.budget, triangles)
     state = SurfaceState.fresh(optimiser.solve(_as_bumpy_as(samples, before)))
-    state = changed(state, schedule.budget, optimiser, surface, np.random.default_rng(schedule.seed), occlusion)
+    state = changed(state, schedule.budget, optimiser, surface, np.random.default_rng(schedule.seed))
     for iteration in range(round(AGAIN * schedule.iterations)):
         state = _stepped(state, optimiser, RATE_END, iteration, monitor)
     return finished(state.gaussians, optimiser, occlusion)

@@ -108,7 +108,8 @@ class CachedTracer:
         known: KnownLight | None = None,
     ) -> reference.Reference:  # fmt: skip
         """A square reference of `size` px, in two halves, whose paths end in `known` light."""
-        key = self.key("reference", __name__, camera=camera, size=size, samples=samples, seed=seed, known=known)
+        task = {"camera": camera, "size": size, "samples": samples, "seed": seed, "known": known and known.key}
+        key = self.key("reference", __name__, **task)
         self.references[seed] = key
         truth, found = self.once(
             key,

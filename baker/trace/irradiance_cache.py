@@ -6,9 +6,11 @@ light hardly shows, because a point sees the mean over all directions of it, ref
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
+from gsgi.baker.cache.digest import digest
 from gsgi.baker.neighbours import Neighbours
 
 from .guide import Guide
@@ -102,6 +104,11 @@ class KnownLight:
 
     a: IrradianceCache
     b: IrradianceCache
+
+    @cached_property
+    def key(self) -> str:
+        """The digest of both, for the keys of the many tasks whose paths end in them."""
+        return digest(self)
 
     @property
     def connected(self) -> bool:

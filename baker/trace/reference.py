@@ -57,10 +57,11 @@ class Reference:
     @cached_property
     def clean_halves(self) -> tuple[np.ndarray, np.ndarray]:
         """B from each half of the samples, denoised if the denoiser is installed."""
-        return self._denoised(self.indirect_a), self._denoised(self.indirect_b)
+        first = self._by_slopes[1] if denoise.available() else self.indirect_a
+        return first, self._denoised(self.indirect_b)
 
     def _denoised(self, indirect: np.ndarray) -> np.ndarray:
-        return self._denoised_by(self._by_slopes, indirect) if denoise.available() else indirect
+        return self._denoised_by(self._by_slopes[0], indirect) if denoise.available() else indirect
 
     def _denoised_by(self, slopes: bool, indirect: np.ndarray) -> np.ndarray:
         """With `slopes` the bends of normals are taken out of B, else the denoiser is told of them."""
@@ -70,20 +71,19 @@ class Reference:
         return denoise.denoise(indirect, normal, self.valid, shading - normal)
 
     @cached_property
-    def _by_slopes(self) -> bool:
-        """Whether slopes tell bends from noise, as they mostly do: then a denoised half is near the other as traced.
+    def _by_slopes(self) -> tuple[bool, np.ndarray]:
+        """Whether slopes tell bends from noise, and the first half denoised by them, or else without.
 
-        Where there is hardly any noise, as outdoors, they blur what is not in proportion to bends.
+        Mostly they do: then a denoised half is near the other as traced. Where there is hardly any noise, as outdoors,
+        they blur what is not in proportion to bends.
         """
         if not self.valid.any() or (self.surface.shading_normal == self.surface.normal).all():
-            return False
+            return False, self._denoised_by(False, self.indirect_a)
         exposure, valid = auto_exposure(self.indirect), self.valid
         other = tone_map(self.indirect_b, exposure)[valid]
-        off, off_guided = (
-            np.abs(tone_map(self._denoised_by(slopes, self.indirect_a), exposure)[valid] - other).mean()
-            for slopes in (True, False)
-        )
-        return bool(off <= SLOPES_OFF * off_guided)
+        guided, plain = (self._denoised_by(slopes, self.indirect_a) for slopes in (True, False))
+        off, off_plain = (np.abs(tone_map(half, exposure)[valid] - other).mean() for half in (guided, plain))
+        return (True, guided) if off <= SLOPES_OFF * off_plain else (False, plain)
 
 
 def primary(tracer: Tracer, surface: Surface) -> np.ndarray:

@@ -1,11 +1,15 @@
 """The parts of a scene by name, and which of them an edit has changed."""
 
+from collections import Counter
 from dataclasses import dataclass, replace
+
+import numpy as np
 
 from gsgi.baker.cache.digest import digest
 from gsgi.runtime.scene import TEXTURE_SLOTS, Material, Mesh, Scene
 
 NAMED = 4  # most names of one kind in a line
+BOXES = 16  # that lines of sight are compared with; it takes longer with more than to follow the lines again
 
 
 @dataclass(frozen=True)
@@ -13,7 +17,8 @@ class Part:
     """One part of a scene: its `kind` ("object", "material", "light", ...), its `name`, and the digest of what it is.
 
     `area` is that of an object's surfaces, m^2, and 0 for all else. `met` is the digest of what decides where rays meet
-    an object, and with which normal, and "" for all else.
+    an object, and with which normal, and "" for all else. `box` has the lowest and the highest corner of an object, m,
+    and is empty for all else.
     """
 
     kind: str
@@ -21,6 +26,7 @@ class Part:
     digest: str
     area: float = 0.0
     met: str = ""
+    box: tuple[float, ...] = ()
 
 
 def parts(scene: Scene) -> list[Part]:
@@ -61,17 +67,19 @@ def kept_share(before: list[Part], after: list[Part]) -> float:
     return sum(part.area for part in after if part.digest in known) / total if total else 0.0
 
 
-def all_met(before: list[Part], after: list[Part]) -> bool:
-    """Whether all rays meet what they did before an edit, wherever they come from."""
-    old, new = (sorted(part.met for part in parts if part.met) for parts in (before, after))
-    return old == new
+def met_anew(before: list[Part], after: list[Part]) -> np.ndarray:
+    """Boxes (B, 2, 3), m, outside of which rays meet what they did before an edit; of many, the one around them."""
+    old, new = (Counter((part.met, part.box) for part in parts if part.met) for parts in (before, after))
+    boxes = np.array([box for _, box in (*(old - new), *(new - old))]).reshape(-1, 2, 3)
+    return boxes if len(boxes) <= BOXES else np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])[None]
 
 
 def _object(mesh: Mesh, material: str, met: str) -> Part:
     """The part of a mesh; which material it has counts, but not what that is like, except for what rays have `met`."""
     shape = digest(replace(mesh, material=0, name=""))
     part = digest({"mesh": shape, "material": material})
-    return Part("object", mesh.name or material, part, float(mesh.areas().sum()), digest((shape, met)))
+    box = tuple(np.ravel(mesh.bounds()).tolist())
+    return Part("object", mesh.name or material, part, float(mesh.areas().sum()), digest((shape, met)), box)
 
 
 def _uncoloured(material: Material) -> Material:
@@ -104,4 +112,9 @@ def _listed(kind: str, names: list[str]) -> str:
 
 def as_arrays(parts: list[Part]) -> list[list]:
     """Parts as lists that JSON holds."""
-    return [[part.kind, part.name, part.digest, part.area, part.met] for part in parts]
+    return [[part.kind, part.name, part.digest, part.area, part.met, part.box] for part in parts]
+
+
+def from_arrays(arrays: list[list]) -> list[Part]:
+    """The parts that `as_arrays` took apart."""
+    return [Part(*values, tuple(box)) for *values, box in arrays]

@@ -16,7 +16,7 @@ from gsgi.runtime.files import read_file
 from gsgi.runtime.light_groups import lit_groups
 from gsgi.runtime.scene import Scene
 
-from .parts import Part, all_met, changes, kept_share, parts
+from .parts import Part, changes, kept_share, met_anew, parts
 from .record import BakeRecord, code, other_settings
 from .references import UpdatedTracer
 from .sampler import UpdatedSampler
@@ -68,8 +68,8 @@ def _updated(
     plan = Plan(scene, record.settings, triangles, tracer, *made)
     dark = [name in plan.dark for name in plan.placement.fitted]
     seen = SeenSurface(tracer, plan.cameras, dark, plan.placement.importance)
-    asked, still = (plan.settings.bounces, plan.settings.seed + 1), all_met(record.parts, now)
-    vars(plan)["sampler"] = UpdatedSampler.gathering(tracer, seen, *asked, record.samplers, tally, still)
+    asked, anew = (plan.settings.bounces, plan.settings.seed + 1), met_anew(record.parts, now)
+    vars(plan)["sampler"] = UpdatedSampler.gathering(tracer, seen, *asked, record.samplers, tally, anew)
     return plan
 
 

@@ -14,7 +14,7 @@ from gsgi.baker.trace.pilot import Pilot
 from gsgi.baker.views.cached_placement import placement_arrays, placement_of
 from gsgi.baker.views.placement import Placement
 
-from .parts import Part, as_arrays, parts
+from .parts import Part, as_arrays, from_arrays, parts
 
 if TYPE_CHECKING:
     from gsgi.baker.plan import Plan
@@ -99,7 +99,7 @@ class BakeRecord:
         gathered = LocalLight(**under("gathered."))
         return BakeRecord(
             rest["code"],
-            [Part(*part) for part in rest["parts"]],
+            from_arrays(rest["parts"]),
             _settings(rest["asked"]),
             _settings(rest["settings"]),
             placement_of(under("placement.")),

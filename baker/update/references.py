@@ -64,7 +64,7 @@ class UpdatedTracer(CachedTracer):
         if found is None:
             return super().reference(camera, size, samples, seed, advance, known)
         before, key = from_arrays(Reference, found), self._before[seed]
-        task = {"camera": camera, "size": size, "samples": samples, "seed": seed, "known": known}
+        task = {"camera": camera, "size": size, "samples": samples, "seed": seed, "known": known and known.key}
         self.references[seed] = key = self.key("reference", __name__, before=key, **task)
         sampling = Sampling(-(-samples // 2))
         truth, _ = self.once(key, Reference, lambda: self._updated(before, camera, sampling, seed, known))

@@ -15,6 +15,7 @@ from gsgi.baker.trace.irradiance_cache import KnownLight
 from gsgi.baker.trace.known_light import known_light_again
 from gsgi.baker.trace.local_light import local_light
 from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling
+from gsgi.baker.views.surface_points import crossing
 
 from .kept import REVISED, KeptChunk, kept_light
 from .references import UpdatedTracer
@@ -34,16 +35,16 @@ class UpdatedSampler:
 
     def __init__(
         self, tracer: CachedTracer, seen: SeenSurface, entries: dict[str, list[str]], sampling: Sampling, seed: int,
-        tally: Tally, still: bool = False, known: "UpdatedSampler | None" = None, mapped: bool = False,
+        tally: Tally, anew: np.ndarray, known: "UpdatedSampler | None" = None, mapped: bool = False,
     ):  # fmt: skip
         """`entries` has the keys of what the cache has of the earlier samples; `seed` and `sampling` were theirs.
 
         Paths end at the first surface whose B is `known`. B is that of mapped normals if it is `mapped`, as that of
-        the samples is and that of known light is not. What becomes of the points is counted in `tally`. `still`: the
-        edit has changed no point that a ray meets, so none is looked for again.
+        the samples is and that of known light is not. What becomes of the points is counted in `tally`. Outside the
+        boxes `anew` (B, 2, 3), m, rays meet what they did before the edit.
         """
         self._tracer, self._seen, self._before, self._sampling, self._seed = tracer, seen, entries, sampling, seed
-        self._tally, self._still, self._known, self._mapped = tally, still, known, mapped
+        self._tally, self._anew, self._known, self._mapped = tally, anew, known, mapped
         self._known_samples: SurfaceSamples | None = None
         self._known_light: KnownLight | None = None
         self.entries: dict[str, list[str]] = {}
@@ -51,19 +52,19 @@ class UpdatedSampler:
     @classmethod
     def gathering(
         cls, tracer: CachedTracer, seen: SeenSurface, bounces: int, seed: int, before: list[dict[str, list[str]]],
-        tally: Tally, still: bool = False,
+        tally: Tally, anew: np.ndarray,
     ) -> "UpdatedSampler":  # fmt: skip
         """The sampler that `Sampler.gathering` made with these bounces and seed, from the entries of its chain."""
         known = None
         for fewer, entries in zip(range(len(before) - 1, -1, -1), before, strict=True):
             sampling = Sampling(PASS_SAMPLES, bounces - fewer)
-            known = cls(tracer, seen, entries, sampling, seed + fewer, tally, still, known, mapped=not fewer)
+            known = cls(tracer, seen, entries, sampling, seed + fewer, tally, anew, known, mapped=not fewer)
         return known
 
     def lit_by(self, tracer: UpdatedTracer) -> "UpdatedSampler":
         """A sampler of the light of one light group, whose points have the same places."""
         asked = self._sampling.bounces, self._seed
-        return UpdatedSampler.gathering(tracer, self._seen, *asked, tracer.samplers, Tally(), self._still)
+        return UpdatedSampler.gathering(tracer, self._seen, *asked, tracer.samplers, Tally(), self._anew)
 
     @property
     def lights_key(self) -> str:
@@ -137,7 +138,7 @@ class UpdatedSampler:
     def _key(self, name: str) -> str:
         known = self.known_light
         seed = self._chunk_seed(name)
-        return self._tracer.key(REVISED, __name__, before=self._before[name], seed=seed, known=known)
+        return self._tracer.key(REVISED, __name__, before=self._before[name], seed=seed, known=known and known.key)
 
     def _chunk_seed(self, name: str) -> ChunkSeed:
         stage, _, number = name.partition("-")
@@ -167,17 +168,25 @@ class UpdatedSampler:
 
     def _found(self, stage: str, chunk: KeptChunk) -> tuple[Points, np.ndarray]:
         """The points that a chunk has now, and their fates so far: SAME, NEW or GONE."""
-        points = chunk.points
-        if self._still:
-            return points, np.where(chunk.lit, SAME, GONE).astype(np.uint8)
-        *there, diffuse = self._seen.behind(points.camera, points.place)
-        now = Points(*there, points.camera, points.place)
-        if stage == "surface":
-            same = np.all([getattr(now, name) == getattr(points, name) for name in WHERE], axis=(0, 2)) & chunk.lit
-            return now, np.where(diffuse, np.where(same, SAME, NEW), GONE).astype(np.uint8)
+        points, fate = chunk.points, np.where(chunk.lit, SAME, GONE).astype(np.uint8)
         eye = self._seen.eyes(points.camera)
-        covered = np.linalg.norm(now.position - eye, axis=1) < np.linalg.norm(points.position - eye, axis=1)
-        return points, np.where(diffuse & covered, GONE, np.where(chunk.lit, SAME, NEW)).astype(np.uint8)
+        at = np.flatnonzero(crossing(self._anew, eye, points.position))
+        if not len(at):
+            return points, fate
+        *there, diffuse = self._seen.behind(points.camera[at], points.place[at])
+        lit = chunk.lit[at]
+        if stage == "surface":
+            points = replace(points, **{name: getattr(points, name).copy() for name in WHERE})
+            same = lit & np.all(
+                [getattr(points, n)[at] == now for n, now in zip(WHERE, there, strict=True)], axis=(0, 2)
+            )
+            for name, now in zip(WHERE, there, strict=True):
+                getattr(points, name)[at] = now
+            fate[at] = np.where(diffuse, np.where(same, SAME, NEW), GONE)
+            return points, fate
+        away, before = (np.linalg.norm(position - eye[at], axis=1) for position in (there[0], points.position[at]))
+        fate[at] = np.where(diffuse & (away < before), GONE, np.where(lit, SAME, NEW))
+        return points, fate
 
     def _thin_share(self, chunk: KeptChunk, points: Points, thin: np.ndarray, first, level: np.ndarray) -> ThinShare:
         changes = (getattr(first, f"indirect_{h}")[thin] - getattr(chunk, f"first_{h}")[thin] for h in "ab")

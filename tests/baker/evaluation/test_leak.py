@@ -75,6 +75,27 @@ def test_too_little_light_is_no_leak():
     assert measured(np.where(X < 0, 0.0, STEP), reference(STEP), WALL) == 0
 
 
+def test_the_brightest_patch_is_that_which_rays_find():
+    rng = np.random.default_rng(1)
+    triangles = Triangles(Scene((FLOOR, WALL), (scenes.WHITE,)))
+    on_floor, on_wall = rng.uniform(-1, 1, (400, 3)) * [1, 0, 1], rng.uniform(-1, 1, (400, 3)) * [0, 1, 1]
+    on_wall[:, 1] = np.abs(on_wall[:, 1])
+    position = np.concatenate([on_floor, on_wall]).astype(np.float32)
+    normal = np.zeros_like(position)
+    normal[:400, 1], normal[400:, 0] = 1, rng.choice([-1, 1], 400)
+    light = 10 ** rng.uniform(-4, 2, 800)
+    found = Surroundings(triangles, REACH, position, normal, light).bright_side(position, normal, light)
+
+    near = np.linalg.norm(position[:, None] - position, axis=2) <= REACH
+    at, patch = np.nonzero(near & (light[:, None] < DARK * light))
+    lifted = triangles.lifted(position, normal)
+    hidden = triangles.blocked(lifted[at], lifted[patch])
+    expected = np.zeros(800)
+    np.maximum.at(expected, at[hidden], light[patch[hidden]])
+    assert np.count_nonzero(expected) > 100
+    assert np.array_equal(found, expected)
+
+
 def test_large_gaussians_reach_further_than_the_rest():
     scale = np.repeat(np.float32([[0.1, 0.02, 0.3], [0.2, 0.1, 0.1]]), [1, 999], axis=0)
     assert reach(SimpleNamespace(gaussians=SimpleNamespace(scale=scale))) == pytest.approx(0.6)

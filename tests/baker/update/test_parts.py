@@ -1,11 +1,12 @@
 """What an edit has changed, by name."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import scenes
 
-from gsgi.baker.update.parts import all_met, changes, kept_share, parts
+from gsgi.baker.update.parts import BOXES, as_arrays, changes, from_arrays, kept_share, met_anew, parts
 from gsgi.runtime.scene import Environment, Light, Material, Scene, Texture, TextureSlot
 
 SUN = Light("directional", np.ones(3), np.zeros(3), np.array([0.0, -1.0, 0.0]), name="sun")
@@ -53,7 +54,7 @@ def test_rays_meet_the_same_whatever_the_colours_and_lights():
     floor, table = scene.meshes
 
     def same(**edit) -> bool:
-        return all_met(parts(scene), parts(replace(scene, **edit)))
+        return not len(met_anew(parts(scene), parts(replace(scene, **edit))))
 
     bright = replace(BLUE, base_color=(0, 1, 0, 1), emission=(3, 3, 3), name="lamp")
     assert same(materials=(RED, bright), lights=())
@@ -62,6 +63,25 @@ def test_rays_meet_the_same_whatever_the_colours_and_lights():
     assert not same(meshes=(floor,))
     for edit in ({"base_color": (0, 0, 1, 0.5)}, {"alpha_cutoff": 0.5}, {"metallic": 1.0}, {"double_sided": True}):
         assert not same(materials=(RED, replace(BLUE, **edit)))
+
+
+def test_an_object_that_has_moved_is_met_anew_where_it_was_and_where_it_is():
+    scene = room()
+    floor, table = scene.meshes
+    there = replace(table, position=table.position + np.float32([1, 0, 0]))
+    before = from_arrays(json.loads(json.dumps(as_arrays(parts(scene)))))
+    boxes = met_anew(before, parts(replace(scene, meshes=(floor, there))))
+    assert sorted(boxes.tolist()) == sorted(np.array([table.bounds(), there.bounds()]).tolist())
+    twice = met_anew(before, parts(replace(scene, meshes=(floor, table, table))))
+    assert twice.tolist() == [np.array(table.bounds()).tolist()]
+
+
+def test_of_many_objects_one_box_is_around_all():
+    scene = room()
+    floor, table = scene.meshes
+    more = [replace(table, position=table.position + np.float32([n, 0, 0])) for n in range(1, BOXES + 2)]
+    (box,) = met_anew(parts(scene), parts(replace(scene, meshes=(floor, table, *more))))
+    assert box.tolist() == [more[0].bounds()[0].tolist(), more[-1].bounds()[1].tolist()]
 
 
 def test_a_texture_counts_by_its_pixels():

@@ -16,6 +16,7 @@ from gsgi.baker.surface.seen_surface import SeenSurface
 from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.baker.update import sampler as updating
 from gsgi.baker.update import tally
+from gsgi.baker.update.parts import met_anew, parts
 from gsgi.baker.update.sampler import UpdatedSampler
 from gsgi.baker.update.tally import Tally
 from gsgi.baker.update.thin_share import SHARE
@@ -24,6 +25,7 @@ from gsgi.runtime.scene import Material, Mesh, Scene
 
 CHUNK, BOUNCES, APART = 1 << 12, 3, 10.0
 LAYERS = 2
+EVERYWHERE = np.array([[[-100.0] * 3, [100.0] * 3]])
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -66,10 +68,10 @@ def sampler(scene: Scene, cache: Cache) -> Sampler:
 
 
 def updated(
-    scene: Scene, before: list, cache: Cache, count: Tally | None = None, still: bool = False
+    scene: Scene, before: list, cache: Cache, count: Tally | None = None, anew: np.ndarray = EVERYWHERE
 ) -> UpdatedSampler:
     light = CachedTracer(scene, cache)
-    return UpdatedSampler.gathering(light, SeenSurface(light, cameras()), BOUNCES, 0, before, count or Tally(), still)
+    return UpdatedSampler.gathering(light, SeenSurface(light, cameras()), BOUNCES, 0, before, count or Tally(), anew)
 
 
 def both(of, layers: int = LAYERS):
@@ -105,16 +107,21 @@ def test_without_an_edit_all_samples_are_kept_and_only_a_thin_share_is_traced(be
     assert not any(numbers[tally.SHIFTED :].any() for numbers in count.points.values())
 
 
-def test_where_colours_alone_have_changed_no_point_is_looked_for(tmp_path, monkeypatch):
-    first = sampler(rooms(), Cache(tmp_path / "looking"))
+@pytest.mark.parametrize("edit", [{"albedo": 0.55}, {"table": 0.2}], ids=["colours", "a table moved"])
+def test_points_are_looked_for_only_where_the_edit_may_be_met(tmp_path, monkeypatch, edit):
+    first = sampler(rooms(), Cache(tmp_path / "all"))
     both(first)
-    shutil.copytree(tmp_path / "looking", tmp_path / "still")
-    scene = rooms(albedo=0.55)
-    found = both(updated(scene, entries(first), Cache(tmp_path / "looking")))
-    monkeypatch.delattr(SeenSurface, "behind")
-    quick = both(updated(scene, entries(first), Cache(tmp_path / "still"), still=True))
+    shutil.copytree(tmp_path / "all", tmp_path / "some")
+    scene, looked = rooms(**edit), []
+    found = both(updated(scene, entries(first), Cache(tmp_path / "all")))
+    behind = SeenSurface.behind
+    monkeypatch.setattr(SeenSurface, "behind", lambda *given: looked.append(len(given[1])) or behind(*given))
+    anew = met_anew(parts(rooms()), parts(scene))
+    quick = both(updated(scene, entries(first), Cache(tmp_path / "some"), anew=anew))
     for new, old in zip(quick, found, strict=True):
         same(new, old)
+    assert sum(looked) < CHUNK  # of five chunks
+    assert bool(looked) == ("table" in edit)
 
 
 def test_a_room_that_no_path_leaves_keeps_its_bits_while_the_other_is_traced_again(before):
