@@ -8,7 +8,7 @@ import numpy as np
 
 from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling
 
-from .evaluation import bias, group_error, held_out
+from .evaluation import bias, group_error, held_out, moving
 from .evaluation.monitor import entries
 from .plan import Plan
 
@@ -85,7 +85,7 @@ class Rates:
             + compared * bias.PATHS,
             "evaluation": LEAKS * views * self.evaluated
             + own * self.prepared
-            + self.whole * len(plan.groups) * group_error.PATHS,
+            + self.whole * (moving.paths(plan) + len(plan.groups) * group_error.PATHS),
         }
 
     def fits(self, plan: Plan) -> list[float]:

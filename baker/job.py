@@ -8,7 +8,7 @@ from gsgi.runtime.file import codec
 
 from . import bake as baking
 from .deadline import Clock
-from .evaluation import bias, group_error, held_out
+from .evaluation import bias, group_error, held_out, moving
 from .evaluation.preview import Preview
 from .plan import Plan
 from .plan_table import summary
@@ -58,10 +58,12 @@ def run(
     evaluation = None
     if evaluate:
         with progress.stage("evaluation"):
-            cameras = held_out.scene_cameras(plan) | plan.placement.held_out
-            baked = codec.decode(result.data)
-            evaluation = held_out.evaluate(references, cameras, baked, of_scene, plan.triangles, found)
-            evaluation = replace(evaluation, groups=group_error.measure(plan, references | of_scene, baked))
+            cameras, baked, shown = held_out.cameras(plan), codec.decode(result.data), references | of_scene
+            evaluation = replace(
+                held_out.evaluate(references, cameras, baked, of_scene, plan.triangles, found),
+                moving=moving.measure(plan, shown, cameras, baked),
+                groups=group_error.measure(plan, shown, baked),
+            )
     stages, warnings = dict(progress.seconds), tuple(progress.warnings)
     return BakeReport(plan, result, evaluation, stages, peak_memory(), warnings, decided)
 

@@ -24,6 +24,7 @@ from .group_error import GroupError
 from .leak import Surroundings, leak, reach
 from .metrics import mean_psnr, psnr, squared_error
 from .mottle import mottle
+from .moving import MovingError
 
 if TYPE_CHECKING:
     from gsgi.baker.plan import Plan
@@ -80,7 +81,8 @@ class Evaluation:
 
     The mean PSNR is that of the mean squared error. The worst view has the lowest SSIM of the full frame. The scene's
     views were fitted, so they are no part of the mean. Mean and worst are None if there is no view that is not noisy.
-    `bias` is that of the references; None if it was not measured. `groups` are the errors of each light group alone.
+    `bias` is that of the references; None if it was not measured. `moving` is the error in free space, where things
+    move; None if it was not measured. `groups` are the errors of each light group alone.
     """
 
     views: list[ViewEvaluation]
@@ -88,6 +90,7 @@ class Evaluation:
     scene_views: list[ViewEvaluation]
     worst: ViewEvaluation | None
     bias: Bias | None = None
+    moving: MovingError | None = None
     groups: list[GroupError] = field(default_factory=list)
 
 
@@ -132,6 +135,11 @@ def views(plan: "Plan") -> list[View]:
         for cameras, first in ((plan.placement.held_out, SEED), (scene_cameras(plan), SEED + SCENE_SEED))
         for i, (name, camera) in enumerate(cameras.items())
     ]
+
+
+def cameras(plan: "Plan") -> dict[str, Camera]:
+    """The cameras of all views that references are traced of, by name."""
+    return scene_cameras(plan) | plan.placement.held_out
 
 
 def scene_cameras(plan: "Plan") -> dict[str, Camera]:

@@ -14,6 +14,12 @@ def summary(evaluation: Evaluation) -> list[str]:
     if evaluation.bias:
         found = evaluation.bias
         lines.append(f"references: {found.bias:+.2%} of whole paths' light (+- {found.standard_error:.2%})")
+    if evaluation.moving:
+        found = evaluation.moving
+        lines.append(
+            f"things that move: B is off by {found.median:.1%} RMS in most places before these views, in a tenth by "
+            f"{found.worst_tenth:.1%} or more"
+        )
     lines += [_group_line(group) for group in evaluation.groups]
     if evaluation.worst:
         worst = evaluation.worst

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from gsgi.baker.fitting.blue_noise import levelled, spacing, thin
-from gsgi.baker.trace.local_light import local_light
+from gsgi.baker.trace.local_light import LocalLight, local_light
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
 
@@ -32,18 +32,46 @@ EVERYWHERE_SCALE, EVERYWHERE_OPACITY = 1.0, 1 / 255
 OPACITY = 0.5  # of the others at the start
 SCALE_MIN = 1e-6  # m; points can coincide
 
+# Where the noise of samples is more than NOISY of the light around them, a share HELD_BACK of them tells how many
+# Gaussians it supports, after TRIED steps: half as many, as long as that raises their error by less than WORTH. Down to
+# a share FEWEST: where even all Gaussians cannot follow the light, their number hardly changes the error.
+NOISY, HELD_BACK, TRIED, WORTH, FEWEST = 0.25, 1 / 4, 12, 1.05, 1 / 4
+
 
 def coarse_level(
     samples: SurfaceSamples, count: int, blend: SurfaceBlend, seed: int, triangles: Triangles | None = None
 ) -> Gaussians:
     """Fit at most `count` Gaussians to `samples` in free space, whose normals have all directions.
 
-    With the `triangles` of the scene, Gaussians are cut where they would carry light across an occluder.
+    Where samples are noisy there may be fewer, which follow less of the noise. With the `triangles` of the scene,
+    Gaussians are cut where they would carry light across an occluder.
     """
+    count = supported(samples, count, blend, seed)
     optimiser, state = coarse_start(samples, count, blend, seed)
     for first in range(0, STEPS, SOLVE_STEPS):
         state = coarse_steps(optimiser, state, first)
     return _lit(state.gaussians, samples, optimiser, triangles, count)
+
+
+def supported(samples: SurfaceSamples, count: int, blend: SurfaceBlend, seed: int) -> int:
+    """How many of `count` Gaussians the light of noisy `samples` is worth: with more they would follow the noise."""
+    around = _around(samples)
+    if not len(samples) or np.median(around.noise / around.level) <= NOISY:
+        return count
+    held = np.random.default_rng(seed).random(len(samples)) < HELD_BACK
+
+    def error(count: int) -> float:
+        """That of so many Gaussians at the samples that are held back, free of noise."""
+        optimiser, state = coarse_start(samples[~held], count, blend, seed)
+        for first in range(0, TRIED, SOLVE_STEPS):
+            state = coarse_steps(optimiser, state, first)
+        level = optimiser.solve(state.gaussians, RIDGE)
+        return float(coarse_optimiser(samples[held], level, blend).error(level).mean())
+
+    least, fewest = error(count), max(FEWEST * count, 1)
+    while count // 2 >= fewest and (found := error(count // 2)) < WORTH * least:
+        count, least = count // 2, min(found, least)
+    return count
 
 
 def coarse_start(
@@ -88,10 +116,16 @@ def _lit(
 def coarse_optimiser(samples: SurfaceSamples, gaussians: Gaussians, blend: SurfaceBlend) -> SurfaceOptimiser:
     """The optimiser of coarse Gaussians against `samples` in free space."""
     nothing = SurfaceState.fresh(gaussians).keep(np.zeros(len(gaussians), bool)).gaussians
-    # An object moves through the light of all directions: what is around a sample does not depend on its normal.
+    return SurfaceOptimiser(samples, nothing, replace(blend, sharpness=0, floor=0.0), _around(samples))
+
+
+def _around(samples: SurfaceSamples) -> LocalLight:
+    """The light around samples in free space.
+
+    An object moves through the light of all directions: what is around a sample does not depend on its normal.
+    """
     upwards = np.tile(np.float32([0, 1, 0]), (len(samples), 1))
-    around = local_light(samples.position, upwards, samples.indirect_a, samples.indirect_b, sure=True)
-    return SurfaceOptimiser(samples, nothing, replace(blend, sharpness=0, floor=0.0), around)
+    return local_light(samples.position, upwards, samples.indirect_a, samples.indirect_b, sure=True)
 
 
 def _everywhere_again(moved: Gaussians, start: Gaussians) -> Gaussians:

@@ -4,7 +4,7 @@ from functools import partial
 
 from gsgi.baker import job
 from gsgi.baker.estimate import Rates
-from gsgi.baker.evaluation import bias, group_error, held_out
+from gsgi.baker.evaluation import bias, group_error, held_out, moving
 from gsgi.baker.plan import Plan
 from gsgi.baker.progress import Progress
 from gsgi.runtime.errors import UsageError
@@ -44,6 +44,8 @@ def _references(plan: Plan) -> list[Task]:
     if gathers:
         compare = partial(job.trace_references, plan)
         traced.append(Task("bias", "references", keys(traced), compare, bias.PATHS, True))
+    if paths := moving.paths(plan):
+        traced.append(Task("moving", "references", keys(traced), partial(_trace_moving, plan), paths, True))
     return [*traced, *_group_references(plan, keys(traced))]
 
 
@@ -60,6 +62,11 @@ def _trace_reference(plan: Plan, view: held_out.View, progress: Progress) -> Non
     known = held_out.known_light(plan, progress)
     with progress.stage("references", 2 * held_out.SIZE**2, "points") as advance:
         held_out.reference(plan, view, known, advance)
+
+
+def _trace_moving(plan: Plan, progress: Progress) -> None:
+    references, of_scene, _ = job.trace_references(plan, progress)
+    moving.trace(plan, references | of_scene, held_out.cameras(plan))
 
 
 def _trace_alone(plan: Plan, name: str, progress: Progress) -> None:

@@ -11,7 +11,7 @@ from gsgi.baker import estimate as estimating
 from gsgi.baker import job
 from gsgi.baker.cache.store import Cache
 from gsgi.baker.estimate import Rates, estimate
-from gsgi.baker.evaluation import bias, held_out
+from gsgi.baker.evaluation import bias, held_out, moving
 from gsgi.baker.plan import Plan, make_plan
 from gsgi.baker.plan_table import decisions
 from gsgi.baker.progress import Progress
@@ -83,7 +83,7 @@ def test_a_bake_traces_the_paths_that_were_announced(closed, traced, guiding, mo
     report = job.run(plan, Progress(), lambda data, count: None).as_dict()
     paths = sum(paths for stage, paths in announced.items() if stage not in {"fit", "evaluation"})
     assert sum(guiding) == plan.guide_paths
-    assert sum(traced) + plan.guide_paths == paths
+    assert sum(traced) + plan.guide_paths == paths + moving.paths(plan)
     assert report["paths"] + plan.guide_paths == announced["irradiance"] + announced.get("known light", 0)
     traced.clear()
     job.run(replace(plan), Progress(), lambda data, count: None, evaluate=False)
@@ -142,7 +142,7 @@ def test_what_was_timed_for_one_bake_tells_of_others(closed):
     assert before["fit"] == pytest.approx(4 * steps + looks * (3 + 4 * 5))
     assert after["fit"] == pytest.approx(8 * steps + looks * (3 + 8 * 5))
     own = len(held_out.scene_cameras(closed))  # those held out have been prepared for the fit
-    assert before["evaluation"] == pytest.approx(estimating.LEAKS * 7 * (looks + own) + 3 * own)
+    assert before["evaluation"] == pytest.approx(estimating.LEAKS * 7 * (looks + own) + 3 * own + moving.PATHS)
     unseen = replace(rates, shown=0.25).seconds(closed)
     whole = 1.0 * bias.PATHS if held_out.gathers(closed) else 0.0
     assert unseen["references"] - whole == pytest.approx((before["references"] - whole) / 4)

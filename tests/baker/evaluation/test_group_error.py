@@ -100,7 +100,7 @@ def test_the_walls_of_a_furnace_are_a_group():
 
 def test_the_log_has_a_line_for_each():
     found = [GroupError("lamps", 0.031, 0.042), GroupError("day", None, None)]
-    assert summary(Evaluation([], None, [], None, None, found)) == [
+    assert summary(Evaluation([], None, [], None, groups=found)) == [
         "light group lamps alone: B is off by 3.1% RMS, at most by 4.2%",
         "light group day: it lights none of these views",
     ]

@@ -5,7 +5,7 @@ import pytest
 from surface_cases import FIELDS, gaussians, samples_of
 
 from gsgi.baker.over.rasterise import set_thread_count
-from gsgi.baker.surface.coarse import coarse_level
+from gsgi.baker.surface.coarse import SOLVE_STEPS, STEPS, coarse_level, coarse_start, coarse_steps, supported
 from gsgi.baker.surface.lookup import look_up
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
 
@@ -61,6 +61,30 @@ def test_noise_averages_out():
     difference = (noisy - clean) / clean
     assert np.sqrt(np.mean(difference**2)) < 0.08
     assert abs(difference.mean()) < 0.01  # bright noise must not count less than dark noise
+
+
+def test_noisy_samples_support_fewer_gaussians_and_those_are_nearer_to_the_light():
+    points = free_points(20_000)
+    clean, noisy = (samples_of(linear(*points), *points, noise) for noise in (0.0, 2.0))
+    assert supported(clean, 400, BLEND, 3) == 400
+    fewer = supported(noisy, 400, BLEND, 3)
+    assert 1 <= fewer <= 200
+    position, normal = free_points(4000, seed=1)
+    expected = linear(position, normal)
+
+    def error(count: int) -> float:
+        optimiser, state = coarse_start(noisy, count, BLEND, 3)
+        for first in range(0, STEPS, SOLVE_STEPS):
+            state = coarse_steps(optimiser, state, first)
+        return np.sqrt(np.mean((light_of(optimiser.solve(state.gaussians), position, normal) / expected - 1) ** 2))
+
+    assert error(fewer) < 0.8 * error(400)
+
+
+def test_noisy_samples_of_light_with_detail_support_as_many_as_it_takes():
+    points = free_points(60_000)
+    stripes = np.where(np.floor(points[0][:, :1] * 1.5) % 2, 10.0, 0.1) * np.ones(3)
+    assert supported(samples_of(stripes, *points, 0.6), 400, BLEND, 3) == 400
 
 
 def test_dark_places_count_as_much_as_bright_ones():

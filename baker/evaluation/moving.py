@@ -1,0 +1,94 @@
+"""How far the light of things that move is from path tracing, measured in the free space that views look through."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gsgi.baker.surface.seen_surface import FREE
+from gsgi.baker.trace.local_light import Blocks
+from gsgi.baker.trace.reference import Reference
+from gsgi.baker.trace.tracer import Sampling
+from gsgi.runtime.camera import Camera
+from gsgi.runtime.gaussians import Bake, SurfaceBlend
+from gsgi.runtime.sampling import sample
+
+if TYPE_CHECKING:
+    from gsgi.baker.plan import Plan
+
+POINTS = 1 << 11  # on the lines of sight of all references
+SAMPLES = 256  # whole paths at each of them, in each of two halves; with a quarter, their noise showed as error
+PATHS = 2 * POINTS * SAMPLES
+SEED = 5000  # from a bake's seed to that of these paths
+WORST = 0.1  # share of the places at which the error is at least `worst_tenth`
+
+
+@dataclass(frozen=True)
+class MovingError:
+    """The RMS error of B over all normals, relative to its mean around a place in free space.
+
+    It is the `median` over places, and the error that a tenth of them have or exceed.
+    """
+
+    median: float
+    worst_tenth: float
+
+
+def measure(
+    plan: "Plan", references: Mapping[str, Reference], cameras: Mapping[str, Camera], baked: Bake
+) -> MovingError | None:
+    """Compare a bake with whole paths from points before the references' surfaces; None if no B is seen there.
+
+    `cameras` holds those of the references by name. After an edit and with `over` it is None too: an update saves the
+    paths, and `over` has no light for moving things.
+    """
+    points = _points(plan, references, cameras)
+    if points is None:
+        return None
+    return _error(sample(baked, *points, free=True), *_traced(plan, *points), Blocks.of(*points))
+
+
+def trace(plan: "Plan", references: Mapping[str, Reference], cameras: Mapping[str, Camera]) -> None:
+    """Trace what `measure` compares a bake with, so that it is in the plan's cache."""
+    if (points := _points(plan, references, cameras)) is not None:
+        _traced(plan, *points)
+
+
+def paths(plan: "Plan") -> int:
+    """Paths that `trace` traces."""
+    return PATHS if isinstance(plan.blend, SurfaceBlend) and plan.start is None else 0
+
+
+def _traced(plan: "Plan", position: np.ndarray, normal: np.ndarray) -> list[np.ndarray]:
+    """Two halves (P, 3) of B, by whole paths."""
+    seed = plan.settings.seed + SEED
+    return [plan.tracer.at_points(position, normal, Sampling(SAMPLES), half).mean for half in (seed, seed + 1)]
+
+
+def _points(
+    plan: "Plan", references: Mapping[str, Reference], cameras: Mapping[str, Camera]
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Positions (P, 3), m, on lines of sight to pixels of the references, and random unit normals (P, 3), float32."""
+    seen = {name: reference for name, reference in references.items() if reference.indirect.any()}
+    if not (seen and paths(plan)):
+        return None
+    rng, count, parts = np.random.default_rng(plan.settings.seed + SEED), -(-POINTS // len(seen)), []
+    for name, reference in seen.items():
+        surface = reference.surface.position[reference.valid]
+        end, eye = surface[rng.integers(len(surface), size=count)], cameras[name].position
+        parts.append(eye + rng.uniform(*FREE, (count, 1)) * (end - eye))
+    normal = rng.normal(size=(POINTS, 3))
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    return np.concatenate(parts)[:POINTS].astype(np.float32), normal.astype(np.float32)
+
+
+def _error(light: np.ndarray, a: np.ndarray, b: np.ndarray, blocks: Blocks) -> MovingError:
+    """The error of `light` (P, 3), of which `a` and `b` are two halves of the truth, in `blocks` of neighbours.
+
+    Products of differences to independent halves are free of their noise.
+    """
+    squared = ((light - a).astype(np.float64) * (light - b)).mean(axis=1) / np.square(blocks.light(a, b).level)
+    (around,) = blocks.means(squared)
+    places = np.sqrt(np.maximum(around, 0))
+    return MovingError(float(np.median(places)), float(np.quantile(places, 1 - WORST)))
