@@ -165,18 +165,20 @@ def _pairs(surfaces: "Surfaces | _Bare", step: np.ndarray, reach: np.ndarray) ->
     more = MORE_PROBES * area / max(area.sum(), np.finfo(float).tiny)
     probed = np.repeat(np.arange(len(step)), np.where(area > 0, PROBES + more.astype(np.int64), 0))
     rng = np.random.default_rng(0)
-    vertices, numbers = on_device(mi.Float, surfaces.position), on_device(mi.UInt32, surfaces.triangle)
-    normals, off = on_device(mi.Float, normal), on_device(mi.Float, reach)
     for first in range(0, len(probed), AT_ONCE):
         at = probed[first : first + AT_ONCE]
-        own = on_device(mi.UInt32, at)
-        a, b, c = (dr.gather(mi.Point3f, vertices, dr.gather(mi.UInt32, numbers, 3 * own + k)) for k in range(3))
-        uv = rng.random((2, len(at)), np.float32)
-        u, v = (on_device(mi.Float, column) for column in np.where(uv.sum(axis=0) > 1, 1 - uv, uv))
-        point = a + u * (b - a) + v * (c - a)
-        up, away = dr.gather(mi.Vector3f, normals, own), dr.gather(mi.Float, off, own)
+        a, b, c = (surfaces.position[corner] for corner in surfaces.triangle[at].T)
+        u, v, w = rng.dirichlet((1, 1, 1), len(at)).T[..., None]
+        point = a * u + b * v + c * w
         for side in (1, -1):
-            ray = mi.Ray3f(point + side * away * up, -side * up, 2 * away, 0.0, mi.Color0f())
+            away = side * normal[at]
+            ray = mi.Ray3f(
+                mi.Point3f((point + away * reach[at, None]).T),
+                mi.Vector3f(-away.T),
+                on_device(mi.Float, 2 * reach[at]),
+                0.0,
+                mi.Color0f(),
+            )
             found = moved.ray_intersect_preliminary(ray)
             dr.eval(found)
             valid, that = np.array(found.is_valid()).astype(bool), np.array(found.prim_index)
