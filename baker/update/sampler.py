@@ -170,7 +170,8 @@ class UpdatedSampler:
         """The points that a chunk has now, and their fates so far: SAME, NEW or GONE."""
         points, fate = chunk.points, np.where(chunk.lit, SAME, GONE).astype(np.uint8)
         eye = self._seen.eyes(points.camera)
-        at = np.flatnonzero(crossing(self._anew, eye, points.position))
+        # Where nothing was seen there is no line to compare, and what has come may be seen there now.
+        at = np.flatnonzero(crossing(self._anew, eye, points.position) | (len(self._anew) > 0) & ~chunk.lit)
         if not len(at):
             return points, fate
         *there, diffuse = self._seen.behind(points.camera[at], points.place[at])
