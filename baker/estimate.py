@@ -18,7 +18,6 @@ FEW = 32  # px, edge of a view that is evaluated once so that later ones find al
 LOOKING = 16  # views in which surfaces are found
 # Work on what views show, relative to finding it there: before the known light, and before the samples.
 BEFORE_KNOWN, BEFORE_SAMPLES = 2.5, 1.0
-LEAKS = 1.3  # an evaluation that looks for leaks, relative to one in grey light, where nothing is dark
 
 
 def estimate(plan: Plan) -> dict[str, float]:
@@ -83,7 +82,7 @@ class Rates:
             "fit": fit + looks * len(plan.placement.held_out),
             "references": each * self.shown * held_out.points(plan) * held_out.samples(plan) / 2
             + compared * bias.PATHS,
-            "evaluation": LEAKS * views * self.evaluated
+            "evaluation": views * self.evaluated
             + own * self.prepared
             + self.whole * (moving.paths(plan) + len(plan.groups) * group_error.PATHS),
         }

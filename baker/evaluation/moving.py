@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gsgi.baker.surface.seen_surface import FREE
-from gsgi.baker.trace.local_light import Blocks
+from gsgi.baker.trace.local_light import free_blocks
 from gsgi.baker.trace.reference import Reference
 from gsgi.baker.trace.tracer import Sampling
+from gsgi.baker.views.surface_points import in_box
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.gaussians import Bake, SurfaceBlend
 from gsgi.runtime.sampling import sample
@@ -18,7 +19,8 @@ if TYPE_CHECKING:
     from gsgi.baker.plan import Plan
 
 POINTS = 1 << 11  # on the lines of sight of all references
-SAMPLES = 256  # whole paths at each of them, in each of two halves; with a quarter, their noise showed as error
+SAMPLES = 256  # whole paths at each of them, in each of two halves
+PLACE = 4  # blocks of neighbours: what is left of the halves' noise shows where the light is right, the less the larger
 PATHS = 2 * POINTS * SAMPLES
 SEED = 5000  # from a bake's seed to that of these paths
 WORST = 0.1  # share of the places at which the error is at least `worst_tenth`
@@ -28,7 +30,8 @@ WORST = 0.1  # share of the places at which the error is at least `worst_tenth`
 class MovingError:
     """The RMS error of B over all normals, relative to its mean around a place in free space.
 
-    It is the `median` over places, and the error that a tenth of them have or exceed.
+    It is the `median` over places, and the error that a tenth of them have or exceed. Where paths are so noisy that two
+    halves of them differ by a share of the light, up to a seventh of that share is noise.
     """
 
     median: float
@@ -46,7 +49,7 @@ def measure(
     points = _points(plan, references, cameras)
     if points is None:
         return None
-    return _error(sample(baked, *points, free=True), *_traced(plan, *points), Blocks.of(*points))
+    return _error(points[0], sample(baked, *points, free=True), *_traced(plan, *points))
 
 
 def trace(plan: "Plan", references: Mapping[str, Reference], cameras: Mapping[str, Camera]) -> None:
@@ -78,17 +81,22 @@ def _points(
         surface = reference.surface.position[reference.valid]
         end, eye = surface[rng.integers(len(surface), size=count)], cameras[name].position
         parts.append(eye + rng.uniform(*FREE, (count, 1)) * (end - eye))
-    normal = rng.normal(size=(POINTS, 3))
+    position, box = np.concatenate(parts)[:POINTS], plan.triangles.box
+    normal = rng.normal(size=position.shape)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    return np.concatenate(parts)[:POINTS].astype(np.float32), normal.astype(np.float32)
+    inside = np.ones(len(position), bool) if box is None else in_box(box, position)
+    return (position[inside].astype(np.float32), normal[inside].astype(np.float32)) if inside.any() else None
 
 
-def _error(light: np.ndarray, a: np.ndarray, b: np.ndarray, blocks: Blocks) -> MovingError:
-    """The error of `light` (P, 3), of which `a` and `b` are two halves of the truth, in `blocks` of neighbours.
+def _error(position: np.ndarray, light: np.ndarray, a: np.ndarray, b: np.ndarray) -> MovingError:
+    """The error of `light` (P, 3) at points (P, 3), of which `a` and `b` are two halves of the truth.
 
-    Products of differences to independent halves are free of their noise.
+    Products of differences to independent halves are free of their noise in the mean.
     """
-    squared = ((light - a).astype(np.float64) * (light - b)).mean(axis=1) / np.square(blocks.light(a, b).level)
-    (around,) = blocks.means(squared)
+    blocks = free_blocks(position)
+    level = blocks.light(a, b, sure=True).level
+    squared = ((light - a).astype(np.float64) * (light - b)).mean(axis=1) / np.square(level)
+    place = blocks.number // PLACE
+    around = np.bincount(place, squared) / np.bincount(place)
     places = np.sqrt(np.maximum(around, 0))
     return MovingError(float(np.median(places)), float(np.quantile(places, 1 - WORST)))

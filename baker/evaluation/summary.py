@@ -17,8 +17,8 @@ def summary(evaluation: Evaluation) -> list[str]:
     if evaluation.moving:
         found = evaluation.moving
         lines.append(
-            f"things that move: B is off by {found.median:.1%} RMS in most places before these views, in a tenth by "
-            f"{found.worst_tenth:.1%} or more"
+            f"things that move: B is off by {found.median:.1%} RMS or less in half of the places before these views, "
+            f"and by {found.worst_tenth:.1%} or more in a tenth"
         )
     lines += [_group_line(group) for group in evaluation.groups]
     if evaluation.worst:

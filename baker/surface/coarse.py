@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from gsgi.baker.fitting.blue_noise import levelled, spacing, thin
-from gsgi.baker.trace.local_light import LocalLight, local_light
+from gsgi.baker.trace.local_light import LocalLight, free_blocks
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
 
@@ -56,7 +56,7 @@ def coarse_level(
 def supported(samples: SurfaceSamples, count: int, blend: SurfaceBlend, seed: int) -> int:
     """How many of `count` Gaussians the light of noisy `samples` is worth: with more they would follow the noise."""
     around = _around(samples)
-    if not len(samples) or np.median(around.noise / around.level) <= NOISY:
+    if len(samples) <= count or np.median(around.noise / around.level) <= NOISY:
         return count
     held = np.random.default_rng(seed).random(len(samples)) < HELD_BACK
 
@@ -120,12 +120,8 @@ def coarse_optimiser(samples: SurfaceSamples, gaussians: Gaussians, blend: Surfa
 
 
 def _around(samples: SurfaceSamples) -> LocalLight:
-    """The light around samples in free space.
-
-    An object moves through the light of all directions: what is around a sample does not depend on its normal.
-    """
-    upwards = np.tile(np.float32([0, 1, 0]), (len(samples), 1))
-    return local_light(samples.position, upwards, samples.indirect_a, samples.indirect_b, sure=True)
+    """The light around samples in free space."""
+    return free_blocks(samples.position).light(samples.indirect_a, samples.indirect_b, sure=True)
 
 
 def _everywhere_again(moved: Gaussians, start: Gaussians) -> Gaussians:

@@ -44,9 +44,10 @@ def _references(plan: Plan) -> list[Task]:
     if gathers:
         compare = partial(job.trace_references, plan)
         traced.append(Task("bias", "references", keys(traced), compare, bias.PATHS, True))
-    if paths := moving.paths(plan):
-        traced.append(Task("moving", "references", keys(traced), partial(_trace_moving, plan), paths, True))
-    return [*traced, *_group_references(plan, keys(traced))]
+    before, most = keys(traced), moving.paths(plan)
+    if most:
+        traced.append(Task("moving", "references", before, partial(_trace_moving, plan), most, True))
+    return [*traced, *_group_references(plan, before)]
 
 
 def _group_references(plan: Plan, before: tuple[str, ...]) -> list[Task]:

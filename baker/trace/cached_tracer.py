@@ -43,6 +43,11 @@ class TracedView:
     invalid: int
 
 
+def reference_task(camera: Camera, size: int, samples: int, seed: int, known: KnownLight | None) -> dict:
+    """What decides a reference, beside the scene, for its key."""
+    return {"camera": camera, "size": size, "samples": samples, "seed": seed, "known": known and known.key}
+
+
 class CachedTracer:
     """Traces the light of `scene`, each task once. Mitsuba starts at the first task that is not in `cache`."""
 
@@ -108,8 +113,7 @@ class CachedTracer:
         known: KnownLight | None = None,
     ) -> reference.Reference:  # fmt: skip
         """A square reference of `size` px, in two halves, whose paths end in `known` light."""
-        task = {"camera": camera, "size": size, "samples": samples, "seed": seed, "known": known and known.key}
-        key = self.key("reference", __name__, **task)
+        key = self.key("reference", __name__, **reference_task(camera, size, samples, seed, known))
         self.references[seed] = key
         truth, found = self.once(
             key,

@@ -114,6 +114,11 @@ def local_light(
     return Blocks.of(position, normal).light(a, b, sure)
 
 
+def free_blocks(position: np.ndarray) -> Blocks:
+    """Blocks of neighbours (S, 3), m, whatever their normals: things in free space move through light of all sides."""
+    return Blocks.of(position, np.tile(np.float32([0, 1, 0]), (len(position), 1)))
+
+
 def nearby_light(position: np.ndarray, light: np.ndarray) -> np.ndarray:
     """The mean of `light` (S,) near points (S, 3), m, whichever way they face and whatever is between; (S,) float32."""
     if not len(position):

@@ -57,11 +57,12 @@ class Reference:
     @cached_property
     def clean_halves(self) -> tuple[np.ndarray, np.ndarray]:
         """B from each half of the samples, denoised if the denoiser is installed."""
-        first = self._by_slopes[1] if denoise.available() else self.indirect_a
+        bent = denoise.available() and self._bent
+        first = self._first_halves[self._by_slopes] if bent else self._denoised(self.indirect_a)
         return first, self._denoised(self.indirect_b)
 
     def _denoised(self, indirect: np.ndarray) -> np.ndarray:
-        return self._denoised_by(self._by_slopes[0], indirect) if denoise.available() else indirect
+        return self._denoised_by(self._by_slopes, indirect) if denoise.available() else indirect
 
     def _denoised_by(self, slopes: bool, indirect: np.ndarray) -> np.ndarray:
         """With `slopes` the bends of normals are taken out of B, else the denoiser is told of them."""
@@ -70,20 +71,28 @@ class Reference:
             return denoise.denoise(indirect, shading, self.valid)
         return denoise.denoise(indirect, normal, self.valid, shading - normal)
 
-    @cached_property
-    def _by_slopes(self) -> tuple[bool, np.ndarray]:
-        """Whether slopes tell bends from noise, and the first half denoised by them, or else without.
+    @property
+    def _bent(self) -> bool:
+        """Whether there is B at normals that a normal map bends."""
+        return bool(self.valid.any()) and not (self.surface.shading_normal == self.surface.normal).all()
 
-        Mostly they do: then a denoised half is near the other as traced. Where there is hardly any noise, as outdoors,
-        they blur what is not in proportion to bends.
+    @cached_property
+    def _first_halves(self) -> tuple[np.ndarray, np.ndarray]:
+        """The first half, denoised without slopes and with them."""
+        return self._denoised_by(False, self.indirect_a), self._denoised_by(True, self.indirect_a)
+
+    @cached_property
+    def _by_slopes(self) -> bool:
+        """Whether slopes tell bends from noise, as they mostly do: then a denoised half is near the other as traced.
+
+        Where there is hardly any noise, as outdoors, they blur what is not in proportion to bends.
         """
-        if not self.valid.any() or (self.surface.shading_normal == self.surface.normal).all():
-            return False, self._denoised_by(False, self.indirect_a)
+        if not self._bent:
+            return False
         exposure, valid = auto_exposure(self.indirect), self.valid
         other = tone_map(self.indirect_b, exposure)[valid]
-        guided, plain = (self._denoised_by(slopes, self.indirect_a) for slopes in (True, False))
-        off, off_plain = (np.abs(tone_map(half, exposure)[valid] - other).mean() for half in (guided, plain))
-        return (True, guided) if off <= SLOPES_OFF * off_plain else (False, plain)
+        off, off_by_slopes = (np.abs(tone_map(half, exposure)[valid] - other).mean() for half in self._first_halves)
+        return bool(off_by_slopes <= SLOPES_OFF * off)
 
 
 def primary(tracer: Tracer, surface: Surface) -> np.ndarray:

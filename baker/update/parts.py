@@ -68,7 +68,7 @@ def kept_share(before: list[Part], after: list[Part]) -> float:
 
 
 def met_anew(before: list[Part], after: list[Part]) -> np.ndarray:
-    """Boxes (B, 2, 3), m, outside of which rays meet what they did before an edit; of many, the one around them."""
+    """Boxes (B, 2, 3), m, around what rays do not meet as before an edit; of many, the one around them."""
     old, new = (Counter((part.met, part.box) for part in parts if part.met) for parts in (before, after))
     boxes = np.array([box for _, box in (*(old - new), *(new - old))]).reshape(-1, 2, 3)
     return boxes if len(boxes) <= BOXES else np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])[None]
@@ -116,5 +116,5 @@ def as_arrays(parts: list[Part]) -> list[list]:
 
 
 def from_arrays(arrays: list[list]) -> list[Part]:
-    """The parts that `as_arrays` took apart."""
-    return [Part(*values, tuple(box)) for *values, box in arrays]
+    """The parts that `as_arrays` took apart. Older versions wrote less of each."""
+    return [Part(*values[:5], *map(tuple, values[5:])) for values in arrays]

@@ -7,7 +7,7 @@ import numpy as np
 from gsgi.baker.cache.records import from_arrays
 from gsgi.baker.cache.store import Cache
 from gsgi.baker.trace import reference
-from gsgi.baker.trace.cached_tracer import CachedTracer
+from gsgi.baker.trace.cached_tracer import CachedTracer, reference_task
 from gsgi.baker.trace.irradiance_cache import KnownLight
 from gsgi.baker.trace.local_light import local_light
 from gsgi.baker.trace.reference import Reference
@@ -64,7 +64,7 @@ class UpdatedTracer(CachedTracer):
         if found is None:
             return super().reference(camera, size, samples, seed, advance, known)
         before, key = from_arrays(Reference, found), self._before[seed]
-        task = {"camera": camera, "size": size, "samples": samples, "seed": seed, "known": known and known.key}
+        task = reference_task(camera, size, samples, seed, known)
         self.references[seed] = key = self.key("reference", __name__, before=key, **task)
         sampling = Sampling(-(-samples // 2))
         truth, _ = self.once(key, Reference, lambda: self._updated(before, camera, sampling, seed, known))

@@ -19,7 +19,7 @@ from .clipping import areas, clipped
 OVERSAMPLING = 5
 LEAST = 1e-9  # m, by which points are at least lifted off their surface
 SIZE_MAX = 1e9  # m; from ten times this on, squares of areas leave the range of single precision
-NEARLY = 2.0**-16  # of a segment's length: so near to a box it may meet what is in it
+NEARLY = 2.0**-16  # of a segment's length and a box's coordinates: so near to a box it may meet what is in it
 COARSEST = 1 / 200  # of the diagonal: how far apart the positions of float32 may lie; light was right up to half of it
 
 NO_SURFACE = "the scene has no surface: every triangle has area 0"
@@ -251,7 +251,7 @@ def crossing(boxes: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarra
     """Whether (N,) bool segments from `start` (N, 3) to `end` (N, 3) meet one of the boxes (B, 2, 3), or nearly so."""
     way = (end - start).astype(np.float64)
     way[way == 0] = np.finfo(np.float32).tiny
-    slack = NEARLY * np.abs(way).max(axis=1, keepdims=True)
+    slack = NEARLY * (np.abs(way).max(axis=1, keepdims=True) + np.abs(boxes).max(initial=0))
     crosses = np.zeros(len(start), bool)
     for low, high in boxes:
         ends = (low - slack - start) / way, (high + slack - start) / way

@@ -142,7 +142,7 @@ def test_what_was_timed_for_one_bake_tells_of_others(closed):
     assert before["fit"] == pytest.approx(4 * steps + looks * (3 + 4 * 5))
     assert after["fit"] == pytest.approx(8 * steps + looks * (3 + 8 * 5))
     own = len(held_out.scene_cameras(closed))  # those held out have been prepared for the fit
-    assert before["evaluation"] == pytest.approx(estimating.LEAKS * 7 * (looks + own) + 3 * own + moving.PATHS)
+    assert before["evaluation"] == pytest.approx(7 * (looks + own) + 3 * own + moving.PATHS)
     unseen = replace(rates, shown=0.25).seconds(closed)
     whole = 1.0 * bias.PATHS if held_out.gathers(closed) else 0.0
     assert unseen["references"] - whole == pytest.approx((before["references"] - whole) / 4)

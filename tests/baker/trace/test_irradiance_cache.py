@@ -108,6 +108,15 @@ def test_the_foot_of_a_thin_wall_stays_dark(monkeypatch):
     assert at_the_foot(through) > 10 * afar > 0
 
 
+def test_light_that_is_equal_has_the_same_key():
+    position, normal = points(5000)
+    light = np.ones_like(position)
+    one, same, other = (
+        IrradianceCache.halves(position, normal, light, b) for b in (light, light.copy(), np.nextafter(light, 2))
+    )
+    assert one.key == same.key != other.key
+
+
 def test_without_samples_nothing_is_known():
     none = np.empty((0, 3), np.float32)
     cache = IrradianceCache.halves(none, none, none, none).a

@@ -76,6 +76,11 @@ def test_an_object_that_has_moved_is_met_anew_where_it_was_and_where_it_is():
     assert twice.tolist() == [np.array(table.bounds()).tolist()]
 
 
+def test_parts_that_older_versions_wrote_are_read():
+    whole = as_arrays(parts(room()))
+    assert [part.name for part in from_arrays([values[:4] for values in whole])] == [values[1] for values in whole]
+
+
 def test_of_many_objects_one_box_is_around_all():
     scene = room()
     floor, table = scene.meshes

@@ -125,6 +125,21 @@ def test_points_are_looked_for_only_where_the_edit_may_be_met(tmp_path, monkeypa
     assert bool(looked) == ("table" in edit)
 
 
+def test_what_has_gone_and_come_back_is_seen_again(tmp_path):
+    """The walls of one room: without them nothing is seen where they were."""
+    cache, whole = Cache(tmp_path), rooms()
+    less = replace(whole, meshes=tuple(mesh for mesh in whole.meshes if mesh.bounds()[0][0] < APART / 2))
+    first = sampler(whole, cache)
+    both(first)
+    made = entries(first)
+    for before, after, there in ((whole, less, False), (less, whole, True)):
+        update = updated(after, made, cache, anew=met_anew(parts(before), parts(after)))
+        surface, _ = both(update)
+        assert (surface.position[:, 0] > APART / 2).any() == there
+        made = entries(update)
+    assert 0.3 < (surface.position[:, 0] > APART / 2).mean() < 0.7
+
+
 def test_points_without_light_are_looked_for_wherever_an_edit_is(before):
     cache, _, there = before
     chunk = KeptChunk.found(cache, there[-1]["surface-0"])
