@@ -47,4 +47,5 @@ def row(path: Path) -> dict:
         "peak_GB": round(report["peak_memory"] / 1e9, 2),
         **{f"ssim_{name}": round(score, 4) for name, score in scores.items()},
         "ceiling_B": round(mean["indirect"]["ssim_ceiling"], 4),
+        "moving": ", ".join(f"{share:.3f}" for share in report["held_out"]["moving"].values()),
     }
