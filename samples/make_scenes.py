@@ -374,6 +374,38 @@ def chapel() -> Glb:
     return glb
 
 
+def conservatory() -> Glb:
+    """A room of 6 x 2.8 x 4 m whose front is twelve clear panes in frames, in the sun, which shines through them."""
+    glb = Glb()
+    plaster, tile = glb.material("plaster", (0.75, 0.72, 0.68)), glb.material("tile", (0.55, 0.35, 0.28))
+    wood, frame = glb.material("wood", (0.45, 0.28, 0.15)), glb.material("frame", (0.1, 0.12, 0.1))
+    grass, sofa = glb.material("grass", (0.15, 0.3, 0.08)), glb.material("sofa", (0.5, 0.1, 0.1))
+    glass = glb.material("glass", (0.95, 0.97, 0.96), doubleSided=True, **glb.transmission(0.92))
+    height, sides, depth = 2.8, (-3, 3), (-4, 0)
+    walls = wall(-3, depth, height, 0) + wall(3, depth, height, 0) + wall(-4, sides, height, 0, axis="z")
+    glb.solid("walls", [*walls, level(sides, depth, height, down=True)], plaster)
+    glb.solid("floor", [level(sides, depth, 0)], tile)
+    glb.solid("roof", box((-3.2, height + 0.02, -4.2), (3.2, height + 0.2, 0.3)), plaster)
+    bars = [side for x in range(-3, 4) for side in box((x - 0.04, 0, -0.04), (x + 0.04, height, 0.04))]
+    bars += [side for y in (0.02, 1.4, 2.74) for side in box((-3, y, -0.035), (3, y + 0.06, 0.035))]
+    glb.solid("frames", bars, frame)
+    panes = [
+        np.array([(x + 0.04, low, 0), (x + 0.96, low, 0), (x + 0.96, high, 0), (x + 0.04, high, 0)], float)
+        for x in range(-3, 3)
+        for low, high in ((0.08, 1.4), (1.46, 2.74))
+    ]
+    glb.solid("panes", panes, glass)
+    glb.solid("lawn", [level((-30, 30), (0.05, 40), -0.05)], grass)
+    glb.solid("table", table(0.6, -1.6), wood)
+    glb.solid("sofa", box((-2.6, 0.05, -3.4), (-0.8, 0.45, -2.5)) + box((-2.6, 0.46, -3.4), (-0.8, 0.9, -3.1)), sofa)
+    glb.solid("bowl", ball((0.6, 0.9, -1.6), 0.15), plaster)
+    over_the_lawn = (-0.3840199, 0.2227253, 0.096005, 0.8909013)
+    glb.light("sun", [0, 10, 10], over_the_lawn, type="directional", color=[1, 0.95, 0.85], intensity=3.5)
+    glb.camera("inside", (2.6, 1.6, -0.4), (-1.5, 0.7, -3.2), 1.1)
+    glb.camera("table", (-0.8, 1.5, -0.5), (0.7, 0.6, -1.9), 1.0)
+    return glb
+
+
 def furnace() -> Glb:
     """A closed box of albedo 0.5 whose walls emit 1: the radiance is 2 everywhere, and half of it is indirect light."""
     glb = Glb()
@@ -385,7 +417,7 @@ def furnace() -> Glb:
 
 def make_scenes() -> dict[str, bytes]:
     """The bytes of each file, by file name."""
-    makers = (cornell, cornell_emissive, two_rooms, house, gaps, cells, corridor, metals, chapel, furnace)
+    makers = (cornell, cornell_emissive, two_rooms, house, gaps, cells, corridor, metals, chapel, conservatory, furnace)
     return {f"{maker.__name__}.glb": maker().encode() for maker in makers}
 
 

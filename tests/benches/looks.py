@@ -15,6 +15,7 @@ FILES = (
     SCENES / "cells.glb",
     SCENES / "corridor.glb",
     SCENES / "metals.glb",
+    SCENES / "conservatory.glb",
     SHARED / "modern_hall" / "modern_hall.gltf",
     SHARED / "breakfast_room" / "breakfast_room_sun.gltf",
     SHARED / "sponza_crytek" / "sponza_sun.gltf",

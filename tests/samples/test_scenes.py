@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from repository import SAMPLES, SCENES
 
+from gsgi.baker.trace.tracer import Tracer
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.gltf.reader import read_gltf
 from gsgi.runtime.metals import metal_areas
@@ -13,6 +14,7 @@ from gsgi.runtime.metals import metal_areas
 NAMES = (
     "cells.glb",
     "chapel.glb",
+    "conservatory.glb",
     "cornell.glb",
     "cornell_emissive.glb",
     "corridor.glb",
@@ -51,7 +53,7 @@ def test_the_script_makes_the_committed_files(monkeypatch):
 def test_normals_agree_with_the_winding(name):
     scene = read(name)
     assert all("is metal" in warning or "light passes it in part" in warning for warning in scene.warnings)
-    assert len(scene.warnings) == {"metals.glb": 1, "chapel.glb": 5}.get(name, 0)
+    assert len(scene.warnings) == {"metals.glb": 1, "chapel.glb": 5, "conservatory.glb": 1}.get(name, 0)
     for mesh in scene.meshes:
         a, b, c = (mesh.position[corner] for corner in mesh.triangle.T)
         face = np.cross(b - a, c - a)
@@ -189,3 +191,13 @@ def test_furnace():
     assert (material.base_color, material.emission) == ((0.5, 0.5, 0.5, 1), (1, 1, 1))
     assert scene.lights == ()
     assert list(scene.cameras) == ["inside"]
+
+
+def test_the_sun_shines_through_the_panes_of_the_conservatory():
+    scene = read("conservatory.glb")
+    floor = np.float32([[-1.5, 0, -0.8], [-1.5, 0, -3.9]])  # in the sun, and beyond its reach
+    up = np.repeat(np.float32([[0, 1, 0]]), len(floor), axis=0)
+    direct = Tracer(scene).direct(floor, up, up)[:, 0]
+    assert direct[0] > 0.5
+    assert direct[1] == 0
+    assert all(scene.materials[mesh.material].filter.clear for mesh in by_material(scene, "glass"))
