@@ -9,6 +9,8 @@ from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.baker.trace.reference import Reference
 from gsgi.baker.trace.tracer import Sampling
 
+from .pixels import at_pixels
+
 POINTS = 1 << 12  # pixels of all references
 SAMPLES = 256  # whole paths at each of them
 PATHS = POINTS * SAMPLES
@@ -33,19 +35,13 @@ class Bias:
 
 def measure(tracer: CachedTracer, references: Mapping[str, Reference], seed: int) -> Bias | None:
     """Compare references with whole paths at the same POINTS pixels for a `seed`; None if none of them sees light."""
-    seen = [reference for reference in references.values() if reference.indirect.any()]
-    if not seen:
+    columns = at_pixels(references, POINTS, seed, "position", "shading_normal", "geometric_normal")
+    if not columns:
         return None
-    rng = np.random.default_rng(seed)
-    index = [rng.integers(np.count_nonzero(r.valid), size=-(-POINTS // len(seen))) for r in seen]
-    layers = [(r.surface.position, r.surface.shading_normal, r.surface.geometric_normal, r.indirect) for r in seen]
-    position, normal, geometric, gathered = (
-        np.concatenate([image[r.valid][at] for r, image, at in zip(seen, images, index, strict=True)])
-        for images in zip(*layers, strict=True)
-    )
+    position, normal, geometric, gathered = (column.reshape(-1, 3) for column in columns)
     sampling = Sampling(SAMPLES)
     whole = tracer.at_points(position, normal, sampling, seed + SEED, geometric_normal=geometric).mean
-    pairs = np.stack([gathered, whole], axis=1).mean(axis=2, dtype=np.float64).reshape(len(seen), -1, 2)
+    pairs = np.stack([gathered, whole], axis=1).mean(axis=2, dtype=np.float64).reshape(len(columns[0]), -1, 2)
     lit = pairs[pairs[..., 1].any(axis=1)]
     if not len(lit):
         return None

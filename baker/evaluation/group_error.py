@@ -11,6 +11,8 @@ from gsgi.baker.trace.tracer import Sampling
 from gsgi.runtime.gaussians import Bake
 from gsgi.runtime.light_groups import group_names, weighted
 
+from .pixels import at_pixels
+
 if TYPE_CHECKING:
     from gsgi.baker.plan import Plan
 
@@ -80,18 +82,12 @@ def _traced(plan: "Plan", pixels: _Pixels, name: str) -> list[np.ndarray]:
 
 
 def _pixels(references: Mapping[str, Reference], seed: int) -> _Pixels | None:
-    seen = [reference for reference in references.values() if reference.indirect.any()]
-    if not seen:
-        return None
-    rng, count = np.random.default_rng(seed), -(-POINTS // len(seen))
-    index = [np.flatnonzero(r.valid)[rng.integers(np.count_nonzero(r.valid), size=count)] for r in seen]
-
-    def at_pixels(layers: list[np.ndarray]) -> np.ndarray:
-        return np.concatenate([layer.reshape(-1, 3)[at] for layer, at in zip(layers, index, strict=True)])
-
     names = "position", "normal", "shading_normal", "geometric_normal"
-    columns = (at_pixels([getattr(r.surface, name) for r in seen]) for name in names)
-    return _Pixels(*columns, at_pixels([r.indirect for r in seen]).reshape(len(seen), -1).mean(axis=1))
+    columns = at_pixels(references, POINTS, seed, *names)
+    if not columns:
+        return None
+    *columns, light = columns
+    return _Pixels(*(column.reshape(-1, 3) for column in columns), light.reshape(len(light), -1).mean(axis=1))
 
 
 def _error(light: np.ndarray, a: np.ndarray, b: np.ndarray, level: np.ndarray) -> tuple[float | None, float | None]:

@@ -12,7 +12,8 @@ from gsgi.baker.fitting.target import Target
 from gsgi.baker.progress import Progress
 from gsgi.baker.trace.irradiance_cache import KnownLight
 from gsgi.baker.trace.reference import Reference
-from gsgi.baker.views.surface_points import Triangles, in_box
+from gsgi.baker.views.boxes import in_box
+from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime import constants
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.display import auto_exposure

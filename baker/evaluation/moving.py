@@ -10,10 +10,13 @@ from gsgi.baker.surface.seen_surface import FREE
 from gsgi.baker.trace.local_light import free_blocks
 from gsgi.baker.trace.reference import Reference
 from gsgi.baker.trace.tracer import Sampling
-from gsgi.baker.views.surface_points import in_box
+from gsgi.baker.views.boxes import in_box
+from gsgi.baker.views.directions import random_directions
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.gaussians import Bake, SurfaceBlend
 from gsgi.runtime.sampling import sample
+
+from .pixels import drawn
 
 if TYPE_CHECKING:
     from gsgi.baker.plan import Plan
@@ -73,18 +76,15 @@ def _points(
     plan: "Plan", references: Mapping[str, Reference], cameras: Mapping[str, Camera]
 ) -> tuple[np.ndarray, np.ndarray] | None:
     """Positions (P, 3), m, on lines of sight to pixels of the references, and random unit normals (P, 3), float32."""
-    seen = {name: reference for name, reference in references.items() if reference.indirect.any()}
-    if not (seen and paths(plan)):
+    if not paths(plan):
         return None
-    rng, count, parts = np.random.default_rng(plan.settings.seed + SEED), -(-POINTS // len(seen)), []
-    for name, reference in seen.items():
-        surface = reference.surface.position[reference.valid]
-        end, eye = surface[rng.integers(len(surface), size=count)], cameras[name].position
-        parts.append(eye + rng.uniform(*FREE, (count, 1)) * (end - eye))
-    position, box = np.concatenate(parts)[:POINTS], plan.triangles.box
-    normal = rng.normal(size=position.shape)
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    inside = np.ones(len(position), bool) if box is None else in_box(box, position)
+    rng, parts = np.random.default_rng(plan.settings.seed + SEED), [np.empty((0, 3))]
+    for name, reference, at in drawn(references, POINTS, rng):
+        end, eye = reference.surface.position.reshape(-1, 3)[at], cameras[name].position
+        parts.append(eye + rng.uniform(*FREE, (len(at), 1)) * (end - eye))
+    position = np.concatenate(parts)[:POINTS]
+    normal = random_directions(len(position), rng)
+    inside = in_box(plan.triangles.box, position)
     return (position[inside].astype(np.float32), normal[inside].astype(np.float32)) if inside.any() else None
 
 

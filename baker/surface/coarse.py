@@ -47,10 +47,18 @@ def coarse_level(
     Gaussians are cut where they would carry light across an occluder.
     """
     count = supported(samples, count, blend, seed)
+    optimiser, gaussians = _stepped(samples, count, blend, seed, STEPS)
+    return _lit(gaussians, samples, optimiser, triangles, count)
+
+
+def _stepped(
+    samples: SurfaceSamples, count: int, blend: SurfaceBlend, seed: int, steps: int
+) -> tuple[SurfaceOptimiser, Gaussians]:
+    """At most `count` Gaussians after their first `steps` steps, and what has stepped them."""
     optimiser, state = coarse_start(samples, count, blend, seed)
-    for first in range(0, STEPS, SOLVE_STEPS):
+    for first in range(0, steps, SOLVE_STEPS):
         state = coarse_steps(optimiser, state, first)
-    return _lit(state.gaussians, samples, optimiser, triangles, count)
+    return optimiser, state.gaussians
 
 
 def supported(samples: SurfaceSamples, count: int, blend: SurfaceBlend, seed: int) -> int:
@@ -62,10 +70,8 @@ def supported(samples: SurfaceSamples, count: int, blend: SurfaceBlend, seed: in
 
     def error(count: int) -> float:
         """That of so many Gaussians at the samples that are held back, free of noise."""
-        optimiser, state = coarse_start(samples[~held], count, blend, seed)
-        for first in range(0, TRIED, SOLVE_STEPS):
-            state = coarse_steps(optimiser, state, first)
-        level = optimiser.solve(state.gaussians, RIDGE)
+        optimiser, gaussians = _stepped(samples[~held], count, blend, seed, TRIED)
+        level = optimiser.solve(gaussians, RIDGE)
         return float(coarse_optimiser(samples[held], level, blend).error(level).mean())
 
     least, fewest = error(count), max(FEWEST * count, 1)

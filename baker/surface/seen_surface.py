@@ -10,8 +10,9 @@ import numpy as np
 from gsgi.baker.cache.digest import digest
 from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.baker.trace.tracer import pixel_rays
+from gsgi.baker.views.boxes import in_box
+from gsgi.baker.views.directions import random_directions
 from gsgi.baker.views.importance import ImportanceField
-from gsgi.baker.views.surface_points import in_box
 from gsgi.baker.views.visibility import COS_MIN
 from gsgi.runtime.camera import Camera
 
@@ -138,15 +139,14 @@ class SeenSurface:
             index = rng.integers(len(seen.position), size=count)
             way = rng.uniform(*FREE, (count, 1))
             position = seen.viewpoint[index] + way * (seen.position[index] - seen.viewpoint[index])
-            inside = np.ones(count, bool) if self._box is None else in_box(self._box, position)
+            inside = in_box(self._box, position)
             parts.append(position[inside])
             lines.append(index[inside])
             found += len(parts[-1])
             if found >= count:
                 break
         position, index = np.concatenate(parts)[:count], np.concatenate(lines)[:count]
-        normal = rng.normal(size=position.shape)
-        normal = (normal / np.linalg.norm(normal, axis=1, keepdims=True)).astype(np.float32)
+        normal = random_directions(len(position), rng).astype(np.float32)
         camera = seen.camera[index].astype(np.int32)
         return position.astype(np.float32), normal, normal, normal, camera, seen.middle(index)
 
@@ -171,7 +171,7 @@ class SeenSurface:
             of = np.full(len(pixel), number), pixel
             columns.append([c[::step] for c in (position, normal, shading, geometric, eye, *of, area, upright)])
         *arrays, area, upright = (np.concatenate(column) for column in zip(*columns, strict=True))
-        inside = np.ones(len(area), bool) if self._box is None else in_box(self._box, arrays[0])
+        inside = in_box(self._box, arrays[0])
         if len(area):
             area = np.minimum(area, np.quantile(area, FOOTPRINT_QUANTILE))
             share, least = area * inside, np.finfo(np.float64).tiny

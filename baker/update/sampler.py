@@ -15,7 +15,7 @@ from gsgi.baker.trace.irradiance_cache import KnownLight
 from gsgi.baker.trace.known_light import known_light_again
 from gsgi.baker.trace.local_light import local_light
 from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling
-from gsgi.baker.views.surface_points import crossing
+from gsgi.baker.views.boxes import crossing
 
 from .kept import REVISED, KeptChunk, kept_light
 from .references import UpdatedTracer
@@ -168,17 +168,17 @@ class UpdatedSampler:
 
     def _found(self, stage: str, chunk: KeptChunk) -> tuple[Points, np.ndarray]:
         """The points that a chunk has now, and their fates so far: SAME, NEW or GONE."""
-        points, fate = chunk.points, np.where(chunk.lit, SAME, GONE).astype(np.uint8)
+        points, lit = chunk.points, chunk.lit
+        fate = np.where(lit, SAME, GONE).astype(np.uint8)
         eye = self._seen.eyes(points.camera)
         # Where nothing was seen there is no line to compare, and what has come may be seen there now.
-        at = np.flatnonzero(crossing(self._anew, eye, points.position) | (len(self._anew) > 0) & ~chunk.lit)
+        at = np.flatnonzero(crossing(self._anew, eye, points.position) | (len(self._anew) > 0) & ~lit)
         if not len(at):
             return points, fate
         *there, diffuse = self._seen.behind(points.camera[at], points.place[at])
-        lit = chunk.lit[at]
         if stage == "surface":
             points = replace(points, **{name: getattr(points, name).copy() for name in WHERE})
-            same = lit & np.all(
+            same = lit[at] & np.all(
                 [getattr(points, n)[at] == now for n, now in zip(WHERE, there, strict=True)], axis=(0, 2)
             )
             for name, now in zip(WHERE, there, strict=True):
@@ -186,7 +186,7 @@ class UpdatedSampler:
             fate[at] = np.where(diffuse, np.where(same, SAME, NEW), GONE)
             return points, fate
         away, before = (np.linalg.norm(position - eye[at], axis=1) for position in (there[0], points.position[at]))
-        fate[at] = np.where(diffuse & (away < before), GONE, np.where(lit, SAME, NEW))
+        fate[at] = np.where(diffuse & (away < before), GONE, np.where(lit[at], SAME, NEW))
         return points, fate
 
     def _thin_share(self, chunk: KeptChunk, points: Points, thin: np.ndarray, first, level: np.ndarray) -> ThinShare:

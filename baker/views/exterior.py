@@ -4,7 +4,8 @@ import numpy as np
 
 from gsgi.runtime.camera import Camera, look_at
 
-from .free_space import FreeSpace, cosine_directions
+from .directions import cosine_directions
+from .free_space import FreeSpace
 from .selection import REPEAT_WORTH
 from .surface_points import Triangles
 from .visibility import Sides, sight_lines

@@ -7,6 +7,7 @@ import numpy as np
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.vectors import sphere
 
+from .directions import cosine_directions
 from .surface_points import SurfacePoints, Triangles
 
 # A viewpoint's least distance to all surfaces: this share of the scene's diagonal, at most what a person needs (m).
@@ -125,11 +126,3 @@ def look_around(triangles: Triangles, viewpoints: np.ndarray) -> Surroundings:
     shares = (np.where(count, seen.sum(axis=1) / np.maximum(count, 1), 1.0) for seen in (backs, double_backs))
     below = 1 - met[:, directions[:, 1] < BELOW].mean(axis=1)
     return Surroundings(1 - count / LOOKS, below, *shares)
-
-
-def cosine_directions(normal: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Unit directions (N, 3), cosine-distributed around normals (N, 3)."""
-    ball = rng.normal(size=normal.shape)
-    ball /= np.linalg.norm(ball, axis=1, keepdims=True)
-    direction = normal + 0.99 * ball  # 0.99 excludes the null vector
-    return direction / np.linalg.norm(direction, axis=1, keepdims=True)

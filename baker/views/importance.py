@@ -12,6 +12,7 @@ from gsgi.baker.neighbours import Neighbours
 from gsgi.baker.trace.point_order import by_side, nearest
 from gsgi.runtime.camera import Camera
 
+from .directions import random_directions
 from .free_space import FreeSpace
 from .surface_points import SurfacePoints, Triangles
 from .visibility import sight_lines
@@ -111,7 +112,7 @@ class Importance:
         parts, found = [], 0
         for _ in range(DRAWS):
             eye = np.minimum(np.searchsorted(self._below, rng.random(count), side="right"), len(self._eyes) - 1)
-            direction = _directions(count, rng)
+            direction = random_directions(count, rng)
             at = np.flatnonzero((eye < len(self._things)) & (rng.random(count) < AT_THING))
             # An eye in the open, half of whose looks meet nothing, shall not look more often than one in a room.
             at = at[self._triangles.hits(self._eyes[eye[at]], direction[at]).triangle >= 0]
@@ -145,12 +146,6 @@ class Importance:
             self._eyes, self._given = np.concatenate([eyes, [camera.position for camera in given]]), given
             shares = 1 - GIVEN_SHARE + GIVEN_SHARE * np.arange(1, len(given) + 1) / len(given)
             self._below = np.concatenate([(1 - GIVEN_SHARE) * self._below, shares])
-
-
-def _directions(count: int, rng: np.random.Generator) -> np.ndarray:
-    """Random unit directions (count, 3), uniform over the sphere."""
-    direction = rng.normal(size=(count, 3))
-    return direction / np.linalg.norm(direction, axis=1, keepdims=True)
 
 
 def _about(way: np.ndarray, direction: np.ndarray, rng: np.random.Generator) -> np.ndarray:

@@ -13,13 +13,13 @@ from gsgi.baker.trace.planes import ROUNDING, onto_planes, planes
 from gsgi.runtime.errors import SceneError
 from gsgi.runtime.scene import Scene
 
+from .boxes import in_box
 from .clipping import areas, clipped
 
 # Random points per point that is kept: Yuksel 2015 finds no gain beyond five.
 OVERSAMPLING = 5
 LEAST = 1e-9  # m, by which points are at least lifted off their surface
 SIZE_MAX = 1e9  # m; from ten times this on, squares of areas leave the range of single precision
-NEARLY = 2.0**-16  # of a segment's length and a box's coordinates: so near to a box it may meet what is in it
 COARSEST = 1 / 200  # of the diagonal: how far apart the positions of float32 may lie; light was right up to half of it
 
 NO_SURFACE = "the scene has no surface: every triangle has area 0"
@@ -240,24 +240,6 @@ class _Part(NamedTuple):
     box: np.ndarray
     corners: np.ndarray
     triangle: np.ndarray
-
-
-def in_box(box: np.ndarray, position: np.ndarray) -> np.ndarray:
-    """Whether (N,) bool points (N, 3) lie in a box (2, 3)."""
-    return ((position >= box[0]) & (position <= box[1])).all(axis=1)
-
-
-def crossing(boxes: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """Whether (N,) bool segments from `start` (N, 3) to `end` (N, 3) meet one of the boxes (B, 2, 3), or nearly so."""
-    way = (end - start).astype(np.float64)
-    way[way == 0] = np.finfo(np.float32).tiny
-    slack = NEARLY * (np.abs(way).max(axis=1, keepdims=True) + np.abs(boxes).max(initial=0))
-    crosses = np.zeros(len(start), bool)
-    for low, high in boxes:
-        ends = (low - slack - start) / way, (high + slack - start) / way
-        enter, leave = np.minimum(*ends).max(axis=1), np.maximum(*ends).min(axis=1)
-        crosses |= (enter <= leave) & (leave >= 0) & (enter <= 1)
-    return crosses
 
 
 def check_extent(scene: Scene) -> None:

@@ -19,7 +19,8 @@ from gsgi.baker.plan_table import summary
 from gsgi.baker.progress import Progress
 from gsgi.baker.report import peak_memory
 from gsgi.baker.tasks.request import Request
-from gsgi.baker.views.surface_points import Triangles, check_extent, in_box
+from gsgi.baker.views.boxes import in_box
+from gsgi.baker.views.surface_points import Triangles, check_extent
 from gsgi.runtime.atomic import write_atomic
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.errors import UsageError

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from gsgi.baker.views.boxes import in_box
 from gsgi.baker.views.clipping import clipped
-from gsgi.baker.views.surface_points import in_box
 
 
 def area_normals(corners: np.ndarray) -> np.ndarray:
