@@ -61,15 +61,28 @@ def classes(boxes: np.ndarray, margin: float) -> np.ndarray:
 def fading(boxes: np.ndarray, near: list[tuple[int, ...]]) -> np.ndarray:
     """The boxes (N, 2, 3) without the faces that no neighbour shares, which lie at FAR instead.
 
-    `near` are the `neighbours`. Light fades only where a neighbour's takes over.
+    `near` are the `neighbours`. Light fades only where a neighbour's takes over. Without a neighbour there, a box would
+    reach into boxes behind a gap: then it ends in the middle of the gap, and so does the other one.
     """
-    result = np.empty_like(boxes)
-    result[:, 0], result[:, 1] = -FAR, FAR
+    reach = np.empty_like(boxes)
+    reach[:, 0], reach[:, 1] = -FAR, FAR
     for number, others in enumerate(near):
         low, high = boxes[number]
         for other in others:
             below, above = boxes[other, 1] == low, boxes[other, 0] == high
-            result[number, 0, below], result[number, 1, above] = low[below], high[above]
+            reach[number, 0, below], reach[number, 1, above] = low[below], high[above]
+    result = reach.copy()
+    for number, ((low, high), (lowest, highest)) in enumerate(zip(boxes, reach, strict=True)):
+        into = ((lowest < boxes[:, 1]) & (highest > boxes[:, 0])).all(axis=1)
+        into[number] = False
+        into = np.flatnonzero(into)
+        above, below = boxes[into, 0] - high, low - boxes[into, 1]  # the gap; negative but on one side
+        axis = np.maximum(above, below).argmax(axis=1)
+        upwards = (above >= below)[np.arange(len(into)), axis]
+        lower, upper = np.where(upwards, number, into), np.where(upwards, into, number)
+        middle = (boxes[lower, 1, axis] + boxes[upper, 0, axis]) / 2
+        np.minimum.at(result, (lower, 1, axis), middle)
+        np.maximum.at(result, (upper, 0, axis), middle)
     return result
 
 

@@ -34,6 +34,33 @@ bool gsgi__are_neighbours(const gsgi__sector* a, const gsgi__sector* b) {
     return touching == 1;
 }
 
+/* Whether light of a sector that ends at the faces of its neighbours alone would reach into another one's box. */
+static bool reaches(const gsgi__sector* sector, const gsgi__sector* other) {
+    for (int k = 0; k < 3; ++k) {
+        if (!sector->low_open[k] && !(sector->low[k] < other->high[k])) return false;
+        if (!sector->high_open[k] && !(sector->high[k] > other->low[k])) return false;
+    }
+    return true;
+}
+
+/* Ends the light of two sectors, one behind a gap from the other, in the middle between them. */
+static void part(gsgi__sector* a, gsgi__sector* b) {
+    int axis = 0;
+    double widest = -INFINITY;
+    for (int k = 0; k < 3; ++k) {
+        const double gap = -shared(a, b, k, 0.0);
+        if (gap > widest) {
+            widest = gap;
+            axis = k;
+        }
+    }
+    gsgi__sector* const lower = b->low[axis] >= a->high[axis] ? a : b;
+    gsgi__sector* const upper = lower == a ? b : a;
+    const double middle = (lower->high[axis] + upper->low[axis]) / 2.0;
+    lower->fade_high[axis] = fmin(lower->fade_high[axis], middle);
+    upper->fade_low[axis] = fmax(upper->fade_low[axis], middle);
+}
+
 void gsgi__divide(gsgi_world* world, uint32_t* taken) {
     for (uint32_t i = 0; i < world->sector_count; ++i) {
         gsgi__sector* sector = &world->sectors[i];
@@ -41,19 +68,29 @@ void gsgi__divide(gsgi_world* world, uint32_t* taken) {
         for (int k = 0; k < 3; ++k) {
             sector->fade_low[k] = -GSGI_FACE_FAR;
             sector->fade_high[k] = GSGI_FACE_FAR;
+            sector->low_open[k] = sector->high_open[k] = true;
         }
         for (uint32_t j = 0; j < world->sector_count; ++j) {
             const gsgi__sector* other = &world->sectors[j];
             if (j < i && share_volume(sector, other, world->margin)) taken[other->class] = 1;
             if (j == i || !gsgi__are_neighbours(sector, other)) continue;
             for (int k = 0; k < 3; ++k) {
-                if (other->high[k] == sector->low[k]) sector->fade_low[k] = sector->low[k];
-                if (other->low[k] == sector->high[k]) sector->fade_high[k] = sector->high[k];
+                if (other->high[k] == sector->low[k]) {
+                    sector->fade_low[k] = sector->low[k];
+                    sector->low_open[k] = false;
+                }
+                if (other->low[k] == sector->high[k]) {
+                    sector->fade_high[k] = sector->high[k];
+                    sector->high_open[k] = false;
+                }
             }
         }
         for (sector->class = 0; taken[sector->class]; ++sector->class) {
         }
     }
+    for (uint32_t i = 0; i < world->sector_count; ++i)
+        for (uint32_t j = 0; j < world->sector_count; ++j)
+            if (i != j && reaches(&world->sectors[i], &world->sectors[j])) part(&world->sectors[i], &world->sectors[j]);
 }
 
 void gsgi__world_origin(const gsgi_world* world, double origin[3]) {

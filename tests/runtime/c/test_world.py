@@ -326,6 +326,24 @@ def test_away_from_borders_a_sector_has_the_light_of_its_file_to_the_bit(library
     world.close()
 
 
+def test_sectors_behind_gaps_have_their_own_light_alone_as_in_python(library, tmp_path):
+    boxes = worlds.cells(6, 1, 3)[[0, 1, 4, 8, 17]]
+    path = worlds.write(tmp_path, [worlds.in_box(box, seed) for seed, box in enumerate(boxes)], boxes)
+    world, python = World(library, path), PythonWorld(path)
+    world.settle([6, 1, 3])
+    python.settle(np.array([6.0, 1, 3]))
+    for number, box in enumerate(boxes):
+        where = points(300, box[0] + worlds.MARGIN, box[1] - worlds.MARGIN)
+        result, bake = world.open(number)
+        assert result == OK
+        np.testing.assert_array_equal(world.sample(*where), library.sample(bake, *where))
+        library.close(bake)
+    where = points(2000, -1, [13, 3, 7])
+    np.testing.assert_allclose(world.sample(*where), python.sample(*where), rtol=1e-5, atol=1e-6)
+    python.close()
+    world.close()
+
+
 def test_points_that_are_no_numbers_have_no_light(library, path):
     world = World(library, path)
     world.settle([3, 1, 1])

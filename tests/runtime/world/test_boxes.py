@@ -52,6 +52,21 @@ def test_light_fades_only_where_a_neighbour_takes_over():
     np.testing.assert_allclose(weights, [1, 1, 1, 0.5, 0.25, 0, 0], atol=1e-6)
 
 
+def test_a_sector_behind_a_gap_has_no_light_in_another_one():
+    boxes = worlds.cells(6, 1, 3)[[0, 1, 4, 8, 17]]
+    reach = fading(boxes, neighbours(boxes))
+    points = np.random.default_rng(5).uniform(0, 1, (500, 3))
+    for number, (low, high) in enumerate(boxes):
+        margin = 0.3 * np.isin(boxes[number], reach[number])  # of the faces at which it fades
+        inside = low + margin[0] + points * (high - low - margin.sum(axis=0))
+        there = [windows(reach[k], 0.3, inside) for k in range(len(boxes))]
+        assert [weight.max() for weight in there] == [float(k == number) for k in range(len(boxes))]
+    between = np.array([[1.0, 1, 3.0], [1, 1, 3.15]]) + [0, 0, 3]
+    gap = worlds.cells(1, 1, 6)[[0, 5]]  # from z = 2 to 10: both end at 6
+    np.testing.assert_allclose(windows(fading(gap, neighbours(gap))[0], 0.3, between), [0.5, 0.25], atol=1e-6)
+    np.testing.assert_allclose(total(gap, np.random.default_rng(6).uniform(-3, 15, (900, 3))), 1, atol=1e-5)
+
+
 def test_around_a_sector_that_is_missing_weights_are_no_less_than_one():
     points = np.random.default_rng(2).uniform(-1, 5, (4000, 3)) * (1, 0, 1)
     there = total(worlds.cells(2, 1, 2)[:3], points)
