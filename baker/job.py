@@ -53,8 +53,7 @@ def run(
     pictures = Preview(preview, references, plan.placement.held_out) if preview and references else None
     result = baking.bake(plan, progress, references, pictures)
     write(result.data, result.attempt.count)
-    if plan.triangles.box is None:  # no update is of a sector, and the record would be as long as the world
-        BakeRecord.of(plan, result.attempt.budget).keep(plan.tracer.cache, result.data)
+    BakeRecord.of(plan, result.attempt.budget).keep(plan.tracer.cache, result.data)
     evaluation = None
     if evaluate:
         with progress.stage("evaluation"):

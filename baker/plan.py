@@ -38,6 +38,7 @@ from .together import together
 from .trace import pilot
 
 if TYPE_CHECKING:
+    from .update.parts import Part
     from .update.tally import Tally
 
 # Share of the scene's diagonal; Gaussians closer to the camera plane than this are not drawn. At most NEARBY times what
@@ -115,6 +116,13 @@ class Plan:
     def effects(self) -> Effects:
         """The effects of the scene."""
         return effects(self.scene)
+
+    @cached_property
+    def parts(self) -> "list[Part]":
+        """The parts of the scene, by which an update of the bake tells what an edit has changed."""
+        from .update.parts import parts
+
+        return parts(self.tracer.scene)
 
     @property
     def points(self) -> int:

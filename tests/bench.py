@@ -36,6 +36,7 @@ from benches.triangles import triangles
 from benches.update import update
 from benches.web import web
 from benches.world import world
+from benches.world_update import world_update
 from repository import ROOT
 
 from gsgi.runtime.atomic import check_writable, write_atomic
@@ -53,6 +54,7 @@ BENCHES = {
         error_time,
         cluster,
         update,
+        world_update,
         world,
         copies,
         flight,

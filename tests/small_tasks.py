@@ -16,6 +16,7 @@ from gsgi.baker.views import importance, placement, viewpoints
 
 TINY = flags(budget=8, views=2, view_size=24, samples=128, error=0, iterations=16)
 SURFACE = [str(SCENES / "furnace.glb"), *TINY, "--env", "0.05,0.1,0.2"]
+WORLD = [str(SCENES / "corridor.glb"), *TINY, "--sectors", "10.5"]  # two of them
 FAULTS = "GSGI_TEST_FAULTS"  # variable: folder of files that name what is to go wrong on nodes
 
 
@@ -51,6 +52,13 @@ def see_little(put: Callable[[object, str, object], object] = setattr) -> None:
 def run(command: str, *arguments: str, code: int = 0) -> None:
     """Run a command in this process; check its exit code."""
     assert main.run([command, *arguments, "--quiet"]) == code
+
+
+def baked_world(arguments: list[str], folder: Path, cache: Path, *more: str) -> dict[str, bytes]:
+    """The files of a bake in sectors, the manifest among them, by name."""
+    folder.mkdir(exist_ok=True)
+    run("bake", *arguments, "-o", str(folder / "level.gsgi.json"), "--cache", str(cache), *more)
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
 def baked(arguments: list[str], cache: Path, *more: str) -> tuple[bytes, set[str]]:

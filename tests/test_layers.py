@@ -66,8 +66,7 @@ WHOLE_BAKES = {
     "update": {"plan"},
     "tradeoff": {"plan", "bake"},
     "tasks": {"plan", "bake", "job", "estimate"},
-    "cluster": {"plan"},
-    "world": {"plan", "plan_table", "job", "report"},
+    "world": {"plan", "plan_table", "job", "report", "effects", "estimate"},
 }
 
 

@@ -116,25 +116,30 @@ def bake_world(
     cameras: Mapping[str, Camera] | None = None,
     cache: bool | str | Path = True,
     evaluate: bool = True,
+    update: str | Path | None = None,
     device: str = "cpu",
     progress: OnProgress | None = None,
 ) -> WorldReport:
     """Bake a scene in sectors: a .gsgi file for each box with edges of at most `size` m, and a manifest of them.
 
     size: None: as wide as the scene calls for. output: the manifest, a .json file; the files come beside it, and the
-    manifest last. The other arguments are those of `bake`. The same scene, settings and version give the same bytes,
-    and an interrupted bake goes on when the call is made again. Raises what `bake` raises, and UsageError for a
-    target loss, light groups, and the operator `over`, which cannot be had in sectors.
+    manifest last. update: the manifest of this world before an edit, baked with the same `size`: sectors that the edit
+    has not reached keep their files, the others what the cache has of their bakes where it still holds;
+    `report.kept` counts the former. The other arguments are those of `bake`. The same scene, settings and version give
+    the same bytes, and an interrupted bake goes on when the call is made again. Raises what `bake` raises, and
+    UsageError for a target loss, light groups, and the operator `over`, which cannot be had in sectors.
     """
     from gsgi.baker.tasks.request import Request
     from gsgi.baker.world import bake as baking
+    from gsgi.baker.world.world_baker import WorldBaker
 
     output = Path(output)
     baking.stem(output)
     check_writable(output)
     lit, settings, told = _asked(scene, quality, settings, lighting, device, progress)
     request, kept = Request(lit, settings, dict(cameras or {}), str(scene), evaluate), _cache(cache)
-    report = baking.bake_world(request, size, output, told, kept, lambda data: write_atomic(output, data))
+    baker = WorldBaker(request, size, told, kept, None if update is None else Path(update))
+    report = baking.bake_world(baker, output, lambda data: write_atomic(output, data))
     kept.trim()
     return report
 

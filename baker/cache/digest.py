@@ -4,6 +4,7 @@ import dataclasses
 import hashlib
 import json
 import os
+from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 
 import numpy as np
@@ -21,10 +22,16 @@ def digest(value) -> str:
     dtype, shape and the digest of its bytes, and a record includes the name of its type. Raises TypeError for anything
     else.
     """
+    return digests([value])[0]
+
+
+def digests(values: Sequence) -> list[str]:
+    """The digest of each of several values; arrays that they share are read once."""
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        plain = _plain(value, _Arrays(pool))
-        text = json.dumps(plain, sort_keys=True, separators=(",", ":"), default=Future.result)
-    return _hashed(text.encode())
+        arrays = _Arrays(pool)
+        plain = [_plain(value, arrays) for value in values]
+        texts = [json.dumps(each, sort_keys=True, separators=(",", ":"), default=Future.result) for each in plain]
+    return [_hashed(text.encode()) for text in texts]
 
 
 def scene_digest(scene: Scene) -> str:

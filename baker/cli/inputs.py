@@ -23,6 +23,7 @@ from gsgi.runtime.scene import Scene
 
 if TYPE_CHECKING:
     from gsgi.baker.tasks.request import Request
+    from gsgi.baker.tasks.work import Work
     from gsgi.runtime.world.world import World
 
 WARNINGS = 4  # most of one kind that the log shows
@@ -79,6 +80,16 @@ def _groups(options: argparse.Namespace) -> dict[str, tuple[str, ...]] | None:
     for name, pattern in getattr(options, "group", ()):
         groups[name] = (*groups.get(name, ()), pattern)
     return groups or None
+
+
+def work_of(options: argparse.Namespace, progress: Progress) -> "Work":
+    """The work that the options name: the bake of a file, or of a world with --sectors."""
+    from gsgi.baker.cli.options import sector_size
+    from gsgi.baker.tasks.work import BakeWork
+    from gsgi.baker.world.work import WorldWork
+
+    request = request_of(options, progress)
+    return WorldWork(request, sector_size(options)) if options.sectors else BakeWork(request)
 
 
 def request_of(options: argparse.Namespace, progress: Progress) -> "Request":

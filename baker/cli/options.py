@@ -211,6 +211,7 @@ def add_request(parser: argparse.ArgumentParser) -> None:
     add_groups(parser)
     add_settings(parser)
     add_evaluate(parser)
+    add_sectors(parser)
     add_cache(parser)
 
 

@@ -12,12 +12,10 @@ from dataclasses import dataclass, field
 
 from gsgi.baker.cache.store import Cache
 from gsgi.baker.cache.task_file import unpack
-from gsgi.baker.plan import Plan
 from gsgi.baker.progress import Progress
 from gsgi.baker.tasks.finished import Finished
-from gsgi.baker.tasks.request import Request
-from gsgi.baker.tasks.task import Task, needed
-from gsgi.baker.tasks.task_list import all_tasks
+from gsgi.baker.tasks.task import Task, needed, needed_later
+from gsgi.baker.tasks.work import Work
 from gsgi.runtime.errors import FileError, GsgiError, UnsupportedError
 
 from .node import Node, member
@@ -80,18 +78,17 @@ class _Worker:
 
 
 class Engine:
-    """Shares the tasks of one bake among the nodes of the cluster that this process is `connected` to.
+    """Shares the `tasks` of some work among the nodes of the cluster that this process is `connected` to.
 
     Each node has one task at a time, on all of its cores. `sent` and `received` count the bytes of entries.
     """
 
-    def __init__(self, request: Request, plan: Plan, cache: Cache, progress: Progress):
+    def __init__(self, work: Work, tasks: list[Task], cache: Cache, progress: Progress):
         import ray
 
-        self._me, self._bake = member(), ray.put(request)
-        self._cache, self._progress = cache, progress
-        self._tasks = all_tasks(plan, request.evaluate)
-        self._finished = Finished(cache, request.digest)
+        self._me, self._work = member(), ray.put(work)
+        self._cache, self._progress, self._tasks = cache, progress, tasks
+        self._finished = Finished(cache, work.digest)
         self._workers: dict[str, _Worker] = {}  # by the node's id
         self._refused: dict[str, str] = {}  # reasons
         self._failures: Counter[str] = Counter()
@@ -109,8 +106,9 @@ class Engine:
         import ray
 
         count, paths = len(self._left), sum(task.paths for task in self._left.values())
+        told = (paths, "paths") if paths else (count, "tasks")
         try:
-            with self._progress.stage("cluster", paths, "paths") as self._advance:
+            with self._progress.stage("cluster", *told) as self._advance:
                 while self._left:
                     self._look_for_nodes()
                     self._assign()
@@ -203,7 +201,7 @@ class Engine:
                 f"{worker.name} has {joined.instructions}, this machine {me.instructions}: their paths may differ in "
                 "the last bits"
             )
-        worker.actor.take.remote(self._bake)
+        worker.actor.take.remote(self._work)
         self._progress.say(f"  {worker.name} joins: {joined.cores} cores, {joined.instructions}")
 
     def _refuse(self, node: str, reason: str) -> None:
@@ -239,13 +237,14 @@ class Engine:
             self.received += len(data)
         if task.key not in self._finished:
             raise FileError(f"{self._cache.folder}: cannot keep the results of the task {task.key}")
-        worker.has.update(entries)
+        if needed_later(self._tasks, task.key):  # otherwise it has forgotten them
+            worker.has.update(entries)
         del self._left[task.key]
         took = time.monotonic() - worker.began
         note = (
             f"{task.key} on {worker.name} in {took:.1f} s, {len(self._left)} tasks left on {len(self._workers)} nodes"
         )
-        self._advance(task.paths, note)
+        self._advance(task.paths or 1, note)
 
 
 def _reason(error: Exception) -> str:

@@ -1,4 +1,4 @@
-"""What a node of a cluster does: it holds one bake's scene and plan, and runs tasks on results of other nodes."""
+"""What a node of a cluster does: it holds the scene of some work, and runs tasks of it on results of other nodes."""
 
 import os
 from dataclasses import dataclass
@@ -7,9 +7,10 @@ from gsgi.baker.cache.store import MemoryCache
 from gsgi.baker.native import kernels
 from gsgi.baker.progress import Progress
 from gsgi.baker.tasks.finished import Finished
-from gsgi.baker.tasks.request import Request, code
+from gsgi.baker.tasks.request import code
 from gsgi.baker.tasks.run import run_planned
-from gsgi.baker.tasks.task_list import all_tasks
+from gsgi.baker.tasks.task import needed_later
+from gsgi.baker.tasks.work import Work
 
 
 @dataclass(frozen=True)
@@ -31,15 +32,15 @@ class Node:
 
     def __init__(self):
         self._cache = MemoryCache()
-        self._request = self._plan = None
+        self._work = self._tasks = None
 
     def join(self) -> Member:
         """What this node is."""
         return member()
 
-    def take(self, request: Request) -> None:
-        """Take the bake whose tasks will be run."""
-        self._request = request
+    def take(self, work: Work) -> None:
+        """Take the work whose tasks will be run."""
+        self._work = work
 
     def run(self, key: str, names: list[str], *entries: bytes) -> dict[str, bytes]:
         """Run a task, after taking the cache's `entries` under these `names` from others.
@@ -48,9 +49,12 @@ class Node:
         """
         for name, data in zip(names, entries, strict=True):
             self._cache.keep(name, data)
-        request = self._request
-        finished = Finished(self._cache, request.digest)
-        if self._plan is None:
-            self._plan = request.plan(Progress(), self._cache)
-        run_planned(self._plan, all_tasks(self._plan, request.evaluate), key, finished, Progress())
-        return {name: self._cache.packed(name) for name in finished.entries(key)}
+        finished = Finished(self._cache, self._work.digest)
+        if self._tasks is None:
+            self._tasks = self._work.tasks(Progress(), self._cache)
+        run_planned(self._tasks, key, finished, self._cache, Progress())
+        left = {name: self._cache.packed(name) for name in finished.entries(key)}
+        if not needed_later(self._tasks, key):
+            for name in left:
+                self._cache.remove(name)
+        return left

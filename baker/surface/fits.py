@@ -48,7 +48,7 @@ class SurfaceFits:
         from .lookup import look_up
 
         plan = self.plan
-        surface, free = self._samples(budget)
+        surface, free = self.samples(budget)
         if (more := plan.gaussians(budget)) > budget:
             self.progress.say(f"light varies more than shapes: at most {more} Gaussians instead of {budget}")
         start = time.perf_counter()
@@ -106,8 +106,8 @@ class SurfaceFits:
         """Layers of the samples on the surfaces and in free space."""
         return surface_layers(budget, self.plan.settings.samples), free_layers(budget)
 
-    def _samples(self, budget: int) -> tuple[SurfaceSamples, SurfaceSamples]:
-        """Samples on the surfaces and in free space."""
+    def samples(self, budget: int) -> tuple[SurfaceSamples, SurfaceSamples]:
+        """Samples on the surfaces and in free space, as a fit with this budget has them."""
         layers = self._layers(budget)
         self.plan.known_light(self.progress)
         with self.progress.stage("irradiance", path_count([*layers[0], *layers[1]]), "paths") as advance:

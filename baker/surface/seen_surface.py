@@ -113,6 +113,10 @@ class SeenSurface:
                 column[missed] = middle
         return *points, diffuse
 
+    def holds(self, position: np.ndarray) -> np.ndarray:
+        """Which points (N, 3) on what the cameras see may be drawn from it, (N,) bool."""
+        return in_box(None if self._outside else self._box, position)
+
     def eyes(self, camera: np.ndarray) -> np.ndarray:
         """The positions (N, 3), m, of cameras (N,)."""
         return np.array([each.position for each in self._cameras]).reshape(-1, 3)[camera]

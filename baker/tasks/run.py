@@ -1,52 +1,48 @@
 """Run one task of a bake, whose results stay in the cache."""
 
 from gsgi.baker.cache.store import Cache
-from gsgi.baker.plan import Plan
 from gsgi.baker.progress import Progress
 from gsgi.runtime.errors import FileError, GsgiError, UsageError
 
 from .finished import Finished
-from .request import Request
 from .task import PLAN, Task, needed
-from .task_list import all_tasks, check
+from .work import Work
 
 
-def planned(request: Request, cache: Cache, progress: Progress) -> Plan:
-    """The plan of a request, which marks the first task as finished.
+def planned(work: Work, cache: Cache, progress: Progress) -> list[Task]:
+    """The tasks of some work, the first of which, the plan, is then marked as finished.
 
-    Raises what making a plan raises, UsageError for a bake without tasks, and FileError for a cache that keeps nothing.
+    Raises what `Work.tasks` raises, and FileError for a cache that keeps nothing.
     """
-    check(request)
     with cache.recording() as used:
-        plan = request.plan(progress, cache)
-    _finish(Finished(cache, request.digest), PLAN, cache, used)
-    return plan
+        tasks = work.tasks(progress, cache)
+    _finish(Finished(cache, work.digest), PLAN, cache, used)
+    return tasks
 
 
-def run_task(request: Request, key: str, cache: Cache, progress: Progress) -> bool:
+def run_task(work: Work, key: str, cache: Cache, progress: Progress) -> bool:
     """Run the task under `key`, unless it is finished; whether it had to run.
 
     Raises GsgiError for a task that needs one that is not finished, UsageError for a key that no task has, FileError
     for a cache that keeps nothing, and what the task raises.
     """
-    check(request)
-    finished = Finished(cache, request.digest)
+    finished = Finished(cache, work.digest)
     if key in finished:
         return False
     if key != PLAN and PLAN not in finished:
         raise _lacks(key, PLAN, cache)
-    plan = planned(request, cache, progress)
+    tasks = planned(work, cache, progress)
     if key != PLAN:
-        run_planned(plan, all_tasks(plan, request.evaluate), key, finished, progress)
+        run_planned(tasks, key, finished, cache, progress)
     return True
 
 
-def run_planned(plan: Plan, tasks: list[Task], key: str, finished: Finished, progress: Progress) -> None:
-    """Run one of the `tasks` of a plan. Raises what `run_task` does."""
+def run_planned(tasks: list[Task], key: str, finished: Finished, cache: Cache, progress: Progress) -> None:
+    """Run one of the `tasks` of a bake. Raises what `run_task` does."""
     task = next((task for task in tasks if task.key == key), None)
     if task is None:
         raise UsageError(f"{key}: expected one of the {len(tasks)} keys that `gsgi tasks` lists with the same flags")
-    cache, before = plan.tracer.cache, set()
+    before = set()
     for need in needed(tasks, key):
         results = finished.results(need.key)
         if results is None:

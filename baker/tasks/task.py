@@ -47,6 +47,11 @@ def needed(tasks: Sequence[Task], key: str) -> list[Task]:
     return [task for task in tasks if task.key in wanted and task.key != key]
 
 
+def needed_later(tasks: Sequence[Task], key: str) -> bool:
+    """Whether a task needs the one under `key`."""
+    return any(key in task.needs for task in tasks)
+
+
 def keys(tasks: Iterable[Task]) -> tuple[str, ...]:
     """The keys of tasks."""
     return tuple(task.key for task in tasks)

@@ -52,14 +52,14 @@ class CachedTracer:
     """Traces the light of `scene`, each task once. Mitsuba starts at the first task that is not in `cache`."""
 
     def __init__(self, scene: Scene, cache: Cache, whole: "CachedTracer | None" = None):
-        """`whole` traces the same scene with more lights; both share the surfaces."""
+        """`whole` traces the same scene, or that with more lights; both share the surfaces."""
         self.scene, self.cache, self._whole = scene, cache, whole
         self.references: dict[int, str] = {}  # keys of what the cache has of each reference, by its seed
 
     @cached_property
     def fingerprint(self) -> int:
         """The fingerprint of the scene, which all sectors of a world share."""
-        return fingerprint(self.scene)
+        return self._whole.fingerprint if self._whole else fingerprint(self.scene)
 
     def lit_by(self, group: str) -> "CachedTracer":
         """A tracer of the light of one of the scene's light groups."""
@@ -148,7 +148,8 @@ class CachedTracer:
     @cached_property
     def scene_digest(self) -> str:
         """The digest of the scene, for the keys of tasks that depend on it."""
-        return scene_digest(self.scene)
+        same = self._whole and self._whole.scene is self.scene
+        return self._whole.scene_digest if same else scene_digest(self.scene)
 
     @cached_property
     def tracer(self) -> Tracer:

@@ -28,7 +28,8 @@ class KeptChunk(Points):
     float32 are those of the first layer of paths alone, which must hold at the points of the thin share only. head_a
     and head_b (P, 3) float32 are those of the head, the first of HEAD layers, of which each half has head_paths (P,)
     uint32 paths, and paths (P,) uint32 in all. fate (P,) uint8 is what the update has done with each, a number of
-    `tally.FATES`; 0 in a chunk that no update has touched. invalid is the number of paths that gave no finite number.
+    `tally.FATES`; 0 in a chunk that no update has made. invalid is the number of paths that gave no finite number.
+    touched is 1 where the update has changed light by as much as may be seen, else 0.
     """
 
     indirect_a: np.ndarray
@@ -41,6 +42,7 @@ class KeptChunk(Points):
     paths: np.ndarray
     fate: np.ndarray
     invalid: int
+    touched: int
 
     @property
     def points(self) -> Points:
@@ -65,7 +67,7 @@ class KeptChunk(Points):
         first = layers[0].indirect_a, layers[0].indirect_b
         halves, head = ([mean(some, half) for half in "ab"] for some in (layers, layers[of_head]))
         fate = np.zeros(len(paths), np.uint8)
-        return KeptChunk(*vars(points).values(), *halves, *first, *head, head_paths, paths, fate, invalid(layers))
+        return KeptChunk(*vars(points).values(), *halves, *first, *head, head_paths, paths, fate, invalid(layers), 0)
 
 
 def kept_light(cache: Cache, keys: list[str]) -> KnownLight:

@@ -5,8 +5,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gsgi.baker.cache.digest import digest
+from gsgi.baker.cache.digest import digest, digests
 from gsgi.runtime.scene import TEXTURE_SLOTS, Material, Mesh, Scene
+from gsgi.runtime.world.boxes import touch
 
 NAMED = 4  # most names of one kind in a line
 BOXES = 16  # that lines of sight are compared with; it takes longer with more than to follow the lines again
@@ -33,7 +34,11 @@ def parts(scene: Scene) -> list[Part]:
     """All parts of a scene that light depends on. Objects, materials and lights of the same name may occur often."""
     names = [material.name or f"material {number}" for number, material in enumerate(scene.materials)]
     met = [digest(_filled(scene, _uncoloured(material))) for material in scene.materials]
-    result = [_object(mesh, names[mesh.material], met[mesh.material]) for mesh in scene.meshes]
+    shapes = digests([replace(mesh, material=0, name="") for mesh in scene.meshes])
+    result = [
+        _object(mesh, shape, names[mesh.material], met[mesh.material])
+        for mesh, shape in zip(scene.meshes, shapes, strict=True)
+    ]
     result += [
         Part("material", name, digest(_filled(scene, material)))
         for name, material in zip(names, scene.materials, strict=True)
@@ -60,11 +65,18 @@ def changes(before: list[Part], after: list[Part]) -> list[str]:
     return lines
 
 
-def kept_share(before: list[Part], after: list[Part]) -> float:
-    """The share of the area of a scene's surfaces whose objects are those of the scene `before`."""
+def kept_share(before: list[Part], after: list[Part], box: np.ndarray | None = None) -> float:
+    """The share of the area of a scene's surfaces whose objects are those of the scene `before`.
+
+    With a box (2, 3), m, that of the objects that reach into it.
+    """
     known = {part.digest for part in before}
-    total = sum(part.area for part in after)
-    return sum(part.area for part in after if part.digest in known) / total if total else 0.0
+    there = [part for part in after if part.box]
+    if box is not None:
+        bounds = np.array([part.box for part in there]).reshape(-1, 2, 3)
+        there = [part for part, met in zip(there, touch(bounds, box), strict=True) if met]
+    total = sum(part.area for part in there)
+    return sum(part.area for part in there if part.digest in known) / total if total else 0.0
 
 
 def met_anew(before: list[Part], after: list[Part]) -> np.ndarray:
@@ -74,9 +86,8 @@ def met_anew(before: list[Part], after: list[Part]) -> np.ndarray:
     return boxes if len(boxes) <= BOXES else np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])[None]
 
 
-def _object(mesh: Mesh, material: str, met: str) -> Part:
+def _object(mesh: Mesh, shape: str, material: str, met: str) -> Part:
     """The part of a mesh; which material it has counts, but not what that is like, except for what rays have `met`."""
-    shape = digest(replace(mesh, material=0, name=""))
     part = digest({"mesh": shape, "material": material})
     box = tuple(np.ravel(mesh.bounds()).tolist())
     return Part("object", mesh.name or material, part, float(mesh.areas().sum()), digest((shape, met)), box)
@@ -116,5 +127,5 @@ def as_arrays(parts: list[Part]) -> list[list]:
 
 
 def from_arrays(arrays: list[list]) -> list[Part]:
-    """The parts that `as_arrays` took apart. Older versions wrote less of each."""
-    return [Part(*values[:5], *map(tuple, values[5:])) for values in arrays]
+    """The parts that `as_arrays` took apart."""
+    return [Part(*values, tuple(box)) for *values, box in arrays]

@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
+
 from gsgi.baker.cache.store import Cache
 from gsgi.baker.plan import Plan, as_baked
 from gsgi.baker.progress import Progress
@@ -13,8 +15,10 @@ from gsgi.runtime.camera import Camera
 from gsgi.runtime.errors import UsageError
 from gsgi.runtime.file import codec
 from gsgi.runtime.files import read_file
+from gsgi.runtime.gaussians import Bake
 from gsgi.runtime.light_groups import lit_groups
 from gsgi.runtime.scene import Scene
+from gsgi.runtime.world.manifest import SUFFIX
 
 from .parts import Part, changes, kept_share, met_anew, parts
 from .record import BakeRecord, code, other_settings
@@ -25,7 +29,7 @@ from .tally import Tally
 LEAST_KEPT = 0.5  # of the surface: views that were placed for less than this of a scene are not those to see it from
 
 
-class _NothingToKeepError(Exception):
+class NothingToKeepError(Exception):
     """Why a bake is of no use to another one, in part of a sentence."""
 
 
@@ -43,57 +47,83 @@ def updated_plan(
 
     The other arguments are those of `make_plan`. Raises its errors, and FileError or FormatError for the file.
     """
+    if file.suffix == SUFFIX:
+        raise UsageError(f"update: {file}: is the manifest of a world, which is updated in sectors alone")
+    data = read_file(file)
+    start, scene = codec.decode(data), as_baked(scene, settings)
+    record, now = BakeRecord.find(cache, data), parts(scene)
     try:
-        return _updated(read_file(file), scene, settings, progress, cache, path)
-    except _NothingToKeepError as reason:
+        check_record(record, scene, settings, path, now, cache)
+    except NothingToKeepError as reason:
         progress.warn(f"{file}: {reason}; baking all of it")
         return None
-
-
-def _updated(
-    file: bytes, scene: Scene, settings: Settings, progress: Progress, cache: Cache, path: Mapping[str, Camera]
-) -> Plan:
-    start = codec.decode(file)
-    scene = as_baked(scene, settings)
-    record = BakeRecord.find(cache, file)
-    now = parts(scene)
-    _check(record, scene, settings, path, now, cache)
-    for line in changes(record.parts, now) or ["changed: nothing that light depends on"]:
-        progress.say(line)
+    say_changes(record.parts, now, progress)
     tally = Tally()
     tracer = UpdatedTracer(scene, cache, record, tally)
     with progress.stage("views"):
         triangles = Triangles(scene)
+    return plan_again(record, start, scene, tracer, triangles, settings, now, tally)
+
+
+def plan_again(
+    record: BakeRecord, start: Bake, scene: Scene, tracer: UpdatedTracer, triangles: Triangles, settings: Settings,
+    now: list[Part], tally: Tally,
+) -> Plan:  # fmt: skip
+    """The plan that keeps what it can of the bake `start` with a `record`, and counts that in `tally`.
+
+    `scene` is that of the tracer, perhaps with fewer cameras, and `now` has its parts; the `triangles` may be those
+    within a box alone, as then.
+    """
     made = record.placement, record.pilot, record.lost, record.dark, settings, start, tally
     plan = Plan(scene, record.settings, triangles, tracer, *made)
+    vars(plan)["parts"] = now
     dark = [name in plan.dark for name in plan.placement.fitted]
-    seen = SeenSurface(tracer, plan.cameras, dark, plan.placement.importance)
+    seen = SeenSurface(tracer, plan.cameras, dark, plan.placement.importance, triangles.box)
     asked, anew = (plan.settings.bounces, plan.settings.seed + 1), met_anew(record.parts, now)
     vars(plan)["sampler"] = UpdatedSampler.gathering(tracer, seen, *asked, record.samplers, tally, anew)
     return plan
 
 
-def _check(record: BakeRecord | None, scene: Scene, settings: Settings, path, now: list[Part], cache: Cache) -> None:
-    """Raise _NothingToKeepError if the bake of a record is of no use to that of a scene."""
+def say_changes(before: list[Part], now: list[Part], progress: Progress) -> None:
+    """Say what an edit has changed."""
+    for line in changes(before, now) or ["changed: nothing that light depends on"]:
+        progress.say(line)
+
+
+def check_record(
+    record: BakeRecord | None, scene: Scene, settings: Settings, path: Mapping[str, Camera], now: list[Part],
+    cache: Cache, box: np.ndarray | None = None,
+) -> None:  # fmt: skip
+    """Raise NothingToKeepError if the bake of a record is of no use to that of a scene, or of a box (2, 3) of it."""
     if record is None:
-        raise _NothingToKeepError(f"the cache {cache.folder} knows nothing of its bake")
-    if record.code != code():
-        raise _NothingToKeepError("another version of gsgi, or of what it calls, has baked it")
-    if differ := other_settings(record.asked, settings):
-        raise _NothingToKeepError(f"it was baked with other settings: {'; '.join(differ)}")
+        raise NothingToKeepError(f"the cache {cache.folder} knows nothing of its bake")
+    check_same(record.code, record.asked, settings)
     if settings.operator != "surface":
-        raise _NothingToKeepError("only bakes with the operator surface can be updated")
+        raise NothingToKeepError("only bakes with the operator surface can be updated")
     groups = lit_groups(scene) if scene.groups else []
     if groups and set(groups) != set(record.groups):
         before = ", ".join(record.groups) or "none"
-        raise _NothingToKeepError(f"it was baked with other light groups: {before}, now {', '.join(groups)}")
-    if any(not _same(camera, record.placement.fitted.get(name)) for name, camera in path.items()):
-        raise _NothingToKeepError("it was baked with another camera path")
-    if (share := kept_share(record.parts, now)) < LEAST_KEPT:
-        raise _NothingToKeepError(f"it is of another scene, or nearly: {share:.0%} of the surface is as it was")
+        raise NothingToKeepError(f"it was baked with other light groups: {before}, now {', '.join(groups)}")
+    if any(not _same_camera(camera, record.placement.fitted.get(name)) for name, camera in path.items()):
+        raise NothingToKeepError("it was baked with another camera path")
+    check_scene(record.parts, now, box)
     if not all(map(cache.holds, record.entries)):
-        raise _NothingToKeepError(f"the cache {cache.folder} no longer holds its samples")
+        raise NothingToKeepError(f"the cache {cache.folder} no longer holds its samples")
 
 
-def _same(camera: Camera, other: Camera | None) -> bool:
+def check_same(before: str, asked: Settings, settings: Settings) -> None:
+    """Raise NothingToKeepError unless the code `before` and the settings that were `asked` for are those of now."""
+    if before != code():
+        raise NothingToKeepError("another version of gsgi, or of what it calls, has baked it")
+    if differ := other_settings(asked, settings):
+        raise NothingToKeepError(f"it was baked with other settings: {'; '.join(differ)}")
+
+
+def check_scene(before: list[Part], now: list[Part], box: np.ndarray | None = None) -> None:
+    """Raise NothingToKeepError if too little of the surface, or of that in a box (2, 3), is as it was `before`."""
+    if (share := kept_share(before, now, box)) < LEAST_KEPT:
+        raise NothingToKeepError(f"it is of another scene, or nearly: {share:.0%} of the surface is as it was")
+
+
+def _same_camera(camera: Camera, other: Camera | None) -> bool:
     return other is not None and repr(camera) == repr(other)

@@ -14,7 +14,7 @@ from gsgi.baker.trace.pilot import Pilot
 from gsgi.baker.views.cached_placement import placement_arrays, placement_of
 from gsgi.baker.views.placement import Placement
 
-from .parts import Part, as_arrays, from_arrays, parts
+from .parts import Part, as_arrays, from_arrays
 
 if TYPE_CHECKING:
     from gsgi.baker.plan import Plan
@@ -28,10 +28,11 @@ GATHERED = LocalLight._fields
 class BakeRecord:
     """How a file was baked.
 
-    `code` is the version of the code that traced it; `parts` are those of its scene; `asked` are the settings that were
-    asked for, and `settings` those that were followed. `samplers` has the keys of what the cache has of each sampler:
-    those of the known light, in order, and the last. `references` has those of the references, by seed, and
-    `lights` is that of what was learned about lights. `groups` has samplers and lights of each light group, by name.
+    `code` is the version of the code that traced it; `parts` are those of its scene, which the cache holds once for all
+    its bakes; `asked` are the settings that were asked for, and `settings` those that were followed. `samplers` has the
+    keys of what the cache has of each sampler: those of the known light, in order, and the last. `references` has those
+    of the references, by seed, and `lights` is that of what was learned about lights. `groups` has samplers and lights
+    of each light group, by name.
     """
 
     code: str
@@ -51,7 +52,7 @@ class BakeRecord:
     def of(plan: "Plan", budget: int) -> "BakeRecord":
         """The record of a plan that has been baked with this budget."""
         settings = replace(plan.settings, budget=budget)
-        made = code(), parts(plan.scene), plan.asked or settings, settings
+        made = code(), plan.parts, plan.asked or settings, settings
         found = plan.placement, plan.pilot, plan.lost, plan.dark
         samplers = [] if settings.operator != "surface" else [each.entries for each in plan.sampler.chain]
         traced = samplers, plan.tracer.references, plan.tracer.lights_key, plan.group_entries
@@ -67,7 +68,7 @@ class BakeRecord:
             references = before.references
         rest = {
             "code": self.code,
-            "parts": as_arrays(self.parts),
+            "parts": keep_parts(cache, self.parts),
             "asked": asdict(self.asked),
             "settings": asdict(self.settings),
             "mean": pilot.mean,
@@ -96,12 +97,15 @@ class BakeRecord:
             return {name[len(prefix) :]: value for name, value in arrays.items() if name.startswith(prefix)}
 
         rest = json.loads(arrays["record"].tobytes())
+        described = find_parts(cache, rest["parts"])
+        if described is None:
+            return None
         gathered = LocalLight(**under("gathered."))
         return BakeRecord(
             rest["code"],
-            from_arrays(rest["parts"]),
-            _settings(rest["asked"]),
-            _settings(rest["settings"]),
+            described,
+            settings_of(rest["asked"]),
+            settings_of(rest["settings"]),
             placement_of(under("placement.")),
             Pilot(rest["mean"], dict(rest["lost_by"]), gathered=gathered, **under("pilot.")),
             rest["lost"],
@@ -109,7 +113,7 @@ class BakeRecord:
             rest["samplers"],
             dict(rest["references"]),
             rest["lights"],
-            {name: (samplers, lights) for name, (samplers, lights) in rest.get("groups", [])},  # none in older ones
+            {name: (samplers, lights) for name, (samplers, lights) in rest["groups"]},
         )
 
     def of_group(self, name: str) -> "BakeRecord":
@@ -124,10 +128,30 @@ class BakeRecord:
         return [key for sampler in samplers for keys in sampler.values() for key in keys]
 
 
+def keep_parts(cache: Cache, parts: list[Part]) -> str:
+    """Keep the parts of a scene in a cache; return their key."""
+    text = np.frombuffer(json.dumps(as_arrays(parts)).encode(), np.uint8)
+    key = task_key("parts", text=text)
+    if not cache.holds(key):
+        cache.put(key, {"text": text})
+    return key
+
+
+def find_parts(cache: Cache, key: str) -> list[Part] | None:
+    """The parts that a cache has under a key; None if it has none."""
+    arrays = cache.get(key)
+    return None if arrays is None else from_arrays(json.loads(arrays["text"].tobytes()))
+
+
 def other_settings(before: Settings, after: Settings) -> list[str]:
     """The settings that differ, each as "name before, now after"."""
     pairs = ((each.name, getattr(before, each.name), getattr(after, each.name)) for each in fields(Settings))
     return [f"{name.replace('_', '-')} {_word(a)}, now {_word(b)}" for name, a, b in pairs if a != b]
+
+
+def settings_of(values: dict) -> Settings:
+    """The settings that `asdict` and JSON have taken apart."""
+    return Settings(**values | {"ignore": tuple(values["ignore"])})
 
 
 def code() -> str:
@@ -139,9 +163,5 @@ def _word(value) -> str:
     return "by default" if value is None else " ".join(value) or "none" if isinstance(value, tuple) else str(value)
 
 
-def _settings(values: dict) -> Settings:
-    return Settings(**values | {"ignore": tuple(values["ignore"])})
-
-
 def _key(file: bytes) -> str:
-    return task_key("bake", file=np.frombuffer(file, np.uint8))
+    return task_key("baked", file=np.frombuffer(file, np.uint8))

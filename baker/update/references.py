@@ -30,10 +30,8 @@ EDGE = round(SHARE**0.5)  # px: one pixel of a square of so many is traced again
 class UpdatedTracer(CachedTracer):
     """Traces a scene after an edit. What a reference shows besides B is exact; B is kept as that of samples is."""
 
-    def __init__(
-        self, scene: Scene, cache: Cache, record: BakeRecord, tally: Tally, whole: "UpdatedTracer | None" = None
-    ):
-        """`record` is that of the earlier bake; `whole` traces the same scene with more lights."""
+    def __init__(self, scene: Scene, cache: Cache, record: BakeRecord, tally: Tally, whole: CachedTracer | None = None):
+        """`record` is that of the earlier bake; `whole` traces the same scene, or that with more lights."""
         super().__init__(scene, cache, whole)
         self._record, self._tally = record, tally
         self._before, self._lights, self.samplers = record.references, record.lights, record.samplers
@@ -101,7 +99,7 @@ class UpdatedTracer(CachedTracer):
             half[~now.diffuse] = 0
         valid = before.valid & now.diffuse
         valid[again] = both
-        self._tally.add("references", fate[now.diffuse])
+        self._tally.add("references", f"{seed}", fate[now.diffuse])
         return Reference(now, reference.primary(self.tracer, now), *halves, valid)
 
 

@@ -20,7 +20,7 @@ from gsgi.baker.views.boxes import crossing
 from .kept import REVISED, KeptChunk, kept_light
 from .references import UpdatedTracer
 from .tally import AGAIN, GONE, NEW, PART, SAME, SHIFTED, Tally
-from .thin_share import CHANGED, LARGE, SHARE, ThinShare
+from .thin_share import CHANGED, LARGE, SHARE, UNSEEN, ThinShare
 
 WHERE = "position", "normal", "shading_normal", "geometric_normal"
 TOGETHER = 1 << 16  # paths from points, in passes, that are traced in the same launches: a launch of few costs as much
@@ -48,6 +48,7 @@ class UpdatedSampler:
         self._known_samples: SurfaceSamples | None = None
         self._known_light: KnownLight | None = None
         self.entries: dict[str, list[str]] = {}
+        self.touched = False  # whether light has changed, of what has been traced, by as much as may be seen
 
     @classmethod
     def gathering(
@@ -57,8 +58,8 @@ class UpdatedSampler:
         """The sampler that `Sampler.gathering` made with these bounces and seed, from the entries of its chain."""
         known = None
         for fewer, entries in zip(range(len(before) - 1, -1, -1), before, strict=True):
-            sampling = Sampling(PASS_SAMPLES, bounces - fewer)
-            known = cls(tracer, seen, entries, sampling, seed + fewer, tally, anew, known, mapped=not fewer)
+            sampling, there = Sampling(PASS_SAMPLES, bounces - fewer), seen.around if fewer else seen
+            known = cls(tracer, there, entries, sampling, seed + fewer, tally, anew, known, mapped=not fewer)
         return known
 
     def lit_by(self, tracer: UpdatedTracer) -> "UpdatedSampler":
@@ -101,6 +102,10 @@ class UpdatedSampler:
         if self._known_light is None:
             samples = self._known_samples
             arrays = samples.position, samples.normal, samples.indirect_a, samples.indirect_b
+            if not self._known.touched:
+                self._known_light = kept_light(self._tracer.cache, self._before["known"])
+                self.entries["known"] = self._before["known"]
+                return self._known_light
             key = self._tracer.key("known", __name__, before=self._before["known"], samples=arrays)
             edited = kept_light(self._tracer.cache, self._before["known"])
             self._known_light, _ = self._tracer.once(
@@ -129,8 +134,10 @@ class UpdatedSampler:
                 self._tracer.cache.put(key, to_arrays(chunk))
         advance(PATHS_STEP * sum(len(chunk.paths) * n for chunk, n in zip(chunks, layers, strict=True)))
         self.entries |= {name: [key] for name, key in zip(names, keys, strict=True)}
-        for chunk in chunks:
-            self._tally.add("samples" if self._mapped else "known light", chunk.fate)
+        kind = "samples" if self._mapped else "known light"
+        for name, chunk in zip(names, chunks, strict=True):
+            self._tally.add(kind, f"{self._seed} {name}", chunk.fate)
+            self.touched |= bool(chunk.touched)
         return joined(
             [combined(c.points, self._normals(c.points), c.indirect_a, c.indirect_b, c.invalid) for c in chunks]
         )
@@ -183,6 +190,7 @@ class UpdatedSampler:
             )
             for name, now in zip(WHERE, there, strict=True):
                 getattr(points, name)[at] = now
+            diffuse &= same | self._seen.holds(there[0])
             fate[at] = np.where(diffuse, np.where(same, SAME, NEW), GONE)
             return points, fate
         away, before = (np.linalg.norm(position - eye[at], axis=1) for position in (there[0], points.position[at]))
@@ -238,7 +246,12 @@ class UpdatedSampler:
             start[whole] = first_again[half][whole]
             columns |= {f"indirect_{half}": light, f"head_{half}": head, f"first_{half}": start}
         columns |= vars(points) | {"fate": fate, "invalid": before.invalid + invalid}
-        return replace(before, **columns)
+        after = replace(before, **columns)
+        changed = after.lit != before.lit
+        for name in ("indirect_a", "indirect_b"):  # traced again where nothing was known around, light may be the same
+            changed |= (whole | part) & after.lit & (getattr(after, name) != getattr(before, name)).any(axis=1)
+        shift = max(np.abs(each).max(initial=0) for each in (verdict.shift_a, verdict.shift_b))
+        return replace(after, touched=int(changed.any() or shift > UNSEEN))
 
     def _traced(self, points: Points, whole: np.ndarray, part: np.ndarray, before: KeptChunk, seed):
         """B of both halves at points of which the `whole` or a `part` is traced again, masks (P,).

@@ -14,12 +14,17 @@ SAME, SHIFTED, PART, AGAIN, NEW, GONE = FATES = range(6)
 class Tally:
     """Numbers of points by their fate: those of known light, of samples, and of references."""
 
-    points: dict[str, np.ndarray] = field(default_factory=dict)
+    _found: dict[tuple[str, str], np.ndarray] = field(default_factory=dict)
 
-    def add(self, kind: str, fate: np.ndarray) -> None:
-        """Count points of a `kind` by their fates (P,)."""
-        found = np.bincount(fate, minlength=len(FATES))
-        self.points[kind] = self.points.get(kind, 0) + found
+    def add(self, kind: str, name: str, fate: np.ndarray) -> None:
+        """Count points of a `kind` by their fates (P,); those of one `name` count once."""
+        self._found[kind, name] = np.bincount(fate, minlength=len(FATES))
+
+    @property
+    def points(self) -> dict[str, np.ndarray]:
+        """The numbers of points by fate, by kind."""
+        kinds = dict.fromkeys(kind for kind, _ in self._found)
+        return {kind: sum(found for (of, _), found in self._found.items() if of == kind) for kind in kinds}
 
     def lines(self) -> list[str]:
         """One line for each kind of points."""

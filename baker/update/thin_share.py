@@ -27,6 +27,9 @@ CHANGED = 0.05
 # along the first of them says as much.
 LARGE = 0.25
 
+# The same for light that counts as it was: what a level of an image of 8 bits hardly shows.
+UNSEEN = 1 / 512
+
 
 class Verdict(NamedTuple):
     """What the thin share tells of N points.
@@ -93,5 +96,20 @@ class ThinShare:
             relative = (changes[:, asked] / level[asked][None, :, :, None]).mean(axis=2)
             change[here] = np.sqrt(np.maximum(np.prod(relative, axis=0).mean(axis=1), 0))
             shift = changes[:, near].sum(axis=2) / level[near].sum(axis=1)[:, None]
-            shifts[:, here] = np.where(same[here, None], 0, shift)
+            shifts[:, here] = np.where(same[here, None], 0, _certain(shift, changes[:, near], level[near]))
         return Verdict(change, same, *shifts)
+
+
+def _certain(shift: np.ndarray, changes: np.ndarray, level: np.ndarray) -> np.ndarray:
+    """The `shift` (2, N, 3) of both halves, shrunk by how little more it is than noise (James and Stein, 1961).
+
+    It is that of light of `level` (N, K) at K points around each, which has changed by `changes` (2, N, K, 3). Where
+    paths take other choices than before, such as among lights of which one is new, the same light comes with other
+    noise, which would add up with every edit.
+    """
+    rest = changes - shift[:, :, None] * level[None, :, :, None]
+    count = max(level.shape[1] - 1, 1)
+    variance = (rest**2).sum(axis=(0, 2, 3)) * level.shape[1] / count / level.sum(axis=1) ** 2 / 4  # of their mean
+    size = (shift.mean(axis=0) ** 2).sum(axis=1)
+    share = np.maximum(1 - variance / np.maximum(size, np.finfo(np.float64).tiny), 0)
+    return share[None, :, None] * shift

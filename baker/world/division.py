@@ -1,5 +1,6 @@
 """Divide a scene into boxes, each of which is baked by itself."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -11,7 +12,7 @@ from gsgi.baker.views.surface_points import NO_SURFACE, Triangles, lit_meshes
 from gsgi.baker.views.visibility import sides
 from gsgi.runtime.errors import SceneError, UsageError
 from gsgi.runtime.instance import Instance
-from gsgi.runtime.scene import Scene
+from gsgi.runtime.scene import Mesh, Scene
 from gsgi.runtime.vectors import sphere
 from gsgi.runtime.world.boxes import touch
 from gsgi.runtime.world.manifest import SECTORS_MOST
@@ -63,10 +64,64 @@ def divide(scene: Scene, size: float) -> Division:
         raise UsageError(
             f"--sectors {size:g}: makes {counts.prod():.0f} sectors, and a world has at most {SECTORS_MOST}"
         )
-    planes = [np.linspace(a, b, int(n) + 1) for a, b, n in zip(low, high, counts, strict=True)]
-    cells = np.array(list(np.ndindex(*counts.astype(int))))
-    boxes = np.stack([[axis[cells[:, k] + side] for k, axis in enumerate(planes)] for side in (0, 1)])
-    boxes = boxes.transpose(2, 0, 1)
+    boxes = _tiles([np.linspace(a, b, int(n) + 1) for a, b, n in zip(low, high, counts, strict=True)])
+    area = _areas(lit, bounds, boxes)
+    edges, divided = (high - low) / counts, counts > 1
+    margin = float(MARGIN * (edges[divided] if divided.any() else edges).min())
+    return Division(boxes[area > 0], margin, area[area > 0])
+
+
+def divide_again(scene: Scene, boxes: np.ndarray, margin: float) -> tuple[Division, list[int | None]]:
+    """Divide the surfaces of a scene as `boxes` (N, 2, 3) with borders of `margin` m divided it before an edit.
+
+    Boxes without a surface are gone. What has come outside of all is in further boxes of the same edges, or in the
+    outermost, which become up to half as wide again. The result holds for each box its number before; None: it is new.
+    Raises what `divide` does.
+    """
+    lit = [scene.meshes[i] for i in lit_meshes(scene)]
+    bounds = np.array([mesh.bounds() for mesh in lit])
+    low, high = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
+    beyond, edges = BEYOND * float(np.linalg.norm(high - low)), np.median(boxes[:, 1] - boxes[:, 0], axis=0)
+    spread = np.maximum(high, boxes[:, 1].max(axis=0)) - np.minimum(low, boxes[:, 0].min(axis=0))
+    counts = np.ceil(spread / edges - 0.5)
+    if not counts.prod() <= SECTORS_MOST:
+        raise UsageError(
+            f"--update: the scene has grown to {counts.prod():.0f} sectors, and a world has at most {SECTORS_MOST}"
+        )
+    sides = zip(boxes.transpose(2, 0, 1), low, high, edges, strict=True)
+    planes = [_planes(np.unique(known), *of_axis, beyond) for known, *of_axis in sides]
+    tiles = _tiles(planes)
+    middle = boxes.mean(axis=1)
+    cells = [np.searchsorted(axis, middle[:, k], side="right") - 1 for k, axis in enumerate(planes)]
+    before = np.ravel_multi_index(cells, [len(axis) - 1 for axis in planes])
+    order = [*before, *sorted(set(range(len(tiles))) - set(before.tolist()))]
+    area = _areas(lit, bounds, tiles[order])
+    was = [*range(len(boxes)), *[None] * (len(tiles) - len(boxes))]
+    return Division(tiles[order][area > 0], margin, area[area > 0]), [was[i] for i in np.flatnonzero(area)]
+
+
+def _planes(known: np.ndarray, low: float, high: float, edge: float, beyond: float) -> np.ndarray:
+    """The `known` planes (P,) between boxes along one axis, m, with those for what has come from `low` to `high`."""
+    steps = np.maximum(np.round(np.diff(known) / edge), 1).astype(int)
+    inner = [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(known[:-1], known[1:], steps, strict=True)]
+    below, above = (max(int(np.ceil(far / edge - 0.5)), 0) for far in (known[0] - low, high - known[-1]))
+    planes = np.concatenate(
+        [known[0] - edge * np.arange(below, 0, -1), *inner, known[-1] + edge * np.arange(above + 1)]
+    )
+    planes[0] = planes[0] if planes[0] <= low else low - beyond
+    planes[-1] = planes[-1] if planes[-1] >= high else high + beyond
+    return planes
+
+
+def _tiles(planes: list[np.ndarray]) -> np.ndarray:
+    """The boxes (N, 2, 3) between planes along each axis."""
+    cells = np.array(list(np.ndindex(*(len(axis) - 1 for axis in planes))))
+    sides = np.stack([[axis[cells[:, k] + side] for k, axis in enumerate(planes)] for side in (0, 1)])
+    return sides.transpose(2, 0, 1)
+
+
+def _areas(lit: Sequence[Mesh | Instance], bounds: np.ndarray, boxes: np.ndarray) -> np.ndarray:
+    """The area (N,), m^2, of meshes with these `bounds` (M, 2, 3) in each of the boxes (N, 2, 3). Raises SceneError."""
     area = np.zeros(len(boxes))
     for mesh, extent in zip(lit, bounds, strict=True):
         met = np.flatnonzero(touch(boxes, extent))
@@ -78,9 +133,7 @@ def divide(scene: Scene, size: float) -> Division:
             area[number] += areas(clipped(corners, boxes[number])[0]).sum()
     if not area.any():
         raise SceneError(NO_SURFACE)
-    edges, divided = (high - low) / counts, counts > 1
-    margin = float(MARGIN * (edges[divided] if divided.any() else edges).min())
-    return Division(boxes[area > 0], margin, area[area > 0])
+    return area
 
 
 def near(scene: Scene, box: np.ndarray) -> Scene:

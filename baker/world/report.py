@@ -10,12 +10,14 @@ class WorldReport:
     """The `manifest` that was written, and the report of each sector's own bake, as `BakeReport.as_dict` gives it.
 
     `seconds` are by stage, of all sectors that were baked now, and `found` is the number of those that the cache held.
+    `kept` is the number of those whose files are those from before an edit; None without an update.
     `peak_memory` (bytes) is that of the process; None if the system does not report it. `warnings` are one line each.
     """
 
     manifest: Manifest
     sectors: tuple[dict, ...]
     found: int
+    kept: int | None
     seconds: dict[str, float]
     peak_memory: int | None
     warnings: tuple[str, ...]
@@ -46,6 +48,7 @@ class WorldReport:
             "margin": self.manifest.margin,
             "sectors": [{"file": s.file, "low": s.low, "high": s.high} | made for s, made in places],
             "from_cache": self.found,
+            **({} if self.kept is None else {"kept": self.kept}),
             "peak_memory": self.peak_memory,
             "stages": [{"stage": name, "seconds": round(value, 3)} for name, value in self.seconds.items()],
         }

@@ -50,8 +50,9 @@ class Sector:
 class Manifest:
     """The `sectors` of a world whose manifest is the file `path`.
 
-    `scene` is the fingerprint of the scene and `effects` those of its light, as in each file. Where two boxes meet, the
-    light of one sector turns into that of the other within `margin` (m) on both sides of the border.
+    `scene` is the fingerprint of the scene and `effects` those of its light. Files of sectors that an edit has not
+    reached have those of the scene before. Where two boxes meet, the light of one sector turns into that of the other
+    within `margin` (m) on both sides of the border.
     """
 
     path: Path
@@ -65,15 +66,21 @@ class Manifest:
         """The boxes of all sectors, (N, 2, 3) float64, m."""
         return np.array([sector.box for sector in self.sectors])
 
+    def data(self, number: int) -> bytes:
+        """The bytes of a sector's file. Raises FileError, or FormatError if they are not those of the manifest."""
+        sector = self.sectors[number]
+        path = self.path.parent / sector.file
+        data = read_file(path, lambda size: _same(path, "bytes", sector.bytes, size))
+        _same(path, "sha256", sector.sha256, hashlib.sha256(data).hexdigest())
+        return data
+
     def read(self, number: int) -> Bake:
         """The light of one sector.
 
         Raises FileError or FormatError, which name the file, unless it is the one that the manifest describes.
         """
-        sector = self.sectors[number]
+        data, sector = self.data(number), self.sectors[number]
         path = self.path.parent / sector.file
-        data = read_file(path, lambda size: _same(path, "bytes", sector.bytes, size))
-        _same(path, "sha256", sector.sha256, hashlib.sha256(data).hexdigest())
         try:
             bake = codec.decode(data)
         except FormatError as error:

@@ -18,7 +18,7 @@ from gsgi.baker.progress import Progress
 from gsgi.baker.report import peak_memory
 from gsgi.baker.settings import Settings
 from gsgi.baker.tasks.request import Request
-from gsgi.baker.world.bake import WorldBaker
+from gsgi.baker.world.world_baker import WorldBaker
 from gsgi.runtime.scene import Environment, Light
 
 SCENE = SHARED / "sponza_crytek" / "sponza.gltf"
@@ -73,5 +73,5 @@ def _baked(path: Path, edge: int) -> dict:
         assert world.tracer.tracer
         row["before_s"] = round(time.process_time(), 1)
         numbers = dict.fromkeys((0, edge // 2 * (edge + 1)))
-        took = [world.sector(number)[1]["cpu_seconds"] for number in numbers]
+        took = [world.sector(number, Progress()).report["cpu_seconds"] for number in numbers]
     return row | {"sector_s": ", ".join(f"{each:.1f}" for each in took), "memory_mb": peak_memory() >> 20}

@@ -15,7 +15,7 @@ from gsgi.baker.cache.store import Cache, size_limit
 from gsgi.baker.progress import Progress
 from gsgi.baker.tasks.request import Request
 from gsgi.baker.views.surface_points import Triangles
-from gsgi.baker.world.bake import WorldBaker
+from gsgi.baker.world.world_baker import WorldBaker
 from gsgi.runtime.camera import Camera, look_at
 from gsgi.runtime.display import auto_exposure, encode_srgb, luminance, to_uint8, tone_map
 from gsgi.runtime.file import codec
@@ -59,7 +59,7 @@ def _baked(scene: Scene, folder: Path) -> Path:
     assert len(boxes) == EDGE * EDGE
     numbers = range(ROW, EDGE * EDGE, EDGE)  # boxes are counted along z first
     for number in numbers:
-        data = baker.sector(number)[0]
+        data = baker.sector(number, Progress()).data
         file = f"row.{number}-{hashlib.sha256(data).hexdigest()[:12]}.gsgi"
         (folder / file).write_bytes(data)
         files.append((file, data, codec.decode(data)))

@@ -51,8 +51,8 @@ def _row(each: Edit) -> dict:
         before, after, updated = (str(folder / f"{part}.gsgi") for part in ("before", "after", "updated"))
         bake(each.scene, folder / "cache", "-o", before)
         shutil.copytree(folder / "cache", folder / "kept")
-        full, _ = _timed(scene, folder / "full", "-o", after)
-        part, report = _timed(scene, folder / "kept", "-o", updated, "--update", before)
+        full, _ = timed(scene, folder / "full", "-o", after)
+        part, report = timed(scene, folder / "kept", "-o", updated, "--update", before)
         kept = report["kept"]["samples"]
         total = sum(kept.values()) - kept["gone"]
         whole, again, old = _ssims(scene, folder / "full", (after, updated, before))
@@ -69,7 +69,7 @@ def _row(each: Edit) -> dict:
     }
 
 
-def _timed(scene: Path, cache: Path, *flags: str) -> tuple[float, dict]:
+def timed(scene: Path, cache: Path, *flags: str) -> tuple[float, dict]:
     """Processor seconds of a bake, which other processes lengthen less than its time, and its report."""
     start = _spent()
     report = bake(scene, cache, *flags)

@@ -34,8 +34,8 @@ def add(commands) -> None:
     parser.add_argument("-o", "--output", metavar="FILE", required=True,
                         help="the .gsgi file to write; with --sectors the manifest, a .json file")  # fmt: skip
     parser.add_argument("--update", metavar="FILE",
-                        help="the .gsgi file of this scene before an edit: keep what the cache has of its bake and the "
-                        "edit has not changed")  # fmt: skip
+                        help="the .gsgi file of this scene before an edit, with --sectors the manifest: keep what the "
+                        "cache has of its bake and the edit has not changed")  # fmt: skip
     _add_build(parser)
     shared.add_settings(parser)
     parser.add_argument("--preview", metavar="DIR", type=Path, help="folder for pictures of the fit while it runs")
@@ -118,26 +118,29 @@ def _bake_sectors(options: argparse.Namespace) -> None:
     from gsgi.baker.cli.json_output import print_json
     from gsgi.baker.progress import Progress
     from gsgi.baker.world.bake import bake_world
+    from gsgi.baker.world.work import WorldWork
+    from gsgi.baker.world.world_baker import WorldBaker
 
     console = Console(options.quiet)
     progress = Progress(console)
     cache = open_cache(options, progress)
     request = request_of(options, progress)
     rules, done = _rules(options, request.scene, progress), []
-    report = bake_world(
-        request,
-        shared.sector_size(options),
-        Path(options.output),
-        progress,
-        cache,
-        lambda data: done.append(_write(options, data, rules)),
-    )
+    size = shared.sector_size(options)
+    if options.ray:
+        work = WorldWork(request, size)
+        _run_on_cluster(options.ray, work, cache, progress)
+        baker = work.baker
+    else:
+        baker = WorldBaker(request, size, progress, cache, Path(options.update) if options.update else None)
+    report = bake_world(baker, Path(options.output), lambda data: done.append(_write(options, data, rules)))
     cache.trim()
     ssim = ""
     if report.worst:
         number, view = report.worst
         ssim = f"; worst view: {view['name']} of sector {number + 1}, SSIM of the frame {view['final']['ssim']:.4f}"
     files = f"{len(report.sectors)} sectors, {report.gaussians} Gaussians, {report.bytes} bytes"
+    files += "" if report.kept is None else f", {report.kept} sectors as they were"
     console.close(f"{done[-1]}: {files}, {sum(report.seconds.values()):.0f} s{ssim}")
     if options.json:
         print_json(report.as_dict())
@@ -166,24 +169,25 @@ def _oversize(options: argparse.Namespace, report) -> str | None:
 
 def _plan(options: argparse.Namespace, request, cache, progress):
     """The plan of a bake: on a cluster, after an edit, or of all of it."""
+    from gsgi.baker.tasks.work import BakeWork
     from gsgi.baker.update.plan import updated_plan
 
     if options.ray:
-        return _on_cluster(options.ray, request, cache, progress)
+        work = BakeWork(request)
+        _run_on_cluster(options.ray, work, cache, progress)
+        return work.plan
     asked = request.scene, request.settings, progress, cache, request.path
     after = updated_plan(Path(options.update), *asked) if options.update else None
     return after or request.plan(progress, cache)
 
 
-def _on_cluster(address: str, request, cache, progress):
-    """Run the tasks of a bake on a Ray cluster, and return its plan: the cache then has all that it needs."""
+def _run_on_cluster(address: str, work, cache, progress) -> None:
+    """Run the tasks of a bake on a Ray cluster: the cache then has all that it needs."""
     from gsgi.baker.cluster.engine import Engine, connected
     from gsgi.baker.tasks.run import planned
 
     with connected(address):
-        plan = planned(request, cache, progress)
-        Engine(request, plan, cache, progress).run()
-    return plan
+        Engine(work, planned(work, cache, progress), cache, progress).run()
 
 
 def _check_outputs(options: argparse.Namespace) -> None:
@@ -223,7 +227,7 @@ def _check_sectors(options: argparse.Namespace) -> None:
     from gsgi.runtime.errors import UsageError
 
     stem(Path(options.output))
-    for flag in _given(options, "--ray", "--update", "--preview", "--target-bytes", "--target-loss", "--seconds"):
+    for flag in _given(options, "--preview", "--target-bytes", "--target-loss", "--seconds"):
         raise UsageError(f"{flag}: cannot be had with --sectors")
 
 

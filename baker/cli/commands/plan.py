@@ -42,7 +42,8 @@ def run(options: argparse.Namespace) -> None:
     progress = Progress(Console(options.quiet))
     request, cache = request_of(options, progress), open_cache(options, progress)
     if options.sectors:
-        from gsgi.baker.world.bake import WorldBaker, told
+        from gsgi.baker.world.bake import told
+        from gsgi.baker.world.world_baker import WorldBaker
 
         world = WorldBaker(request, shared.sector_size(options), progress, cache)
         count, number = len(world.division.boxes), world.division.largest

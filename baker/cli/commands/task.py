@@ -23,13 +23,13 @@ def add(commands) -> None:
 def run(options: argparse.Namespace) -> None:
     """Run the task, unless it is finished."""
     from gsgi.baker.cli.console import Console
-    from gsgi.baker.cli.inputs import open_cache, request_of
+    from gsgi.baker.cli.inputs import open_cache, work_of
     from gsgi.baker.progress import Progress
     from gsgi.baker.tasks.run import run_task
 
     console = Console(options.quiet)
     progress = Progress(console)
-    request, cache = request_of(options, progress), open_cache(options, progress)
-    ran = run_task(request, options.key, cache, progress)
+    work, cache = work_of(options, progress), open_cache(options, progress)
+    ran = run_task(work, options.key, cache, progress)
     took = f", {sum(progress.seconds.values()):.0f} s" if ran else " before"
     console.close(f"finished {options.key}{took}")

@@ -12,16 +12,16 @@ typedef struct gsgi__sector {
     char file[GSGI_NAME_ROOM];
     uint64_t bytes, memory;
     uint8_t sha256[32];
-    double low[3], high[3]; /* of its box, m */
+    double low[3], high[3];           /* of its box, m */
     double fade_low[3], fade_high[3]; /* the same, but that faces which no neighbour shares lie at GSGI_FACE_FAR, or in
                                          the middle of the gap to another box behind them */
     bool low_open[3], high_open[3];   /* which faces no neighbour shares */
-    size_t neighbours; /* where the manifest lists them, while it is read */
-    uint32_t class;    /* no two sectors of a class have light at the same point */
-    gsgi_bake* bake;   /* NULL: not in memory */
-    uint32_t serial;   /* of all that came into memory */
-    double clock;      /* from 0 to 1 */
-    float weight;      /* factor on its light, which follows the clock */
+    size_t neighbours;                /* where the manifest lists them, while it is read */
+    uint32_t class;                   /* no two sectors of a class have light at the same point */
+    gsgi_bake* bake;                  /* NULL: not in memory */
+    uint32_t serial;                  /* of all that came into memory */
+    double clock;                     /* from 0 to 1 */
+    float weight;                     /* factor on its light, which follows the clock */
     bool wanted, broken;
 } gsgi__sector;
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 from repository import ROOT
-from small_tasks import FAULTS, SURFACE, SmallNode, baked, make_small, run
+from small_tasks import FAULTS, SURFACE, WORLD, SmallNode, baked, baked_world, make_small, run
 
 from gsgi.baker.cluster import engine
 from gsgi.baker.cluster.node import Member
@@ -131,6 +131,15 @@ def test_light_groups_are_baked_apart_there_too(cluster, tmp_path):
     there = baked(grouped, tmp_path / "there", "--ray", cluster.address)
     assert there == baked(grouped, tmp_path / "here")
     assert [group.name for group in codec.decode(there[0]).groups] == ["base", "sky"]
+
+
+def test_nodes_take_the_sectors_of_a_world_and_one_dies(cluster, faults, tmp_path, capsys):
+    (faults / "die-sector-1").touch()
+    there = baked_world(WORLD, tmp_path / "there", tmp_path / "cache there", "--ray", cluster.address)
+    assert "the task sector-1 failed and is tried again: The actor died unexpectedly" in capsys.readouterr().err
+    assert there == baked_world(WORLD, tmp_path / "here", tmp_path / "cache here")
+    left, alone = ({path.name for path in (tmp_path / f"cache {where}").iterdir()} for where in ("there", "here"))
+    assert {name for name in left if not name.startswith("task-")} == alone  # so that an update finds all that it needs
 
 
 def test_nodes_of_another_version_take_no_tasks(cluster, tmp_path, monkeypatch, capsys):

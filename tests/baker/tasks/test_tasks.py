@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from command_flags import flags
 from repository import ROOT
-from small_tasks import SURFACE, baked, make_small, run
+from small_tasks import SURFACE, WORLD, baked, baked_world, make_small, run, see_little
 
 from gsgi.baker import estimate
 from gsgi.baker.cache.store import Cache
@@ -155,6 +155,25 @@ def test_a_bake_with_over_finds_all_that_its_tasks_left(caches, monkeypatch, cap
         run("task", task["key"], *arguments)
     forbid_work(monkeypatch)
     assert baked(OVER, caches[1]) == plain
+
+
+def test_a_world_has_a_task_for_each_sector(tmp_path, monkeypatch, capsys):
+    see_little(monkeypatch.setattr)
+    plain, farm = (tmp_path / name for name in ("plain", "farm"))
+    files = baked_world(WORLD, plain, tmp_path / "cache")
+    arguments = [*WORLD, "--cache", str(farm)]
+    monkeypatch.setattr(estimate, "estimate", lambda plan: {"fit": 2.0, "irradiance": 3.0})
+    listed = tasks(capsys, *arguments)
+    assert [(task["key"], task["wave"], task["seconds"]) for task in listed[1:]] == [
+        ("sector-0", 1, 5.0),
+        ("sector-1", 1, 5.0),
+    ]
+    run("task", "sector-1", *arguments)
+    assert "sector-2: expected one of the 3 keys" in refused(capsys, 1, "task", "sector-2", *arguments)
+    assert "sector-0: needs the task plan first" in refused(capsys, 4, "task", "sector-0", *arguments, "--seed", "1")
+    run("task", "sector-0", *arguments)
+    forbid_work(monkeypatch)
+    assert baked_world(WORLD, tmp_path / "again", farm) == files
 
 
 def refused(capsys, code: int, *arguments: str) -> str:

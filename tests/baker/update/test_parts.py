@@ -76,11 +76,6 @@ def test_an_object_that_has_moved_is_met_anew_where_it_was_and_where_it_is():
     assert twice.tolist() == [np.array(table.bounds()).tolist()]
 
 
-def test_parts_that_older_versions_wrote_are_read():
-    whole = as_arrays(parts(room()))
-    assert [part.name for part in from_arrays([values[:4] for values in whole])] == [values[1] for values in whole]
-
-
 def test_of_many_objects_one_box_is_around_all():
     scene = room()
     floor, table = scene.meshes
@@ -105,4 +100,8 @@ def test_the_share_that_is_kept_goes_by_area():
     floor, table = scene.meshes
     assert kept_share(parts(scene), parts(scene)) == 1
     moved = replace(table, position=table.position + np.float32([1, 0, 0]))
-    np.testing.assert_allclose(kept_share(parts(scene), parts(replace(scene, meshes=(floor, moved)))), 16 / 20)
+    after = parts(replace(scene, meshes=(floor, moved)))
+    np.testing.assert_allclose(kept_share(parts(scene), after), 16 / 20)
+    beside = np.array([[-2.0, -1, -2], [-1.5, 1, 2]])  # into which only the floor reaches
+    assert kept_share(parts(scene), after, beside) == 1
+    assert kept_share(parts(scene), after, beside + 100) == 0

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gsgi.baker.update.thin_share import ASKED, CHANGED, ThinShare
+from gsgi.baker.update.thin_share import ASKED, CHANGED, SMOOTHED, ThinShare
 
 COUNT = 4096
 UP, DOWN = np.float32([0, 1, 0]), np.float32([0, -1, 0])
@@ -67,6 +67,22 @@ def test_noise_alone_is_no_change():
     a, b = (rng.normal(0, CHANGED, (COUNT, 3)).astype(np.float32) for _ in range(2))
     verdict = ThinShare(position, normal, a, b, np.ones(COUNT, np.float32)).judge(*points(1))
     assert (verdict.change > CHANGED).mean() < 0.01
+
+
+def test_other_noise_of_the_same_light_is_hardly_passed_on_and_a_change_beside_it_is():
+    rng, noise = np.random.default_rng(3), 0.05
+    position, normal = points(0)
+    a, b = (rng.normal(0, noise, (COUNT, 3)).astype(np.float32) for _ in range(2))
+    where = points(1)
+
+    def passed_on(change: float) -> np.ndarray:
+        shares = ThinShare(position, normal, a + np.float32(change), b + np.float32(change), np.ones(COUNT, np.float32))
+        verdict = shares.judge(*where)
+        return (verdict.shift_a + verdict.shift_b) / 2
+
+    without = noise / np.sqrt(2 * SMOOTHED)  # what the mean over the neighbours has of it
+    assert np.sqrt((passed_on(0.0) ** 2).mean()) < 0.6 * without
+    np.testing.assert_allclose(passed_on(0.04).mean(), 0.04, rtol=0.05)
 
 
 def test_nothing_is_known_where_no_point_tells():

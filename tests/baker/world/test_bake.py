@@ -16,8 +16,9 @@ from gsgi.baker.cli import main
 from gsgi.baker.progress import Progress
 from gsgi.baker.settings import Settings
 from gsgi.baker.tasks.request import Request
-from gsgi.baker.world import bake
+from gsgi.baker.world import bake, world_baker
 from gsgi.baker.world.report import WorldReport
+from gsgi.baker.world.world_baker import WorldBaker
 from gsgi.runtime.atomic import write_atomic
 from gsgi.runtime.scene import Scene
 from gsgi.runtime.world.manifest import read_manifest
@@ -45,7 +46,7 @@ def bake_hall(folder: Path, cache: Path, evaluate: bool = False) -> WorldReport:
     folder.mkdir(exist_ok=True)
     request, output = Request(long_furnace(), SETTINGS, evaluate=evaluate), folder / "level.gsgi.json"
     write = lambda data: write_atomic(output, data)  # noqa: E731
-    return bake.bake_world(request, 2.5, output, Progress(), Cache(cache), write)
+    return bake.bake_world(WorldBaker(request, 2.5, Progress(), Cache(cache)), output, write)
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -64,21 +65,19 @@ def test_a_bake_in_sectors_is_resumed_and_its_manifest_comes_last(tmp_path, monk
     assert number in (0, 1)
     assert view["final"]["psnr"] > 25  # of what lies in the sector
     assert json.dumps(report.as_dict())
-    assert not list((tmp_path / "cache").glob("bake-*"))  # records for updates, which are never of a sector
+    baked = WorldBaker.sector
 
-    baked = bake.WorldBaker.sector
-
-    def interrupted(self, number):
+    def interrupted(self, number, progress):
         if number:
             raise KeyboardInterrupt
-        return baked(self, number)
+        return baked(self, number, progress)
 
     again.mkdir()
     older = {"level.gsgi.json": b"{}", "level.7-0123456789ab.gsgi": b"old", "level.other.gsgi": b"mine"}
     for name, data in older.items():
         (again / name).write_bytes(data)
     with monkeypatch.context() as context:
-        context.setattr(bake.WorldBaker, "sector", interrupted)
+        context.setattr(WorldBaker, "sector", interrupted)
         with pytest.raises(KeyboardInterrupt):
             bake_hall(again, cache)
     assert older.items() <= contents(again).items()
@@ -113,7 +112,6 @@ REFUSED = {
     "level.gsgi": ([], "expected a name that ends in .json for the manifest of sectors"),
     ".gsgi.json": ([], "expected a name that ends in .json for the manifest of sectors"),
     "a.json": (["--target-loss", "0.1"], "--target-loss: cannot be had with --sectors"),
-    "c.json": (["--ray", "auto"], "--ray: cannot be had with --sectors"),
     "d.json": (["--operator", "over"], "--operator over: cannot be baked in sectors"),
     "e.json": (["--group", "sky=environment"], "--group: cannot be baked in sectors"),
     "f.json": (["--sectors", "0.01"], "--sectors 0.01: makes 8120601 sectors, and a world has at most 4096"),
@@ -143,4 +141,4 @@ def test_a_plan_tells_how_the_scene_is_divided(tmp_path, monkeypatch, capsys):
 
 def test_cameras_belong_to_the_sector_in_which_they_stand():
     cameras = scenes.furnace().cameras | {"above": scenes.above_camera()}
-    assert list(bake._within(np.array([[0, -1, 0], [1, 1, 1.0]]), cameras)) == ["inside"]
+    assert list(world_baker._within(np.array([[0, -1, 0], [1, 1, 1.0]]), cameras)) == ["inside"]

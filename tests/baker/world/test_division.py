@@ -7,7 +7,7 @@ import pytest
 import scenes
 
 from gsgi.baker.views.surface_points import Triangles
-from gsgi.baker.world.division import FAR_SIGHTS, MARGIN, automatic_size, divide, near, of_each
+from gsgi.baker.world.division import FAR_SIGHTS, MARGIN, automatic_size, divide, divide_again, near, of_each
 from gsgi.runtime.errors import SceneError, UsageError
 from gsgi.runtime.instance import Instance, flat
 from gsgi.runtime.scene import Scene
@@ -47,6 +47,45 @@ def test_sectors_are_as_wide_as_people_see_far():
     small, large = (automatic_size(Triangles(Scene(tuple(scenes.box(half)), (scenes.WHITE,))), 0) for half in (1, 10))
     assert large == pytest.approx(10 * small, rel=0.1)
     assert FAR_SIGHTS * 0.5 < small < FAR_SIGHTS * 1.8
+
+
+def test_after_an_edit_boxes_are_those_from_before():
+    room = scenes.furnace()
+    before = divide(room, 1.5)
+    after, was = divide_again(room, before.boxes, before.margin)
+    for a, b in zip(after, before, strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert was == list(range(8))
+    half = replace(room, meshes=tuple(mesh for mesh in room.meshes if mesh.bounds()[1][0] < 0))  # the wall at x = -1
+    after, was = divide_again(half, before.boxes, before.margin)
+    np.testing.assert_array_equal(after.boxes, before.boxes[:4])
+    assert was == [0, 1, 2, 3]
+
+
+@pytest.mark.parametrize(("at", "more"), [(2.2, 8), (1.3, 0), (6.0, 8)], ids=["beside", "near", "with a gap"])
+def test_what_has_come_outside_has_boxes_of_its_own_or_widens_the_outermost(at, more):
+    room = scenes.furnace()
+    before = divide(room, 1.5)
+    there = replace(room.meshes[0], position=room.meshes[0].position * np.float32([0.1, 1, 1]) + np.float32([at, 0, 0]))
+    after, was = divide_again(replace(room, meshes=(*room.meshes, there)), before.boxes, before.margin)
+    assert overlap(after.boxes) is None
+    assert was[:8] == list(range(8))
+    assert set(was[8:]) <= {None}
+    assert 4 * (more > 0) <= len(was) - 8 <= more
+    np.testing.assert_array_equal(after.boxes[:4], before.boxes[:4])
+    _, high = there.bounds()
+    assert after.boxes[:, 1, 0].max() >= high[0]
+    assert sum(after.area) == pytest.approx(sum(mesh.areas().sum() for mesh in (*room.meshes, there)), rel=0.02)
+    if not more:
+        assert after.boxes[:, 1, 0].max() == pytest.approx(high[0], rel=0.01)
+
+
+def test_a_world_that_has_grown_too_much_is_refused():
+    room = scenes.furnace()
+    before = divide(room, 0.5)
+    far = replace(room.meshes[0], position=room.meshes[0].position + np.float32([1e4, 1e3, 0]))
+    with pytest.raises(UsageError, match=r"--update: the scene has grown to \d+ sectors, and a world has at most 4096"):
+        divide_again(replace(room, meshes=(*room.meshes, far)), before.boxes, before.margin)
 
 
 def row(count: int) -> Scene:

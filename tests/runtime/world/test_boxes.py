@@ -61,7 +61,7 @@ def test_a_sector_behind_a_gap_has_no_light_in_another_one():
         inside = low + margin[0] + points * (high - low - margin.sum(axis=0))
         there = [windows(reach[k], 0.3, inside) for k in range(len(boxes))]
         assert [weight.max() for weight in there] == [float(k == number) for k in range(len(boxes))]
-    between = np.array([[1.0, 1, 3.0], [1, 1, 3.15]]) + [0, 0, 3]
+    between = np.array([[1.0, 1, 6.0], [1, 1, 6.15]])
     gap = worlds.cells(1, 1, 6)[[0, 5]]  # from z = 2 to 10: both end at 6
     np.testing.assert_allclose(windows(fading(gap, neighbours(gap))[0], 0.3, between), [0.5, 0.25], atol=1e-6)
     np.testing.assert_allclose(total(gap, np.random.default_rng(6).uniform(-3, 15, (900, 3))), 1, atol=1e-5)
