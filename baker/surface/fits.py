@@ -127,8 +127,9 @@ class SurfaceFits:
         self, budget: int, surface, free, coarse: Gaussians, advance, make_monitor: MakeMonitor
     ) -> tuple[Gaussians, tuple]:
         from .fit import fit_again, fit_surface
+        from .gaps import in_gaps
 
-        plan, settings = self.plan, self.plan.settings
+        plan, settings, surface = self.plan, self.plan.settings, surface[~in_gaps(surface)]
         schedule = Schedule(budget, settings.iterations, settings.seed)
         make, task = fit_surface, (surface, free, coarse, plan.blend, schedule)
         if plan.start:
