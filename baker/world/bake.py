@@ -29,8 +29,8 @@ def bake_world(baker: WorldBaker, output: Path, write: Callable[[bytes], None]) 
     progress = baker.progress
     progress.say(told(baker.division))
     manifest, sectors = _baked(baker, output)
-    write(encode(manifest))
     baker.keep(manifest, sectors)
+    write(encode(manifest))
     _remove_older(output, {sector.file for sector in manifest.sectors})
     reports, found = tuple(sector.report for sector in sectors), sum(sector.found for sector in sectors)
     kept = sum(sector.kept for sector in sectors) if baker.updates else None
