@@ -88,8 +88,21 @@ def work_of(options: argparse.Namespace, progress: Progress) -> "Work":
     from gsgi.baker.tasks.work import BakeWork
     from gsgi.baker.world.work import WorldWork
 
+    if options.sectors:
+        refuse_in_sectors(options, "--target-bytes", "--target-loss", "--seconds")
     request = request_of(options, progress)
     return WorldWork(request, sector_size(options)) if options.sectors else BakeWork(request)
+
+
+def given(options: argparse.Namespace, *flags: str) -> list[str]:
+    """Those of the flags that were given."""
+    return [flag for flag in flags if getattr(options, flag[2:].replace("-", "_")) is not None]
+
+
+def refuse_in_sectors(options: argparse.Namespace, *flags: str) -> None:
+    """Raise UsageError if one of the flags was given, none of which can be had with --sectors."""
+    for flag in given(options, *flags):
+        raise UsageError(f"{flag}: cannot be had with --sectors")
 
 
 def request_of(options: argparse.Namespace, progress: Progress) -> "Request":

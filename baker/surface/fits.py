@@ -81,6 +81,7 @@ class SurfaceFits:
 
         The samples of all groups are the same points; those of a group end in the known light of the group.
         """
+        from .gaps import in_gaps
         from .group_light import GroupLight, group_light
 
         plan = self.plan
@@ -90,6 +91,7 @@ class SurfaceFits:
         ) as advance:
             sampler.prepare(advance)
             surface, free = self._traced(sampler, layers, advance)
+            surface = surface[~in_gaps(surface)]
             plan.group_entries[name] = [each.entries for each in sampler.chain], sampler.lights_key
             task = surface, free, free[: round(FREE_SHARE * len(surface))], gaussians, coarse, plan.blend
             code = code_version("gsgi.baker.surface.group_light", FIT_PACKAGES)

@@ -20,13 +20,16 @@ def in_gaps(samples: SurfaceSamples) -> np.ndarray:
     a length that samples tell, such as in a shadow, several neighbours are as dark.
     """
     light, _ = brightness(samples.indirect_a, samples.indirect_b)
-    noise = samples.blocks.light(samples.indirect_a, samples.indirect_b).noise.astype(np.float64)
+    around = samples.blocks.light(samples.indirect_a, samples.indirect_b)
+    noise, asked = around.noise.astype(np.float64), light < around.level  # the others are no darker than their block
     dark = np.zeros(len(light), bool)
     for _, here in by_side(samples.normal):
-        _, near = Neighbours(samples.position[here]).nearest(samples.position[here], 1 + NEAREST)
+        one = here[asked[here]]
+        if not len(one):
+            continue
+        _, near = Neighbours(samples.position[here]).nearest(samples.position[one], 1 + NEAREST)
         near = here[near[:, 1:]]
-        more = light[near] - light[here, None]
-        sure = SURE * np.hypot(noise[near], noise[here, None])
-        brighter = (light[near] > BRIGHTER * light[here, None]) & (more > sure)
-        dark[here] = brighter.sum(axis=1) >= NEAREST - ALIKE
+        more, sure = light[near] - light[one, None], SURE * np.hypot(noise[near], noise[one, None])
+        brighter = (light[near] > BRIGHTER * light[one, None]) & (more > sure)
+        dark[one] = brighter.sum(axis=1) >= NEAREST - ALIKE
     return dark

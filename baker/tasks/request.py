@@ -48,4 +48,5 @@ class Request:
 
 def code() -> str:
     """Version of the code that all tasks run, with that of the packages it calls."""
-    return code_version("gsgi.baker.tasks.task_list", PACKAGES)
+    versions = (code_version(module, PACKAGES) for module in ("gsgi.baker.tasks.task_list", "gsgi.baker.world.work"))
+    return "".join(versions)

@@ -19,7 +19,7 @@ class Work(Protocol):
     def tasks(self, progress: Progress, cache: Cache) -> list[Task]:
         """All tasks, the plan first, each after those that it needs; their results stay in `cache`.
 
-        Raises what making the plan raises, and UsageError for work that cannot be divided into tasks.
+        Raises what making the plan raises.
         """
 
     def seconds(self, progress: Progress) -> dict[str, float]:
@@ -30,6 +30,8 @@ class BakeWork:
     """The bake of a file. `plan` is there once `tasks` has made it; it is not sent to other processes."""
 
     def __init__(self, request: Request):
+        """Raises UsageError for a bake that cannot be divided into tasks."""
+        check(request)
         self.request, self.plan = request, None
         self.digest = request.digest
 
@@ -38,7 +40,6 @@ class BakeWork:
 
     def tasks(self, progress: Progress, cache: Cache) -> list[Task]:
         """As in `Work`."""
-        check(self.request)
         self.plan: Plan = self.request.plan(progress, cache)
         self._tasks = all_tasks(self.plan, self.request.evaluate)
         return self._tasks

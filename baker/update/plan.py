@@ -21,7 +21,7 @@ from gsgi.runtime.scene import Scene
 from gsgi.runtime.world.manifest import SUFFIX
 
 from .parts import Part, changes, kept_share, met_anew, parts
-from .record import BakeRecord, code, other_settings
+from .record import BakeRecord, as_lists, code, other_settings
 from .references import UpdatedTracer
 from .sampler import UpdatedSampler
 from .tally import Tally
@@ -48,7 +48,7 @@ def updated_plan(
     The other arguments are those of `make_plan`. Raises its errors, and FileError or FormatError for the file.
     """
     if file.suffix == SUFFIX:
-        raise UsageError(f"update: {file}: is the manifest of a world, which is updated in sectors alone")
+        raise UsageError(f"--update {file}: is the manifest of a world; give --sectors too")
     data = read_file(file)
     start, scene = codec.decode(data), as_baked(scene, settings)
     record, now = BakeRecord.find(cache, data), parts(scene)
@@ -98,6 +98,8 @@ def check_record(
     if record is None:
         raise NothingToKeepError(f"the cache {cache.folder} knows nothing of its bake")
     check_same(record.code, record.asked, settings)
+    if record.box != as_lists(box):
+        raise NothingToKeepError("it is a sector of a world" if box is None else "its box has grown")
     if settings.operator != "surface":
         raise NothingToKeepError("only bakes with the operator surface can be updated")
     groups = lit_groups(scene) if scene.groups else []

@@ -32,7 +32,7 @@ class BakeRecord:
     its bakes; `asked` are the settings that were asked for, and `settings` those that were followed. `samplers` has the
     keys of what the cache has of each sampler: those of the known light, in order, and the last. `references` has those
     of the references, by seed, and `lights` is that of what was learned about lights. `groups` has samplers and lights
-    of each light group, by name.
+    of each light group, by name. `box` (2, 3), m, is that of a sector with its borders, as lists; None: no sector.
     """
 
     code: str
@@ -47,6 +47,7 @@ class BakeRecord:
     references: dict[int, str] = field(default_factory=dict)
     lights: str = ""
     groups: dict[str, tuple[list[dict[str, list[str]]], str]] = field(default_factory=dict)
+    box: list[list[float]] | None = None
 
     @staticmethod
     def of(plan: "Plan", budget: int) -> "BakeRecord":
@@ -56,7 +57,7 @@ class BakeRecord:
         found = plan.placement, plan.pilot, plan.lost, plan.dark
         samplers = [] if settings.operator != "surface" else [each.entries for each in plan.sampler.chain]
         traced = samplers, plan.tracer.references, plan.tracer.lights_key, plan.group_entries
-        return BakeRecord(*made, *found, *traced)
+        return BakeRecord(*made, *found, *traced, as_lists(plan.triangles.box))
 
     def keep(self, cache: Cache, file: bytes) -> None:
         """Keep the record in a cache, for a file with these bytes.
@@ -79,6 +80,7 @@ class BakeRecord:
             "references": list(references.items()),
             "lights": self.lights,
             "groups": list(self.groups.items()),
+            "box": self.box,
         }
         arrays = {f"placement.{name}": value for name, value in placement_arrays(self.placement).items()}
         arrays |= {f"pilot.{name}": getattr(pilot, name) for name in PILOT}
@@ -114,6 +116,7 @@ class BakeRecord:
             dict(rest["references"]),
             rest["lights"],
             {name: (samplers, lights) for name, (samplers, lights) in rest["groups"]},
+            rest["box"],
         )
 
     def of_group(self, name: str) -> "BakeRecord":
@@ -128,11 +131,16 @@ class BakeRecord:
         return [key for sampler in samplers for keys in sampler.values() for key in keys]
 
 
+def as_lists(box: np.ndarray | None) -> list[list[float]] | None:
+    """A box (2, 3) as JSON holds it."""
+    return None if box is None else np.asarray(box).tolist()
+
+
 def keep_parts(cache: Cache, parts: list[Part]) -> str:
     """Keep the parts of a scene in a cache; return their key."""
     text = np.frombuffer(json.dumps(as_arrays(parts)).encode(), np.uint8)
     key = task_key("parts", text=text)
-    if not cache.holds(key):
+    if cache.get(key) is None:  # asked for, so that the cache does not remove it before the records that need it
         cache.put(key, {"text": text})
     return key
 

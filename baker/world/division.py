@@ -75,13 +75,13 @@ def divide_again(scene: Scene, boxes: np.ndarray, margin: float) -> tuple[Divisi
     """Divide the surfaces of a scene as `boxes` (N, 2, 3) with borders of `margin` m divided it before an edit.
 
     Boxes without a surface are gone. What has come outside of all is in further boxes of the same edges, or in the
-    outermost, which become up to half as wide again. The result holds for each box its number before; None: it is new.
-    Raises what `divide` does.
+    outermost, which become up to half as wide again. The result holds for each box its number before; None: it is new,
+    or has grown. Raises what `divide` does.
     """
     lit = [scene.meshes[i] for i in lit_meshes(scene)]
     bounds = np.array([mesh.bounds() for mesh in lit])
     low, high = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
-    beyond, edges = BEYOND * float(np.linalg.norm(high - low)), np.median(boxes[:, 1] - boxes[:, 0], axis=0)
+    beyond, edges = BEYOND * float(np.linalg.norm(high - low)), (boxes[:, 1] - boxes[:, 0]).min(axis=0)
     spread = np.maximum(high, boxes[:, 1].max(axis=0)) - np.minimum(low, boxes[:, 0].min(axis=0))
     counts = np.ceil(spread / edges - 0.5)
     if not counts.prod() <= SECTORS_MOST:
@@ -89,15 +89,12 @@ def divide_again(scene: Scene, boxes: np.ndarray, margin: float) -> tuple[Divisi
             f"--update: the scene has grown to {counts.prod():.0f} sectors, and a world has at most {SECTORS_MOST}"
         )
     sides = zip(boxes.transpose(2, 0, 1), low, high, edges, strict=True)
-    planes = [_planes(np.unique(known), *of_axis, beyond) for known, *of_axis in sides]
-    tiles = _tiles(planes)
-    middle = boxes.mean(axis=1)
-    cells = [np.searchsorted(axis, middle[:, k], side="right") - 1 for k, axis in enumerate(planes)]
-    before = np.ravel_multi_index(cells, [len(axis) - 1 for axis in planes])
-    order = [*before, *sorted(set(range(len(tiles))) - set(before.tolist()))]
-    area = _areas(lit, bounds, tiles[order])
-    was = [*range(len(boxes)), *[None] * (len(tiles) - len(boxes))]
-    return Division(tiles[order][area > 0], margin, area[area > 0]), [was[i] for i in np.flatnonzero(area)]
+    tiles = _tiles([_planes(np.unique(known), *of_axis, beyond) for known, *of_axis in sides])
+    numbers = {tuple(box.flat): number for number, box in enumerate(boxes)}
+    was = [numbers.get(tuple(tile.flat)) for tile in tiles]
+    area = _areas(lit, bounds, tiles)
+    there = sorted(np.flatnonzero(area), key=lambda i: (was[i] is None, was[i] or i))
+    return Division(tiles[there], margin, area[there]), [was[i] for i in there]
 
 
 def _planes(known: np.ndarray, low: float, high: float, edge: float, beyond: float) -> np.ndarray:

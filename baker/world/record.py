@@ -87,6 +87,8 @@ def earlier_world(
             before, after = ("auto" if each is None else f"{each:g}" for each in (record.size, size))
             raise NothingToKeepError(f"it was baked with --sectors {before}, now {after}")
         check_scene(record.parts, now)
+        for number in range(len(manifest.sectors)):
+            manifest.data(number)  # a file that is not the manifest's is said before any work
     except NothingToKeepError as reason:
         progress.warn(f"{path}: {reason}; baking all of it")
         return None

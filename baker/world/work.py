@@ -9,7 +9,7 @@ from gsgi.baker.progress import Progress
 from gsgi.baker.tasks.request import Request
 from gsgi.baker.tasks.task import PLAN, Task, ignore
 
-from .world_baker import WorldBaker
+from .world_baker import WorldBaker, check
 
 
 class WorldWork:
@@ -20,6 +20,7 @@ class WorldWork:
     """
 
     def __init__(self, request: Request, size: float | None):
+        check(request)
         self.request, self.size, self.baker = request, size, None
         self.digest = digest({"request": request.digest, "sectors": size})
 
@@ -35,8 +36,10 @@ class WorldWork:
 
     def seconds(self, progress: Progress) -> dict[str, float]:
         """As in `Work`: all sectors are expected to take as long as the one with the most surface."""
+        before = sum(progress.seconds.get(stage, 0.0) for stage in ("views", "plan"))
         largest = self.baker.plan(self.baker.division.largest, progress)
+        planned = progress.seconds["views"] + progress.seconds["plan"] - before
         with progress.stage("estimate"):
-            each = sum(estimate.estimate(largest).values())
+            each = planned + sum(estimate.estimate(largest).values())
         sectors = range(len(self.baker.division.boxes))
         return {PLAN: progress.seconds["sectors"]} | {f"sector-{n}": each for n in sectors}

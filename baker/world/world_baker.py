@@ -87,7 +87,7 @@ class WorldBaker:
         key = task_key("sector", code=code_version(__name__, ()), **inputs)
         if found := self._cache.get(key):
             progress.say("from the cache")
-            return BakedSector(found["data"].tobytes(), json.loads(found["report"].tobytes()), key, True)
+            return _sector(found["data"].tobytes(), json.loads(found["report"].tobytes()), key, True, before)
         began = time.perf_counter(), time.process_time()
         plan = self._plan_again(before, number, progress) if before else self.plan(number, progress)
         if before and not _reached(plan, progress):
@@ -100,7 +100,7 @@ class WorldBaker:
         )
         text = json.dumps(report | dict(zip(("seconds", "cpu_seconds"), took, strict=True))).encode()
         self._cache.put(key, {"data": np.frombuffer(data, np.uint8), "report": np.frombuffer(text, np.uint8)})
-        return BakedSector(data, json.loads(text), key, kept=before is not None and data == before.data)
+        return _sector(data, json.loads(text), key, False, before)
 
     def plan(self, number: int, progress: Progress) -> Plan:
         """The plan of one sector."""
@@ -183,6 +183,11 @@ class _Earlier(NamedTuple):
     data: bytes
     report: dict
     record: BakeRecord
+
+
+def _sector(data: bytes, report: dict, key: str, found: bool, before: _Earlier | None) -> BakedSector:
+    """The sector with these bytes; it is kept if they are those from before."""
+    return BakedSector(data, report, key, found, before is not None and data == before.data)
 
 
 def _reached(plan: Plan, progress: Progress) -> bool:

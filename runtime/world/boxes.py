@@ -58,11 +58,13 @@ def classes(boxes: np.ndarray, margin: float) -> np.ndarray:
     return found
 
 
-def fading(boxes: np.ndarray, near: list[tuple[int, ...]]) -> np.ndarray:
+def fading(boxes: np.ndarray, near: list[tuple[int, ...]], margin: float) -> np.ndarray:
     """The boxes (N, 2, 3) without the faces that no neighbour shares, which lie at FAR instead.
 
-    `near` are the `neighbours`. Light fades only where a neighbour's takes over. Without a neighbour there, a box would
-    reach into boxes behind a gap: then it ends in the middle of the gap, and so does the other one.
+    `near` are the `neighbours`, in whose borders light fades within `margin` m. It fades only where a neighbour's takes
+    over. Where a box would reach into another one that is none, such as behind a gap, both end in the middle of the
+    widest gap between them; if that is narrower than a border, beyond each side on which they are apart, so far that
+    each has its whole light in its own box.
     """
     reach = np.empty_like(boxes)
     reach[:, 0], reach[:, 1] = -FAR, FAR
@@ -76,13 +78,15 @@ def fading(boxes: np.ndarray, near: list[tuple[int, ...]]) -> np.ndarray:
         into = ((lowest < boxes[:, 1]) & (highest > boxes[:, 0])).all(axis=1)
         into[number] = False
         into = np.flatnonzero(into)
-        above, below = boxes[into, 0] - high, low - boxes[into, 1]  # the gap; negative but on one side
-        axis = np.maximum(above, below).argmax(axis=1)
-        upwards = (above >= below)[np.arange(len(into)), axis]
-        lower, upper = np.where(upwards, number, into), np.where(upwards, into, number)
-        middle = (boxes[lower, 1, axis] + boxes[upper, 0, axis]) / 2
-        np.minimum.at(result, (lower, 1, axis), middle)
-        np.maximum.at(result, (upper, 0, axis), middle)
+        above, below = boxes[into, 0] - high, low - boxes[into, 1]
+        gap = np.maximum(above, below)  # on each axis; negative where they are not apart
+        widest = gap == gap.max(axis=1, keepdims=True)
+        narrow = gap.max(axis=1, keepdims=True) < 2 * margin
+        pair, axis = np.nonzero(np.where(narrow, gap >= 0, widest))
+        upwards, beyond = above[pair, axis] >= below[pair, axis], np.maximum(gap[pair, axis] / 2, margin)
+        lower, upper = np.where(upwards, number, into[pair]), np.where(upwards, into[pair], number)
+        np.minimum.at(result, (lower, 1, axis), boxes[lower, 1, axis] + beyond)
+        np.maximum.at(result, (upper, 0, axis), boxes[upper, 0, axis] - beyond)
     return result
 
 

@@ -81,7 +81,8 @@ class World:
         self.manifest = read_manifest(path)
         self.budget, self._fade = budget, fade
         self._boxes, self._memory = self.manifest.boxes, np.array([s.memory for s in self.manifest.sectors])
-        self.windows = fading(self._boxes, [sector.neighbours for sector in self.manifest.sectors])
+        near = [sector.neighbours for sector in self.manifest.sectors]
+        self.windows = fading(self._boxes, near, self.manifest.margin)
         self._resident: dict[int, Resident] = {}
         self._blend: SurfaceBlend | None = None
         self._loader: Loader | None = None

@@ -215,25 +215,20 @@ def _check_outputs(options: argparse.Namespace) -> None:
 
 def _check_update(options: argparse.Namespace) -> None:
     """Refuse options that decide anew what an update takes from the earlier bake."""
+    from gsgi.baker.cli.inputs import given
     from gsgi.runtime.errors import UsageError
 
-    for flag in _given(options, "--ray", "--target-loss", "--target-bytes", "--seconds"):
+    for flag in given(options, "--ray", "--target-loss", "--target-bytes", "--seconds"):
         raise UsageError(f"--update: cannot be given with {flag}, which decides anew what is kept of a bake")
 
 
 def _check_sectors(options: argparse.Namespace) -> None:
     """Refuse options that cannot be had with --sectors."""
+    from gsgi.baker.cli.inputs import refuse_in_sectors
     from gsgi.baker.world.bake import stem
-    from gsgi.runtime.errors import UsageError
 
     stem(Path(options.output))
-    for flag in _given(options, "--preview", "--target-bytes", "--target-loss", "--seconds"):
-        raise UsageError(f"{flag}: cannot be had with --sectors")
-
-
-def _given(options: argparse.Namespace, *flags: str) -> list[str]:
-    """Those of the flags that were given."""
-    return [flag for flag in flags if getattr(options, flag[2:].replace("-", "_")) is not None]
+    refuse_in_sectors(options, "--preview", "--target-bytes", "--target-loss", "--seconds")
 
 
 def _rules(options: argparse.Namespace, scene, progress) -> dict[str, bytes]:

@@ -43,22 +43,22 @@ static bool reaches(const gsgi__sector* sector, const gsgi__sector* other) {
     return true;
 }
 
-/* Ends the light of two sectors, one behind a gap from the other, in the middle between them. */
-static void part(gsgi__sector* a, gsgi__sector* b) {
-    int axis = 0;
-    double widest = -INFINITY;
+/* Ends the light of two sectors that are no neighbours in the middle of the widest gap between them, or, if that is
+ * narrower than a border, beyond each side on which they are apart, where each has its whole light in its own box. */
+static void part(gsgi__sector* a, gsgi__sector* b, double margin) {
+    double gap[3], widest = -INFINITY;
     for (int k = 0; k < 3; ++k) {
-        const double gap = -shared(a, b, k, 0.0);
-        if (gap > widest) {
-            widest = gap;
-            axis = k;
-        }
+        gap[k] = -shared(a, b, k, 0.0);
+        widest = fmax(widest, gap[k]);
     }
-    gsgi__sector* const lower = b->low[axis] >= a->high[axis] ? a : b;
-    gsgi__sector* const upper = lower == a ? b : a;
-    const double middle = (lower->high[axis] + upper->low[axis]) / 2.0;
-    lower->fade_high[axis] = fmin(lower->fade_high[axis], middle);
-    upper->fade_low[axis] = fmax(upper->fade_low[axis], middle);
+    for (int k = 0; k < 3; ++k) {
+        if (widest < 2.0 * margin ? gap[k] < 0.0 : gap[k] != widest) continue;
+        gsgi__sector* const lower = b->low[k] >= a->high[k] ? a : b;
+        gsgi__sector* const upper = lower == a ? b : a;
+        const double beyond = fmax(gap[k] / 2.0, margin);
+        lower->fade_high[k] = fmin(lower->fade_high[k], lower->high[k] + beyond);
+        upper->fade_low[k] = fmax(upper->fade_low[k], upper->low[k] - beyond);
+    }
 }
 
 void gsgi__divide(gsgi_world* world, uint32_t* taken) {
@@ -90,7 +90,8 @@ void gsgi__divide(gsgi_world* world, uint32_t* taken) {
     }
     for (uint32_t i = 0; i < world->sector_count; ++i)
         for (uint32_t j = 0; j < world->sector_count; ++j)
-            if (i != j && reaches(&world->sectors[i], &world->sectors[j])) part(&world->sectors[i], &world->sectors[j]);
+            if (i != j && reaches(&world->sectors[i], &world->sectors[j]))
+                part(&world->sectors[i], &world->sectors[j], world->margin);
 }
 
 void gsgi__world_origin(const gsgi_world* world, double origin[3]) {

@@ -164,13 +164,15 @@ def test_a_world_has_a_task_for_each_sector(tmp_path, monkeypatch, capsys):
     arguments = [*WORLD, "--cache", str(farm)]
     monkeypatch.setattr(estimate, "estimate", lambda plan: {"fit": 2.0, "irradiance": 3.0})
     listed = tasks(capsys, *arguments)
-    assert [(task["key"], task["wave"], task["seconds"]) for task in listed[1:]] == [
-        ("sector-0", 1, 5.0),
-        ("sector-1", 1, 5.0),
-    ]
+    assert [(task["key"], task["wave"]) for task in listed] == [("plan", 0), ("sector-0", 1), ("sector-1", 1)]
+    assert listed[1]["seconds"] == listed[2]["seconds"] > 5  # the fit and the tracing, and the views
     run("task", "sector-1", *arguments)
     assert "sector-2: expected one of the 3 keys" in refused(capsys, 1, "task", "sector-2", *arguments)
     assert "sector-0: needs the task plan first" in refused(capsys, 4, "task", "sector-0", *arguments, "--seed", "1")
+    free = [word for word in arguments if word not in flags(budget=8)]
+    assert "--target-bytes: cannot be had with --sectors" in refused(
+        capsys, 1, "tasks", *free, "--target-bytes", "9000"
+    )
     run("task", "sector-0", *arguments)
     forbid_work(monkeypatch)
     assert baked_world(WORLD, tmp_path / "again", farm) == files
@@ -198,7 +200,8 @@ def test_what_is_missing_is_named(placed, tmp_path, capsys):
     assert "fit-7: expected one of the" in refused(capsys, 1, "task", "fit-7", *arguments)
     for flag in ("--target-loss", "--seconds"):
         free = [word for word in arguments if word not in flags(budget=8, error=0, iterations=16)]
-        assert f"{flag}: decides while the bake runs" in refused(capsys, 1, "tasks", *free, flag, "9")
+        for command in (["tasks"], ["task", "fit"]):
+            assert f"{flag}: decides while the bake runs" in refused(capsys, 1, *command, *free, flag, "9")
 
 
 def test_a_finished_task_ends_at_once_and_one_whose_results_are_gone_runs_again(placed, capsys, monkeypatch):

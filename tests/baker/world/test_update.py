@@ -14,6 +14,9 @@ from gsgi.baker.cli import main
 from gsgi.baker.progress import Progress
 from gsgi.baker.settings import Settings
 from gsgi.baker.tasks.request import Request
+from gsgi.baker.update.parts import parts
+from gsgi.baker.update.plan import NothingToKeepError, check_record
+from gsgi.baker.update.record import BakeRecord, find_parts, keep_parts
 from gsgi.baker.world.bake import bake_world
 from gsgi.baker.world.report import WorldReport
 from gsgi.baker.world.world_baker import WorldBaker
@@ -100,7 +103,7 @@ def test_an_edit_changes_the_files_of_those_sectors_alone_that_it_reaches(level,
     assert second["same"] > 0.9 * sum(second.values())  # the rest is on sides on which no point of the thin share is
 
     again = baked(after, tmp_path / "again", cache, manifest)
-    assert (again.found, files(tmp_path / "again")) == (2, new)
+    assert (again.found, again.kept, files(tmp_path / "again")) == (2, 1, new)
     back = baked(rooms(0.5, 0.5), tmp_path / "back", cache, tmp_path / "edited" / "level.gsgi.json")
     assert back.kept == 1  # updates can be updated
     assert light_in(tmp_path / "back", 0) == pytest.approx(2, rel=0.06)
@@ -162,7 +165,34 @@ def test_a_sector_whose_samples_the_cache_has_lost_is_baked_as_a_whole(level, tm
     assert light_in(tmp_path / "new", 1) == pytest.approx(2, rel=0.06)
 
 
-def test_manifests_and_files_that_lie_are_refused(level, tmp_path, capsys):
+def test_a_sector_is_no_bake_of_the_scene_as_a_whole(level, tmp_path):
+    manifest, cache = level
+    data = next(manifest.parent.glob("level.0-*.gsgi")).read_bytes()
+    scene = rooms(0.5, 0.5)
+    with pytest.raises(NothingToKeepError, match="it is a sector of a world"):
+        check_record(BakeRecord.find(Cache(cache), data), scene, SETTINGS, {}, parts(scene), Cache(cache))
+
+
+def test_a_sector_that_grows_is_baked_as_a_whole(level, tmp_path):
+    manifest, cache = level
+    more = rooms(0.5, 0.5)
+    annex = [replace(mesh, position=mesh.position * 0.5 + np.float32([12, 0, 0])) for mesh in scenes.box(material=1)]
+    report = baked(replace(more, meshes=(*more.meshes, *annex)), tmp_path / "new", cache, manifest)
+    assert (report.kept, len(report.sectors)) == (0, 2)
+    assert "kept" not in report.sectors[1]
+
+
+def test_what_records_need_outlives_them_in_a_cache(tmp_path):
+    made = parts(rooms(0.5))
+    cache = Cache(tmp_path, limit=1)
+    key = keep_parts(cache, made)
+    again = Cache(tmp_path, limit=1)
+    assert keep_parts(again, made) == key
+    again.trim()
+    assert find_parts(again, key) == made
+
+
+def test_manifests_and_files_that_lie_are_refused(level, tmp_path, capsys, monkeypatch):
     manifest, cache = level
     asked = rooms(0.5, 0.5), tmp_path / "new", cache
     with pytest.raises(UsageError, match=r"--update .*: expected the manifest of a world, a \.json file"):
@@ -170,10 +200,11 @@ def test_manifests_and_files_that_lie_are_refused(level, tmp_path, capsys):
     output = tmp_path / "single.gsgi"
     arguments = ["bake", *SURFACE, "-o", str(output), "--update", str(manifest), "--cache", str(cache), "--quiet"]
     assert main.run(arguments) == 1
-    assert "is the manifest of a world, which is updated in sectors alone" in capsys.readouterr().err
+    assert "level.gsgi.json: is the manifest of a world; give --sectors too" in capsys.readouterr().err
     first = next(manifest.parent.glob("level.0-*.gsgi"))
     data = first.read_bytes()
     first.write_bytes(data[:-1] + bytes([data[-1] ^ 1]))
+    monkeypatch.setattr(WorldBaker, "sector", lambda *_: pytest.fail("baked"))
     with pytest.raises(FormatError, match="sha256: expected"):
         baked(*asked, manifest)
     first.unlink()

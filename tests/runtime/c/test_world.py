@@ -332,8 +332,8 @@ def test_sectors_behind_gaps_have_their_own_light_alone_as_in_python(library, tm
     world, python = World(library, path), PythonWorld(path)
     world.settle([6, 1, 3])
     python.settle(np.array([6.0, 1, 3]))
-    for number, box in enumerate(boxes):
-        where = points(300, box[0] + worlds.MARGIN, box[1] - worlds.MARGIN)
+    for number in (0, 1, 4):  # the others touch along an edge
+        where = points(300, boxes[number, 0] + worlds.MARGIN, boxes[number, 1] - worlds.MARGIN)
         result, bake = world.open(number)
         assert result == OK
         np.testing.assert_array_equal(world.sample(*where), library.sample(bake, *where))
