@@ -47,9 +47,9 @@ WIDTH, THICKNESS = 1.3, 0.5
 OPACITY = 0.5
 SPACING_MIN = 1e-6  # m; points can coincide
 
-# Steps after an edit, as a share of all, at the last rates. More and larger ones changed the SSIM of frames by 0.0003
-# at most, after a chair or all furniture of a house had moved.
-AGAIN = 0.1
+# Steps after an edit, as a share of all, at the last rates. Twice as many and larger ones changed the SSIM of frames by
+# 0.0003 at most, after a chair or all furniture of a house had moved.
+AGAIN = 0.05
 
 CUT_COST = 0.001  # squared error relative to the light around, of a sample, that a leak less may cost
 BADLY_FITTED = 4  # least samples with errors for each Gaussian that is added among them
