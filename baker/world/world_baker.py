@@ -4,6 +4,7 @@ import hashlib
 import json
 import time
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,7 +18,7 @@ from gsgi.baker.plan_table import summary
 from gsgi.baker.progress import Progress
 from gsgi.baker.surface.fits import SurfaceFits
 from gsgi.baker.tasks.request import Request
-from gsgi.baker.update.parts import parts
+from gsgi.baker.update.parts import Part, parts
 from gsgi.baker.update.plan import NothingToKeepError, check_record, plan_again
 from gsgi.baker.update.record import BakeRecord, code
 from gsgi.baker.update.references import UpdatedTracer
@@ -64,9 +65,9 @@ class WorldBaker:
         scene = self.tracer.scene
         with progress.stage("sectors"):
             check_extent(scene)
-            self.parts = parts(scene)
-            asked = size, request.settings, self.parts, progress, cache
-            self.updates, self._before = update is not None, earlier_world(update, *asked) if update else None
+            self.updates, self._before = update is not None, None
+            if update:
+                self._before = earlier_world(update, size, request.settings, self.parts, progress, cache)
             if self._before:
                 known = self._before.manifest
                 self.division, self._numbers = divide_again(scene, known.boxes, known.margin)
@@ -76,6 +77,11 @@ class WorldBaker:
                 self.division = divide(scene, size)
                 self._numbers = [None] * len(self.division.boxes)
         self._near: tuple[tuple, Triangles] | None = None
+
+    @cached_property
+    def parts(self) -> list[Part]:
+        """The parts of the scene, which the records of all sectors share."""
+        return parts(self.tracer.scene)
 
     def sector(self, number: int, progress: Progress) -> BakedSector:
         """Bake one sector, unless the cache holds it."""
@@ -106,9 +112,7 @@ class WorldBaker:
         """The plan of one sector."""
         box, settings = self.division.around(number), self._request.settings
         scene, path = self._scene(box), _within(box, self._request.path)
-        plan = plan_within(scene, lambda: self._triangles(box).within(box), self.tracer, settings, progress, path)
-        vars(plan)["parts"] = self.parts
-        return plan
+        return plan_within(scene, lambda: self._triangles(box).within(box), self.tracer, settings, progress, path)
 
     def keep(self, manifest: Manifest, sectors: list[BakedSector]) -> None:
         """Keep in the cache how the sectors of a manifest were baked, for an update."""
@@ -142,6 +146,7 @@ class WorldBaker:
     def _baked(self, plan: Plan, progress: Progress) -> tuple[bytes, dict]:
         """The file of a plan, and the report."""
         written = []
+        vars(plan)["parts"] = self.parts
         progress.say(summary(plan))
         report = job.run(plan, progress, lambda data, _: written.append(data), self._request.evaluate).as_dict()
         for line in plan.kept.lines() if plan.kept else ():
