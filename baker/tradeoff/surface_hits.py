@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gsgi.baker.views.surface_points import load_open3d
+from gsgi.baker.views.open3d_module import load_open3d
 
 LIFT = 1e-4  # of the mesh's diagonal; rays start so far above their surface
 

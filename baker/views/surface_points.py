@@ -1,6 +1,5 @@
 """Points spread evenly over a scene's surfaces, and ray casting against its triangles (both by Open3D)."""
 
-import functools
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
@@ -8,13 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gsgi.baker.interrupts import uninterrupted
 from gsgi.baker.trace.planes import ROUNDING, onto_planes, planes
 from gsgi.runtime.errors import SceneError
 from gsgi.runtime.scene import Scene
 
 from .boxes import in_box
 from .clipping import areas, clipped
+from .open3d_module import load_open3d
 
 # Random points per point that is kept: Yuksel 2015 finds no gain beyond five.
 OVERSAMPLING = 5
@@ -63,14 +62,6 @@ class Hits(NamedTuple):
     triangle: np.ndarray
     back: np.ndarray
     normal: np.ndarray
-
-
-@functools.cache
-def load_open3d():
-    """The module `open3d`. The first call takes about a second; interrupted, it could not be loaded again."""
-    with uninterrupted():
-        import open3d
-    return open3d
 
 
 class Triangles:

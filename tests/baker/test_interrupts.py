@@ -86,7 +86,7 @@ assert all(map(np.array_equal, Neighbours(points).nearest(asked, 8), expected))
 LOAD = """
 import os, signal, sys, threading
 from gsgi.baker.trace import llvm, mitsuba_scene
-from gsgi.baker.views.surface_points import load_open3d
+from gsgi.baker.views.open3d_module import load_open3d
 load = {"open3d": load_open3d, "mitsuba": mitsuba_scene.load_mitsuba}[sys.argv[1]]
 llvm.select()  # processes of its own, which end with this one
 llvm.select = lambda: None
