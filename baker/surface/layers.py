@@ -1,6 +1,7 @@
 """What the samples of the `surface` operator are made of: points, and layers of paths from them."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +22,12 @@ class Points:
     geometric_normal: np.ndarray
     camera: np.ndarray
     place: np.ndarray
+
+    @staticmethod
+    def joined(chunks: "Sequence[Points]") -> "Points":
+        """The points of one or more chunks, in their order."""
+        names = [each.name for each in fields(Points)]
+        return Points(*(np.concatenate([getattr(chunk, name) for chunk in chunks]) for name in names))
 
 
 @dataclass(frozen=True)
@@ -55,7 +62,7 @@ def traced(
     `numbers` (P, 2) are those of the points and of their first paths. `advance(paths)` is called as paths are done.
     Those from points in free space are not guided.
     """
-    known = known.unguided() if known and seed.free else known
+    known = known.unguided if known and seed.free else known
     where = (column[noisy] for column in points)
     step = lambda count: advance(count * PASS_SAMPLES)  # noqa: E731
     lights = tracer.halves(*where, sampling, seed, step, known, numbers[noisy])

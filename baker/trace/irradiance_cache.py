@@ -7,6 +7,7 @@ light hardly shows, because a point sees the mean over all directions of it, ref
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,6 +17,9 @@ from gsgi.baker.neighbours import Neighbours
 from .guide import Guide
 from .lit_places import LitPlaces
 from .point_order import signed_axis
+
+if TYPE_CHECKING:
+    from .cached_light import CachedLight
 
 LEAST, MOST = 3, 32  # samples in a cell: with fewer its light is unknown, with more it is too wide for so dense samples
 VARIES = 0.35  # standard deviation in a cell, relative to its mean light: with more, its light is unknown
@@ -58,6 +62,13 @@ class IrradianceCache:
     light: np.ndarray
     lit: LitPlaces = field(default_factory=LitPlaces)
     guide: Guide = field(default_factory=Guide)
+
+    @cached_property
+    def on_device(self) -> "CachedLight":
+        """The same for the path tracer's kernels, which many calls share."""
+        from .cached_light import CachedLight
+
+        return CachedLight(self)
 
     @staticmethod
     def halves(
@@ -115,6 +126,7 @@ class KnownLight:
         """Whether paths are connected to lit places."""
         return len(self.a.lit) > 0
 
+    @cached_property
     def unguided(self) -> "KnownLight":
         """The same for paths that leave points in free space, of which the guide knows nothing."""
         return KnownLight(*(replace(half, guide=Guide()) for half in (self.a, self.b)))

@@ -209,10 +209,7 @@ class Tracer:
     ) -> "_Sums":
         """The sums of `indirect`, with those of light by fewer than `apart` bounces."""
         count = len(points[0])
-        if known is not None:
-            from .cached_light import CachedLight
-
-            known = CachedLight(known)
+        known = None if known is None else known.on_device
         if numbers is None:
             numbers = np.stack([np.arange(count), np.zeros(count)], axis=1).astype(np.uint32)
         passes = -(-sampling.samples // PASS_SAMPLES)

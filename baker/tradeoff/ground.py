@@ -135,7 +135,7 @@ class Ground:
         if self.plan.known_paths and len(position) * paths > GATHERING_PAYS * self.plan.known_paths:
             known, seconds = self.gathered()
             progress.seconds.update(seconds)
-            known = known.unguided() if free else known
+            known = known.unguided if free else known
         half = Sampling(-(-paths // (2 * PASS_SAMPLES)) * PASS_SAMPLES, self.plan.settings.bounces)
         seed = self.settings.seed, len(position)
         with progress.stage("irradiance", 2 * len(position), "points") as advance:

@@ -15,14 +15,13 @@ from gsgi.baker.trace.irradiance_cache import KnownLight
 from gsgi.baker.trace.known_light import known_light_again
 from gsgi.baker.trace.local_light import local_light
 from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling
-from gsgi.baker.views.boxes import crossing
 
 from .kept import REVISED, KeptChunk, kept_light
+from .look_again import look_again
 from .references import UpdatedTracer
 from .tally import AGAIN, GONE, NEW, PART, SAME, SHIFTED, Tally
 from .thin_share import CHANGED, LARGE, SHARE, UNSEEN, ThinShare
 
-WHERE = "position", "normal", "shading_normal", "geometric_normal"
 TOGETHER = 1 << 16  # paths from points, in passes, that are traced in the same launches: a launch of few costs as much
 
 
@@ -157,7 +156,7 @@ class UpdatedSampler:
     def _updated(self, stage: str, before: list[KeptChunk]) -> list[KeptChunk]:
         """The chunks of a stage in the scene as it is now."""
         seeds = [self._chunk_seed(f"{stage}-{number}") for number in range(len(before))]
-        found = [self._found(stage, chunk) for chunk in before]
+        found = look_again(self._seen, self._anew, before, stage == "surface")
         firsts, levels, shares = [], [], []
         for chunk, (points, fate), seed in zip(before, found, seeds, strict=True):
             thin = (np.arange(len(fate)) % SHARE == 0) & (fate == SAME)
@@ -171,30 +170,6 @@ class UpdatedSampler:
             self._chunk(chunk, points, fate, first, level, share, seed)
             for chunk, (points, fate), first, level, seed in each
         ]
-
-    def _found(self, stage: str, chunk: KeptChunk) -> tuple[Points, np.ndarray]:
-        """The points that a chunk has now, and their fates so far: SAME, NEW or GONE."""
-        points, lit = chunk.points, chunk.lit
-        fate = np.where(lit, SAME, GONE).astype(np.uint8)
-        eye = self._seen.eyes(points.camera)
-        # Where nothing was seen there is no line to compare, and what has come may be seen there now.
-        at = np.flatnonzero(crossing(self._anew, eye, points.position) | (len(self._anew) > 0) & ~lit)
-        if not len(at):
-            return points, fate
-        *there, diffuse = self._seen.behind(points.camera[at], points.place[at])
-        if stage == "surface":
-            points = replace(points, **{name: getattr(points, name).copy() for name in WHERE})
-            same = lit[at] & np.all(
-                [getattr(points, n)[at] == now for n, now in zip(WHERE, there, strict=True)], axis=(0, 2)
-            )
-            for name, now in zip(WHERE, there, strict=True):
-                getattr(points, name)[at] = now
-            diffuse &= same | self._seen.holds(there[0])
-            fate[at] = np.where(diffuse, np.where(same, SAME, NEW), GONE)
-            return points, fate
-        away, before = (np.linalg.norm(position - eye[at], axis=1) for position in (there[0], points.position[at]))
-        fate[at] = np.where(diffuse & (away < before), GONE, np.where(lit[at], SAME, NEW))
-        return points, fate
 
     def _thin_share(self, chunk: KeptChunk, points: Points, thin: np.ndarray, first, level: np.ndarray) -> ThinShare:
         changes = (getattr(first, f"indirect_{h}")[thin] - getattr(chunk, f"first_{h}")[thin] for h in "ab")

@@ -118,8 +118,8 @@ def test_paths_from_free_space_are_not_guided(tracer, light):
     def lit(light: KnownLight, free: int) -> np.ndarray:
         return layer(tracer, *task, light, ChunkSeed(1, 0, free), lambda *_: None).indirect_a
 
-    np.testing.assert_array_equal(lit(light, 1), lit(light.unguided(), 1))
-    assert (lit(light, 0) != lit(light.unguided(), 0)).any()
+    np.testing.assert_array_equal(lit(light, 1), lit(light.unguided, 1))
+    assert (lit(light, 0) != lit(light.unguided, 0)).any()
 
 
 def test_a_guide_is_stored_and_stays_after_an_edit(tracer, light):

@@ -17,6 +17,7 @@ from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.baker.update import sampler as updating
 from gsgi.baker.update import tally
 from gsgi.baker.update.kept import KeptChunk
+from gsgi.baker.update.look_again import look_again
 from gsgi.baker.update.parts import met_anew, parts
 from gsgi.baker.update.sampler import UpdatedSampler
 from gsgi.baker.update.tally import Tally
@@ -146,10 +147,12 @@ def test_points_without_light_are_looked_for_wherever_an_edit_is(before):
     nothing = np.full_like(chunk.position, np.nan)
     lost = replace(chunk, position=nothing, indirect_a=nothing, indirect_b=nothing)
     far = np.array([[[50.0] * 3, [60.0] * 3]])
-    points, fate = updated(rooms(), there, cache, anew=far).chain[-1]._found("surface", lost)
+    seen = SeenSurface(CachedTracer(rooms(), cache), cameras())
+    ((points, fate),) = look_again(seen, far, [lost], on_surfaces=True)
     np.testing.assert_array_equal(points.position, chunk.position)
     assert (fate == tally.NEW).all()
-    assert (updated(rooms(), there, cache, anew=far[:0]).chain[-1]._found("surface", lost)[1] == tally.GONE).all()
+    ((_, fate),) = look_again(seen, far[:0], [lost], on_surfaces=True)
+    assert (fate == tally.GONE).all()
 
 
 def test_a_room_that_no_path_leaves_keeps_its_bits_while_the_other_is_traced_again(before):
