@@ -17,6 +17,7 @@ from gsgi.baker.fitting.schedule import Schedule, count_after
 from gsgi.baker.fitting.task import Monitor
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime import constants
+from gsgi.runtime.file.levels import FINE_STEPS, stored_shapes
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
 
 from .occlusion import Occlusion, seen_light
@@ -88,7 +89,7 @@ def fit_surface(
     if checkpoint and (arrays := checkpoint.load()):
         run = from_arrays(_Run, arrays)
     else:
-        first = _as_bumpy_as(samples, start(surface, round(START_SHARE * schedule.budget), rng))
+        first = as_bumpy_as(samples, start(surface, round(START_SHARE * schedule.budget), rng))
         if occlusion:
             first, _ = cut_where_better(first, optimiser, occlusion)
         run = _Run(SurfaceState.fresh(optimiser.solve(first)), 0)
@@ -126,7 +127,7 @@ def fit_again(
     """
     samples = joined([surface, free])
     optimiser, occlusion = _tools(surface, free, samples, coarse, blend, schedule.budget, triangles)
-    state = SurfaceState.fresh(optimiser.solve(_as_bumpy_as(samples, before)))
+    state = SurfaceState.fresh(optimiser.solve(as_bumpy_as(samples, before)))
     state = changed(state, schedule.budget, optimiser, surface, np.random.default_rng(schedule.seed))
     for iteration in range(round(AGAIN * schedule.iterations)):
         state = _stepped(state, optimiser, RATE_END, iteration, monitor)
@@ -149,7 +150,7 @@ def _tools(
     return SurfaceOptimiser(samples, coarse, blend, seen_light(surface, free, triangles)), occlusion
 
 
-def _as_bumpy_as(samples: SurfaceSamples, gaussians: Gaussians) -> Gaussians:
+def as_bumpy_as(samples: SurfaceSamples, gaussians: Gaussians) -> Gaussians:
     """The Gaussians, with relief if normal maps bend the samples' normals, and else without; new relief is flat."""
     if samples.bumpy == gaussians.bumpy:
         return gaussians
@@ -170,10 +171,15 @@ def _stepped(
 
 
 def finished(gaussians: Gaussians, optimiser: SurfaceOptimiser, occlusion: Occlusion | None) -> Gaussians:
-    """The Gaussians, cut for the last time, with the best light; without those that no sample sees."""
+    """The Gaussians, cut for the last time, in the best light; without those that no sample sees."""
     last = cut_where_better(gaussians, optimiser, occlusion)[0] if occlusion else gaussians
     seen = ~to_remove(optimiser.share(last))  # a cut may leave some that lie between samples, as good as unknown
-    return optimiser.solve(Gaussians(*(column[seen] for column in vars(last).values())))
+    return in_best_light(Gaussians(*(column[seen] for column in vars(last).values())), optimiser)
+
+
+def in_best_light(gaussians: Gaussians, optimiser: SurfaceOptimiser) -> Gaussians:
+    """The Gaussians with shapes as the file has them, and the best light for these."""
+    return optimiser.solve(stored_shapes(gaussians, FINE_STEPS, facing=True))
 
 
 def start(samples: SurfaceSamples, count: int, rng: np.random.Generator, beside: Gaussians | None = None) -> Gaussians:

@@ -14,10 +14,12 @@ from gsgi.baker.progress import Progress
 from gsgi.runtime.gaussians import Bake, Effects, Gaussians, LightGroup, SurfaceBlend
 
 from .budget import coarse_count
-from .samples import CHUNK, Sampler, SurfaceSamples, free_layers, path_count, point_count, surface_layers
+from .samples import CHUNK, Sampler, SurfaceSamples, free_layers, joined, path_count, point_count, surface_layers
 
 if TYPE_CHECKING:
     from gsgi.baker.plan import Plan
+
+    from .spots import Spots
 
 FREE_SHARE = 1 / 16  # free samples per surface sample; they keep fine Gaussians from reaching space with other light
 
@@ -39,12 +41,14 @@ class SurfaceFits:
     def __init__(self, plan: "Plan", progress: Progress):
         self.plan, self.progress = plan, progress
         self.tone_scale = plan.pilot.mean or 1.0
+        self._spots: dict[int, Spots] = {}  # where spots were, by the budget
 
     def fit(self, budget: int, make_monitor: MakeMonitor) -> FitResult:
         """Fit both levels.
 
         An interrupted fit resumes from its samples and its checkpoint; a finished one is not repeated.
         """
+        from .gaps import in_gaps
         from .lookup import look_up
 
         plan = self.plan
@@ -55,8 +59,13 @@ class SurfaceFits:
         with self.progress.stage("fit", plan.settings.iterations, "iterations") as advance:
             coarse = self.coarse(budget, free)
             fine = self._fine_count(budget, coarse)
-            some = free[: round(FREE_SHARE * len(surface))]
-            gaussians, history = self._fitted(fine, surface, some, coarse, advance, make_monitor)
+            kept = surface[~in_gaps(surface)]
+            some = free[: round(FREE_SHARE * len(kept))]
+            if spots := plan.start and self._at_spots(plan.sampler, budget):
+                kept = joined([kept, spots])
+            gaussians, history = self._fitted(fine, kept, some, coarse, advance, make_monitor)
+            if not plan.start:
+                gaussians = self._without_spots(budget, fine - len(gaussians), kept, some, coarse, gaussians)
         seconds = time.perf_counter() - start
         points = surface.position[:CHUNK], surface.normal[:CHUNK]
         _, weight = look_up(gaussians, coarse, plan.blend, *points)
@@ -92,12 +101,40 @@ class SurfaceFits:
             sampler.prepare(advance)
             surface, free = self._traced(sampler, layers, advance)
             surface = surface[~in_gaps(surface)]
+            if spots := self._at_spots(sampler, budget):
+                surface = joined([surface, spots])
             plan.group_entries[name] = [each.entries for each in sampler.chain], sampler.lights_key
             task = surface, free, free[: round(FREE_SHARE * len(surface))], gaussians, coarse, plan.blend
             code = code_version("gsgi.baker.surface.group_light", FIT_PACKAGES)
             key = task_key("group", code=code, scene=plan.tracer.scene_digest, task=task)
             light, _ = plan.tracer.once(key, GroupLight, lambda: group_light(*task, plan.triangles))
         return LightGroup(name, plan.scene.groups.get(name, ()), **vars(light))
+
+    def _without_spots(
+        self, budget: int, room: int, surface: SurfaceSamples, free: SurfaceSamples, coarse: Gaussians,
+        gaussians: Gaussians,
+    ) -> Gaussians:  # fmt: skip
+        """The fine level without spots, for which there is `room`; where they were is kept for light groups."""
+        from .spots import Spots, bright_spots, without_spots
+
+        plan, levels = self.plan, (surface, gaussians, coarse, self.plan.blend)
+        module, task = "gsgi.baker.surface.spots", {"levels": levels, "room": room}
+        spots = plan.sampler.spots(module, lambda *tools: bright_spots(*tools, *levels, room), Spots, **task)
+        self._spots[budget] = spots
+        if not (samples := self._at_spots(plan.sampler, budget)):
+            return gaussians
+        task = spots, samples, surface, free, gaussians, coarse, plan.blend
+        key = task_key("fit", code=code_version(module, FIT_PACKAGES), scene=plan.tracer.scene_digest, task=task)
+        return plan.tracer.once(key, Gaussians, lambda: without_spots(*task, plan.triangles))[0]
+
+    def _at_spots(self, sampler: Sampler, budget: int) -> SurfaceSamples | None:
+        """Samples in what were spots, after an edit those of the bake before it; None if there were none."""
+        if self.plan.start:
+            return sampler.kept_at_spots
+        if not (budget in self._spots and len(self._spots[budget].position)):
+            return None
+        (layers, *_), _ = self._layers(budget)
+        return sampler.at_spots(self._spots[budget], layers)
 
     def _fine_count(self, budget: int, coarse: Gaussians) -> int:
         """Most Gaussians of the fine level; after an edit, no fewer than before."""
@@ -129,9 +166,8 @@ class SurfaceFits:
         self, budget: int, surface, free, coarse: Gaussians, advance, make_monitor: MakeMonitor
     ) -> tuple[Gaussians, tuple]:
         from .fit import fit_again, fit_surface
-        from .gaps import in_gaps
 
-        plan, settings, surface = self.plan, self.plan.settings, surface[~in_gaps(surface)]
+        plan, settings = self.plan, self.plan.settings
         schedule = Schedule(budget, settings.iterations, settings.seed)
         make, task = fit_surface, (surface, free, coarse, plan.blend, schedule)
         if plan.start:

@@ -8,6 +8,8 @@ import numpy as np
 
 from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling, Tracer
 
+AFTER_SURFACE = 1 << 20  # the number of a chunk that no bake has on surfaces
+
 
 @dataclass(frozen=True)
 class Points:
@@ -28,6 +30,10 @@ class Points:
         """The points of one or more chunks, in their order."""
         names = [each.name for each in fields(Points)]
         return Points(*(np.concatenate([getattr(chunk, name) for chunk in chunks]) for name in names))
+
+    def at(self, index: np.ndarray) -> "Points":
+        """The points at `index`: a mask (P,) bool or indices (M,) int."""
+        return Points(*(getattr(self, each.name)[index] for each in fields(Points)))
 
 
 @dataclass(frozen=True)
@@ -51,6 +57,11 @@ class ChunkSeed(NamedTuple):
     seed: int
     chunk: int
     free: int
+
+    @staticmethod
+    def of(seed: int, stage: str, number: int) -> "ChunkSeed":
+        """That of the chunk with a `number` of a `stage`, "surface", "free" or "spots"."""
+        return ChunkSeed(seed, number + (AFTER_SURFACE if stage == "spots" else 0), int(stage == "free"))
 
 
 def traced(

@@ -263,7 +263,7 @@ class Sampler:
         """The points of a chunk, and their key."""
         if self._drawn_by:
             return self._drawn_by._points(stage, chunk)
-        seed = self._chunk_seed(stage, chunk)
+        seed = ChunkSeed.of(self._seed, stage, chunk)
         drawn_by = self._paths["known"] if stage == "surface" else None
         key = self._tracer.key(stage, __name__, views=self._seen.digest, seed=seed, drawn_by=drawn_by)
 
@@ -274,13 +274,33 @@ class Sampler:
 
         return key, self._tracer.once(key, Points, draw)[0]
 
-    def _chunk_seed(self, stage: str, chunk: int) -> ChunkSeed:
-        return ChunkSeed(self._seed, chunk, int(stage == "free"))
-
     def chunk(self, stage: str, number: int, layers: int, advance: Callable[..., None]) -> SurfaceSamples:
         """One chunk of the samples of `surface` or `free`, which `stage` names."""
-        seed = self._chunk_seed(stage, number)
-        key, points = self._points(stage, number)
+        return self._sampled(stage, number, *self._points(stage, number), layers, advance)
+
+    def spots(self, module: str, find: Callable[[Points, Callable[[Points], Layer]], Points], kind: type, **task):
+        """What `find` of a `module` makes of all points that the cameras see, and of what one layer brings to some.
+
+        It is a record of this `kind`, which follows from the `task`.
+        """
+        seed = ChunkSeed.of(self._seed, "spots", 1)
+        key = self._tracer.key("spots", module, views=self._seen.digest, seed=seed, paths=self._paths, task=task)
+
+        def glance(points: Points) -> Layer:
+            count = len(points.position)
+            return self._traced(points, np.ones(count, bool), np.zeros(count, np.uint32), seed, lambda *_: None)
+
+        return self._tracer.once(key, kind, lambda: find(Points(*self._seen.everywhere()), glance))[0]
+
+    def at_spots(self, points: Points, layers: int) -> SurfaceSamples:
+        """Samples with so many `layers` at some points beside those of `surface`, kept as a chunk of their own."""
+        key = self._tracer.key("surface", __name__, points=points, seed=ChunkSeed.of(self._seed, "spots", 0))
+        points, _ = self._tracer.once(key, Points, lambda: points)
+        return self.until(0.0)._sampled("spots", 0, key, points, layers, lambda *_: None)
+
+    def _sampled(self, stage: str, number: int, key: str, points: Points, layers: int, advance) -> SurfaceSamples:
+        """Samples at the points of a chunk, which the cache has under `key`."""
+        seed = ChunkSeed.of(self._seed, stage, number)
         blocks, there = Blocks.of(points.position, points.normal), []
         keys = self.entries[f"{stage}-{number}"] = [key]
         done = np.zeros(len(points.position), np.uint32)
@@ -310,16 +330,15 @@ class Sampler:
         self, points_key: str, points: Points, noisy: np.ndarray, done: np.ndarray, seed: ChunkSeed, advance
     ) -> tuple[Layer, str]:
         key = self._tracer.key("layer", __name__, points=points_key, paths=self._paths, noisy=noisy, done=done)
-        numbers = np.stack([np.arange(len(done), dtype=np.uint32), done], axis=1)
-
-        def trace() -> Layer:
-            where = points.position, self._normal(points), points.geometric_normal
-            return traced(self._tracer.tracer, where, noisy, numbers, self._sampling, self.known_light, seed, advance)
-
-        layer, found = self._tracer.once(key, Layer, trace)
+        layer, found = self._tracer.once(key, Layer, lambda: self._traced(points, noisy, done, seed, advance))
         if found:
             advance(int(noisy.sum()) * PATHS_STEP, "from the cache")
         return layer, key
+
+    def _traced(self, points: Points, noisy: np.ndarray, done: np.ndarray, seed: ChunkSeed, advance) -> Layer:
+        numbers = np.stack([np.arange(len(done), dtype=np.uint32), done], axis=1)
+        where = points.position, self._normal(points), points.geometric_normal
+        return traced(self._tracer.tracer, where, noisy, numbers, self._sampling, self.known_light, seed, advance)
 
     @property
     def _paths(self) -> dict:

@@ -100,6 +100,13 @@ class SeenSurface:
         *points, _ = self.behind(camera, place)
         return *points, camera, place
 
+    def everywhere(self) -> tuple[np.ndarray, ...]:
+        """The points behind the middles of all pixels that may be drawn from, in the form of `surface`."""
+        seen = self._pixels
+        index = np.flatnonzero(seen.inside)
+        *points, camera = (column[index] for column in (*seen[:4], seen.camera))
+        return *points, camera.astype(np.int32), seen.middle(index)
+
     def behind(self, camera: np.ndarray, place: np.ndarray) -> tuple[np.ndarray, ...]:
         """What is seen at places (N, 2), px, of the images of cameras (N,).
 

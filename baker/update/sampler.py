@@ -47,6 +47,7 @@ class UpdatedSampler:
         self._known_samples: SurfaceSamples | None = None
         self._known_light: KnownLight | None = None
         self.entries: dict[str, list[str]] = {}
+        self.kept_at_spots: SurfaceSamples | None = None  # those of `Sampler.at_spots`, once `surface` has updated them
         self.touched = False  # whether light has changed, of what has been traced, by as much as may be seen
 
     @classmethod
@@ -113,50 +114,52 @@ class UpdatedSampler:
         return self._known_light
 
     def surface(self, layers: list[int], advance: Callable[..., None]) -> SurfaceSamples:
-        """The samples on surfaces; the arguments are those of `Sampler.surface`."""
-        return self._chunks("surface", layers, advance)
+        """The samples on surfaces; the arguments are those of `Sampler.surface`. It updates those at spots too."""
+        names = [f"surface-{number}" for number in range(len(layers))]
+        spots = [name for name in ["spots-0"] if name in self._before]
+        chunks = self._chunks(names + spots, layers, advance)
+        self.kept_at_spots = joined(chunks[len(names) :]) if spots else None
+        return joined(chunks[: len(names)])
 
     def free(self, layers: list[int], advance: Callable[..., None]) -> SurfaceSamples:
         """The samples in free space."""
-        return self._chunks("free", layers, advance)
+        return joined(self._chunks([f"free-{number}" for number in range(len(layers))], layers, advance))
 
-    def _chunks(self, stage: str, layers: list[int], advance) -> SurfaceSamples:
-        names = [f"{stage}-{number}" for number in range(len(layers))]
-        keys = [self._key(name) for name in names]
+    def _chunks(self, names: list[str], layers: list[int], advance) -> list[SurfaceSamples]:
+        """The samples of chunks, which are judged together; the first have so many `layers`."""
+        keys = [self._key(name, names) for name in names]
         found = [self._tracer.cache.get(key) for key in keys]
         if all(found):
             chunks = [from_arrays(KeptChunk, arrays) for arrays in found]
         else:
-            chunks = self._updated(stage, [KeptChunk.found(self._tracer.cache, self._before[name]) for name in names])
+            chunks = self._updated(names, [KeptChunk.found(self._tracer.cache, self._before[name]) for name in names])
             for key, chunk in zip(keys, chunks, strict=True):
                 self._tracer.cache.put(key, to_arrays(chunk))
-        advance(PATHS_STEP * sum(len(chunk.paths) * n for chunk, n in zip(chunks, layers, strict=True)))
+        advance(PATHS_STEP * sum(len(chunk.paths) * n for chunk, n in zip(chunks, layers, strict=False)))
         self.entries |= {name: [key] for name, key in zip(names, keys, strict=True)}
         kind = "samples" if self._mapped else "known light"
         for name, chunk in zip(names, chunks, strict=True):
             self._tally.add(kind, f"{self._seed} {name}", chunk.fate)
             self.touched |= bool(chunk.touched)
-        return joined(
-            [combined(c.points, self._normals(c.points), c.indirect_a, c.indirect_b, c.invalid) for c in chunks]
-        )
+        return [combined(c.points, self._normals(c.points), c.indirect_a, c.indirect_b, c.invalid) for c in chunks]
 
-    def _key(self, name: str) -> str:
-        known = self.known_light
-        seed = self._chunk_seed(name)
-        return self._tracer.key(REVISED, __name__, before=self._before[name], seed=seed, known=known and known.key)
+    def _key(self, name: str, beside: list[str]) -> str:
+        known, seed, before = self.known_light, self._chunk_seed(name), [self._before[each] for each in beside]
+        task = {"before": self._before[name], "beside": before, "seed": seed, "known": known and known.key}
+        return self._tracer.key(REVISED, __name__, **task)
 
     def _chunk_seed(self, name: str) -> ChunkSeed:
         stage, _, number = name.partition("-")
-        return ChunkSeed(self._seed, int(number), int(stage == "free"))
+        return ChunkSeed.of(self._seed, stage, int(number))
 
     def _normals(self, points: Points) -> np.ndarray:
         """The normals (P, 3) that B belongs to."""
         return points.shading_normal if self._mapped else points.normal
 
-    def _updated(self, stage: str, before: list[KeptChunk]) -> list[KeptChunk]:
-        """The chunks of a stage in the scene as it is now."""
-        seeds = [self._chunk_seed(f"{stage}-{number}") for number in range(len(before))]
-        found = look_again(self._seen, self._anew, before, stage == "surface")
+    def _updated(self, names: list[str], before: list[KeptChunk]) -> list[KeptChunk]:
+        """Chunks in the scene as it is now, all on surfaces or all in free space."""
+        seeds = [self._chunk_seed(name) for name in names]
+        found = look_again(self._seen, self._anew, before, not names[0].startswith("free"))
         firsts, levels, shares = [], [], []
         for chunk, (points, fate), seed in zip(before, found, seeds, strict=True):
             thin = (np.arange(len(fate)) % SHARE == 0) & (fate == SAME)

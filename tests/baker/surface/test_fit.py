@@ -18,7 +18,9 @@ from gsgi.baker.surface.fit import fit_again, fit_surface
 from gsgi.baker.surface.lookup import look_up
 from gsgi.baker.surface.optimiser import SurfaceOptimiser
 from gsgi.baker.surface.samples import SurfaceSamples
-from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
+from gsgi.runtime.file import codec
+from gsgi.runtime.file.levels import FINE_STEPS, stored_shapes
+from gsgi.runtime.gaussians import Bake, Gaussians, SurfaceBlend
 
 BLEND = SurfaceBlend()
 NOBODY = gaussians(0, 9)
@@ -184,9 +186,18 @@ def test_watch_sees_each_step_its_loss_and_what_it_led_to():
     fitted = fit(Schedule(60, 20), lambda *args: seen.append(args), samples=noisy(4000))
     assert [iteration for iteration, _, _ in seen] == [*range(1, 21)]
     assert seen[-1][1] < seen[0][1]
+    last = stored_shapes(seen[-1][2](), FINE_STEPS, facing=True)
     for name in ("position", "rotation", "scale", "opacity"):  # colours are solved once more
-        np.testing.assert_array_equal(getattr(seen[-1][2](), name), getattr(fitted, name))
+        np.testing.assert_array_equal(getattr(last, name), getattr(fitted, name))
     assert (seen[0][2]().position != seen[1][2]().position).any()
+
+
+def test_files_have_the_shapes_for_which_the_light_was_solved():
+    fitted = fit(Schedule(60, 20), samples=noisy(4000))
+    read = codec.decode(codec.encode(Bake(fitted, BLEND, coarse=NOBODY))).gaussians
+    order, expected = (np.lexsort(each.position.T) for each in (read, fitted))
+    for name in ("position", "rotation", "scale", "opacity"):
+        np.testing.assert_array_equal(getattr(read, name)[order], getattr(fitted, name)[expected], err_msg=name)
 
 
 def test_the_same_seed_gives_the_same_bits_on_one_and_two_threads():

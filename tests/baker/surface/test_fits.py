@@ -13,7 +13,7 @@ from gsgi.baker.over.rasterise import set_thread_count
 from gsgi.baker.plan import Plan, make_plan
 from gsgi.baker.progress import Progress, Silent
 from gsgi.baker.settings import Settings
-from gsgi.baker.surface import budget, fits, samples
+from gsgi.baker.surface import budget, fits, samples, spots
 from gsgi.runtime.file import codec
 from gsgi.runtime.gaussians import SurfaceBlend
 from gsgi.runtime.gltf.reader import read_gltf
@@ -60,6 +60,26 @@ def test_light_that_varies_gets_more_gaussians_of_the_same_samples(plan):
     assert 100 <= len(files[1].gaussians) <= 128 - 16
     np.testing.assert_array_equal(files[0].coarse.position, files[1].coarse.position)
     assert "light varies more than shapes: at most 128 Gaussians instead of 64" in said
+
+
+def test_spots_get_gaussians_and_samples(plan, monkeypatch, tmp_path):
+    before, found = codec.decode(bake(plan, QUIET).data), []
+
+    def three(points, glance, surface, gaussians, coarse, blend, most):
+        some = points.at([500, 900, 1300])
+        assert (glance(some).finite_a == samples.PASS_SAMPLES).all()
+        found.append(spots.Spots(**vars(some), radius=np.full(3, 0.05, np.float32)))
+        return found[-1]
+
+    monkeypatch.setattr(spots, "bright_spots", three)
+    there = make_plan(plan.scene, plan.settings, QUIET, Cache(tmp_path))
+    after, again = (codec.decode(bake(there, QUIET).data) for _ in range(2))
+    assert len(found) == 1
+    assert there.sampler.entries["spots-0"][1:]
+    np.testing.assert_array_equal(after.gaussians.position, again.gaussians.position)
+    assert len(after.gaussians) > len(before.gaussians)
+    away = np.linalg.norm(after.gaussians.position[:, None] - found[0].position, axis=2).min(axis=0)
+    assert (away < 1e-2).all()
 
 
 def test_a_file_holds_both_levels_of_the_budget(plan):

@@ -45,6 +45,17 @@ def test_a_place_that_shows_no_surface_gets_the_middle_of_its_pixel(tmp_path):
     assert np.abs(position[:, 1]).max() < 1e-6
 
 
+def test_everywhere_is_behind_the_middles_of_all_pixels_in_the_box(tmp_path):
+    box = np.array([[-2.0, -2, -2], [0, 2, 2]])
+    tracer = CachedTracer(scenes.furnace(), Cache(tmp_path))
+    whole, part = (SeenSurface(tracer, [scenes.inside_camera()], box=each) for each in (None, box))
+    *points, camera, place = whole.everywhere()
+    assert len(points[0]) == SIZE**2
+    for found, expected in zip(points, whole.behind(camera, place), strict=False):
+        np.testing.assert_array_equal(found, expected)
+    np.testing.assert_array_equal(part.everywhere()[0], points[0][points[0][:, 0] <= 0])
+
+
 def test_within_a_box_all_points_lie_in_it_and_light_comes_from_around_it(tmp_path):
     box = np.array([[-2.0, -2, -2], [0, 2, 2]])
     tracer = CachedTracer(scenes.furnace(), Cache(tmp_path))

@@ -11,6 +11,7 @@ from traced_paths import counted
 from gsgi.baker.cache.store import Cache
 from gsgi.baker.surface import samples
 from gsgi.baker.surface.budget import PATHS_STEP
+from gsgi.baker.surface.layers import Points
 from gsgi.baker.surface.samples import Sampler
 from gsgi.baker.surface.seen_surface import SeenSurface
 from gsgi.baker.trace.cached_tracer import CachedTracer
@@ -97,6 +98,25 @@ def before(small_chunks, tmp_path_factory):
     cache = Cache(tmp_path_factory.mktemp("cache"))
     first = sampler(rooms(), cache)
     return cache, both(first), entries(first)
+
+
+def test_samples_in_spots_are_updated_with_the_others(tmp_path):
+    cache = Cache(tmp_path)
+    first = sampler(rooms(), cache)
+    kept, _ = both(first)
+    some = first.spots(__name__, lambda points, _: points.at(slice(0, None, 300)), Points)
+    spots = first.at_spots(some, LAYERS)
+    assert 100 < len(spots) < 200
+    unchanged, edited = (updated(rooms(a), entries(first), cache) for a in (0.5, 0.8))
+    same(both(unchanged)[0], kept)
+    same(unchanged.kept_at_spots, spots)
+    both(edited)
+    again = edited.kept_at_spots
+    far = spots.position[:, 0] > APART / 2
+    same(again, spots, far)
+    assert 0.2 < far.mean() < 0.8
+    assert (again.indirect.mean(axis=1) > 1.2 * spots.indirect.mean(axis=1))[~far].all()
+    assert len(entries(edited)[-1]["spots-0"]) == 1
 
 
 def test_without_an_edit_all_samples_are_kept_and_only_a_thin_share_is_traced(before, monkeypatch):

@@ -1,0 +1,116 @@
+"""Holes in the fine level where the coarse one is too bright: they are found by tracing, and closed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scenes
+from surface_cases import gaussians, samples_of
+
+from gsgi.baker.fitting.rotations import rotation_to
+from gsgi.baker.surface.layers import Layer, Points
+from gsgi.baker.surface.lookup import look_up
+from gsgi.baker.surface.samples import SurfaceSamples
+from gsgi.baker.surface.spots import bright_spots, without_spots
+from gsgi.baker.views.surface_points import Triangles
+from gsgi.runtime.constants import SH_C0
+from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
+from gsgi.runtime.scene import Scene
+
+BLEND = SurfaceBlend()
+DARK, BRIGHT, RADIUS = 0.05, 1.0, 0.4
+COARSE = replace(
+    gaussians(1), position=np.zeros((1, 3), np.float32), scale=np.full((1, 3), 100, np.float32),
+    sh=np.full((1, 1, 3), BRIGHT / SH_C0, np.float32),
+)  # fmt: skip
+
+
+def on_floor(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Points on a square floor of edge 2 around the origin, and their normals."""
+    position = np.random.default_rng(seed).uniform(-1, 1, (count, 3)).astype(np.float32)
+    position[:, 1] = 0
+    return position, np.tile(np.float32([0, 1, 0]), (count, 1))
+
+
+def points(count: int = 20_000) -> Points:
+    position, normal = on_floor(count, 1)
+    return Points(position, normal, normal, normal, np.zeros(count, np.int32), np.zeros((count, 2)))
+
+
+def glanced(light: float, noise: float = 0.0):
+    """A glance that finds so much light everywhere."""
+
+    def glance(there: Points) -> Layer:
+        count = len(there.position)
+        found = samples_of(np.full((count, 3), light), there.position, there.normal, noise)
+        return Layer(found.indirect_a, found.indirect_b, *(np.full(count, 32, np.uint8),) * 2, 0)
+
+    return glance
+
+
+def level(radius: float, bright: float = DARK) -> tuple[SurfaceSamples, Gaussians]:
+    """Samples of a floor, and Gaussians on a grid with their light; both without those around the middle."""
+    position, normal = on_floor(20_000, 0)
+    outside = np.linalg.norm(position, axis=1) >= radius
+    samples = samples_of(np.full((outside.sum(), 3), bright), position[outside], normal[outside])
+    x, z = (each.ravel() for each in np.meshgrid(*[np.linspace(-1, 1, 25)] * 2))
+    grid = np.stack([x, np.zeros_like(x), z], axis=1).astype(np.float32)
+    grid = grid[np.linalg.norm(grid, axis=1) >= radius]
+    up = np.tile(np.float32([0, 1, 0]), (len(grid), 1))
+    scale = np.tile(np.float32([0.08, 0.08, 0.02]), (len(grid), 1))
+    light, slope = np.full((len(grid), 1, 3), bright / SH_C0, np.float32), np.zeros((len(grid), 2), np.float32)
+    return samples, Gaussians(grid, rotation_to(up), scale, np.full(len(grid), 0.5, np.float32), light, slope)
+
+
+@pytest.fixture(scope="module")
+def holed():
+    samples, fitted = level(RADIUS)
+    middle = np.zeros((1, 3), np.float32), samples.normal[:1]
+    assert look_up(fitted, COARSE, BLEND, *middle)[0].mean() > 0.9 * BRIGHT
+    return samples, fitted
+
+
+def test_a_bright_spot_is_found_and_closed(holed):
+    samples, fitted = holed
+    found = bright_spots(points(), glanced(DARK, 0.2), samples, fitted, COARSE, BLEND, 100)
+    away = np.linalg.norm(found.position, axis=1)
+    middle = found.radius > 0
+    assert 0 < middle.sum() < 20
+    assert len(away) >= 4 * middle.sum()  # samples for each
+    assert away.max() < RADIUS
+    traced = samples_of(np.full((len(away), 3), DARK), found.position, found.normal)
+    triangles = Triangles(Scene((scenes.floor(1.0),), (scenes.WHITE,)))
+    closed = without_spots(found, traced, samples, samples[:0], fitted, COARSE, BLEND, triangles)
+    assert len(closed) == len(fitted) + middle.sum()
+    position, normal = on_floor(20_000, 2)
+    inside = np.linalg.norm(position, axis=1) < RADIUS
+    before, after = (look_up(each, COARSE, BLEND, position, normal)[0].mean(axis=1) for each in (fitted, closed))
+    assert (before[inside] > 2 * DARK).mean() > 0.3
+    assert (after[inside] > 2 * DARK).mean() < 0.02
+    np.testing.assert_allclose(after[~inside], DARK, rtol=0.1)
+
+
+def test_there_are_no_more_than_asked_for_and_the_widest_come_first(holed):
+    samples, fitted = holed
+    task = samples, fitted, COARSE, BLEND
+    one, many = (bright_spots(points(), glanced(DARK), *task, most) for most in (1, 100))
+    np.testing.assert_array_equal(one.position[0], many.position[0])
+    assert np.linalg.norm(one.position[0]) < RADIUS / 2
+    assert (one.radius > 0).sum() == 1
+    for most, there in ((0, points()), (9, points().at(slice(0)))):
+        assert len(bright_spots(there, glanced(DARK), *task, most).position) == 0
+
+
+@pytest.mark.parametrize("light", [0.6 * BRIGHT, BRIGHT, 3 * BRIGHT, 0.0])
+def test_light_that_paths_bring_is_no_spot_and_nobody_looks_at_black(holed, light):
+    samples, fitted = holed
+    found = bright_spots(points(), glanced(light, 0.2), samples, fitted, COARSE, BLEND, 100)
+    assert len(found.position) == 0
+
+
+def test_dark_gaps_in_bright_surroundings_are_none():
+    assert len(bright_spots(points(), glanced(DARK), *level(RADIUS, BRIGHT), COARSE, BLEND, 100).position) == 0
+
+
+def test_a_level_without_holes_has_none():
+    assert len(bright_spots(points(), glanced(DARK), *level(0.0), COARSE, BLEND, 100).position) == 0
