@@ -60,12 +60,12 @@ class SurfaceFits:
             coarse = self.coarse(budget, free)
             fine = self._fine_count(budget, coarse)
             kept = surface[~in_gaps(surface)]
-            some = free[: round(FREE_SHARE * len(kept))]
+            some = free[: round(FREE_SHARE * len(surface))]
             if spots := plan.start and self._at_spots(plan.sampler, budget):
                 kept = joined([kept, spots])
             gaussians, history = self._fitted(fine, kept, some, coarse, advance, make_monitor)
             if not plan.start:
-                gaussians = self._without_spots(budget, fine - len(gaussians), kept, some, coarse, gaussians)
+                gaussians = self._without_spots(budget, fine, kept, some, coarse, gaussians)
         seconds = time.perf_counter() - start
         points = surface.position[:CHUNK], surface.normal[:CHUNK]
         _, weight = look_up(gaussians, coarse, plan.blend, *points)
@@ -111,19 +111,20 @@ class SurfaceFits:
         return LightGroup(name, plan.scene.groups.get(name, ()), **vars(light))
 
     def _without_spots(
-        self, budget: int, room: int, surface: SurfaceSamples, free: SurfaceSamples, coarse: Gaussians,
+        self, budget: int, most: int, surface: SurfaceSamples, free: SurfaceSamples, coarse: Gaussians,
         gaussians: Gaussians,
     ) -> Gaussians:  # fmt: skip
-        """The fine level without spots, for which there is `room`; where they were is kept for light groups."""
-        from .spots import Spots, bright_spots, without_spots
+        """At most so many Gaussians of the fine level without spots; where these were is kept for light groups."""
+        from .spots import MOVED, Spots, bright_spots, without_spots
 
         plan, levels = self.plan, (surface, gaussians, coarse, self.plan.blend)
+        room = most - len(gaussians) + int(MOVED * most)
         module, task = "gsgi.baker.surface.spots", {"levels": levels, "room": room}
         spots = plan.sampler.spots(module, lambda *tools: bright_spots(*tools, *levels, room), Spots, **task)
         self._spots[budget] = spots
         if not (samples := self._at_spots(plan.sampler, budget)):
             return gaussians
-        task = spots, samples, surface, free, gaussians, coarse, plan.blend
+        task = spots, samples, surface, free, gaussians, coarse, plan.blend, most
         key = task_key("fit", code=code_version(module, FIT_PACKAGES), scene=plan.tracer.scene_digest, task=task)
         return plan.tracer.once(key, Gaussians, lambda: without_spots(*task, plan.triangles))[0]
 

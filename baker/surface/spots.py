@@ -27,6 +27,7 @@ from .samples import SurfaceSamples, joined
 GLANCED, BRIGHT = 1 << 16, 1 << 13  # most points that are glanced at, and most bright ones among which spots are chosen
 BRIGHTER, SURE = 2.0, 3.0  # how many times too bright spots are, and standard errors added to the traced light first
 NEAREST = 8  # covered samples around a spot, whose light it outshines
+MOVED = 1 / 256  # of the Gaussians may make room, those that fewest samples see
 MEMBERS = 8  # most points of a spot that are sampled: Gaussians that hardly a sample sees are removed after an edit
 
 # Standard deviations of a Gaussian in a hole, along the surface and the normal, relative to the hole's radius. Wider
@@ -75,9 +76,12 @@ def bright_spots(
 
 def without_spots(
     spots: Spots, samples: SurfaceSamples, surface: SurfaceSamples, free: SurfaceSamples, gaussians: Gaussians,
-    coarse: Gaussians, blend: SurfaceBlend, triangles: Triangles,
+    coarse: Gaussians, blend: SurfaceBlend, most: int, triangles: Triangles,
 ) -> Gaussians:  # fmt: skip
-    """The Gaussians with one more in each of the `spots`, in the best light for these `samples` and all others."""
+    """The Gaussians with one more in each of the `spots`, in the best light for these `samples` and all others.
+
+    There are at most so many: those that fewest samples see make room.
+    """
     middle = spots.radius > 0
     position, radius = spots.position[middle], spots.radius[middle]
     _, near = Neighbours(samples.position).nearest(position, 1)
@@ -90,11 +94,13 @@ def without_spots(
         slope=np.zeros((len(position), gaussians.slope.shape[1]), np.float32),
         relief=np.zeros((len(position), *gaussians.relief.shape[1:]), np.float32),
     )
-    columns = zip(vars(gaussians).values(), vars(more).values(), strict=True)
     surface = joined([surface, samples])
     samples = joined([surface, free])
     optimiser = SurfaceOptimiser(samples, coarse, blend, seen_light(surface, free, triangles))
-    return in_best_light(as_bumpy_as(samples, Gaussians(*map(np.concatenate, columns))), optimiser)
+    seen_most = np.sort(np.argsort(-optimiser.share(gaussians), kind="stable")[: most - len(more)])
+    columns = zip(vars(gaussians).values(), vars(more).values(), strict=True)
+    both = Gaussians(*(np.concatenate([before[seen_most], after]) for before, after in columns))
+    return in_best_light(as_bumpy_as(samples, both), optimiser)
 
 
 def _covered_around(

@@ -80,8 +80,11 @@ def test_a_bright_spot_is_found_and_closed(holed):
     assert away.max() < RADIUS
     traced = samples_of(np.full((len(away), 3), DARK), found.position, found.normal)
     triangles = Triangles(Scene((scenes.floor(1.0),), (scenes.WHITE,)))
-    closed = without_spots(found, traced, samples, samples[:0], fitted, COARSE, BLEND, triangles)
-    assert len(closed) == len(fitted) + middle.sum()
+    closed = without_spots(found, traced, samples, samples[:0], fitted, COARSE, BLEND, len(fitted) + 1, triangles)
+    assert len(closed) == len(fitted) + 1
+    gone = set(map(tuple, fitted.position.round(2))) - set(map(tuple, closed.position.round(2)))
+    assert len(gone) == middle.sum() - 1
+    assert all(max(map(abs, each)) > 0.9 for each in gone)  # those in corners and at edges are seen least
     position, normal = on_floor(20_000, 2)
     inside = np.linalg.norm(position, axis=1) < RADIUS
     before, after = (look_up(each, COARSE, BLEND, position, normal)[0].mean(axis=1) for each in (fitted, closed))
