@@ -20,6 +20,7 @@ from .layers import ChunkSeed, Layer, Points, invalid, mean, traced
 from .seen_surface import SeenSurface
 
 CHUNK = 1 << 16  # points that are drawn together
+GLANCE = 4  # layers that tell roughly what light is somewhere
 
 BENT_MIN = 0.02  # RMS difference of mapped and interpolated normals below which samples count as flat
 
@@ -279,7 +280,7 @@ class Sampler:
         return self._sampled(stage, number, *self._points(stage, number), layers, advance)
 
     def spots(self, module: str, find: Callable[[Points, Callable[[Points], Layer]], Points], kind: type, **task):
-        """What `find` of a `module` makes of all points that the cameras see, and of what one layer brings to some.
+        """What `find` of a `module` makes of all points that the cameras see, and of what GLANCE layers bring to some.
 
         It is a record of this `kind`, which follows from the `task`.
         """
@@ -287,8 +288,11 @@ class Sampler:
         key = self._tracer.key("spots", module, views=self._seen.digest, seed=seed, paths=self._paths, task=task)
 
         def glance(points: Points) -> Layer:
-            count = len(points.position)
-            return self._traced(points, np.ones(count, bool), np.zeros(count, np.uint32), seed, lambda *_: None)
+            numbers = np.stack([np.arange(len(points.position)), np.zeros(len(points.position))], axis=1)
+            where = points.position, self._normal(points), points.geometric_normal
+            sampling = Sampling(GLANCE * PASS_SAMPLES, self._sampling.bounces)
+            task = np.ones(len(numbers), bool), numbers.astype(np.uint32), sampling, self.known_light, seed
+            return traced(self._tracer.tracer, where, *task, lambda *_: None)
 
         return self._tracer.once(key, kind, lambda: find(Points(*self._seen.everywhere()), glance))[0]
 
@@ -330,15 +334,16 @@ class Sampler:
         self, points_key: str, points: Points, noisy: np.ndarray, done: np.ndarray, seed: ChunkSeed, advance
     ) -> tuple[Layer, str]:
         key = self._tracer.key("layer", __name__, points=points_key, paths=self._paths, noisy=noisy, done=done)
-        layer, found = self._tracer.once(key, Layer, lambda: self._traced(points, noisy, done, seed, advance))
+        numbers = np.stack([np.arange(len(done), dtype=np.uint32), done], axis=1)
+
+        def trace() -> Layer:
+            where = points.position, self._normal(points), points.geometric_normal
+            return traced(self._tracer.tracer, where, noisy, numbers, self._sampling, self.known_light, seed, advance)
+
+        layer, found = self._tracer.once(key, Layer, trace)
         if found:
             advance(int(noisy.sum()) * PATHS_STEP, "from the cache")
         return layer, key
-
-    def _traced(self, points: Points, noisy: np.ndarray, done: np.ndarray, seed: ChunkSeed, advance) -> Layer:
-        numbers = np.stack([np.arange(len(done), dtype=np.uint32), done], axis=1)
-        where = points.position, self._normal(points), points.geometric_normal
-        return traced(self._tracer.tracer, where, noisy, numbers, self._sampling, self.known_light, seed, advance)
 
     @property
     def _paths(self) -> dict:

@@ -24,7 +24,7 @@ from .occlusion import seen_light
 from .optimiser import SurfaceOptimiser
 from .samples import SurfaceSamples, joined
 
-GLANCED, BRIGHT = 1 << 16, 1 << 13  # most points that are glanced at, and most bright ones among which spots are chosen
+LOOKED_AT, GLANCED = 1 << 16, 1 << 13  # most open points that are looked at, and of which the light is traced
 BRIGHTER, SURE = 2.0, 3.0  # how many times too bright spots are, and standard errors added to the traced light first
 NEAREST = 8  # covered samples around a spot, whose light it outshines
 MOVED = 1 / 256  # of the Gaussians may make room, those that fewest samples see
@@ -53,25 +53,23 @@ def bright_spots(
     so are dark gaps in surroundings as bright as what is read there: nobody misses these, and they would darken others.
     """
     _, weight = look_up(gaussians, coarse, blend, points.position, points.normal)
-    left_open = np.random.default_rng(0).permutation(np.flatnonzero(weight < blend.floor))[:GLANCED]
-    if not (most and len(left_open) and len(gaussians)):
-        return _spots(points, np.empty(0, np.int64), np.empty(0))
-    points = points.at(left_open)
+    left_open = np.random.default_rng(0).permutation(np.flatnonzero(weight < blend.floor))[:LOOKED_AT]
+    points = points.at(left_open if most and len(gaussians) else left_open[:0])
+    read = look_up(gaussians, coarse, blend, points.position, points.normal, points.shading_normal)[0].mean(axis=1)
+    radius, light = _covered_around(points, surface, gaussians, coarse, blend)
+    outshining = np.flatnonzero((read > BRIGHTER * light) & (radius > 0))[:GLANCED]
+    points, radius, read = points.at(outshining), radius[outshining], read[outshining]
+    if not len(points.position):
+        return Spots(**vars(points), radius=radius.astype(np.float32))
     found = glance(points)
     traced = (found.finite_a > 0) & (found.finite_b > 0)
     a, b = (np.where(traced[:, None], half, 0) for half in (found.indirect_a, found.indirect_b))
     light, variance = brightness(a, b)
     around = local_light(points.position, points.normal, a, b)
     noise = np.maximum(np.sqrt(variance), light * (around.noise / around.level))
-    read, _ = look_up(gaussians, coarse, blend, points.position, points.normal, points.shading_normal)
-    bright = traced & (read.mean(axis=1) > BRIGHTER * (light + SURE * noise))
+    bright = traced & (read > BRIGHTER * (light + SURE * noise))
     bright &= ~is_black(light, float(surface.indirect.mean(dtype=np.float64)), noise)
-    few = np.flatnonzero(bright)[:BRIGHT]
-    points, read = points.at(few), read[few].mean(axis=1)
-    if not len(few):
-        return _spots(points, few, np.empty(0))
-    radius, light = _covered_around(points, surface, gaussians, coarse, blend)
-    return _densest(points, np.where(read > BRIGHTER * light, radius, 0), most)
+    return _densest(points.at(bright), radius[bright], most)
 
 
 def without_spots(
@@ -118,8 +116,10 @@ def _covered_around(
         if side in there:
             distance, near = Neighbours(covered.position[there[side]]).nearest(points.position[here], NEAREST)
             radius[here], light[here] = distance[:, 0], covered.indirect[there[side][near]].mean(axis=(1, 2))
-    _, near = Neighbours(gaussians.position).nearest(points.position, 1)
-    return np.minimum(radius, WIDEST / WIDTH * gaussians.scale[near[:, 0]].max(axis=1)), light
+    if len(radius):
+        _, near = Neighbours(gaussians.position).nearest(points.position, 1)
+        radius = np.minimum(radius, WIDEST / WIDTH * gaussians.scale[near[:, 0]].max(axis=1))
+    return radius, light
 
 
 def _densest(points: Points, radius: np.ndarray, most: int) -> Spots:
@@ -131,7 +131,6 @@ def _densest(points: Points, radius: np.ndarray, most: int) -> Spots:
 
     found = []
     for _, here in by_side(points.normal):
-        here = here[radius[here] > 0]
         tree, left = cKDTree(points.position[here]), np.ones(len(here), bool)
         count = tree.query_ball_point(points.position[here], radius[here], return_length=True)
         for one in np.argsort(-count, kind="stable"):
@@ -143,8 +142,5 @@ def _densest(points: Points, radius: np.ndarray, most: int) -> Spots:
     found = sorted(found, key=lambda each: each[:2])[:most]
     middle, others = [one for _, one, _ in found], [each for *_, each in found]
     index = np.concatenate([np.array(middle, np.int64), *others])
-    return _spots(points, index, np.where(np.arange(len(index)) < len(middle), radius[index], 0))
-
-
-def _spots(points: Points, index: np.ndarray, radius: np.ndarray) -> Spots:
+    radius = np.where(np.arange(len(index)) < len(middle), radius[index], 0)
     return Spots(**vars(points.at(index)), radius=radius.astype(np.float32))
