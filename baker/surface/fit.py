@@ -17,7 +17,7 @@ from gsgi.baker.fitting.schedule import Schedule, count_after
 from gsgi.baker.fitting.task import Monitor
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime import constants
-from gsgi.runtime.file.levels import FINE_STEPS, stored_shapes
+from gsgi.runtime.file import codec
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
 
 from .occlusion import Occlusion, seen_light
@@ -179,7 +179,7 @@ def finished(gaussians: Gaussians, optimiser: SurfaceOptimiser, occlusion: Occlu
 
 def in_best_light(gaussians: Gaussians, optimiser: SurfaceOptimiser) -> Gaussians:
     """The Gaussians with shapes as the file has them, and the best light for these."""
-    return optimiser.solve(stored_shapes(gaussians, FINE_STEPS, facing=True))
+    return optimiser.solve(codec.stored_shapes(gaussians))
 
 
 def start(samples: SurfaceSamples, count: int, rng: np.random.Generator, beside: Gaussians | None = None) -> Gaussians:

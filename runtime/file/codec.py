@@ -6,8 +6,9 @@ from dataclasses import asdict, fields, replace
 import numpy as np
 
 from gsgi.runtime.errors import FormatError
-from gsgi.runtime.gaussians import BASES, Bake, Effects, SurfaceBlend
+from gsgi.runtime.gaussians import BASES, Bake, Effects, Gaussians, SurfaceBlend
 
+from .codes import dequantise, quantise
 from .header import (
     GAUSSIAN_COUNT_MAX,
     GROUP_TAG,
@@ -27,11 +28,11 @@ from .header import (
     section,
     version,
 )
-from .levels import COARSE_STEPS, FINE_STEPS, OVER_STEPS, decode_level, encode_level
+from .levels import COARSE_STEPS, FINE_STEPS, LEVEL, OVER_STEPS, decode_level, encode_level
 from .light_groups import COARSE_BYTES, GROUP_BYTES, decode_groups, encode_group
 from .relief import RELIEF_BYTES, decode_relief, encode_relief
 
-__all__ = ["OPERATOR_NAMES", "decode", "encode", "file_bytes", "version"]
+__all__ = ["OPERATOR_NAMES", "decode", "encode", "file_bytes", "stored_shapes", "version"]
 
 
 # Of a level, of a Gaussian with constant light, of its two slopes and of an SH coefficient of three channels. Default
@@ -99,6 +100,18 @@ def encode(bake: Bake) -> bytes:
     check_fields(header, _assert)
     header["crc32"] = checksum(header.tobytes() + body)
     return header.tobytes() + body
+
+
+def stored_shapes(gaussians: Gaussians) -> Gaussians:
+    """A fine level of the operator `surface` with the shapes that readers have, in the order that it is in.
+
+    Axes may be exchanged, and slopes turn with them; they are rounded, as shapes are. Other light stays as it is.
+    """
+    level = np.zeros((), LEVEL)
+    for name, value in FINE_STEPS.items():
+        level[name] = value
+    read = dequantise(quantise(gaussians, level, facing=True), level)
+    return replace(read, sh=gaussians.sh, relief=gaussians.relief)
 
 
 def decode(data: bytes) -> Bake:

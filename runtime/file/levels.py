@@ -1,7 +1,6 @@
 """A level of a .gsgi file: streams of integers, and the header record that says what their steps are."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -111,19 +110,6 @@ def encode_level(
     streams = {name: write_integers(value, name in DIFFERENCES) for name, value in _shape(codes, level).items()}
     streams["normal_v"] += write_bits(codes.angle, angle_bits(codes.scale, level))
     return b"".join(streams.values()) + encode_light(codes, level), order
-
-
-def stored_shapes(gaussians: Gaussians, steps: dict[str, int], facing: bool) -> Gaussians:
-    """The Gaussians with the shapes that readers have, in the order that they are in.
-
-    The arguments are those of `encode_level`. Axes may be exchanged, and slopes turn with them; they are rounded, as
-    shapes are. Other light stays as it is.
-    """
-    level = np.zeros((), LEVEL)
-    for name, value in steps.items():
-        level[name] = value
-    read = dequantise(quantise(gaussians, level, facing), level)
-    return replace(read, sh=gaussians.sh, relief=gaussians.relief)
 
 
 def encode_light(codes: Codes, level: np.ndarray, of_group: bool = False) -> bytes:

@@ -764,7 +764,10 @@ def test_another_fit_takes_the_views_from_the_cache(baked, tmp_path):
     ("operator", "traced"),
     [
         ("over", {"view": 2}),
-        ("surface", {"known": 2, "surface": 2 + 3, "free": 1, "layer": 3 + 3, "coarse": 1}),  # 3: known light
+        (
+            "surface",
+            {"known": 2, "surface": 2 + 3, "free": 1, "layer": 3 + 3, "coarse": 1, "spots": 1},
+        ),  # 3: known light
     ],
 )
 def test_the_cache_says_what_it_holds_and_can_be_emptied(bakes, capsys, tmp_path, operator, traced):

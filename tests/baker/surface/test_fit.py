@@ -19,7 +19,6 @@ from gsgi.baker.surface.lookup import look_up
 from gsgi.baker.surface.optimiser import SurfaceOptimiser
 from gsgi.baker.surface.samples import SurfaceSamples
 from gsgi.runtime.file import codec
-from gsgi.runtime.file.levels import FINE_STEPS, stored_shapes
 from gsgi.runtime.gaussians import Bake, Gaussians, SurfaceBlend
 
 BLEND = SurfaceBlend()
@@ -186,7 +185,7 @@ def test_watch_sees_each_step_its_loss_and_what_it_led_to():
     fitted = fit(Schedule(60, 20), lambda *args: seen.append(args), samples=noisy(4000))
     assert [iteration for iteration, _, _ in seen] == [*range(1, 21)]
     assert seen[-1][1] < seen[0][1]
-    last = stored_shapes(seen[-1][2](), FINE_STEPS, facing=True)
+    last = codec.stored_shapes(seen[-1][2]())
     for name in ("position", "rotation", "scale", "opacity"):  # colours are solved once more
         np.testing.assert_array_equal(getattr(last, name), getattr(fitted, name))
     assert (seen[0][2]().position != seen[1][2]().position).any()
