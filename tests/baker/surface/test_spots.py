@@ -11,7 +11,7 @@ from gsgi.baker.fitting.rotations import rotation_to
 from gsgi.baker.surface.layers import Layer, Points
 from gsgi.baker.surface.lookup import look_up
 from gsgi.baker.surface.samples import SurfaceSamples
-from gsgi.baker.surface.spots import bright_spots, without_spots
+from gsgi.baker.surface.spots import MEMBERS, bright_spots, without_spots
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.constants import SH_C0
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
@@ -76,7 +76,7 @@ def test_a_bright_spot_is_found_and_closed(holed):
     away = np.linalg.norm(found.position, axis=1)
     middle = found.radius > 0
     assert 0 < middle.sum() < 20
-    assert len(away) >= 4 * middle.sum()  # samples for each
+    assert len(away) == MEMBERS * middle.sum()
     assert away.max() < RADIUS
     traced = samples_of(np.full((len(away), 3), DARK), found.position, found.normal)
     triangles = Triangles(Scene((scenes.floor(1.0),), (scenes.WHITE,)))
