@@ -52,10 +52,10 @@ def bright_spots(
     `glance` traces B at points in both halves. Black points are left out, since eyes there are used to other light, and
     so are dark gaps in surroundings as bright as what is read there: nobody misses these, and they would darken others.
     """
-    _, weight = look_up(gaussians, coarse, blend, points.position, points.normal)
+    read, weight = look_up(gaussians, coarse, blend, points.position, points.normal, points.shading_normal)
     left_open = np.random.default_rng(0).permutation(np.flatnonzero(weight < blend.floor))[:LOOKED_AT]
-    points = points.at(left_open if most and len(gaussians) else left_open[:0])
-    read = look_up(gaussians, coarse, blend, points.position, points.normal, points.shading_normal)[0].mean(axis=1)
+    left_open = left_open if most and len(gaussians) else left_open[:0]
+    points, read = points.at(left_open), read[left_open].mean(axis=1)
     radius, light = _covered_around(points, surface, gaussians, coarse, blend)
     outshining = np.flatnonzero((read > BRIGHTER * light) & (radius > 0))[:GLANCED]
     points, radius, read = points.at(outshining), radius[outshining], read[outshining]
