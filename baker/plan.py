@@ -164,11 +164,24 @@ class Plan:
         return self.pilot.gathered_samples(error / noise, step, float(step * layers))
 
     @property
-    def free_paths(self) -> int:
-        """Number of paths at the points in free space to which the coarse level is fitted; 0 with `over`."""
-        if self.settings.operator == "surface":
-            return path_count(free_layers(self.settings.budget))
-        return 0
+    def free_points(self) -> int:
+        """Number of points in free space to which the coarse level is fitted; 0 with `over`."""
+        return point_count(self._free_layers) if self.settings.operator == "surface" else 0
+
+    @property
+    def free_samples(self) -> float:
+        """Expected number of paths at each of them, on average; with the `error` 0 it is exact."""
+        step, error = surface_budget.PATHS_STEP, self.settings.error and surface_budget.FREE_ERROR
+        return self.pilot.gathered_samples(max(error, self.settings.error), step, float(step * self._free_layers[0]))
+
+    @property
+    def free_paths(self) -> float:
+        """Expected number of all their paths; 0 with `over`."""
+        return self.free_points * self.free_samples if self.free_points else 0
+
+    @property
+    def _free_layers(self) -> list[int]:
+        return free_layers(self.settings.budget, self.settings.samples)
 
     @property
     def known_paths(self) -> int:

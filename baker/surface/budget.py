@@ -15,6 +15,10 @@ COARSE_SHARE, COARSE_MOST = 4, 1024  # one Gaussian in COARSE_SHARE is coarse, u
 SAMPLES_PER_GAUSSIAN, SAMPLES_LEAST, SAMPLES_FEWEST, SAMPLES_MANY = 64, 32, 1 << 17, 1 << 20
 FREE_PER_GAUSSIAN = 256  # samples in free space per coarse Gaussian: nine coefficients, normals in all directions
 
+# A sample in free space takes a further layer, up to so many, where the noise around it is more than this share of the
+# light: its paths are short and not guided. Things that move through dark rooms lose a third of their error by that.
+FREE_LAYERS, FREE_ERROR = 4, 0.15
+
 PATHS_STEP = 2 * PASS_SAMPLES  # per sample: one pass of each half
 
 # Where paths are connected to lit places (see `baker.trace.lit_places`), a path has about so much noise, relative to

@@ -7,6 +7,7 @@ import numpy as np
 from gsgi.baker.fitting.blue_noise import levelled, spacing, thin
 from gsgi.baker.trace.local_light import LocalLight, free_blocks
 from gsgi.baker.views.surface_points import Triangles
+from gsgi.runtime.file import codec
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
 
 from .budget import COARSE_DEGREE
@@ -23,8 +24,6 @@ WIDTH = 0.6  # standard deviation, relative to the mean distance to the three ne
 RATES = {"place": 0.06, "turn": 0.04, "log_scale": 0.06, "logit_opacity": 0.05, "colour": 0.0, "slope": 0.0}
 RATE_END = 0.1
 STEPS, SOLVE_STEPS, SOLVE_ITERATIONS = 60, 6, 6
-
-RIDGE = 1e-3  # smaller than colours.RIDGE, which would damp the higher bands of light from one side
 
 # One Gaussian of almost no weight reaches every point of the scene and far beyond. Its scale is relative to the
 # diagonal of the samples' bounding box.
@@ -71,7 +70,7 @@ def supported(samples: SurfaceSamples, count: int, blend: SurfaceBlend, seed: in
     def error(count: int) -> float:
         """That of so many Gaussians at the samples that are held back, free of noise."""
         optimiser, gaussians = _stepped(samples[~held], count, blend, seed, TRIED)
-        level = optimiser.solve(gaussians, RIDGE)
+        level = optimiser.solve(gaussians)
         return float(coarse_optimiser(samples[held], level, blend).error(level).mean())
 
     least, fewest = error(count), max(FEWEST * count, 1)
@@ -90,7 +89,7 @@ def coarse_start(
 
 def coarse_steps(optimiser: SurfaceOptimiser, state: SurfaceState, first: int) -> SurfaceState:
     """Solve for the colours, then take SOLVE_STEPS steps, of which the first has the number `first`."""
-    state = replace(state, gaussians=optimiser.solve(state.gaussians, RIDGE, SOLVE_ITERATIONS))
+    state = replace(state, gaussians=optimiser.solve(state.gaussians, SOLVE_ITERATIONS))
     for step in range(first, first + SOLVE_STEPS):
         before, falling = state.gaussians, RATE_END ** (step / STEPS)
         state, _ = optimiser.step(state, {name: falling * rate for name, rate in RATES.items()}, step + 1)
@@ -112,11 +111,14 @@ def _lit(
     triangles: Triangles | None,
     count: int,
 ) -> Gaussians:
-    """The at most `count` Gaussians, all but the first cut at occluders, with the light of samples."""
+    """The at most `count` Gaussians, all but the first cut at occluders, with the light of samples.
+
+    Shapes are those of the file: where a dim Gaussian ends, one a million times as bright may begin.
+    """
     cut = gaussians
     if triangles:
         cut, _ = Occlusion(samples, triangles, optimiser.blend, count).cut(gaussians)
-    return optimiser.solve(_everywhere_again(cut, gaussians), RIDGE)
+    return optimiser.solve(codec.stored_shapes(_everywhere_again(cut, gaussians), fine=False))
 
 
 def coarse_optimiser(samples: SurfaceSamples, gaussians: Gaussians, blend: SurfaceBlend) -> SurfaceOptimiser:

@@ -144,7 +144,8 @@ class SurfaceFits:
 
     def _layers(self, budget: int) -> tuple[list[int], list[int]]:
         """Layers of the samples on the surfaces and in free space."""
-        return surface_layers(budget, self.plan.settings.samples), free_layers(budget)
+        asked = budget, self.plan.settings.samples
+        return surface_layers(*asked), free_layers(*asked)
 
     def samples(self, budget: int) -> tuple[SurfaceSamples, SurfaceSamples]:
         """Samples on the surfaces and in free space, as a fit with this budget has them."""
@@ -202,7 +203,7 @@ def parts_on_grey_light(plan: "Plan", steps: int) -> list[Callable[[], object]]:
     optimiser = SurfaceOptimiser(samples, coarse_level(samples[:1], 1, plan.blend, 0), plan.blend)
     state = SurfaceState.fresh(start(samples, -(-settings.budget // FINE_TIMED), rng))
     still = dict.fromkeys(RATES, 0.0)
-    few = samples[: point_count(free_layers(settings.budget)) // COARSE_TIMED]
+    few = samples[: plan.free_points // COARSE_TIMED]
     coarse = coarse_start(few, coarse_count(settings.budget), plan.blend, 0)
     return [
         lambda: [optimiser.step(state, still, 1 + i) for i in range(steps)],
@@ -224,7 +225,7 @@ def times_on_grey_light(plan: "Plan", timed: "Plan", steps: int) -> list[float]:
     solved = 3 * (len(GROWTH) + 2)  # each time for the colours, and twice for the cuts
     solved += LEAST / MOST * plan.settings.iterations / SOLVED_EVERY  # which are nearly right already
     coarse, timed_coarse = (coarse_count(each.settings.budget) for each in (plan, timed))
-    free = plan.free_paths / timed.free_paths * max(coarse / timed_coarse, 1.0) ** COARSE_GROWS
+    free = plan.free_points / timed.free_points * max(coarse / timed_coarse, 1.0) ** COARSE_GROWS
     samples = FINE_TIMED * CHANGES * plan.points / timed.points
     return [samples * plan.settings.iterations / steps, samples * solved, COARSE_TIMED * free * STEPS / SOLVE_STEPS]
 

@@ -7,7 +7,7 @@ import numpy as np
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
 
-from .coarse import RIDGE, coarse_optimiser
+from .coarse import coarse_optimiser
 from .occlusion import seen_light
 from .optimiser import SurfaceOptimiser
 from .samples import SurfaceSamples, joined
@@ -38,7 +38,7 @@ def group_light(
     The samples have the light of the group alone. Their importance follows its own level around them, so that a dim
     group is as accurate where no other shines as a bright one.
     """
-    coarse = coarse_optimiser(free, coarse, blend).solve(_black(coarse), RIDGE)
+    coarse = coarse_optimiser(free, coarse, blend).solve(_black(coarse))
     samples = joined([surface, some_free])
     samples = replace(samples, mapped=None)  # relief is that of all light: groups have none of their own
     optimiser = SurfaceOptimiser(samples, coarse, blend, seen_light(surface, some_free, triangles))

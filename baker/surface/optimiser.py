@@ -78,13 +78,13 @@ class SurfaceOptimiser:
         self._unit: np.ndarray | None = None
         self._size_cost: np.ndarray | None = None
 
-    def solve(self, gaussians: Gaussians, ridge: float = colours.RIDGE, iterations: int = colours.MOST) -> Gaussians:
+    def solve(self, gaussians: Gaussians, iterations: int = colours.MOST) -> Gaussians:
         """Set colours and slopes, then relief if there is any, to the least-squares solution for the shapes."""
         self._list(gaussians)
         fine = self._field.read(gaussians)
         base = filling(fine, self._coarse, self.blend)
         samples = self._light, self._importance(self._reading(fine).light), self._relative_noise
-        sh, slope = colours.solve(self._field, gaussians, base, *samples, ridge, iterations)
+        sh, slope = colours.solve(self._field, gaussians, base, *samples, iterations=iterations)
         solved = replace(gaussians, sh=sh, slope=slope)
         return self._with_relief(solved) if gaussians.bumpy else solved
 

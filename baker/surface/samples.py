@@ -14,7 +14,7 @@ from gsgi.baker.trace.local_light import Blocks
 from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling
 
 from .adaptation import seen_around
-from .budget import PATHS_STEP, connected_layers, free_count, sample_count
+from .budget import FREE_ERROR, FREE_LAYERS, PATHS_STEP, connected_layers, free_count, sample_count
 from .contrast import Contrast, sure_contrast
 from .layers import ChunkSeed, Layer, Points, invalid, mean, traced
 from .seen_surface import SeenSurface
@@ -112,9 +112,9 @@ def surface_layers(budget: int, paths: int) -> list[int]:
     return [_layer_count(paths)] * _chunk_count(sample_count(budget))
 
 
-def free_layers(budget: int) -> list[int]:
-    """The same for the samples in free space: one layer each, since more places gain more than more paths."""
-    return [1] * _chunk_count(free_count(budget))
+def free_layers(budget: int, paths: int) -> list[int]:
+    """The same for the samples in free space: few layers each, since more places gain more than more paths."""
+    return [min(_layer_count(paths), FREE_LAYERS)] * _chunk_count(free_count(budget))
 
 
 def known_paths(bounces: int) -> int:
@@ -165,8 +165,9 @@ class Sampler:
         """Points are drawn from the surfaces `seen`.
 
         Paths end at the first surface whose B is `known` (final gathering, Reichert 1992). A sample takes no further
-        layer once the noise around it is below `error` times the light there, or after `connected_layers` where paths
-        are connected to lit places. `mapped`: whether B is that of mapped normals, not of interpolated ones.
+        layer once the noise around it is below `error` times the light there, in free space FREE_ERROR if that is more;
+        on surfaces also after `connected_layers` where paths are connected to lit places. `mapped`: whether B is that
+        of mapped normals, not of interpolated ones.
         """
         self._tracer, self._seen, self._seed, self._known = tracer, seen, seed, known
         self._sampling, self._error, self._mapped = Sampling(PASS_SAMPLES, bounces), error, mapped
@@ -308,9 +309,10 @@ class Sampler:
         blocks, there = Blocks.of(points.position, points.normal), []
         keys = self.entries[f"{stage}-{number}"] = [key]
         done = np.zeros(len(points.position), np.uint32)
-        most = connected_layers(layers) if self.connected else layers
+        most = connected_layers(layers) if self.connected and not seed.free else layers
+        error = self._error and max(self._error, FREE_ERROR if seed.free else 0)
         for layer in range(layers):
-            noisy = self._noisy(blocks, there) & (layer < most)
+            noisy = _noisy(blocks, there, error) & (layer < most)
             advance(float((~noisy).sum()) * PATHS_STEP)
             if noisy.any() or not layer:
                 found, layer_key = self._layer(key, points, noisy, done, seed, advance)
@@ -322,13 +324,6 @@ class Sampler:
     def _normal(self, points: Points) -> np.ndarray:
         """The normals (P, 3) that B belongs to."""
         return points.shading_normal if self._mapped else points.normal
-
-    def _noisy(self, blocks: Blocks, there: list[Layer]) -> np.ndarray:
-        """Which points (P,) bool, in `blocks`, take a further layer than those `there`."""
-        if not (there and self._error):
-            return np.ones(len(blocks.number), bool)
-        light = blocks.light(*(np.nan_to_num(mean(there, half)) for half in "ab"))
-        return light.noise > self._error * light.level
 
     def _layer(
         self, points_key: str, points: Points, noisy: np.ndarray, done: np.ndarray, seed: ChunkSeed, advance
@@ -382,6 +377,14 @@ class Sampler:
             key, KnownLight, lambda: known_light(self._tracer.tracer, *samples, bounces, before)
         )
         return light
+
+
+def _noisy(blocks: Blocks, there: list[Layer], error: float) -> np.ndarray:
+    """Which points (P,) bool, in `blocks`, take a further layer than those `there`."""
+    if not (there and error):
+        return np.ones(len(blocks.number), bool)
+    light = blocks.light(*(np.nan_to_num(mean(there, half)) for half in "ab"))
+    return light.noise > error * light.level
 
 
 @dataclass(frozen=True)

@@ -67,11 +67,9 @@ class _Sampling:
 
     def chunks(self, stage: str) -> list[Task]:
         """The chunks of samples of a `stage`, "surface" or "free"."""
-        settings = self._plan.settings
-        layers = (
-            surface_layers(settings.budget, settings.samples) if stage == "surface" else free_layers(settings.budget)
-        )
-        paths = round(point_count([1]) * self._plan.samples) if stage == "surface" else path_count([1])
+        plan, on_surfaces = self._plan, stage == "surface"
+        layers = (surface_layers if on_surfaces else free_layers)(plan.settings.budget, plan.settings.samples)
+        paths = round(point_count([1]) * (plan.samples if on_surfaces else plan.free_samples))
         shown = self.stage or "irradiance"
         return [
             self._chunk(f"{stage}-{n}", shown, self.ends_in, self._sampler, (stage, n, count), paths)
@@ -102,7 +100,7 @@ def _make_table(reader: Sampler, stage: str, progress: Progress) -> None:
 
 def _fit_coarse(plan: Plan, progress: Progress) -> None:
     with progress.stage("fit"):
-        free = plan.sampler.free(free_layers(plan.settings.budget), ignore)
+        free = plan.sampler.free(free_layers(plan.settings.budget, plan.settings.samples), ignore)
         SurfaceFits(plan, progress).coarse(plan.settings.budget, free)
 
 

@@ -102,15 +102,15 @@ def encode(bake: Bake) -> bytes:
     return header.tobytes() + body
 
 
-def stored_shapes(gaussians: Gaussians) -> Gaussians:
-    """A fine level of the operator `surface` with the shapes that readers have, in the order that it is in.
+def stored_shapes(gaussians: Gaussians, fine: bool = True) -> Gaussians:
+    """The fine or the coarse level of the operator `surface` with the shapes that readers have, in its own order.
 
     Axes may be exchanged, and slopes turn with them; they are rounded, as shapes are. Other light stays as it is.
     """
     level = np.zeros((), LEVEL)
-    for name, value in FINE_STEPS.items():
+    for name, value in (FINE_STEPS if fine else COARSE_STEPS).items():
         level[name] = value
-    read = dequantise(quantise(gaussians, level, facing=True), level)
+    read = dequantise(quantise(gaussians, level, facing=fine), level)
     return replace(read, sh=gaussians.sh, relief=gaussians.relief)
 
 

@@ -108,9 +108,9 @@ def test_the_table_says_how_many_paths_there_are(closed):
     # With one bounce, paths end in light without any, which is traced in two chunks by a pass per half.
     assert closed.known_paths == 2 * CHUNK * 2 * PASS_SAMPLES
     assert closed.guide_paths == 2 * CHUNK * guide.PATHS
-    # The same for free space: one layer for each of two chunks.
-    assert closed.free_paths == 2 * CHUNK * 2 * PASS_SAMPLES
-    assert rows["free space"].decision == "0.1 M"
+    # In free space there are two chunks, which take two layers as well.
+    assert closed.free_paths == 2 * CHUNK * 4 * PASS_SAMPLES
+    assert rows["free space"].decision == "0.3 M"
 
 
 @pytest.mark.parametrize(("operator", "parts"), [("over", 1), ("surface", 3)])

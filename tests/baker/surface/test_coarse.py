@@ -7,7 +7,8 @@ from surface_cases import FIELDS, gaussians, samples_of
 from gsgi.baker.over.rasterise import set_thread_count
 from gsgi.baker.surface.coarse import SOLVE_STEPS, STEPS, coarse_level, coarse_start, coarse_steps, supported
 from gsgi.baker.surface.lookup import look_up
-from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
+from gsgi.runtime.file import codec
+from gsgi.runtime.gaussians import Bake, Gaussians, SurfaceBlend
 
 BLEND = SurfaceBlend()
 NOBODY = gaussians(0)
@@ -123,10 +124,19 @@ def test_the_first_reaches_everywhere_and_weighs_next_to_nothing():
     The others have moved, turned and stretched."""
     coarse = level(60)
     np.testing.assert_allclose(coarse.position[0], [2, 1, 1.5], atol=1e-2)
-    np.testing.assert_allclose(coarse.scale[0], DIAGONAL, rtol=1e-2)
-    assert coarse.opacity[0] == np.float32(1 / 255)
+    np.testing.assert_allclose(coarse.scale[0], DIAGONAL, rtol=2e-2)  # half a step of files
+    assert coarse.opacity[0] == pytest.approx(1 / 255, rel=0.01)
     assert coarse.opacity[1:].min() > 0.1
     assert (coarse.scale[1:].max(axis=1) > 1.2 * coarse.scale[1:].min(axis=1)).mean() > 0.5
+
+
+def test_files_have_the_shapes_for_which_the_light_was_solved():
+    """Light that differs a thousandfold across a wall would else shine through where a dim Gaussian ends sooner."""
+    coarse = level(60)
+    read = codec.decode(codec.encode(Bake(NOBODY, BLEND, coarse=coarse))).coarse
+    order, expected = (np.lexsort(each.position.T) for each in (read, coarse))
+    for name in ("position", "rotation", "scale", "opacity"):
+        np.testing.assert_array_equal(getattr(read, name)[order], getattr(coarse, name)[expected], err_msg=name)
 
 
 def test_few_samples_and_none():

@@ -7,7 +7,7 @@ from traced_paths import counted
 
 from gsgi.baker.cache.store import Cache, entries
 from gsgi.baker.surface import budget, samples, seen_surface
-from gsgi.baker.surface.budget import COARSE_MOST, COARSE_SHARE, FREE_PER_GAUSSIAN, PATHS_STEP
+from gsgi.baker.surface.budget import COARSE_MOST, COARSE_SHARE, FREE_LAYERS, FREE_PER_GAUSSIAN, PATHS_STEP
 from gsgi.baker.surface.samples import (
     Sampler,
     SurfaceSamples,
@@ -83,10 +83,11 @@ def test_layers_are_new_paths_from_the_same_points():
     assert abs(np.corrcoef(four.indirect_a[:, 0], four.indirect_b[:, 0])[0, 1]) < 0.06  # standard error 0.016
 
 
-def test_free_space_takes_a_layer_of_each_chunk(traced):
+def test_free_space_takes_few_layers_of_each_chunk(traced):
     for chunks in (1, 2, 4):
         gaussians = chunks * CHUNK // FREE_PER_GAUSSIAN * COARSE_SHARE
-        assert free_layers(gaussians) == [1] * chunks
+        assert free_layers(gaussians, 100 * PATHS_STEP) == [FREE_LAYERS] * chunks
+        assert free_layers(gaussians, 1) == [1] * chunks
     assert len(sampler(scenes.furnace()).free([1, 1], ignore)) == 2 * CHUNK
     assert sum(traced) == path_count([1, 1]) == 2 * CHUNK * PATHS_STEP
 
@@ -98,7 +99,7 @@ def test_every_surface_sample_takes_whole_layers(traced, monkeypatch):
     assert len(sampler(scenes.furnace()).surface(layers, ignore)) == 2 * CHUNK
     assert sum(traced) == path_count(layers) == 2 * CHUNK * 2 * PATHS_STEP
     assert surface_layers(1, 1) == [1, 1]
-    assert len(free_layers(COARSE_SHARE * COARSE_MOST)) == FREE_PER_GAUSSIAN * COARSE_MOST // CHUNK
+    assert len(free_layers(COARSE_SHARE * COARSE_MOST, 1)) == FREE_PER_GAUSSIAN * COARSE_MOST // CHUNK
 
 
 def test_what_the_cache_holds_is_not_traced_again(tmp_path):
@@ -320,6 +321,22 @@ def test_quiet_points_take_no_further_layers(traced):
     assert counts[0] == 1
     assert counts[-1] == 8
     assert 1 < counts[1] < 8
+
+
+def test_points_in_free_space_take_more_layers_where_they_are_noisy(traced, monkeypatch):
+    """A layer leaves a noise of a thirtieth of the light in a furnace, and of an eighth in a room below a spot."""
+    monkeypatch.setattr(samples, "FREE_ERROR", 0.08)
+    layers = {}
+    for name, scene, error in (
+        ("quiet", scenes.furnace(0.5), 0.025), ("noisy", scenes.spot_room(), 0.025), ("all", scenes.furnace(0.5), 0.0),
+    ):  # fmt: skip
+        asked = prepared(gathering(scene, 4, error))
+        traced.clear()
+        asked.free([FREE_LAYERS], ignore)
+        layers[name] = sum(traced) / (CHUNK * PATHS_STEP)
+    assert layers["quiet"] == 1
+    assert 1.5 < layers["noisy"] < FREE_LAYERS
+    assert layers["all"] == FREE_LAYERS
 
 
 def test_paths_that_are_connected_take_half_of_the_layers(traced, monkeypatch):
