@@ -342,8 +342,8 @@ def as_baked(scene: Scene, settings: Settings) -> Scene:
     scene = replace(without(scene, settings.ignore), metals=settings.metals)
     if not effects(scene) & (Effects.PUNCTUAL | Effects.EMISSIVE | Effects.ENVIRONMENT):
         raise SceneError(
-            "the scene has no light: neither a punctual light (KHR_lights_punctual) nor an emissive surface nor an "
-            "environment; light it with --sun or --env"
+            "the scene has no light (--light-scale 0 and --ignore turn it off): neither a punctual light "
+            "(KHR_lights_punctual) nor an emissive surface nor an environment; light it with --sun or --env"
         )
     return scene
 

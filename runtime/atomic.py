@@ -6,15 +6,22 @@ import shutil
 import stat
 import time
 import uuid
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
-from .errors import FileError
+from .errors import FileError, UsageError
 
 LEFTOVER_AGE = 24 * 3600  # s; a temporary file this old belongs to a run that was killed
 
 _unfinished: set[Path] = set()
+
+
+def check_not_read(path: str | Path, inputs: Iterable[str | Path]) -> None:
+    """Raise UsageError if a file that is to be written is one of those that are read."""
+    for file in inputs:
+        if Path(file).resolve() == Path(path).resolve():
+            raise UsageError(f"{path}: the output would overwrite what is read")
 
 
 def write_atomic(path: str | Path, data: bytes) -> None:

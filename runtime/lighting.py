@@ -1,16 +1,18 @@
 """Light that a glTF file does not define: an environment, a sun, a factor on the file's own lights."""
 
 import dataclasses
+import os
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from numbers import Real
 from pathlib import Path
 
 import numpy as np
 
 from .environment import read_environment
 from .environment_sun import find_sun
-from .errors import FileError, SceneError
+from .errors import FileError, SceneError, UsageError
 from .files import inside
 from .light_groups import with_each
 from .scene import MAX_LIGHT, Environment, Light, Scene
@@ -26,25 +28,35 @@ OF_ENVIRONMENT = "env"  # instead of the angles of a sun: that of the environmen
 class Lighting:
     """Changes to a scene's light, with the names of the flags and TOML keys; the defaults change nothing.
 
+    Raises UsageError for a value that its key cannot have.
+
     env: an image file, or one radiance (3,) for all directions. It is rotated by env_rotation (degrees,
     counter-clockwise seen from above) and multiplied by env_scale. sun: azimuth (degrees, clockwise from north seen
     from above; north is -Z, east is +X) and elevation (degrees above the horizon), or "env": that of the image, which
     is taken out of it. A surface that faces the sun receives sun_irradiance * sun_color (lx, the unit of the file's
-    directional lights), or what it has of the image's sun, times sun_color. light_scale multiplies the lights of the
-    glTF file, both punctual lights and emissive surfaces; 0 turns them off. groups: lights to be baked apart, as
-    patterns of the names of punctual lights, of their nodes, and of emissive materials, and the words "sun" and
-    "environment", by the name of the group. group_each: every other light is a group of its own.
+    directional lights; by default SUN_IRRADIANCE), or what it has of the image's sun, times sun_color. light_scale
+    multiplies the lights of the glTF file, both punctual lights and emissive surfaces; 0 turns them off. groups: lights
+    to be baked apart, as patterns of the names of punctual lights, of their nodes, and of emissive materials, and the
+    words "sun" and "environment", by the name of the group. group_each: every other light is a group of its own.
     """
 
     env: str | tuple[float, float, float] | None = None
     env_rotation: float = 0.0
     env_scale: float = 1.0
     sun: tuple[float, float] | str | None = None
-    sun_irradiance: float = SUN_IRRADIANCE
+    sun_irradiance: float | None = None
     sun_color: tuple[float, float, float] = (1.0, 1.0, 1.0)
     light_scale: float = 1.0
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     group_each: bool = False
+
+    def __post_init__(self):
+        for key in KEYS:
+            if (value := getattr(self, key)) is not None:
+                try:
+                    object.__setattr__(self, key, check(key, value))
+                except ValueError as error:
+                    raise UsageError(f"lighting: {key}: {error}") from None
 
 
 KEYS = tuple(field.name for field in dataclasses.fields(Lighting))
@@ -53,8 +65,8 @@ KEYS = tuple(field.name for field in dataclasses.fields(Lighting))
 def light(scene: Scene, lighting: Lighting) -> Scene:
     """The scene with this lighting.
 
-    Raises FileError or SceneError for an environment image that cannot be used, or has no sun that was asked for, and
-    SceneError for a light that cannot be a group of its own.
+    Raises FileError or SceneError for an environment image that cannot be used, or has no sun that was asked for,
+    UsageError for a sun that is asked of no image, and SceneError for a light that cannot be a group of its own.
     """
     if lighting.light_scale != 1:
         scene = _scaled(scene, lighting.light_scale)
@@ -108,9 +120,11 @@ def check(key: str, value):
     """A value for `key` of `Lighting`, with numbers as floats. Raises ValueError with the expected and given value."""
     match key:
         case "env":
-            return value if isinstance(value, str) and value else _numbers(value, 3, "a file or three numbers")
+            if isinstance(value, str | os.PathLike) and str(value):
+                return str(value)
+            return _numbers(value, 3, "a file or three numbers")
         case "sun":
-            return value if value == OF_ENVIRONMENT else _angles(value)
+            return value if isinstance(value, str) and value == OF_ENVIRONMENT else _angles(value)
         case "sun_color":
             return _numbers(value, 3, "three numbers")
         case "env_rotation":
@@ -127,7 +141,7 @@ def check(key: str, value):
 
 
 def _groups(value) -> dict[str, tuple[str, ...]]:
-    if not isinstance(value, dict):
+    if not isinstance(value, Mapping):
         raise ValueError(f"expected a table of lists of patterns, got {value!r}")
     for name, patterns in value.items():
         if not isinstance(patterns, list | tuple) or not all(isinstance(pattern, str) for pattern in patterns):
@@ -144,8 +158,8 @@ def _angles(value) -> tuple[float, float]:
 
 
 def _numbers(value, count: int, what: str, low: float = 0.0, high: float = MAX_LIGHT) -> tuple[float, ...]:
-    items = value if isinstance(value, list | tuple) else [value]
-    numbers = [float(item) for item in items if isinstance(item, int | float) and not isinstance(item, bool)]
+    items = list(value) if isinstance(value, list | tuple | np.ndarray) else [value]
+    numbers = [float(item) for item in items if isinstance(item, Real) and not isinstance(item, bool)]
     if not len(numbers) == len(items) == count or not all(low <= number <= high for number in numbers):
         shown = items[0] if len(items) == 1 else list(items)
         raise ValueError(f"expected {what} from {low:g} to {high:g}, got {shown!r}")
@@ -187,7 +201,8 @@ def _environment(lighting: Lighting) -> Environment:
 def _sun(lighting: Lighting) -> Light:
     azimuth, elevation = np.radians(lighting.sun)
     towards = [np.sin(azimuth) * np.cos(elevation), np.sin(elevation), -np.cos(azimuth) * np.cos(elevation)]
-    return _sunlight(np.array(towards), lighting.sun_irradiance * np.array(lighting.sun_color))
+    irradiance = SUN_IRRADIANCE if lighting.sun_irradiance is None else lighting.sun_irradiance
+    return _sunlight(np.array(towards), irradiance * np.array(lighting.sun_color))
 
 
 def _sunlight(towards: np.ndarray, irradiance: np.ndarray) -> Light:
@@ -196,9 +211,9 @@ def _sunlight(towards: np.ndarray, irradiance: np.ndarray) -> Light:
 
 def _with_sun_of_environment(scene: Scene, lighting: Lighting) -> Scene:
     if not isinstance(lighting.env, str):
-        raise SceneError(f"sun: {OF_ENVIRONMENT}: expected an environment image, got none")
-    if lighting.sun_irradiance != SUN_IRRADIANCE:
-        raise SceneError(f"sun_irradiance: the sun of {lighting.env} has its own; sun_color scales it")
+        raise UsageError(f"sun: {OF_ENVIRONMENT}: expected an environment image as env, got {lighting.env or 'none'}")
+    if lighting.sun_irradiance is not None:
+        raise UsageError(f"sun_irradiance: the sun of {lighting.env} has its own; sun_color scales it")
     environment = scene.environment
     sun = find_sun(environment.radiance)
     if sun is None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gsgi.baker.settings import Settings
-from gsgi.runtime.atomic import check_writable, write_atomic
+from gsgi.runtime.atomic import check_not_read, check_writable, write_atomic
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.errors import TargetError, UnsupportedError
 from gsgi.runtime.gltf.scene_file import read_scene
@@ -84,14 +84,14 @@ def bake(
     "cpu", "cuda" (an NVIDIA GPU), or "auto" (a GPU, if one can); a process keeps to the first that has traced.
 
     Raises FileError, SceneError, UnsupportedError (for "cuda" too, where no GPU can trace), UsageError where arguments
-    and settings contradict each other, and TargetError where `settings.target_loss` was not met: then the best file is
-    written.
+    and settings contradict each other or `output` is a file of the scene, and TargetError where `settings.target_loss`
+    was not met: then the best file is written.
     """
     from gsgi.baker import job
 
     if output is not None:
         check_writable(output)
-    made, told = _plan(scene, quality, settings, lighting, cameras, cache, device, progress, seconds, update)
+    made, told = _plan(scene, quality, settings, lighting, cameras, cache, device, progress, seconds, update, output)
 
     def write(data: bytes, gaussians: int) -> None:
         if output is not None:
@@ -137,6 +137,7 @@ def bake_world(
     baking.stem(output)
     check_writable(output)
     lit, settings, told = _asked(scene, quality, settings, lighting, device, progress)
+    check_not_read(output, lit.files)
     request, kept = Request(lit, settings, dict(cameras or {}), str(scene), evaluate), _cache(cache)
     baker = WorldBaker(request, size, told, kept, None if update is None else Path(update))
     report = baking.bake_world(baker, output, lambda data: write_atomic(output, data))
@@ -185,6 +186,7 @@ def _plan(
     progress: OnProgress | None,
     seconds: float | None,
     update: str | Path | None = None,
+    output: str | Path | None = None,
 ) -> "tuple[Plan, Progress]":
     from gsgi.baker import deadline
     from gsgi.baker.plan import make_plan
@@ -196,6 +198,8 @@ def _plan(
     if update is not None:
         updating.check(settings, seconds)
     lit, settings, told = _asked(scene, None, settings, lighting, device, progress)
+    if output is not None:
+        check_not_read(output, lit.files)
     asked = lit, settings, told, _cache(cache), cameras or {}
     after = updating.updated_plan(Path(update), *asked) if update is not None else None
     return after or make_plan(*asked), told

@@ -16,9 +16,10 @@ from gsgi.baker.settings import BUDGET_MAX, Settings
 from gsgi.baker.trace import device
 from gsgi.runtime.camera import Camera, look_at
 from gsgi.runtime.errors import SceneError, UsageError
-from gsgi.runtime.gaussians import Bake
+from gsgi.runtime.gaussians import Bake, Effects
 from gsgi.runtime.light_groups import Factors, factors_of, lit_groups
 from gsgi.runtime.lighting import KEYS, Lighting, beside, light, read_lights
+from gsgi.runtime.lighting import SUFFIX as TOML
 from gsgi.runtime.scene import Scene
 
 if TYPE_CHECKING:
@@ -61,16 +62,19 @@ def _lights_file(options: argparse.Namespace) -> Path | None:
 
 def _lighting(options: argparse.Namespace, progress: Progress) -> Lighting:
     """Light from the TOML file, if there is one, and from flags, which override it."""
-    values = {}
+    from_file = {}
     if path := _lights_file(options):
-        values = read_lights(path)
+        from_file = read_lights(path)
         progress.say(f"light also from {path}")
     flags = {key: getattr(options, key, None) for key in KEYS} | {"groups": _groups(options)}
-    values |= {key: value for key, value in flags.items() if value is not None}
+    flags = {key: value for key, value in flags.items() if value is not None}
+    values = from_file | flags
     for key in values:
         source = key.partition("_")[0]
         if source in KEYS and source not in values:
-            raise UsageError(f"{options.scene}: {key} is given without {source}")
+            if key in flags:
+                raise UsageError(f"--{key.replace('_', '-')} is given without --{source}")
+            raise SceneError(f"{path}: {key} is given without {source}")
     return Lighting(**values)
 
 
@@ -218,7 +222,8 @@ def _scene_camera(scene: Scene, options: argparse.Namespace) -> Camera:
 
 
 def read_light(options: argparse.Namespace, scene: Scene, progress: Progress) -> "Bake | World | None":
-    """Read the bake, or the manifest of a world, that --gi names; warn if it was made for other geometry."""
+    """Read the bake, or the manifest of a world, that --gi names; warn if it was made for other geometry or light."""
+    from gsgi.baker.effects import effects
     from gsgi.runtime.file.fingerprint import fingerprint
     from gsgi.runtime.file.reader import read_bake
     from gsgi.runtime.world.manifest import SUFFIX
@@ -229,6 +234,17 @@ def read_light(options: argparse.Namespace, scene: Scene, progress: Progress) ->
     baked = World(options.gi) if options.gi.endswith(SUFFIX) else read_bake(options.gi)
     if baked.scene not in (0, fingerprint(scene)):
         progress.warn(f"{options.gi}: was baked for other geometry than {options.scene}; its light may not fit")
+    there = effects(scene)
+    for effect, what, one in (
+        (Effects.ENVIRONMENT, "an environment", "one"),
+        (Effects.PUNCTUAL, "punctual lights", "some"),
+    ):
+        if effect in baked.effects ^ there:
+            before, after = ("without", f"with {one}") if effect in there else ("with", "without")
+            progress.warn(
+                f"{options.gi}: was baked {before} {what}, and is shown {after}: give the flags for light of the bake, "
+                f"or put them into {Path(options.scene).with_suffix(TOML).name}, which all commands read"
+            )
     return baked
 
 

@@ -125,17 +125,17 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     """Add options for the cost of a bake, and those that override decisions of the plan."""
     _add_accuracy(parser)
     for flag, lowest, highest, default, unit, what in (
-        ("--iterations", 0, 2**30, None, "N", "steps of the fit (default: by --quality)"),
+        ("--iterations", 0, 2**30, None, "N", "steps of the fit (default: 300; with over by --quality)"),
         (
             "--views",
             1,
             2**16,
             None,
             "N",
-            "number of views (default: until three see 99 %% of what people see)",
+            "number of views, at least one for each camera (default: until three see 99 %% of what people see)",
         ),
         ("--view-size", 16, 4096, None, "PX", "edge of a view, pixels (default: by the number of views)"),
-        ("--samples", 1, 2**20, None, "N", "most paths per point, in passes of 32 (default: by --operator)"),
+        ("--samples", 1, 2**20, None, "N", "most paths per point, in steps of 64 (over: 32; default: by --operator)"),
         ("--bounces", 1, 1024, None, "N", "most bounces of light (default: see --bounce-fraction)"),
         ("--seed", 0, 2**30, Settings.seed, "N", "random seed; the same seed gives the same bytes"),
     ):
@@ -165,7 +165,7 @@ def _add_accuracy(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--operator", choices=OPERATORS, default=Settings.operator,
                        help="read Gaussians at surface points, or blend them along rays")  # fmt: skip
     group.add_argument("--quality", choices=QUALITIES[Settings.operator], default=Settings.quality,
-                       help="number of Gaussians for the scene's shapes and light, and length of the fit")  # fmt: skip
+                       help="number of Gaussians by the scene's shapes and light; with over also of steps")  # fmt: skip
     group.add_argument("--target-loss", type=positive, metavar="X",
                        help="search for the fewest Gaussians with at most this loss in held-out views")  # fmt: skip
     size = group.add_mutually_exclusive_group()

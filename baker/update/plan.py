@@ -12,7 +12,7 @@ from gsgi.baker.settings import Settings
 from gsgi.baker.surface.seen_surface import SeenSurface
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.camera import Camera
-from gsgi.runtime.errors import UsageError
+from gsgi.runtime.errors import FormatError, UsageError
 from gsgi.runtime.file import codec
 from gsgi.runtime.files import read_file
 from gsgi.runtime.gaussians import Bake
@@ -50,7 +50,11 @@ def updated_plan(
     if file.suffix == SUFFIX:
         raise UsageError(f"--update {file}: is the manifest of a world; give --sectors too")
     data = read_file(file)
-    start, scene = codec.decode(data), as_baked(scene, settings)
+    try:
+        start = codec.decode(data)
+    except FormatError as error:
+        raise FormatError(f"{file}: {error}") from error
+    scene = as_baked(scene, settings)
     record, now = BakeRecord.find(cache, data), parts(scene)
     try:
         check_record(record, scene, settings, path, now, cache)

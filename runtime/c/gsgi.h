@@ -62,7 +62,7 @@ typedef struct gsgi_light gsgi_light;     /* a bake in a context */
 typedef enum gsgi_result {
     GSGI_OK = 0,
     GSGI_INVALID_ARGUMENT, /* the log names it */
-    GSGI_INVALID_FILE,     /* not a .gsgi file of format 5, or a damaged one; the log names byte and field */
+    GSGI_INVALID_FILE,     /* no .gsgi file of this library's version, or a damaged one; the log names byte and field */
     GSGI_OUT_OF_MEMORY,    /* the allocator returned NULL, or OpenGL had no memory */
     GSGI_UNSUPPORTED,      /* the driver lacks what the log names, or the file's operator cannot do this */
     GSGI_DRIVER_ERROR,     /* the driver refused a shader or a framebuffer; the log holds its message */

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import moderngl
 
-from gsgi.runtime.errors import UnsupportedError
+from gsgi.runtime.errors import UnsupportedError, UsageError
 
 REQUIRED_VERSION = 330
 _ADVICE = {
@@ -79,9 +79,11 @@ def create_context(
     `device` is the index of an EGL device, from 0; if it is given, only EGL is tried. `say` is called with one line
     that names the chosen backend and says why an earlier one failed. The new context is current. `with ctx:` makes it
     current again after another context was used; at the end of that block, EGL leaves no context current and OSMesa
-    leaves this one. Raises UnsupportedError, which says what was tried and what to install.
+    leaves this one. Raises UnsupportedError, which says what was tried and what to install, and UsageError for
+    another backend.
     """
-    assert backend in BACKENDS, backend
+    if backend not in BACKENDS:
+        raise UsageError(f"backend: expected one of {', '.join(BACKENDS)}, got {backend!r}")
     automatic = ("system",) if sys.platform in ("win32", "darwin") else ("egl", "osmesa")
     names = ("egl",) if device is not None else automatic if backend == "auto" else (backend,)
     reasons = {}

@@ -18,10 +18,10 @@ export { FormatError } from "./format.js";
  */
 export function decode(data) {
     const bytes = new Uint8Array(data.buffer ?? data, data.byteOffset, data.byteLength);
-    expect(bytes.length >= HEADER_BYTES, 0);
     const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength), surface = bytes[12] === 1;
     const u16 = (byte) => view.getUint16(byte, true), u32 = (byte) => view.getUint32(byte, true);
-    expect(u32(0) === MAGIC && u16(4) === VERSION && u16(6) === HEADER_BYTES, 0);
+    expect(bytes.length >= HEADER_BYTES && u32(0) === MAGIC, 0);
+    expect(u16(4) === VERSION && u16(6) === HEADER_BYTES, 4, `not version ${VERSION}`);
     expect(bytes[12] < 2 && !(u16(14) & ~EFFECT_BITS) && !u16(18), 12);
     const levels = [readLevel(bytes, view, FINE)];
     if (surface) levels.push(readLevel(bytes, view, COARSE));

@@ -33,6 +33,6 @@ export class FormatError extends Error {
     name = "FormatError";
 }
 
-export function expect(condition, byte) {
-    if (!condition) throw new FormatError(`byte ${byte}: damaged or of another version`);
+export function expect(condition, byte, what = "damaged") {
+    if (!condition) throw new FormatError(`byte ${byte}: ${what}`);
 }

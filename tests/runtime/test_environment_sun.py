@@ -6,7 +6,7 @@ import scenes
 
 from gsgi.baker.trace.tracer import Sampling, Tracer
 from gsgi.runtime.environment_sun import SHARE_LEAST, find_sun
-from gsgi.runtime.errors import SceneError
+from gsgi.runtime.errors import SceneError, UsageError
 from gsgi.runtime.image import write_image
 from gsgi.runtime.lighting import Lighting, light
 from gsgi.runtime.scene import Scene
@@ -80,8 +80,9 @@ def test_where_there_is_none_one_line_says_so(tmp_path):
     with pytest.raises(SceneError, match=r"overcast.exr: expected an image with a sun .* got none"):
         light(scene, Lighting(env=path, sun="env"))
     for env in (None, (1, 1, 1)):
-        with pytest.raises(SceneError, match="expected an environment image"):
+        with pytest.raises(UsageError, match="expected an environment image"):
             light(scene, Lighting(env=env, sun="env"))
     write_image(path, sky())
-    with pytest.raises(SceneError, match="sun_irradiance"):
-        light(scene, Lighting(env=path, sun="env", sun_irradiance=3))
+    for irradiance in (3, 10):
+        with pytest.raises(UsageError, match="sun_irradiance"):
+            light(scene, Lighting(env=path, sun="env", sun_irradiance=irradiance))

@@ -197,10 +197,10 @@ def test_a_wrong_flag_is_refused(flags):
 
 def test_part_of_a_light_alone_is_refused(tmp_path):
     for flags, name in ((["--sun-irradiance", "3"], "sun"), (["--env-scale", "3"], "env")):
-        with pytest.raises(UsageError, match=f"given without {name}"):
+        with pytest.raises(UsageError, match=f"given without --{name}"):
             lighting_of("room.gltf", *flags)
     (tmp_path / "room.lights.toml").write_text("sun_irradiance = 3")
-    with pytest.raises(UsageError, match="sun_irradiance is given without sun"):
+    with pytest.raises(SceneError, match=r"room\.lights\.toml: sun_irradiance is given without sun"):
         lighting_of(tmp_path / "room.gltf")
     assert lighting_of(tmp_path / "room.gltf", "--sun", "0,45").sun_irradiance == 3
 
@@ -208,3 +208,15 @@ def test_part_of_a_light_alone_is_refused(tmp_path):
 def test_unknown_keys_are_ours_to_name():
     with pytest.raises(ValueError, match="light_scale"):
         check("lightscale", 1)
+
+
+def test_lighting_from_python_is_checked_as_flags_are(tmp_path):
+    for wrong in (
+        {"env": (-1, 0, 0)}, {"env": (1, 1)}, {"env": ""}, {"light_scale": -1.0}, {"light_scale": float("nan")},
+        {"sun_irradiance": -5}, {"sun": "140,35"}, {"sun": (1, 2, 3)}, {"groups": {"lamps": "lamp*"}},
+    ):  # fmt: skip
+        (key,) = wrong
+        with pytest.raises(UsageError, match=f"lighting: {key}: "):
+            Lighting(**wrong)
+    assert Lighting(env=tmp_path / "sky.hdr").env == str(tmp_path / "sky.hdr")
+    assert Lighting(env=np.float32([1, 2, 3]), sun=(np.int64(90), 30)) == Lighting(env=(1, 2, 3), sun=(90.0, 30.0))

@@ -78,8 +78,8 @@ def run(options: argparse.Namespace) -> None:
     progress = Progress(console)
     cache = open_cache(options, progress)
     request = request_of(options, progress)
+    rules = _rules(options, request.scene, progress)
     plan = _plan(options, request, cache, progress)
-    rules = _rules(options, plan.scene, progress)
     for line in coverage_summary(plan.placement.coverage):
         progress.say(line)
     if options.seconds is None:
@@ -192,14 +192,14 @@ def _run_on_cluster(address: str, work, cache, progress) -> None:
 
 def _check_outputs(options: argparse.Namespace) -> None:
     """Refuse, before any work, outputs that cannot be written and options that make no sense."""
-    from gsgi.runtime.atomic import check_writable
+    from gsgi.runtime.atomic import check_not_read, check_writable
     from gsgi.runtime.errors import UsageError
 
     check_writable(options.output)
-    if Path(options.output).resolve() == Path(options.scene).resolve():
-        raise UsageError(f"{options.output}: the output would overwrite the scene")
+    check_not_read(options.output, [options.scene])
     if options.depfile:
         check_writable(options.depfile)
+        check_not_read(options.depfile, [options.scene])
     if options.update:
         _check_update(options)
     if options.sectors:
@@ -232,10 +232,12 @@ def _check_sectors(options: argparse.Namespace) -> None:
 
 
 def _rules(options: argparse.Namespace, scene, progress) -> dict[str, bytes]:
-    """Name and bytes of the dependency file, if one is asked for. Raises UsageError."""
+    """Name and bytes of the dependency file, if one is asked for. Raises UsageError, also for outputs that are read."""
     from gsgi.baker.cli.depfile import depfile, nameable
+    from gsgi.runtime.atomic import check_not_read
     from gsgi.runtime.errors import UsageError
 
+    check_not_read(options.output, scene.files)
     if not options.depfile:
         return {}
     if Path(options.depfile).resolve() in {Path(file).resolve() for file in (options.output, *scene.files)}:

@@ -15,7 +15,7 @@ def add(commands) -> None:
         "  gsgi export room.gsgi -o room.npz --probes 0.5\n"
         "  gsgi export room.gsgi -o room.json --probes 1\n"
         "  gsgi export room.gsgi -o room.ply\n"
-        "  gsgi export room.gsgi -o room.glb\n"
+        "  gsgi export room.gsgi -o room.splats.glb\n"
         "  gsgi export room.glb --gi room.gsgi --web site",
     )
     parser.add_argument(
@@ -84,16 +84,29 @@ def _write_splats(options: argparse.Namespace) -> None:
     """Read the bake, and write its Gaussians as viewers have them."""
     from gsgi.baker.cli.console import Console
     from gsgi.runtime.atomic import check_writable, write_atomic
+    from gsgi.runtime.errors import UsageError
     from gsgi.runtime.file.reader import read_bake
     from gsgi.runtime.splats import check_path, encode, splats_of
 
     check_path(options.output)
     check_writable(options.output)
+    if _is_scene(options.output):
+        raise UsageError(f"{options.output}: is a glTF scene, which would be overwritten: choose another name")
     splats = splats_of(read_bake(options.scene))
     data = encode(splats, options.output)
     write_atomic(options.output, data)
     shown = f"{len(splats.position)} Gaussians at exposure {splats.exposure:.3g}"
     Console(options.quiet).close(f"wrote {options.output}: {shown}, {len(data)} bytes")
+
+
+def _is_scene(path: str) -> bool:
+    """Whether there is a .glb file that no export has written: those name their extension near the beginning."""
+    try:
+        with open(path, "rb") as file:
+            start = file.read(1 << 16)
+    except OSError:
+        return False
+    return start.startswith(b"glTF") and b"KHR_gaussian_splatting" not in start
 
 
 def _write_web(options: argparse.Namespace) -> None:

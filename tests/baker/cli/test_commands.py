@@ -611,6 +611,46 @@ def test_a_bake_never_overwrites_its_scene(capsys, tmp_path):
     assert scene.read_bytes() == Path(CORNELL).read_bytes()
 
 
+def test_a_bake_never_overwrites_a_file_of_its_scene(capsys, tmp_path):
+    sky = tmp_path / "sky.exr"
+    write_image(str(sky), np.ones((8, 16, 3), np.float32))
+    before = sky.read_bytes()
+    assert "overwrite" in refused(capsys, 1, "bake", CORNELL, "--env", sky, "-q", "-o", sky)
+    assert "overwrite" in refused(capsys, 1, "reference", CORNELL, "--env", sky, "-q", "-o", sky)
+    assert sky.read_bytes() == before
+
+
+def test_an_export_never_overwrites_a_scene(capsys, tmp_path, baked):
+    scene, splats = tmp_path / "room.glb", tmp_path / "splats.glb"
+    scene.write_bytes(Path(CORNELL).read_bytes())
+    assert "overwritten" in refused(capsys, 1, "export", baked / "c.gsgi", "-o", scene)
+    assert scene.read_bytes() == Path(CORNELL).read_bytes()
+    for _ in range(2):  # its own files may be written again
+        assert main.run(["export", str(baked / "c.gsgi"), "-q", "-o", str(splats)]) == 0
+
+
+def test_an_update_names_the_file_that_is_none(capsys, tmp_path):
+    line = refused(capsys, 3, "bake", CORNELL, "-q", "-o", tmp_path / "x.gsgi", "--update", CORNELL)
+    assert line.startswith(f"gsgi: {CORNELL}: byte 0 (magic)")
+
+
+def test_light_that_is_not_that_of_the_bake_is_said(baked, tmp_path, gl):
+    size = ["--gi", baked / "c.gsgi", "-o", tmp_path / "frame.png", "--size", "16x16", "--quiet"]
+    warning, _ = gsgi("render", CORNELL, "--env", "1,1,1", *size).stderr.splitlines()
+    assert "was baked without an environment, and is shown with one" in warning
+    assert "cornell.lights.toml" in warning
+
+
+def test_a_comparison_can_fail(capsys, tmp_path):
+    files = [str(tmp_path / name) for name in ("a.png", "b.png")]
+    rng = np.random.default_rng(0)
+    for file in files:
+        write_image(file, rng.integers(0, 255, (32, 32, 3)).astype(np.uint8))
+    for limits, code in (([], 0), (["--min-ssim", "0.9"], 6), (["--max-flip", "0.01"], 6), (["--max-flip", "1"], 0)):
+        assert main.run(["compare", *files, *limits]) == code
+        assert ("is below 0.9" in capsys.readouterr().err) == ("--min-ssim" in limits)
+
+
 def test_baked_light_that_is_asked_for_must_exist(capsys, tmp_path):
     refused(capsys, 2, "render", CORNELL, "--gi", "", "-o", tmp_path / "x.png")
     assert "--gi" in refused(capsys, 1, "render", CORNELL, "--layer", "indirect", "-o", tmp_path / "x.png")

@@ -38,6 +38,12 @@ test("what Python refuses is refused", () => {
         assert.throws(() => decode(readFileSync(`${folder}/${name}`)), FormatError, name);
 });
 
+test("a file of another version says so", () => {
+    const file = readFileSync(`${folder}/empty.gsgi`), old = Uint8Array.from(file);
+    old[4] -= 1;
+    assert.throws(() => decode(old), new RegExp(`byte 4: not version ${file[4]}$`));
+});
+
 test("weights that cannot be are refused", () => {
     const bake = decode(readFileSync(`${folder}/light_groups.gsgi`));
     assert.deepEqual(groupNames(bake), ["base", "lamps", "sky"]);
