@@ -84,7 +84,8 @@ class Rates:
             + compared * bias.PATHS,
             "evaluation": views * self.evaluated
             + own * self.prepared
-            + self.whole * (moving.paths(plan) + len(plan.groups) * group_error.PATHS),
+            + each * moving.paths(plan)
+            + self.whole * len(plan.groups) * group_error.PATHS,
         }
 
     def fits(self, plan: Plan) -> list[float]:

@@ -60,7 +60,7 @@ def run(
             cameras, baked, shown = held_out.cameras(plan), codec.decode(result.data), references | of_scene
             evaluation = replace(
                 held_out.evaluate(references, cameras, baked, of_scene, plan.triangles, found),
-                moving=moving.measure(plan, shown, cameras, baked),
+                moving=moving.measure(plan, shown, cameras, baked, held_out.known_light(plan, progress)),
                 groups=group_error.measure(plan, shown, baked),
             )
     stages, warnings = dict(progress.seconds), tuple(progress.warnings)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gsgi.baker.surface.seen_surface import FREE
+from gsgi.baker.trace.irradiance_cache import KnownLight
 from gsgi.baker.trace.local_light import free_blocks
 from gsgi.baker.trace.reference import Reference
 from gsgi.baker.trace.tracer import Sampling
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from gsgi.baker.plan import Plan
 
 POINTS = 1 << 11  # on the lines of sight of all references
-SAMPLES = 256  # whole paths at each of them, in each of two halves
+SAMPLES = 256  # paths at each of them, in each of two halves
 PLACE = 4  # blocks of neighbours: what is left of the halves' noise shows where the light is right, the less the larger
 PATHS = 2 * POINTS * SAMPLES
 SEED = 5000  # from a bake's seed to that of these paths
@@ -42,23 +43,27 @@ class MovingError:
 
 
 def measure(
-    plan: "Plan", references: Mapping[str, Reference], cameras: Mapping[str, Camera], baked: Bake
-) -> MovingError | None:
-    """Compare a bake with whole paths from points before the references' surfaces; None if no B is seen there.
+    plan: "Plan", references: Mapping[str, Reference], cameras: Mapping[str, Camera], baked: Bake,
+    known: KnownLight | None = None,
+) -> MovingError | None:  # fmt: skip
+    """Compare a bake with paths from points before the references' surfaces; None if no B is seen there.
 
-    `cameras` holds those of the references by name. After an edit and with `over` it is None too: an update saves the
-    paths, and `over` has no light for moving things.
+    `cameras` holds those of the references by name. Paths end in `known` light, as those of the references do, or are
+    whole. After an edit and with `over` it is None too: an update saves the paths, and `over` has no light for moving
+    things.
     """
     points = _points(plan, references, cameras)
     if points is None:
         return None
-    return _error(points[0], sample(baked, *points, free=True), *_traced(plan, *points))
+    return _error(points[0], sample(baked, *points, free=True), *_traced(plan, *points, known))
 
 
-def trace(plan: "Plan", references: Mapping[str, Reference], cameras: Mapping[str, Camera]) -> None:
+def trace(
+    plan: "Plan", references: Mapping[str, Reference], cameras: Mapping[str, Camera], known: KnownLight | None = None
+) -> None:
     """Trace what `measure` compares a bake with, so that it is in the plan's cache."""
     if (points := _points(plan, references, cameras)) is not None:
-        _traced(plan, *points)
+        _traced(plan, *points, known)
 
 
 def paths(plan: "Plan") -> int:
@@ -66,10 +71,13 @@ def paths(plan: "Plan") -> int:
     return PATHS if isinstance(plan.blend, SurfaceBlend) and plan.start is None else 0
 
 
-def _traced(plan: "Plan", position: np.ndarray, normal: np.ndarray) -> list[np.ndarray]:
-    """Two halves (P, 3) of B, by whole paths."""
-    seed = plan.settings.seed + SEED
-    return [plan.tracer.at_points(position, normal, Sampling(SAMPLES), half).mean for half in (seed, seed + 1)]
+def _traced(plan: "Plan", position: np.ndarray, normal: np.ndarray, known: KnownLight | None) -> list[np.ndarray]:
+    """Two halves (P, 3) of B."""
+    seed, sampling = plan.settings.seed + SEED, Sampling(SAMPLES)
+    ends = (known.unguided.a, known.unguided.b) if known else (None, None)
+    return [
+        plan.tracer.at_points(position, normal, sampling, seed + half, known=end).mean for half, end in enumerate(ends)
+    ]
 
 
 def _points(

@@ -46,7 +46,7 @@ def _references(plan: Plan) -> list[Task]:
         traced.append(Task("bias", "references", keys(traced), compare, bias.PATHS, True))
     before, most = keys(traced), moving.paths(plan)
     if most:
-        traced.append(Task("moving", "references", before, partial(_trace_moving, plan), most, True))
+        traced.append(Task("moving", "references", before, partial(_trace_moving, plan), most, not gathers))
     return [*traced, *_group_references(plan, before)]
 
 
@@ -67,7 +67,7 @@ def _trace_reference(plan: Plan, view: held_out.View, progress: Progress) -> Non
 
 def _trace_moving(plan: Plan, progress: Progress) -> None:
     references, of_scene, _ = job.trace_references(plan, progress)
-    moving.trace(plan, references | of_scene, held_out.cameras(plan))
+    moving.trace(plan, references | of_scene, held_out.cameras(plan), held_out.known_light(plan, progress))
 
 
 def _trace_alone(plan: Plan, name: str, progress: Progress) -> None:
