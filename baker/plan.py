@@ -170,7 +170,10 @@ class Plan:
 
     @property
     def free_samples(self) -> float:
-        """Expected number of paths at each of them, on average; with the `error` 0 it is exact."""
+        """Expected number of paths at each of them, on average; with the `error` 0 it is exact.
+
+        Where paths are connected to lit places, there are fewer.
+        """
         step, error = surface_budget.PATHS_STEP, self.settings.error and surface_budget.FREE_ERROR
         return self.pilot.gathered_samples(max(error, self.settings.error), step, float(step * self._free_layers[0]))
 

@@ -52,13 +52,15 @@ class Lighting:
 
     def __post_init__(self):
         for key in KEYS:
-            if (value := getattr(self, key)) is not None:
+            value = getattr(self, key)
+            if value is not None or key not in OPTIONAL:
                 try:
                     object.__setattr__(self, key, check(key, value))
                 except ValueError as error:
                     raise UsageError(f"lighting: {key}: {error}") from None
 
 
+OPTIONAL = "env", "sun", "sun_irradiance"  # may be None
 KEYS = tuple(field.name for field in dataclasses.fields(Lighting))
 
 
@@ -120,8 +122,8 @@ def check(key: str, value):
     """A value for `key` of `Lighting`, with numbers as floats. Raises ValueError with the expected and given value."""
     match key:
         case "env":
-            if isinstance(value, str | os.PathLike) and str(value):
-                return str(value)
+            if isinstance(value, str | os.PathLike) and os.fspath(value):
+                return os.fspath(value)
             return _numbers(value, 3, "a file or three numbers")
         case "sun":
             return value if isinstance(value, str) and value == OF_ENVIRONMENT else _angles(value)
@@ -134,9 +136,9 @@ def check(key: str, value):
         case "groups":
             return _groups(value)
         case "group_each":
-            if not isinstance(value, bool):
+            if not isinstance(value, bool | np.bool_):
                 raise ValueError(f"expected true or false, got {value!r}")
-            return value
+            return bool(value)
     raise ValueError(f"expected one of the keys {', '.join(KEYS)}")
 
 
@@ -158,7 +160,8 @@ def _angles(value) -> tuple[float, float]:
 
 
 def _numbers(value, count: int, what: str, low: float = 0.0, high: float = MAX_LIGHT) -> tuple[float, ...]:
-    items = list(value) if isinstance(value, list | tuple | np.ndarray) else [value]
+    value = np.atleast_1d(value).tolist() if isinstance(value, np.ndarray) else value
+    items = value if isinstance(value, list | tuple) else [value]
     numbers = [float(item) for item in items if isinstance(item, Real) and not isinstance(item, bool)]
     if not len(numbers) == len(items) == count or not all(low <= number <= high for number in numbers):
         shown = items[0] if len(items) == 1 else list(items)

@@ -20,6 +20,7 @@ DIRECTIONS = 64  # in which the colours of an `over` bake are fitted
 CHUNK = 1 << 14  # Gaussians at once
 OPACITY_MIN = 1 / 1024  # and as far below 1: the logit is finite
 EXTENSION = "KHR_gaussian_splatting"
+GLB_START = b'"generator":"gsgi"},"extensionsUsed":["KHR_gaussian_splatting"]'  # what tells our .glb from others
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from .digest import digest
 from .task_file import pack, unpack
 
 LIMIT = "4GiB"
-_SIZE = re.compile(r"(\d+(?:\.\d+)?)\s*(?:([kmgt]?)(i?)b)?")
+_SIZE = re.compile(r"(\d+(?:\.\d+)?)\s*([kmgt]?)(i?)b")
 _NAME = re.compile(r"([a-z]+)-[0-9a-f]{40}\.gsgi-task")
 
 
@@ -29,7 +29,7 @@ def default_folder() -> Path:
 
 
 def size_limit() -> int:
-    """Bytes that GSGI_CACHE_LIMIT gives, such as 500MB, 10GiB or a number of them, else LIMIT. Raises UsageError."""
+    """Bytes that GSGI_CACHE_LIMIT gives, such as 500MB or 10GiB, else LIMIT. Raises UsageError."""
     text = os.environ.get("GSGI_CACHE_LIMIT") or LIMIT
     match = _SIZE.fullmatch(text.lower())
     if not match:

@@ -38,9 +38,17 @@ def read_scene(options: argparse.Namespace, progress: Progress) -> Scene:
     scene = read_gltf(options.scene, parse_limits(options.limit or ()), options.transparent)
     for line in _in_short(scene.warnings, options.scene):
         progress.warn(line)
-    if path := _lights_file(options):
+    path = _lights_file(options)
+    if path:
         scene = replace(scene, files=(*scene.files, path))
-    return light(scene, _lighting(options, progress))
+    lighting = _lighting(options, progress)
+    try:
+        return light(scene, lighting)
+    except UsageError as error:
+        key = str(error).partition(":")[0]
+        if getattr(options, key) is None:
+            raise SceneError(f"{path}: {error}") from None
+        raise UsageError(f"--{str(error).replace(key, key.replace('_', '-'), 1)}") from None
 
 
 def _in_short(warnings: Iterable[str], scene: str) -> Iterator[str]:
@@ -222,8 +230,11 @@ def _scene_camera(scene: Scene, options: argparse.Namespace) -> Camera:
 
 
 def read_light(options: argparse.Namespace, scene: Scene, progress: Progress) -> "Bake | World | None":
-    """Read the bake, or the manifest of a world, that --gi names; warn if it was made for other geometry or light."""
-    from gsgi.baker.effects import effects
+    """Read the bake, or the manifest of a world, that --gi names.
+
+    Warn if it was made for other geometry, or without an environment or any punctual lights where there are some now,
+    or the other way round.
+    """
     from gsgi.runtime.file.fingerprint import fingerprint
     from gsgi.runtime.file.reader import read_bake
     from gsgi.runtime.world.manifest import SUFFIX
@@ -234,18 +245,23 @@ def read_light(options: argparse.Namespace, scene: Scene, progress: Progress) ->
     baked = World(options.gi) if options.gi.endswith(SUFFIX) else read_bake(options.gi)
     if baked.scene not in (0, fingerprint(scene)):
         progress.warn(f"{options.gi}: was baked for other geometry than {options.scene}; its light may not fit")
-    there = effects(scene)
-    for effect, what, one in (
-        (Effects.ENVIRONMENT, "an environment", "one"),
-        (Effects.PUNCTUAL, "punctual lights", "some"),
-    ):
-        if effect in baked.effects ^ there:
-            before, after = ("without", f"with {one}") if effect in there else ("with", "without")
-            progress.warn(
-                f"{options.gi}: was baked {before} {what}, and is shown {after}: give the flags for light of the bake, "
-                f"or put them into {Path(options.scene).with_suffix(TOML).name}, which all commands read"
-            )
+    for line in _other_light(options, scene, baked):
+        progress.warn(line)
     return baked
+
+
+def _other_light(options: argparse.Namespace, scene: Scene, baked: "Bake | World") -> Iterator[str]:
+    """Warnings about light that the bake has and the scene lacks, or the other way round."""
+    from gsgi.baker.effects import effects
+
+    lights = _lights_file(options) or Path(options.scene).with_suffix(TOML)
+    there = effects(scene)
+    for effect, what in ((Effects.ENVIRONMENT, "an environment"), (Effects.PUNCTUAL, "punctual lights")):
+        if baked.scene and effect in baked.effects ^ there:
+            how = f"with {what}, which the scene lacks"
+            if effect in there:
+                how = f"without {what} (or with --ignore), which the scene has"
+            yield f"{options.gi}: was baked {how}: give flags for light to all commands, or put them into {lights.name}"
 
 
 def read_weights(options: argparse.Namespace, baked: "Bake | World | None") -> Factors:

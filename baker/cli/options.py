@@ -10,7 +10,7 @@ from gsgi.runtime.layers import LAYERS
 
 EXIT_CODES = """\
 exit codes: 0 ok, 1 wrong command line, 2 file cannot be read or written, 3 invalid input, 4 failure while running,
-            5 not supported here, 6 target not met (the best file is written),
+            5 not supported here, 6 target not met (a bake's best file is written),
             130 interrupted by Ctrl-C, 143 by SIGTERM"""
 
 FARTHEST = 1e9  # m; the size of the largest scenes
@@ -165,7 +165,7 @@ def _add_accuracy(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--operator", choices=OPERATORS, default=Settings.operator,
                        help="read Gaussians at surface points, or blend them along rays")  # fmt: skip
     group.add_argument("--quality", choices=QUALITIES[Settings.operator], default=Settings.quality,
-                       help="number of Gaussians by the scene's shapes and light; with over also of steps")  # fmt: skip
+                       help="how many Gaussians for the shapes and light of the scene, or steps of over")  # fmt: skip
     group.add_argument("--target-loss", type=positive, metavar="X",
                        help="search for the fewest Gaussians with at most this loss in held-out views")  # fmt: skip
     size = group.add_mutually_exclusive_group()

@@ -35,7 +35,8 @@ class MovingError:
     """The RMS error of B over all normals, relative to its mean around a place in free space.
 
     It is the `median` over places, and the error that a tenth of them have or exceed. Where paths are so noisy that two
-    halves of them differ by a share of the light, up to a seventh of that share is noise.
+    halves of them differ by a share of the light, up to a seventh of that share is noise. Of known light in which paths
+    of the bake end too, the error is not seen.
     """
 
     median: float

@@ -113,7 +113,7 @@ def _lit(
 ) -> Gaussians:
     """The at most `count` Gaussians, all but the first cut at occluders, with the light of samples.
 
-    Shapes are those of the file: where a dim Gaussian ends, one a million times as bright may begin.
+    Shapes are those of the file: where a dim Gaussian ends, one a thousand times as bright may begin.
     """
     cut = gaussians
     if triangles:

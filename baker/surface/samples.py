@@ -113,7 +113,7 @@ def surface_layers(budget: int, paths: int) -> list[int]:
 
 
 def free_layers(budget: int, paths: int) -> list[int]:
-    """The same for the samples in free space: few layers each, since more places gain more than more paths."""
+    """The same for the samples in free space: few layers of each, since more places gain more than more paths."""
     return [min(_layer_count(paths), FREE_LAYERS)] * _chunk_count(free_count(budget))
 
 

@@ -1,15 +1,18 @@
 """Light from outside the glTF file: where it comes from in numbers, flags and TOML alike, what is refused."""
 
 import argparse
+import shutil
 
 import numpy as np
 import pytest
 import scenes
+from repository import SCENES
 
 from gsgi.baker.cli import inputs, options
 from gsgi.baker.cli.console import Console
 from gsgi.baker.progress import Progress
 from gsgi.runtime.errors import FileError, SceneError, UsageError
+from gsgi.runtime.gltf.scene_file import read_scene
 from gsgi.runtime.image import write_image
 from gsgi.runtime.lighting import KEYS, Lighting, beside, check, light, read_lights
 from gsgi.runtime.scene import Light
@@ -218,5 +221,19 @@ def test_lighting_from_python_is_checked_as_flags_are(tmp_path):
         (key,) = wrong
         with pytest.raises(UsageError, match=f"lighting: {key}: "):
             Lighting(**wrong)
+    for key in ("light_scale", "sun_color", "groups"):
+        with pytest.raises(UsageError, match=f"lighting: {key}: expected"):
+            Lighting(**{key: None})
+    assert Lighting(light_scale=np.array(2.0), group_each=np.True_) == Lighting(light_scale=2.0, group_each=True)
     assert Lighting(env=tmp_path / "sky.hdr").env == str(tmp_path / "sky.hdr")
     assert Lighting(env=np.float32([1, 2, 3]), sun=(np.int64(90), 30)) == Lighting(env=(1, 2, 3), sun=(90.0, 30.0))
+
+
+def test_a_sun_of_no_image_is_said_with_the_flag_or_the_file(tmp_path):
+    room = shutil.copy(SCENES / "cornell.glb", tmp_path / "room.glb")
+    with pytest.raises(UsageError, match="--sun: env: expected an environment image"):
+        inputs.read_scene(parse(room, "--sun", "env"), Progress())
+    (tmp_path / "room.lights.toml").write_text('sun = "env"')
+    for read in (lambda path: inputs.read_scene(parse(path), Progress()), read_scene):
+        with pytest.raises(SceneError, match=r"room\.lights\.toml: sun: env: expected an environment image"):
+            read(room)

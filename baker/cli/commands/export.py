@@ -100,13 +100,15 @@ def _write_splats(options: argparse.Namespace) -> None:
 
 
 def _is_scene(path: str) -> bool:
-    """Whether there is a .glb file that no export has written: those name their extension near the beginning."""
+    """Whether there is a .glb file that no export has written: those begin with what wrote them."""
+    from gsgi.runtime.splats import GLB_START
+
     try:
         with open(path, "rb") as file:
-            start = file.read(1 << 16)
+            start = file.read(256)
     except OSError:
         return False
-    return start.startswith(b"glTF") and b"KHR_gaussian_splatting" not in start
+    return start.startswith(b"glTF") and GLB_START not in start
 
 
 def _write_web(options: argparse.Namespace) -> None:

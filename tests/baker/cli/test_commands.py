@@ -636,9 +636,8 @@ def test_an_update_names_the_file_that_is_none(capsys, tmp_path):
 
 def test_light_that_is_not_that_of_the_bake_is_said(baked, tmp_path, gl):
     size = ["--gi", baked / "c.gsgi", "-o", tmp_path / "frame.png", "--size", "16x16", "--quiet"]
-    warning, _ = gsgi("render", CORNELL, "--env", "1,1,1", *size).stderr.splitlines()
-    assert "was baked without an environment, and is shown with one" in warning
-    assert "cornell.lights.toml" in warning
+    said = gsgi("render", CORNELL, "--env", "1,1,1", *size).stderr.splitlines()
+    assert any("was baked without an environment" in line and "cornell.lights.toml" in line for line in said)
 
 
 def test_a_comparison_can_fail(capsys, tmp_path):

@@ -130,7 +130,7 @@ def test_only_the_surface_operator_has_groups(capsys, tmp_path):
 
 
 def test_weights_that_cannot_be_are_refused(baked, capsys, tmp_path):
-    render = ["render", CORNELL, "-o", tmp_path / "x.png", "--quiet"]
+    render = ["render", CORNELL, *LIGHT[:4], "-o", tmp_path / "x.png", "--quiet"]
     assert "--weight needs baked light: --gi FILE" in refused(capsys, 1, *render, "--weight", "lamp=1")
     line = refused(capsys, 1, *render, "--gi", baked, "--weight", "lamps=1")
     assert f"{baked}: weights: the bake has no light group 'lamps': it has 'base', 'lamp', 'day'" in line

@@ -13,7 +13,11 @@ from gsgi.baker.evaluation import moving
 from gsgi.baker.evaluation.held_out import Evaluation
 from gsgi.baker.evaluation.moving import MovingError, measure
 from gsgi.baker.evaluation.summary import summary
+from gsgi.baker.surface import samples
+from gsgi.baker.surface.samples import Sampler
+from gsgi.baker.surface.seen_surface import SeenSurface
 from gsgi.baker.trace.cached_tracer import CachedTracer
+from gsgi.baker.trace.irradiance_cache import KnownLight
 from gsgi.baker.trace.reference import Reference
 from gsgi.runtime.gaussians import OverBlend
 
@@ -87,6 +91,20 @@ def test_in_a_furnace_all_is_known():
     assert 0 < len(inside) == len(normal) < moving.POINTS
     made.triangles.box += 5
     assert measure(made, truth, CAMERA, constant([2, 2, 2])) is None
+
+
+def test_paths_may_end_in_known_light(monkeypatch):
+    """If half of the furnace's light passes for known, so much less is what moving things are to have."""
+    monkeypatch.setattr(samples, "CHUNK", 4096)
+    made = plan(Cache())
+    seen = SeenSurface(made.tracer, list(CAMERA.values()))
+    sampler = Sampler.gathering(made.tracer, seen, 8, 0, 0.05)
+    sampler.prepare(lambda *_: None)
+    truth, known = {"view": reference(made)}, sampler.known_light
+    assert measure(made, truth, CAMERA, constant([2, 2, 2]), known).worst_tenth < 0.02
+    halves = (replace(half, light=np.where(half.light > 0, 0.5, 1) * half.light) for half in (known.a, known.b))
+    dark = KnownLight(*halves)
+    assert measure(made, truth, CAMERA, constant([2, 2, 2]), dark).median > 0.05
 
 
 def test_what_is_not_measured():

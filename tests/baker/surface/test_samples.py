@@ -325,7 +325,7 @@ def test_quiet_points_take_no_further_layers(traced):
 
 def test_points_in_free_space_take_more_layers_where_they_are_noisy(traced, monkeypatch):
     """A layer leaves a noise of a thirtieth of the light in a furnace, and of an eighth in a room below a spot."""
-    monkeypatch.setattr(samples, "FREE_ERROR", 0.08)
+    monkeypatch.setattr(samples, "FREE_ERROR", 0.12)
     layers = {}
     for name, scene, error in (
         ("quiet", scenes.furnace(0.5), 0.025), ("noisy", scenes.spot_room(), 0.025), ("all", scenes.furnace(0.5), 0.0),
@@ -335,7 +335,7 @@ def test_points_in_free_space_take_more_layers_where_they_are_noisy(traced, monk
         asked.free([FREE_LAYERS], ignore)
         layers[name] = sum(traced) / (CHUNK * PATHS_STEP)
     assert layers["quiet"] == 1
-    assert 1.5 < layers["noisy"] < FREE_LAYERS
+    assert 1.2 < layers["noisy"] < 1.9 < FREE_LAYERS
     assert layers["all"] == FREE_LAYERS
 
 
