@@ -1,4 +1,4 @@
-"""Turn the options of a command into what they stand for: scene, camera, plan, cache, baked light."""
+"""Turn the options of a command into what they stand for: scene, camera, plan, cache."""
 
 import argparse
 import re
@@ -16,16 +16,13 @@ from gsgi.baker.settings import BUDGET_MAX, Settings
 from gsgi.baker.trace import device
 from gsgi.runtime.camera import Camera, look_at
 from gsgi.runtime.errors import SceneError, UsageError
-from gsgi.runtime.gaussians import Bake, Effects
-from gsgi.runtime.light_groups import Factors, factors_of, lit_groups
+from gsgi.runtime.light_groups import lit_groups
 from gsgi.runtime.lighting import KEYS, Lighting, beside, light, read_lights
-from gsgi.runtime.lighting import SUFFIX as TOML
 from gsgi.runtime.scene import Scene
 
 if TYPE_CHECKING:
     from gsgi.baker.tasks.request import Request
     from gsgi.baker.tasks.work import Work
-    from gsgi.runtime.world.world import World
 
 WARNINGS = 4  # most of one kind that the log shows
 
@@ -38,7 +35,7 @@ def read_scene(options: argparse.Namespace, progress: Progress) -> Scene:
     scene = read_gltf(options.scene, parse_limits(options.limit or ()), options.transparent)
     for line in _in_short(scene.warnings, options.scene):
         progress.warn(line)
-    path = _lights_file(options)
+    path = lights_file(options)
     if path:
         scene = replace(scene, files=(*scene.files, path))
     lighting = _lighting(options, progress)
@@ -63,7 +60,7 @@ def _in_short(warnings: Iterable[str], scene: str) -> Iterator[str]:
             yield f"{scene}: {pointer}: {len(more)} more like these: `gsgi validate` lists them"
 
 
-def _lights_file(options: argparse.Namespace) -> Path | None:
+def lights_file(options: argparse.Namespace) -> Path | None:
     """The TOML file with light, or None."""
     return Path(options.lights) if options.lights else beside(options.scene)
 
@@ -71,7 +68,7 @@ def _lights_file(options: argparse.Namespace) -> Path | None:
 def _lighting(options: argparse.Namespace, progress: Progress) -> Lighting:
     """Light from the TOML file, if there is one, and from flags, which override it."""
     from_file = {}
-    if path := _lights_file(options):
+    if path := lights_file(options):
         from_file = read_lights(path)
         progress.say(f"light also from {path}")
     flags = {key: getattr(options, key, None) for key in KEYS} | {"groups": _groups(options)}
@@ -227,53 +224,6 @@ def _scene_camera(scene: Scene, options: argparse.Namespace) -> Camera:
         raise SceneError(f"{options.scene}: {error}") from error
     placement = place(triangles, {}, max(options.size), seed=0, count=1, texel_limit=np.inf)
     return next(iter(placement.fitted.values()))
-
-
-def read_light(options: argparse.Namespace, scene: Scene, progress: Progress) -> "Bake | World | None":
-    """Read the bake, or the manifest of a world, that --gi names.
-
-    Warn if it was made for other geometry, or without an environment or any punctual lights where there are some now,
-    or the other way round.
-    """
-    from gsgi.runtime.file.fingerprint import fingerprint
-    from gsgi.runtime.file.reader import read_bake
-    from gsgi.runtime.world.manifest import SUFFIX
-    from gsgi.runtime.world.world import World
-
-    if options.gi is None:
-        return None
-    baked = World(options.gi) if options.gi.endswith(SUFFIX) else read_bake(options.gi)
-    if baked.scene not in (0, fingerprint(scene)):
-        progress.warn(f"{options.gi}: was baked for other geometry than {options.scene}; its light may not fit")
-    for line in _other_light(options, scene, baked):
-        progress.warn(line)
-    return baked
-
-
-def _other_light(options: argparse.Namespace, scene: Scene, baked: "Bake | World") -> Iterator[str]:
-    """Warnings about light that the bake has and the scene lacks, or the other way round."""
-    from gsgi.baker.effects import effects
-
-    lights = _lights_file(options) or Path(options.scene).with_suffix(TOML)
-    there = effects(scene)
-    for effect, what in ((Effects.ENVIRONMENT, "an environment"), (Effects.PUNCTUAL, "punctual lights")):
-        if baked.scene and effect in baked.effects ^ there:
-            how = f"with {what}, which the scene lacks"
-            if effect in there:
-                how = f"without {what} (or with --ignore), which the scene has"
-            yield f"{options.gi}: was baked {how}: give flags for light to all commands, or put them into {lights.name}"
-
-
-def read_weights(options: argparse.Namespace, baked: "Bake | World | None") -> Factors:
-    """The weights of the bake's light groups that --weight gives. Raises UsageError."""
-    if not options.weight:
-        return {}
-    if baked is None:
-        raise UsageError("--weight needs baked light: --gi FILE")
-    try:
-        return factors_of(baked, dict(options.weight))
-    except ValueError as error:
-        raise UsageError(f"{options.gi}: {error}") from None
 
 
 def wrote(options: argparse.Namespace, progress: Progress) -> str:

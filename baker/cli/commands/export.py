@@ -115,8 +115,9 @@ def _write_web(options: argparse.Namespace) -> None:
     """Read scene and bake, and write the page."""
     from pathlib import Path
 
+    from gsgi.baker.cli.baked_light import read_light
     from gsgi.baker.cli.console import Console
-    from gsgi.baker.cli.inputs import choose_camera, read_light, read_scene
+    from gsgi.baker.cli.inputs import choose_camera, read_scene
     from gsgi.baker.progress import Progress
     from gsgi.runtime.errors import UnsupportedError
     from gsgi.runtime.gaussians import Bake

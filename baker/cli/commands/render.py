@@ -35,8 +35,9 @@ def add(commands) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Draw and write the layer."""
+    from gsgi.baker.cli.baked_light import read_light, read_weights
     from gsgi.baker.cli.console import Console
-    from gsgi.baker.cli.inputs import choose_camera, read_light, read_scene, read_weights, wrote
+    from gsgi.baker.cli.inputs import choose_camera, read_scene, wrote
     from gsgi.baker.evaluation.pictures import write_layer
     from gsgi.baker.memory import PER_DRAWN_PIXEL, check_picture
     from gsgi.baker.progress import Progress

@@ -30,8 +30,9 @@ def run(options: argparse.Namespace) -> None:
     """Open the window, and return when it is closed."""
     from pathlib import Path
 
+    from gsgi.baker.cli.baked_light import read_light
     from gsgi.baker.cli.console import Console
-    from gsgi.baker.cli.inputs import choose_camera, read_light, read_scene
+    from gsgi.baker.cli.inputs import choose_camera, read_scene
     from gsgi.baker.memory import PER_DRAWN_PIXEL, check_picture
     from gsgi.baker.progress import Progress
     from gsgi.runtime.viewer.window import Viewer
