@@ -17,11 +17,10 @@ LEFTOVER_AGE = 24 * 3600  # s; a temporary file this old belongs to a run that w
 _unfinished: set[Path] = set()
 
 
-def check_not_read(path: str | Path, inputs: Iterable[str | Path]) -> None:
-    """Raise UsageError if a file that is to be written is one of those that are read."""
-    for file in inputs:
-        if Path(file).resolve() == Path(path).resolve():
-            raise UsageError(f"{path}: the output would overwrite what is read")
+def check_apart(path: str | Path, others: Iterable[str | Path]) -> None:
+    """Raise UsageError if a file that is to be written is one of others, which are read or written too."""
+    if Path(path).resolve() in {Path(file).resolve() for file in others}:
+        raise UsageError(f"{path}: would overwrite another file of this command")
 
 
 def write_atomic(path: str | Path, data: bytes) -> None:

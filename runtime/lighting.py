@@ -70,6 +70,8 @@ def light(scene: Scene, lighting: Lighting) -> Scene:
     Raises FileError or SceneError for an environment image that cannot be used, or has no sun that was asked for,
     UsageError for a sun that is asked of no image, and SceneError for a light that cannot be a group of its own.
     """
+    if found := contradiction(lighting):
+        raise UsageError("".join(found))
     if lighting.light_scale != 1:
         scene = _scaled(scene, lighting.light_scale)
     if lighting.env is not None:
@@ -83,6 +85,17 @@ def light(scene: Scene, lighting: Lighting) -> Scene:
         groups = {name: tuple(patterns) for name, patterns in lighting.groups.items()}
         scene = dataclasses.replace(scene, groups=with_each(scene, groups) if lighting.group_each else groups)
     return scene
+
+
+def contradiction(lighting: Lighting) -> tuple[str, str] | None:
+    """The key whose value others contradict, and how, as text that follows it; None if they agree."""
+    if lighting.sun != OF_ENVIRONMENT:
+        return None
+    if not isinstance(lighting.env, str):
+        return "sun", f": {OF_ENVIRONMENT}: expected an environment image as env, got {lighting.env or 'none'}"
+    if lighting.sun_irradiance is not None:
+        return "sun_irradiance", f": the sun of {lighting.env} has its own; sun_color scales it"
+    return None
 
 
 def beside(scene: str | Path) -> Path | None:
@@ -213,10 +226,6 @@ def _sunlight(towards: np.ndarray, irradiance: np.ndarray) -> Light:
 
 
 def _with_sun_of_environment(scene: Scene, lighting: Lighting) -> Scene:
-    if not isinstance(lighting.env, str):
-        raise UsageError(f"sun: {OF_ENVIRONMENT}: expected an environment image as env, got {lighting.env or 'none'}")
-    if lighting.sun_irradiance is not None:
-        raise UsageError(f"sun_irradiance: the sun of {lighting.env} has its own; sun_color scales it")
     environment = scene.environment
     sun = find_sun(environment.radiance)
     if sun is None:

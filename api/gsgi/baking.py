@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gsgi.baker.settings import Settings
-from gsgi.runtime.atomic import check_not_read, check_writable, write_atomic
+from gsgi.runtime.atomic import check_apart, check_writable, write_atomic
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.errors import TargetError, UnsupportedError
 from gsgi.runtime.gltf.scene_file import read_scene
@@ -137,7 +137,7 @@ def bake_world(
     baking.stem(output)
     check_writable(output)
     lit, settings, told = _asked(scene, quality, settings, lighting, device, progress)
-    check_not_read(output, lit.files)
+    check_apart(output, lit.files)
     request, kept = Request(lit, settings, dict(cameras or {}), str(scene), evaluate), _cache(cache)
     baker = WorldBaker(request, size, told, kept, None if update is None else Path(update))
     report = baking.bake_world(baker, output, lambda data: write_atomic(output, data))
@@ -199,7 +199,7 @@ def _plan(
         updating.check(settings, seconds)
     lit, settings, told = _asked(scene, None, settings, lighting, device, progress)
     if output is not None:
-        check_not_read(output, lit.files)
+        check_apart(output, lit.files)
     asked = lit, settings, told, _cache(cache), cameras or {}
     after = updating.updated_plan(Path(update), *asked) if update is not None else None
     return after or make_plan(*asked), told

@@ -17,7 +17,7 @@ from gsgi.baker.trace import device
 from gsgi.runtime.camera import Camera, look_at
 from gsgi.runtime.errors import SceneError, UsageError
 from gsgi.runtime.light_groups import lit_groups
-from gsgi.runtime.lighting import KEYS, Lighting, beside, light, read_lights
+from gsgi.runtime.lighting import KEYS, Lighting, beside, contradiction, light, read_lights
 from gsgi.runtime.scene import Scene
 
 if TYPE_CHECKING:
@@ -35,17 +35,9 @@ def read_scene(options: argparse.Namespace, progress: Progress) -> Scene:
     scene = read_gltf(options.scene, parse_limits(options.limit or ()), options.transparent)
     for line in _in_short(scene.warnings, options.scene):
         progress.warn(line)
-    path = lights_file(options)
-    if path:
+    if path := lights_file(options):
         scene = replace(scene, files=(*scene.files, path))
-    lighting = _lighting(options, progress)
-    try:
-        return light(scene, lighting)
-    except UsageError as error:
-        key = str(error).partition(":")[0]
-        if getattr(options, key) is None:
-            raise SceneError(f"{path}: {error}") from None
-        raise UsageError(f"--{str(error).replace(key, key.replace('_', '-'), 1)}") from None
+    return light(scene, _lighting(options, progress))
 
 
 def _in_short(warnings: Iterable[str], scene: str) -> Iterator[str]:
@@ -66,7 +58,10 @@ def lights_file(options: argparse.Namespace) -> Path | None:
 
 
 def _lighting(options: argparse.Namespace, progress: Progress) -> Lighting:
-    """Light from the TOML file, if there is one, and from flags, which override it."""
+    """Light from the TOML file, if there is one, and from flags, which override it.
+
+    Raises UsageError where a flag contradicts others, and SceneError where a key of the file does.
+    """
     from_file = {}
     if path := lights_file(options):
         from_file = read_lights(path)
@@ -74,13 +69,18 @@ def _lighting(options: argparse.Namespace, progress: Progress) -> Lighting:
     flags = {key: getattr(options, key, None) for key in KEYS} | {"groups": _groups(options)}
     flags = {key: value for key, value in flags.items() if value is not None}
     values = from_file | flags
+
+    def refused(key: str, why: str) -> SceneError | UsageError:
+        return UsageError(f"--{key.replace('_', '-')}{why}") if key in flags else SceneError(f"{path}: {key}{why}")
+
     for key in values:
         source = key.partition("_")[0]
         if source in KEYS and source not in values:
-            if key in flags:
-                raise UsageError(f"--{key.replace('_', '-')} is given without --{source}")
-            raise SceneError(f"{path}: {key} is given without {source}")
-    return Lighting(**values)
+            raise refused(key, f" is given without {'--' if key in flags else ''}{source}")
+    lighting = Lighting(**values)
+    if found := contradiction(lighting):
+        raise refused(*found)
+    return lighting
 
 
 def _groups(options: argparse.Namespace) -> dict[str, tuple[str, ...]] | None:

@@ -12,8 +12,8 @@ from gsgi.baker.settings import Settings
 from gsgi.baker.surface.seen_surface import SeenSurface
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.camera import Camera
-from gsgi.runtime.errors import FormatError, UsageError
-from gsgi.runtime.file import codec
+from gsgi.runtime.errors import UsageError
+from gsgi.runtime.file.reader import decoded
 from gsgi.runtime.files import read_file
 from gsgi.runtime.gaussians import Bake
 from gsgi.runtime.light_groups import lit_groups
@@ -50,11 +50,7 @@ def updated_plan(
     if file.suffix == SUFFIX:
         raise UsageError(f"--update {file}: is the manifest of a world; give --sectors too")
     data = read_file(file)
-    try:
-        start = codec.decode(data)
-    except FormatError as error:
-        raise FormatError(f"{file}: {error}") from error
-    scene = as_baked(scene, settings)
+    start, scene = decoded(data, file), as_baked(scene, settings)
     record, now = BakeRecord.find(cache, data), parts(scene)
     try:
         check_record(record, scene, settings, path, now, cache)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from gsgi.runtime.errors import FileError, FormatError
-from gsgi.runtime.file import codec
+from gsgi.runtime.file.reader import decoded
 from gsgi.runtime.files import inside, read_file
 from gsgi.runtime.gaussians import Bake, Effects
 
@@ -81,10 +81,7 @@ class Manifest:
         """
         data, sector = self.data(number), self.sectors[number]
         path = self.path.parent / sector.file
-        try:
-            bake = codec.decode(data)
-        except FormatError as error:
-            raise FormatError(f"{path}: {error}") from error
+        bake = decoded(data, path)
         if bake.coarse is None:
             raise FormatError(f"{path}: operator: expected surface, as all sectors of a world have, got over")
         _same(path, "memory", sector.memory, memory(bake))

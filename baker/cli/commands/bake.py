@@ -192,14 +192,13 @@ def _run_on_cluster(address: str, work, cache, progress) -> None:
 
 def _check_outputs(options: argparse.Namespace) -> None:
     """Refuse, before any work, outputs that cannot be written and options that make no sense."""
-    from gsgi.runtime.atomic import check_not_read, check_writable
+    from gsgi.runtime.atomic import check_apart, check_writable
     from gsgi.runtime.errors import UsageError
 
     check_writable(options.output)
-    check_not_read(options.output, [options.scene])
+    check_apart(options.output, [options.scene])
     if options.depfile:
         check_writable(options.depfile)
-        check_not_read(options.depfile, [options.scene])
     if options.update:
         _check_update(options)
     if options.sectors:
@@ -232,16 +231,14 @@ def _check_sectors(options: argparse.Namespace) -> None:
 
 
 def _rules(options: argparse.Namespace, scene, progress) -> dict[str, bytes]:
-    """Name and bytes of the dependency file, if one is asked for. Raises UsageError, also for outputs that are read."""
+    """Name and bytes of the dependency file, if one is asked for. Raises UsageError where a file would be lost."""
     from gsgi.baker.cli.depfile import depfile, nameable
-    from gsgi.runtime.atomic import check_not_read
-    from gsgi.runtime.errors import UsageError
+    from gsgi.runtime.atomic import check_apart
 
-    check_not_read(options.output, scene.files)
+    check_apart(options.output, scene.files)
     if not options.depfile:
         return {}
-    if Path(options.depfile).resolve() in {Path(file).resolve() for file in (options.output, *scene.files)}:
-        raise UsageError(f"{options.depfile}: the dependency file would overwrite another file of this bake")
+    check_apart(options.depfile, [options.output, *scene.files])
     for file in scene.files:
         if not nameable(file):
             progress.warn(f"{file}: build tools cannot read this file name: changes of the file go unnoticed")

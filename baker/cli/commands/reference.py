@@ -32,7 +32,7 @@ def run(options: argparse.Namespace) -> None:
     from gsgi.baker.evaluation.pictures import write_layer
     from gsgi.baker.memory import PER_TRACED_PIXEL, check_picture
     from gsgi.baker.progress import Progress
-    from gsgi.runtime.atomic import check_not_read, check_writable
+    from gsgi.runtime.atomic import check_apart, check_writable
     from gsgi.runtime.image import check_image_path
 
     check_image_path(options.output)
@@ -42,7 +42,7 @@ def run(options: argparse.Namespace) -> None:
     memory = check_picture(options.size, PER_TRACED_PIXEL)
     with progress.stage("scene"):
         scene = read_scene(options, progress)
-        check_not_read(options.output, scene.files)
+        check_apart(options.output, scene.files)
         camera = choose_camera(scene, options)
     progress.say(memory)
     with progress.stage("trace", _points(options), "points") as advance:

@@ -41,7 +41,7 @@ def run(options: argparse.Namespace) -> None:
     from gsgi.baker.evaluation.pictures import write_layer
     from gsgi.baker.memory import PER_DRAWN_PIXEL, check_picture
     from gsgi.baker.progress import Progress
-    from gsgi.runtime.atomic import check_not_read, check_writable
+    from gsgi.runtime.atomic import check_apart, check_writable
     from gsgi.runtime.errors import UsageError
     from gsgi.runtime.gl.headless import costs, draw
     from gsgi.runtime.image import check_image_path
@@ -58,7 +58,7 @@ def run(options: argparse.Namespace) -> None:
     memory = check_picture(options.size, PER_DRAWN_PIXEL)
     with progress.stage("scene"):
         scene = read_scene(options, progress)
-        check_not_read(options.output, scene.files)
+        check_apart(options.output, scene.files)
         baked = read_light(options, scene, progress)
         weights = read_weights(options, baked)
         camera = choose_camera(scene, options)
