@@ -33,7 +33,7 @@ def known_light(
     `before` is what the paths of the samples ended in: its lit places and its guide stay. `alike`: the places of both
     halves are the same, which are found in half the time, but noise in them is not seen any more.
     """
-    light = IrradianceCache.halves(position, normal, a, b, tracer.blocked)
+    light = _cached(tracer, position, normal, a, b)
     if before:
         return _with(light, before.a.lit, before.b.lit, before.a.guide)
     if tracer.lights.count:
@@ -71,13 +71,19 @@ def known_light_again(
 
     They are guided as before. So paths that meet nothing changed bring the same bits.
     """
-    light = IrradianceCache.halves(position, normal, a, b, tracer.blocked, edited.a)
+    light = _cached(tracer, position, normal, a, b, edited.a)
     lit = edited.a.lit, edited.b.lit
     if edited.connected:
         from .learned_places import lit_again
 
         lit = [lit_again(tracer, half) for half in lit]
     return _with(light, *lit, edited.a.guide)
+
+
+def _cached(tracer: Tracer, position, normal, a, b, like: IrradianceCache | None = None) -> KnownLight:
+    """The caches of both halves of B, but for what paths ask for where they end."""
+    asked = tracer.asked_through_filters(position, normal)
+    return IrradianceCache.halves(position, normal, a - asked, b - asked, tracer.blocked, like)
 
 
 def _with(light: KnownLight, a: LitPlaces, b: LitPlaces, guide: Guide = Guide()) -> KnownLight:  # noqa: B008

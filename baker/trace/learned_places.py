@@ -122,7 +122,7 @@ def _found(tracer, asked, density) -> dict[str, np.ndarray]:
 
 def _lit(tracer, o, d, index, active):
     """Where a ray meets a surface that reflects: its place, off the surface, the normal there, whether it is found,
-    and the radiance that leaves it of the light of punctual light `index` that is in no shadow."""
+    and the radiance that leaves it of the light of punctual light `index`, with what filters let through."""
     hit = closest_blocking(tracer, o, d, active)
     found = active & dr.isfinite(hit.t)
     ng, material, front = side(tracer, hit, d, found)
@@ -130,7 +130,7 @@ def _lit(tracer, o, d, index, active):
     found &= ~is_unlit(tracer, material, found)
     at = lifted_hit(tracer, o, d, hit, ng, front, found)
     n = tracer.shading.shading_normal(hit.prim, hit.b, ng, found)
-    light = punctual_light(tracer, at, n, ng, index, found, mi.Bool(False))
+    light = punctual_light(tracer, at, n, ng, index, found, found)
     return at, ng, found, tracer.shading.albedo(material, hit.prim, hit.b, found) * light
 
 

@@ -141,21 +141,23 @@ def blocked(tracer, origin, target) -> dict[str, np.ndarray]:
     return {"blocked": np.array(apart & ~free).astype(bool)}
 
 
-def direct(tracer, position, normal, geometric_normal, dims) -> dict[str, np.ndarray]:
-    """Light of all punctual lights at each point over pi, `direct` (N, 3) float32; arguments (N, 3) float32.
+def punctual(tracer, position, normal, geometric_normal, filtered, dims) -> dict[str, np.ndarray]:
+    """Light of all punctual lights at each point over pi, `light` (N, 3) float32; arguments (N, 3) float32.
 
-    Clear panes let it through as it is, or they dim it if light `dims`.
+    That in no shadow, or what filtering surfaces let through in their shadow if `filtered`. Clear panes let light
+    through as it is, or they dim it if it `dims`.
     """
     p, n, ng = mi.Point3f(position.T), mi.Normal3f(normal.T), mi.Normal3f(geometric_normal.T)
     active = dr.squared_norm(n) > 0
     p = lifted_point(tracer, p, ng, active)
     dr.eval(p)
     result = mi.Color3f(0)
+    which = (mi.Bool(False), active) if filtered else (active, mi.Bool(False))
     for index in range(tracer.lights.count):
         # An opaque index lets one kernel serve all lights.
-        result += punctual_light(tracer, p, n, ng, dr.opaque(mi.UInt32, index), active, mi.Bool(False), dims=dims)
+        result += punctual_light(tracer, p, n, ng, dr.opaque(mi.UInt32, index), *which, dims=dims)
         dr.eval(result)
-    return {"direct": np.array(result).T}
+    return {"light": np.array(result).T}
 
 
 @dr.syntax
@@ -258,9 +260,10 @@ def _known_or_punctual(tracer, known, draws, cell, p, n, ng, reached, active):
         light, found = known.look_up(p, n, reached.distance, active)
         goes_on = active & ~found
     if tracer.lights.count > 0:
-        # The B of other points has none of it either, but for what comes through filtering surfaces in their shadow.
+        # Known light has none of it either, unless what comes through filtering surfaces is not asked for.
+        filtered = active if tracer.asks_through_filters else goes_on
         places = None if known is None else known.places
-        light += _chosen_punctual_light(tracer, draws, cell, p, n, ng, active, goes_on, places, reached)
+        light += _chosen_punctual_light(tracer, draws, cell, p, n, ng, active, filtered, places, reached)
     return light, goes_on
 
 
@@ -332,7 +335,7 @@ def _balance(pdf, other):
 def punctual_light(tracer, p, n, ng, index, active, filtered, share=1, dims=True):
     """Light of punctual light `index` that a white Lambertian surface at p would reflect.
 
-    Light that is in no shadow counts where `active`, by its `share`, and light in the shadow of filtering surfaces
+    Its `share` counts: of light that is in no shadow where `active`, and of that in the shadow of filtering surfaces
     where `filtered`. With `dims`, surfaces that cast no shadow still dim light; without, they leave it as it is, as
     shadow maps do.
     """
@@ -349,7 +352,7 @@ def punctual_light(tracer, p, n, ng, index, active, filtered, share=1, dims=True
     factor, _, shadowed = transmitted(tracer, p, wi, distance, free)
     counts = free & dr.select(shadowed, filtered, active)
     factor = factor if dims else mi.Color3f(1)
-    return dr.select(counts, dr.select(shadowed, 1, share) * factor * color * cosine * dr.inv_pi, 0)
+    return dr.select(counts, share * factor * color * cosine * dr.inv_pi, 0)
 
 
 def emitter_light(tracer, draws, index, probability, p, n, ng, lobe, active):

@@ -77,7 +77,8 @@ def run(tracer: "CachedTracer", position: np.ndarray, normal: np.ndarray, seed: 
             break
     lost.setdefault(BOUNCES_MAX, 0.0)
     deviation = whole.error * np.sqrt(np.maximum(whole.samples, 1))
-    known = IrradianceCache.halves(position, normal, whole.mean, whole.mean).a
+    end = whole.mean - traced.asked
+    known = IrradianceCache.halves(position, normal, end, end).a
     half = Sampling(SAMPLES // 2, BOUNCES_MAX)
     a, b = (tracer.at_points(position, normal, half, seed + 1 + i, known=known).mean for i in range(2))
     return Pilot(mean, lost, deviation, whole.mean.mean(axis=1), local_light(position, normal, a, b))

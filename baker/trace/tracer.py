@@ -18,6 +18,7 @@ from gsgi.runtime.scene import Scene
 
 from .device import device
 from .irradiance_cache import IrradianceCache, KnownLight
+from .lit_places import LIGHTS_MOST
 from .planes import onto_planes
 from .punctual_lights import PunctualLights
 from .surface_tables import corners_of
@@ -104,10 +105,12 @@ class Light:
 @dataclass(frozen=True)
 class LightByBounces:
     """B at N points in `light`, and the part of it that comes by at most 0, 1, ... K bounces: `within` (K + 1, N, 3)
-    float32, which paths of at most so many bounces would give, but for rounding."""
+    float32, which paths of at most so many bounces would give, but for rounding. asked (N, 3) float32 is what
+    `Tracer.asked_through_filters` tells of the points."""
 
     light: Light
     within: np.ndarray
+    asked: np.ndarray
 
 
 class Tracer:
@@ -202,7 +205,8 @@ class Tracer:
         """The light of `indirect`, and what of it comes by at most 0, 1, ... `most` bounces."""
         sums = self._sums((position, normal, geometric_normal), sampling, seed, apart=most + 1)
         within = sums.apart.cumsum(axis=1).transpose(1, 0, 2) / np.maximum(sums.samples, 1)[:, None]
-        return LightByBounces(sums.light(), within.astype(np.float32))
+        asked = self.asked_through_filters(position, normal)
+        return LightByBounces(sums.light(), within.astype(np.float32), asked)
 
     def _sums(
         self, points, sampling: Sampling, seed: int, advance=None, known=None, numbers=None, apart: int = 0
@@ -259,8 +263,27 @@ class Tracer:
 
         if not self.lights.count:
             return np.zeros((len(position), 3), np.float32)
-        kernel = partial(paths.direct, dims=dims)
-        return self.launched(kernel, position, normal, geometric_normal)["direct"]
+        kernel = partial(paths.punctual, filtered=False, dims=dims)
+        return self.launched(kernel, position, normal, geometric_normal)["light"]
+
+    @property
+    def asks_through_filters(self) -> bool:
+        """Whether paths that end in known light ask there for light of punctual lights that has passed filters.
+
+        Known light lacks what is `asked_through_filters`, which would take too long to find for many lights.
+        """
+        return self.filtering is not None and 0 < self.lights.count <= LIGHTS_MOST
+
+    def asked_through_filters(self, position, normal) -> np.ndarray:
+        """The part (N, 3) float32 of B that punctual lights bring through filters, 0 where paths do not ask for it.
+
+        The arguments are those of `indirect`. The part is exact, as `direct` is.
+        """
+        from . import paths
+
+        if not self.asks_through_filters:
+            return np.zeros((len(position), 3), np.float32)
+        return self.launched(partial(paths.punctual, filtered=True, dims=True), position, normal, normal)["light"]
 
     def _first_hits(self, origin: np.ndarray, direction: np.ndarray) -> dict[str, np.ndarray]:
         """The columns of `paths.first_hits`, with `position` in place of triangle and distance."""

@@ -22,7 +22,7 @@ class Known:
     def by_bounces(self, position, normal, sampling, seed, most) -> LightByBounces:
         light = [self.at_points(position, normal, Sampling(sampling.samples, k), seed) for k in range(most + 1)]
         within = np.stack([each.mean for each in light])
-        return LightByBounces(self.at_points(position, normal, sampling, seed), within)
+        return LightByBounces(self.at_points(position, normal, sampling, seed), within, np.zeros_like(position))
 
 
 def geometric(ratio: float, brightness: float = 1.0, deviation: float = 1.0) -> Known:
