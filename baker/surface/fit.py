@@ -23,6 +23,7 @@ from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
 from .occlusion import Occlusion, seen_light
 from .optimiser import LIST_STEPS, SurfaceOptimiser
 from .samples import SurfaceSamples, joined
+from .smoothing import smoothed
 from .state import SurfaceState, to_merge, to_remove
 
 # Step sizes of Adam: lengths in standard deviations, turns in rad, colour in units of the level around. They decay
@@ -84,6 +85,7 @@ def fit_surface(
     and, for a gradient, the Gaussian.
     """
     rng = np.random.default_rng(schedule.seed)
+    surface = smoothed(surface)
     samples = joined([surface, free])
     optimiser, occlusion = _tools(surface, free, samples, coarse, blend, schedule.budget, triangles)
     if checkpoint and (arrays := checkpoint.load()):
@@ -125,6 +127,7 @@ def fit_again(
     schedule's steps follows, then a cut at occluders. It takes too little time for a checkpoint. The rest is as in
     `fit_surface`.
     """
+    surface = smoothed(surface)
     samples = joined([surface, free])
     optimiser, occlusion = _tools(surface, free, samples, coarse, blend, schedule.budget, triangles)
     state = SurfaceState.fresh(optimiser.solve(as_bumpy_as(samples, before)))
