@@ -15,6 +15,7 @@ from gsgi.baker.fitting.blue_noise import CANDIDATES, levelled, spacing, thin
 from gsgi.baker.fitting.rotations import rotation_to
 from gsgi.baker.fitting.schedule import Schedule, count_after
 from gsgi.baker.fitting.task import Monitor
+from gsgi.baker.trace.local_light import LocalLight
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime import constants
 from gsgi.runtime.file import codec
@@ -85,9 +86,11 @@ def fit_surface(
     and, for a gradient, the Gaussian.
     """
     rng = np.random.default_rng(schedule.seed)
+    around = _around(surface, free, triangles)
     surface = smoothed(surface)
     samples = joined([surface, free])
-    optimiser, occlusion = _tools(surface, free, samples, coarse, blend, schedule.budget, triangles)
+    optimiser = SurfaceOptimiser(samples, coarse, blend, around)
+    occlusion = Occlusion(surface, triangles, blend, schedule.budget) if triangles else None
     if checkpoint and (arrays := checkpoint.load()):
         run = from_arrays(_Run, arrays)
     else:
@@ -127,9 +130,11 @@ def fit_again(
     schedule's steps follows, then a cut at occluders. It takes too little time for a checkpoint. The rest is as in
     `fit_surface`.
     """
+    around = _around(surface, free, triangles)
     surface = smoothed(surface)
     samples = joined([surface, free])
-    optimiser, occlusion = _tools(surface, free, samples, coarse, blend, schedule.budget, triangles)
+    optimiser = SurfaceOptimiser(samples, coarse, blend, around)
+    occlusion = Occlusion(surface, triangles, blend, schedule.budget) if triangles else None
     state = SurfaceState.fresh(optimiser.solve(as_bumpy_as(samples, before)))
     state = changed(state, schedule.budget, optimiser, surface, np.random.default_rng(schedule.seed))
     for iteration in range(round(AGAIN * schedule.iterations)):
@@ -137,20 +142,15 @@ def fit_again(
     return finished(state.gaussians, optimiser, occlusion)
 
 
-def _tools(
-    surface: SurfaceSamples,
-    free: SurfaceSamples,
-    samples: SurfaceSamples,
-    coarse: Gaussians,
-    blend: SurfaceBlend,
-    budget: int,
-    triangles: Triangles | None,
-) -> tuple[SurfaceOptimiser, Occlusion | None]:
-    """What steps Gaussians against the `samples`, those of `surface` and `free`, and what cuts them at occluders."""
-    if not triangles:
-        return SurfaceOptimiser(samples, coarse, blend), None
-    occlusion = Occlusion(surface, triangles, blend, budget)
-    return SurfaceOptimiser(samples, coarse, blend, seen_light(surface, free, triangles)), occlusion
+def _around(surface: SurfaceSamples, free: SurfaceSamples, triangles: Triangles | None) -> LocalLight:
+    """The light around samples of the `surface` and in free space, with the noise in which they were traced.
+
+    Smooth as it may be made, light that was noisy is worth fewer Gaussians.
+    """
+    if triangles:
+        return seen_light(surface, free, triangles)
+    samples = joined([surface, free])
+    return samples.blocks.light(samples.indirect_a, samples.indirect_b)
 
 
 def as_bumpy_as(samples: SurfaceSamples, gaussians: Gaussians) -> Gaussians:

@@ -13,9 +13,11 @@ from gsgi.baker.trace.point_order import by_side
 
 from .samples import SurfaceSamples
 
-# Noise of B, relative to the light around, of the samples that are smoothed. At 0.1, a dark corridor beside a lit flat
-# lost 0.02 SSIM near its door, and nothing gained.
-NOISY = 0.15
+NOISY = 0.15  # noise of B, relative to the light around, of the samples that are smoothed
+
+# Error of each half as the other sees it, relative to that without smoothing, above which a window is too wide: smooth
+# light has little more than 1/2. With 1, a dark corridor beside a lit flat lost 0.01 SSIM.
+SMOOTH = 0.75
 
 NEAREST = 16  # samples on the same side
 FLAT, RISE = 0.97, 0.15  # least cosine between normals on one surface; most height, relative to the farthest neighbour
@@ -34,7 +36,7 @@ def smoothed(samples: SurfaceSamples) -> SurfaceSamples:
 
     B is smoothed by local regression (Cleveland 1979), linear in the place and in the mapped normal. It is repeated for
     wider windows. At each sample the window is the one by which each half predicts the other best around it, as filters
-    are chosen for pictures with two buffers (Rousselle et al. 2012).
+    are chosen for pictures with two buffers (Rousselle et al. 2012); none where light varies by more than its noise.
     """
     light = samples.blocks.light(samples.indirect_a, samples.indirect_b)
     noisy = np.flatnonzero(light.noise > NOISY * light.level)
@@ -46,11 +48,11 @@ def smoothed(samples: SurfaceSamples) -> SurfaceSamples:
 
     def error(a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """The squared errors (S,) of both halves as the other one sees them, averaged around noisy samples."""
-        squared = sum(np.square((one - other) / level).sum(axis=1) for one, other in zip((a, b), halves[::-1]))
+        squared = sum(np.square(apart / level).sum(axis=1) for apart in (a - halves[1], b - halves[0]))
         return _repeated(average, np.minimum(squared, LARGEST), noisy, AVERAGED)[noisy]
 
-    best, least = [half[noisy] for half in halves], error(*halves)
-    window = halves
+    best, window = [half[noisy] for half in halves], halves
+    least = SMOOTH * error(*halves)
     for times in WIDER:
         window = [_repeated(regression, half, noisy, times) for half in window]
         found = error(*window)
