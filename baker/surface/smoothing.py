@@ -13,7 +13,7 @@ from gsgi.baker.trace.point_order import by_side
 
 from .samples import SurfaceSamples
 
-NOISY = 0.15  # noise of B, relative to the light around, of the samples that are smoothed
+NOISY = 0.1  # noise of B, relative to the light around, of the samples that are smoothed
 
 # Error of each half as the other sees it, relative to that without smoothing, above which a window is too wide: smooth
 # light has little more than 1/2. With 1, a dark corridor beside a lit flat lost 0.01 SSIM.
