@@ -15,7 +15,6 @@ from gsgi.baker.fitting.blue_noise import CANDIDATES, levelled, spacing, thin
 from gsgi.baker.fitting.rotations import rotation_to
 from gsgi.baker.fitting.schedule import Schedule, count_after
 from gsgi.baker.fitting.task import Monitor
-from gsgi.baker.trace.local_light import LocalLight
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime import constants
 from gsgi.runtime.file import codec
@@ -86,11 +85,7 @@ def fit_surface(
     and, for a gradient, the Gaussian.
     """
     rng = np.random.default_rng(schedule.seed)
-    around = _around(surface, free, triangles)
-    surface = smoothed(surface)
-    samples = joined([surface, free])
-    optimiser = SurfaceOptimiser(samples, coarse, blend, around)
-    occlusion = Occlusion(surface, triangles, blend, schedule.budget) if triangles else None
+    surface, samples, optimiser, occlusion = _tools(surface, free, coarse, blend, schedule.budget, triangles)
     if checkpoint and (arrays := checkpoint.load()):
         run = from_arrays(_Run, arrays)
     else:
@@ -130,11 +125,7 @@ def fit_again(
     schedule's steps follows, then a cut at occluders. It takes too little time for a checkpoint. The rest is as in
     `fit_surface`.
     """
-    around = _around(surface, free, triangles)
-    surface = smoothed(surface)
-    samples = joined([surface, free])
-    optimiser = SurfaceOptimiser(samples, coarse, blend, around)
-    occlusion = Occlusion(surface, triangles, blend, schedule.budget) if triangles else None
+    surface, samples, optimiser, occlusion = _tools(surface, free, coarse, blend, schedule.budget, triangles)
     state = SurfaceState.fresh(optimiser.solve(as_bumpy_as(samples, before)))
     state = changed(state, schedule.budget, optimiser, surface, np.random.default_rng(schedule.seed))
     for iteration in range(round(AGAIN * schedule.iterations)):
@@ -142,15 +133,29 @@ def fit_again(
     return finished(state.gaussians, optimiser, occlusion)
 
 
-def _around(surface: SurfaceSamples, free: SurfaceSamples, triangles: Triangles | None) -> LocalLight:
-    """The light around samples of the `surface` and in free space, with the noise in which they were traced.
+def _tools(
+    surface: SurfaceSamples,
+    free: SurfaceSamples,
+    coarse: Gaussians,
+    blend: SurfaceBlend,
+    budget: int,
+    triangles: Triangles | None,
+) -> tuple[SurfaceSamples, SurfaceSamples, SurfaceOptimiser, Occlusion | None]:
+    """The samples of the `surface`, smoothed where they are noisy, these with those in `free` space, what steps
+    Gaussians against all, and what cuts them at occluders.
 
-    Smooth as it may be made, light that was noisy is worth fewer Gaussians.
+    The importance of samples follows the noise in which they were traced: smooth as it may be made, light that was
+    noisy is worth fewer Gaussians.
     """
     if triangles:
-        return seen_light(surface, free, triangles)
+        around = seen_light(surface, free, triangles)
+    else:
+        traced = joined([surface, free])
+        around = traced.blocks.light(traced.indirect_a, traced.indirect_b)
+    surface = smoothed(surface)
     samples = joined([surface, free])
-    return samples.blocks.light(samples.indirect_a, samples.indirect_b)
+    occlusion = Occlusion(surface, triangles, blend, budget) if triangles else None
+    return surface, samples, SurfaceOptimiser(samples, coarse, blend, around), occlusion
 
 
 def as_bumpy_as(samples: SurfaceSamples, gaussians: Gaussians) -> Gaussians:
