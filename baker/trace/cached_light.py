@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from .bright_connections import BrightConnections
 from .connections import Connections
 from .guided import Directions
 from .irradiance_cache import AWAY, COORDINATE_BITS, UNKNOWN, IrradianceCache, hashed_cell
@@ -13,13 +14,15 @@ import drjit as dr  # noqa: E402  (needs the LLVM that load_mitsuba chose)
 
 
 class CachedLight:
-    """An irradiance cache on the device, with the lit `places` and the guided `directions` that it has, or None."""
+    """An irradiance cache on the device, with the lit and the `bright` places and the guided `directions` that it has,
+    or None."""
 
     def __init__(self, cache: IrradianceCache):
         cells = cache.start, _some(cache.low), _some(cache.high)
         self._start, self._low, self._high = (on_device(mi.UInt32, array) for array in cells)
         self._light = on_device(mi.Float, _some(cache.light))
         self.places = Connections(cache.lit) if len(cache.lit) else None
+        self.bright = BrightConnections(cache.bright) if len(cache.bright) else None
         self.directions = Directions(cache.guide) if len(cache.guide) else None
         self._levels = cache.levels
         self._mask = dr.opaque(mi.UInt32, len(cache.start) - 2)
@@ -27,14 +30,30 @@ class CachedLight:
         self._origin = mi.Point3f(*(dr.opaque(mi.Float, float(x)) for x in cache.origin))
 
     def look_up(self, p, n, distance, active):
-        """B at points with unit normals, and whether it is known there to who sees them from a `distance`, m."""
-        light, searching = mi.Color3f(UNKNOWN), mi.Bool(active)
+        """B at points with unit normals, whether it is known there to who sees them from a `distance`, m, and whether
+        more might be known from farther away."""
+        light, searching, near = mi.Color3f(UNKNOWN), mi.Bool(active), mi.Bool(False)
         for level in range(self._levels):
-            searching &= distance >= AWAY * self._size * 2**level
+            away = distance >= self._away(level)
+            near |= searching & ~away
+            there, found = self._look_up(p, n, level, searching & away)
+            light, searching = dr.select(found, there, light), searching & away & ~found
+        known = light.x != UNKNOWN
+        return dr.select(known, light, 0), known, near
+
+    def from_afar(self, p, n, active):
+        """B at points with unit normals, whether it is known to who is far away, and the distance, m, of these."""
+        light, searching, reach = mi.Color3f(UNKNOWN), mi.Bool(active), mi.Float(0)
+        for level in range(self._levels):
+            reach = dr.select(searching, self._away(level), reach)
             there, found = self._look_up(p, n, level, searching)
             light, searching = dr.select(found, there, light), searching & ~found
         known = light.x != UNKNOWN
-        return dr.select(known, light, 0), known
+        return dr.select(known, light, 0), known, reach
+
+    def _away(self, level: int):
+        """The distance, m, from which cells of a level are read."""
+        return AWAY * self._size * 2**level
 
     @dr.syntax
     def _look_up(self, p, n, level, active):

@@ -56,13 +56,14 @@ def arriving(tracer, places, index, probability, p, n, ng, lobe, active):
     cluster with this probability; rays of the `lobe` do the rest, by the balance heuristic (Veach and Guibas 1995).
     """
     at, normal, light = (dr.gather(mi.Vector4f, places, 3 * index + k, active) for k in range(3))
-    light = mi.Color3f(light.x, light.y, light.z)
+    reach, light = normal.w, mi.Color3f(light.x, light.y, light.z)
     offset = mi.Point3f(at.x, at.y, at.z) - p
     squared = dr.squared_norm(offset)
     distance = dr.sqrt(squared)
     wi = offset / distance
     cosine, facing = dr.dot(wi, n), -dr.dot(wi, mi.Normal3f(normal.x, normal.y, normal.z))
     active = active & (cosine > 0) & (dr.dot(wi, ng) > 0) & (facing > 0) & (squared > 0) & (dr.max(light) > 0)
+    active &= distance >= reach
     active &= unoccluded(tracer, p, wi, distance, active)
     if tracer.filtering is not None:
         light = light * transmitted(tracer, p, wi, distance, active)[0]

@@ -14,6 +14,7 @@ import numpy as np
 from gsgi.baker.cache.digest import digest
 from gsgi.baker.neighbours import Neighbours
 
+from .bright_places import BrightPlaces
 from .guide import Guide
 from .lit_places import LitPlaces
 from .point_order import signed_axis
@@ -50,7 +51,7 @@ class IrradianceCache:
     table of a power of two of buckets: `start` (buckets + 1,) uint32 is each bucket's first cell, `low` and `high` (E,)
     uint32 are the cells' keys, and light (E, 3) float32 is B, linear Rec.709 radiance, or UNKNOWN.
 
-    Paths that end in it leave points on surfaces by its `guide`, and are connected to its `lit` places.
+    Paths that end in it leave points on surfaces by its `guide`, and are connected to its `lit` and `bright` places.
     """
 
     origin: np.ndarray
@@ -61,6 +62,7 @@ class IrradianceCache:
     high: np.ndarray
     light: np.ndarray
     lit: LitPlaces = field(default_factory=LitPlaces)
+    bright: BrightPlaces = field(default_factory=BrightPlaces)
     guide: Guide = field(default_factory=Guide)
 
     @cached_property

@@ -1,9 +1,10 @@
-"""The light in which paths end, from samples of it, with the lit places and the guide of these paths."""
+"""The light in which paths end, from samples of it, with the lit and bright places and the guide of these paths."""
 
 from dataclasses import replace
 
 import numpy as np
 
+from .bright_places import BrightPlaces
 from .guide import Guide
 from .irradiance_cache import IrradianceCache, KnownLight
 from .lit_places import LitPlaces
@@ -29,13 +30,14 @@ def known_light(
 ) -> KnownLight:
     """Known light from both halves `a` and `b` (S, 3) of B at samples, position (S, 3) m and normal (S, 3) unit.
 
-    Paths of at most so many `bounces` will end in it. They are guided, and connected to lit places if that pays.
-    `before` is what the paths of the samples ended in: its lit places and its guide stay. `alike`: the places of both
-    halves are the same, which are found in half the time, but noise in them is not seen any more.
+    Paths of at most so many `bounces` will end in it. They are guided, and connected to lit and to bright places if
+    that pays. `before` is what the paths of the samples ended in: its places and its guide stay. `alike`: the lit
+    places of both halves are the same, which are found in half the time, but noise in them is not seen any more.
     """
     light = _cached(tracer, position, normal, a, b)
     if before:
-        return _with(light, before.a.lit, before.b.lit, before.a.guide)
+        light = _with(light, before.a.lit, before.b.lit)
+        return _guided(_shining(tracer, light, before.a.bright, bounces), before.a.guide)
     if tracer.lights.count:
         from .learned_places import learn
 
@@ -43,10 +45,21 @@ def known_light(
         other = _with(light, places[0], places[-1])
         if other.connected and _pays(tracer, position, normal, bounces, light, other):
             light = other
+    from .learned_bright import chosen_by
+    from .learned_bright import learn as learn_bright
     from .learned_guide import learn as learn_guide
 
     # What a half knows does not bias the other, whose paths it only guides.
-    return _with(light, light.a.lit, light.b.lit, learn_guide(tracer, position, normal, light.a, bounces))
+    guided = _guided(light, learn_guide(tracer, position, normal, light.a, bounces))
+    parts = learn_bright(tracer, position, normal, a, b, light.a, bounces)
+    if not len(parts.of):
+        return guided
+    shining = _shining(tracer, light, parts, bounces)
+    learned = chosen_by(tracer, shining.a.bright, position, normal)
+    both = (replace(half, bright=replace(learned, place=half.bright.place)) for half in (shining.a, shining.b))
+    shining = KnownLight(*both)
+    shining = _guided(shining, learn_guide(tracer, position, normal, shining.a, bounces))
+    return shining if _pays(tracer, position, normal, bounces, guided, shining) else guided
 
 
 def _pays(tracer: Tracer, position, normal, bounces: int, plain: KnownLight, connected: KnownLight) -> bool:
@@ -65,8 +78,9 @@ def _pays(tracer: Tracer, position, normal, bounces: int, plain: KnownLight, con
 
 
 def known_light_again(
-    tracer: Tracer, position: np.ndarray, normal: np.ndarray, a: np.ndarray, b: np.ndarray, edited: KnownLight
-) -> KnownLight:
+    tracer: Tracer, position: np.ndarray, normal: np.ndarray, a: np.ndarray, b: np.ndarray, bounces: int,
+    edited: KnownLight,
+) -> KnownLight:  # fmt: skip
     """The same after an edit of a scene whose known light was `edited`: in its cells, and by its directions of lights.
 
     They are guided as before. So paths that meet nothing changed bring the same bits.
@@ -77,7 +91,12 @@ def known_light_again(
         from .learned_places import lit_again
 
         lit = [lit_again(tracer, half) for half in lit]
-    return _with(light, *lit, edited.a.guide)
+    light, parts = _with(light, *lit), edited.a.bright
+    if len(parts):
+        from .learned_bright import found_again
+
+        parts = found_again(tracer, parts)
+    return _guided(_shining(tracer, light, parts, bounces), edited.a.guide)
 
 
 def _cached(tracer: Tracer, position, normal, a, b, like: IrradianceCache | None = None) -> KnownLight:
@@ -86,6 +105,21 @@ def _cached(tracer: Tracer, position, normal, a, b, like: IrradianceCache | None
     return IrradianceCache.halves(position, normal, a - asked, b - asked, tracer.blocked, like)
 
 
-def _with(light: KnownLight, a: LitPlaces, b: LitPlaces, guide: Guide = Guide()) -> KnownLight:  # noqa: B008
-    """The light with the lit places of both halves, and with a guide, by default none."""
-    return KnownLight(replace(light.a, lit=a, guide=guide), replace(light.b, lit=b, guide=guide))
+def _with(light: KnownLight, a: LitPlaces, b: LitPlaces) -> KnownLight:
+    """The light with the lit places of both halves."""
+    return KnownLight(replace(light.a, lit=a), replace(light.b, lit=b))
+
+
+def _guided(light: KnownLight, guide: Guide) -> KnownLight:
+    """The light with a guide for both halves."""
+    return KnownLight(*(replace(half, guide=guide) for half in (light.a, light.b)))
+
+
+def _shining(tracer: Tracer, light: KnownLight, parts: BrightPlaces, bounces: int) -> KnownLight:
+    """The light with bright places in `parts`, if there are any, each half with its own and by its own light."""
+    if not len(parts.of):
+        return light
+    from .learned_bright import lit
+
+    halves = enumerate((light.a, light.b))
+    return KnownLight(*(replace(half, bright=lit(tracer, parts, half, bounces, seed)) for seed, half in halves))

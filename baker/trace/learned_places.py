@@ -12,7 +12,7 @@ from .connections import arriving
 from .guided import Lobe
 from .learned_lights import likely
 from .light_cells import LightCells
-from .lit_places import ASKED, CLUSTERS, LIGHTS_MOST, PLACES, LitPlaces, corners, tree, tree_depth
+from .lit_places import CLUSTERS, LIGHTS_MOST, PLACES, LitPlaces, corners, tree, tree_depth
 from .mitsuba_scene import load_mitsuba, on_device
 from .paths import LIGHT, is_unlit, punctual_light
 from .random_numbers import DIRECTION, Draws, hashed
@@ -45,8 +45,10 @@ def learn(tracer, position: np.ndarray, normal: np.ndarray, seed: int) -> LitPla
     clusters = lights << min(max((CLUSTERS // lights).bit_length() - 1, 0), depth)
     even = np.full((2**cells.depth, clusters), 1 / clusters, np.float32)
     lit = LitPlaces(axis, split, cell_axis=cells.axis, cell_split=cells.split, likely=even)
-    lit = lit_again(tracer, replace(lit, place=_asked(lit, rng)))
-    return replace(lit, likely=_likely(tracer, lit, cells, position[some], normal[some], rng))
+    asked = _asked(lit, rng)
+    lit = lit_again(tracer, replace(lit, place=np.zeros((len(asked), 12), np.float32), asked=asked))
+    first = np.arange(clusters + 1) * (len(asked) // clusters)
+    return replace(lit, likely=likely_in(cells, tracer, lit.place, first, position[some], normal[some], rng))
 
 
 def lit_again(tracer, lit: LitPlaces) -> LitPlaces:
@@ -54,7 +56,7 @@ def lit_again(tracer, lit: LitPlaces) -> LitPlaces:
     if not len(lit) or tracer.lights.count != len(lit.split):
         return LitPlaces()
     light = np.arange(len(lit)) // (len(lit) // len(lit.split))
-    asked = np.column_stack([lit.place[:, ASKED], light]).astype(np.float32)
+    asked = np.column_stack([lit.asked, light]).astype(np.float32)
     density = np.repeat(lit.density.ravel(), len(lit) // lit.density.size)
     found = tracer.launched(_found, asked, np.repeat(density[:, None], 3, axis=1))
     place = lit.place.copy()
@@ -64,20 +66,24 @@ def lit_again(tracer, lit: LitPlaces) -> LitPlaces:
 
 
 def _asked(lit: LitPlaces, rng: np.random.Generator) -> np.ndarray:
-    """Rows (P, 12) of places of which only the direction is known in which a light is asked for them."""
+    """The directions (P, 2) float32 in which lights are asked for places, as many in each leaf."""
     leaves = corners(lit.axis, lit.split).reshape(-1, 2, 2)
     low, high = np.repeat(leaves, max(PLACES // len(leaves), 1), axis=0).transpose(1, 0, 2)
-    place = np.zeros((len(low), 12), np.float32)
-    place[:, ASKED] = low + (high - low) * rng.random(low.shape, np.float32)
-    return place
+    return low + (high - low) * rng.random(low.shape, np.float32)
 
 
-def _likely(tracer, lit: LitPlaces, cells: LightCells, position, normal, rng: np.random.Generator) -> np.ndarray:
-    """How likely (C, K) each cluster of places is to be chosen in each of C cells, by what it brings there."""
-    clusters = lit.likely.shape[1]
-    each = len(lit) // clusters
-    index = np.arange(clusters) * each + rng.integers(each, size=(len(position), clusters))
-    kernel = partial(_brought, places=on_device(mi.Float, lit.place))
+def likely_in(
+    cells: LightCells, tracer, place: np.ndarray, first: np.ndarray, position: np.ndarray, normal: np.ndarray,
+    rng: np.random.Generator,
+) -> np.ndarray:  # fmt: skip
+    """How likely (C, K) float32 each cluster of places is to be chosen in each of C `cells`, by what it brings there.
+
+    place (P, 12) are those of `LitPlaces`, and clusters begin at `first` (K + 1,) of them. Points of the cells have
+    position (N, 3), m, and unit normals (N, 3).
+    """
+    clusters = len(first) - 1
+    index = rng.integers(first[:-1], first[1:], size=(len(position), clusters))
+    kernel = partial(_brought, places=on_device(mi.Float, place))
     brought = tracer.launched(kernel, position, normal, index.astype(np.uint32))["mean"]
     share = np.full(clusters, 1 / clusters)
     cell = cells.find(position, normal)

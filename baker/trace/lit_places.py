@@ -18,8 +18,6 @@ PLACES, LEAVES, CLUSTERS = 1 << 18, 1 << 11, 128  # of all lights, about
 EVEN, EVEN_LEAST = 0.2, 64
 NARROWEST = 1 / 16  # of a node's width: the width of its children, since directions can coincide
 
-ASKED = [7, 11]  # columns of places with the direction in which their light was asked for them
-
 
 @dataclass(frozen=True)
 class LitPlaces:
@@ -29,9 +27,9 @@ class LitPlaces:
     and split (L, 2^depth - 1) belong to its inner nodes, with the two children of node i at 2 i + 1 and 2 i + 2.
 
     place (P, 12) float32 are the places in the order of leaves: position, m, off the surface; density, see `density`,
-    per m^2; unit geometric normal of the lit side; direction, first coordinate; radiance that leaves it, of the light
-    of its own light alone, 0 where that does not come; direction, second coordinate. K clusters have as many of them
-    each, in their order.
+    per m^2; unit geometric normal of the lit side; the distance from which its light counts, 0 m; radiance that leaves
+    it, of the light of its own light alone, 0 where that does not come; 0. They were asked for in the directions asked
+    (P, 2) float32. K clusters have as many of them each, in their order.
 
     cell_axis and cell_split are those of `LightCells` around the vertices that are connected, and likely (C, K) is the
     probability of each cluster in each of C cells.
@@ -40,6 +38,7 @@ class LitPlaces:
     axis: np.ndarray = field(default_factory=lambda: np.zeros((0, 0), np.int64))
     split: np.ndarray = field(default_factory=lambda: np.zeros((0, 0), np.float32))
     place: np.ndarray = field(default_factory=lambda: np.zeros((0, 12), np.float32))
+    asked: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), np.float32))
     cell_axis: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
     cell_split: np.ndarray = field(default_factory=lambda: np.zeros(0, np.float32))
     likely: np.ndarray = field(default_factory=lambda: np.zeros((0, 0), np.float32))

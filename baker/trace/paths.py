@@ -27,7 +27,7 @@ ROULETTE_MAX = 0.999  # larger than most albedos: then the weight of a path neve
 
 # Dimensions of `Draws` beside DIRECTION: the random number that each decision uses.
 ROULETTE, LIGHT, EMITTER, EMITTER_POINT, ENVIRONMENT, TEXTURE = 2, 3, 4, 5, 7, 9
-FILTER, PLACE = 15, 16
+FILTER, PLACE, BRIGHT = 15, 16, 17
 _JITTER = {"base_color_texture": 0, "metallic_texture": 2, "emission_texture": 4}
 
 
@@ -63,12 +63,15 @@ class _Apart:
 class _Reached(NamedTuple):
     """How the ray of a path came to a vertex.
 
-    From which cell of lit places, from what distance, m, and with which density, per m^2.
+    From which cells of lit and of bright places, from what distance, m, with which density, per m^2, and to which part
+    of a bright triangle.
     """
 
     cell: "mi.UInt32"
+    bright_cell: "mi.UInt32"
     distance: "mi.Float"
     density: "mi.Float"
+    part: "mi.UInt32"
 
 
 def first_hits(tracer, origin: np.ndarray, direction: np.ndarray) -> dict[str, np.ndarray]:
@@ -171,7 +174,7 @@ def _paths(tracer, cells, known, by_bounce, by_rays, key, first, start, start_n,
     total, squared, invalid = mi.Color3f(0), mi.Float(0), mi.UInt32(0)
     sample, bounce = mi.UInt32(first), mi.UInt32(0)
     active = (dr.squared_norm(start_n) > 0) & (samples > 0)
-    places, directions = (None, None) if known is None else (known.places, known.directions)
+    places, bright, directions = (None,) * 3 if known is None else (known.places, known.bright, known.directions)
     guided_by = mi.UInt32(0) if directions is None else directions.cell(start, start_n, active)
     start_cell = _cell(cells, start, start_n, active)
     cell = mi.UInt32(start_cell)
@@ -183,12 +186,14 @@ def _paths(tracer, cells, known, by_bounce, by_rays, key, first, start, start_n,
         lobe = Lobe(n, directions, guided_by, bounce)
         asks = active & (bounce > 0) if by_rays else active
         light += throughput * _emitted_to_vertex(tracer, draws, cell, p, n, ng, bounce, lobe, asks)
-        from_cell = mi.UInt32(0)
-        if places is not None:
-            from_cell, u, rest = places.cell(p, n, active), draws.one(PLACE), draws.rest(PLACE)
-            light += throughput * places.light(tracer, u, rest, from_cell, p, n, ng, lobe, asks & (bounce < bounces))
-        light_there, alive, p, n, ng, distance, reflectance, by_ray = _next_vertex(
-            tracer, draws, cell, p, ng, lobe, bounce < bounces, active
+        from_cells = []
+        for connections, number in ((places, PLACE), (bright, BRIGHT)):
+            from_cells.append(mi.UInt32(0) if connections is None else connections.cell(p, n, active))
+            if connections is not None:
+                one = draws.one(number), draws.rest(number), from_cells[-1]
+                light += throughput * connections.light(tracer, *one, p, n, ng, lobe, asks & (bounce < bounces))
+        light_there, alive, p, n, ng, distance, reflectance, by_ray, part = _next_vertex(
+            tracer, draws, cell, p, ng, lobe, bright, bounce < bounces, active
         )
         light += throughput * light_there
         _add_apart(by_bounce, bounce, light, before, active)
@@ -200,10 +205,11 @@ def _paths(tracer, cells, known, by_bounce, by_rays, key, first, start, start_n,
         bounce += 1
         cell = _cell(cells, p, n, alive)
         draws = Draws(key, sample, bounce)
-        reached = _Reached(from_cell, distance, by_ray)
-        arriving, goes_on = _known_or_punctual(tracer, known, draws, cell, p, n, ng, reached, alive)
+        reached = _Reached(*from_cells, distance, by_ray, part)
+        arriving, goes_on, share = _known_or_punctual(tracer, known, draws, cell, p, n, ng, reached, alive)
         before = mi.Color3f(light)
         light += dr.select(alive, throughput * arriving, 0)
+        throughput *= share
         _add_apart(by_bounce, bounce, light, before, alive)
 
         # Count a path that ends, and start the next one at the point.
@@ -253,18 +259,22 @@ def _emitted_to_vertex(tracer, draws, cell, p, n, ng, bounce, lobe, active):
 def _known_or_punctual(tracer, known, draws, cell, p, n, ng, reached, active):
     """What B lacks at a vertex beyond the point, over pi: light of punctual lights, and B itself where it is known.
 
-    Also whether the path goes on, where it is not.
+    Also whether the path goes on, where it is not, and with which share, of what the vertex before is connected to too.
     """
-    light, goes_on = mi.Color3f(0), active
+    light, goes_on, share = mi.Color3f(0), active, mi.Float(1)
     if known is not None:
-        light, found = known.look_up(p, n, reached.distance, active)
+        light, found, near = known.look_up(p, n, reached.distance, active)
         goes_on = active & ~found
+        if known.bright is not None:
+            connected = known.bright.density(reached.part, reached.bright_cell, active & ~near)
+            share = dr.select(reached.density > 0, _balance(reached.density, connected), 0)
+            light *= share
     if tracer.lights.count > 0:
         # Known light has none of it either, unless what comes through filtering surfaces is not asked for.
         filtered = active if tracer.asks_through_filters else goes_on
         places = None if known is None else known.places
         light += _chosen_punctual_light(tracer, draws, cell, p, n, ng, active, filtered, places, reached)
-    return light, goes_on
+    return light, goes_on, share
 
 
 def _chosen_punctual_light(tracer, draws, cell, p, n, ng, active, filtered, places=None, reached=None):
@@ -280,12 +290,13 @@ def _chosen_punctual_light(tracer, draws, cell, p, n, ng, active, filtered, plac
     return punctual_light(tracer, p, n, ng, index, active, filtered, share) / probability
 
 
-def _next_vertex(tracer, draws, cell, p, ng, lobe, reflects, active):
+def _next_vertex(tracer, draws, cell, p, ng, lobe, bright, reflects, active):
     """Sample a direction of the `lobe` and follow it to the next surface.
 
     Returns the light that the surface emits or that comes from the environment; whether the path continues (only where
-    `reflects`); the position, normals, distance and albedo at the surface; and the density, per m^2, in which rays meet
-    it there. Light and albedo are what they bring by the cosine lobe, over the density of the lobe relative to it.
+    `reflects`); the position, normals, distance and albedo at the surface; the density, per m^2, in which rays meet it
+    there; and the part of a triangle of `bright` places, if there are any. Light and albedo are what they bring by the
+    cosine lobe, over the density of the lobe relative to it.
     """
     finds_light = tracer.emitters.count > 0 or tracer.environment is not None
     active = active & (mi.Bool(finds_light) | reflects)
@@ -319,7 +330,8 @@ def _next_vertex(tracer, draws, cell, p, ng, lobe, reflects, active):
     by_ray = pdf * dr.abs(dr.dot(front_ng, d)) * dr.rcp(dr.square(hit.t))
     if tracer.filtering is not None:  # no vertex is connected to a surface that filters light
         by_ray = dr.select(tracer.shading.is_filter(material, found), dr.inf, by_ray)
-    return light, alive, next_p, next_n, mi.Normal3f(front_ng), hit.t, reflectance, by_ray
+    part = mi.UInt32(0) if bright is None else bright.part(tracer.places.row(hit.prim), front, hit.b, alive)
+    return light, alive, next_p, next_n, mi.Normal3f(front_ng), hit.t, reflectance, by_ray, part
 
 
 def _jitter(draws):

@@ -127,7 +127,7 @@ class Tracer:
 
         self._scene = scene = lambertian(scene)
         surfaces, moved = surfaces_of(scene)
-        self._corners = partial(corners_of, surfaces.position, surfaces.triangle, surfaces.placed)
+        self.corners = partial(corners_of, surfaces.position, surfaces.triangle, surfaces.placed)
         self.places = Places(surfaces)
         self.opaque, self.masked, self.filtering = self.places.trees
         self.unlit = any(material.unlit for material in scene.materials)
@@ -291,7 +291,7 @@ class Tracer:
 
         hits = self.launched(paths.first_hits, origin, direction)
         met = origin + hits.pop("distance")[:, None].astype(np.float64) * direction
-        return hits | {"position": onto_planes(met, self._corners(hits.pop("triangle")))}
+        return hits | {"position": onto_planes(met, self.corners(hits.pop("triangle")))}
 
     def launched(self, kernel: Callable, *inputs: np.ndarray) -> dict[str, np.ndarray]:
         """Columns (N, ...) of a kernel that takes arrays (N, 3), computed in launches of one size."""

@@ -102,13 +102,14 @@ class UpdatedSampler:
         if self._known_light is None:
             samples = self._known_samples
             arrays = samples.position, samples.normal, samples.indirect_a, samples.indirect_b
+            bounces = self._sampling.bounces
             edited = kept_light(self._tracer.cache, self._before["known"])
             if not self._known.touched:
                 self._known_light, self.entries["known"] = edited, self._before["known"]
                 return edited
             key = self._tracer.key("known", __name__, before=self._before["known"], samples=arrays)
             self._known_light, _ = self._tracer.once(
-                key, KnownLight, lambda: known_light_again(self._tracer.tracer, *arrays, edited)
+                key, KnownLight, lambda: known_light_again(self._tracer.tracer, *arrays, bounces, edited)
             )
             self.entries["known"] = [key]
         return self._known_light

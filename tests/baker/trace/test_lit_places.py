@@ -60,12 +60,12 @@ def test_after_an_edit_that_no_light_meets_the_places_are_the_same_bits():
     position, normal = inside(5000)
     halves = [half.mean for half in tracer.halves(position, normal, normal, Sampling(32, BOUNCES - 1), 1)]
     before = known_light(tracer, position, normal, *halves, BOUNCES)
-    after = known_light_again(Tracer(room(SUN, SPOT)), position, normal, *halves, before)
+    after = known_light_again(Tracer(room(SUN, SPOT)), position, normal, *halves, BOUNCES, before)
     for a, b in zip(to_arrays(before).values(), to_arrays(after).values(), strict=True):
         np.testing.assert_array_equal(a, b)
     stored = from_arrays(KnownLight, to_arrays(before))
     np.testing.assert_array_equal(stored.b.lit.place, before.b.lit.place)
-    dark = known_light_again(Tracer(room(SPOT)), position, normal, *halves, before)
+    dark = known_light_again(Tracer(room(SPOT)), position, normal, *halves, BOUNCES, before)
     assert not len(dark.a.lit)  # another number of lights
 
 

@@ -1,0 +1,187 @@
+"""Which places are bright where few rays meet them, learned from paths that did. Importing this starts Mitsuba."""
+
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .bright_places import EACH, GONE, BrightPlaces, divided, in_square, on_triangle
+from .cached_light import CachedLight
+from .guide import Guide
+from .guided import Lobe
+from .learned_places import CELLED, likely_in
+from .light_cells import LightCells
+from .local_light import local_light
+from .mitsuba_scene import load_mitsuba
+from .paths import FILTER, indirect, is_unlit
+from .random_numbers import DIRECTION, Draws, hashed
+from .rays import closest, closest_through, lifted, lifted_point, side
+from .tracer import Sampling
+
+if TYPE_CHECKING:
+    from .irradiance_cache import IrradianceCache
+
+mi = load_mitsuba()
+
+import drjit as dr  # noqa: E402  (needs the LLVM that load_mitsuba chose)
+
+TRIED, PATHS = 1 << 18, 1 << 21  # from the points: to learn whether there are bright places, and to find them all
+SEED = 0  # of those paths, which are no part of the light
+
+# A path that brings more than FIREFLY times the light around its point has met a bright place. Below this share of what
+# noise comes from, there are none, and below this variance of a path, relative to the light around, none are needed.
+FIREFLY, SHARE, VARIANCE = 4.0, 0.4, 0.5
+TRIANGLES, BRINGING = 512, 0.98  # at most so many, those that bring this share of what all of them bring
+
+TRACED = 16  # paths from a place whose light is not known
+
+
+def learn(
+    tracer, position: np.ndarray, normal: np.ndarray, a: np.ndarray, b: np.ndarray, known: "IrradianceCache",
+    bounces: int,
+) -> BrightPlaces:  # fmt: skip
+    """The parts of triangles that are bright to points, without places in them, which `lit` finds.
+
+    Paths of at most so many `bounces` end in `known` light. The points have both halves `a` and `b` (S, 3) of B,
+    position (S, 3) m and unit normals (S, 3).
+    """
+    if not len(position):
+        return BrightPlaces()
+    level = local_light(position, normal, a, b).level
+    kernel = partial(_brought, known=CachedLight(replace(known, guide=Guide())), bounces=bounces)
+    for count in (TRIED, PATHS):
+        number = np.random.default_rng(SEED).integers(len(position), size=count)
+        keys = np.stack([np.arange(count), np.zeros(count)], axis=1).astype(np.uint32)
+        ratio = tracer.launched(kernel, position[number], normal[number], keys)["light"] / level[number]
+        square, top = np.square(ratio), np.flatnonzero(ratio > FIREFLY)
+        if square.mean() < VARIANCE or square[top].sum() < SHARE * square.sum():
+            return BrightPlaces()
+    met = tracer.launched(_met, position[number[top]], normal[number[top]], keys[top])
+    triangle, at, weight = (column[met["reflects"]] for column in (met["triangle"], met["at"], ratio[top]))
+    if not len(triangle):
+        return BrightPlaces()
+    sides, of = np.unique(triangle, return_inverse=True)
+    brought = np.bincount(of, weight)
+    best = np.argsort(-brought, kind="stable")[:TRIANGLES]
+    best = best[: 1 + np.searchsorted(np.cumsum(brought[best]), BRINGING * brought.sum())]
+    rank = np.full(len(sides), -1)
+    rank[best] = np.arange(len(best))
+    some, row = rank[of] >= 0, sides[best] >> 1
+    corners = tracer.corners(row.astype(np.uint32)).astype(np.float32)
+    return divided(corners, (sides[best] & 1).astype(bool), row, rank[of[some]], in_square(at[some]), weight[some])
+
+
+def lit(tracer, parts: BrightPlaces, known: "IrradianceCache", bounces: int, seed: int) -> BrightPlaces:
+    """Places in `parts`, drawn by `seed`, with their light as it is in `known` light, or by paths that end there.
+
+    Paths of at most so many bounces are connected to them.
+    """
+    leaf = np.repeat(np.arange(len(parts.of)), EACH)
+    rng = np.random.default_rng(seed)
+    square = parts.low[leaf] + (parts.high[leaf] - parts.low[leaf]) * rng.random((len(leaf), 2), np.float32)
+    b, of = on_triangle(square.astype(np.float64)), parts.of[leaf]
+    corners = parts.corners[of].astype(np.float64)
+    point = corners[:, 0] + np.einsum("nk,nkc->nc", b, corners[:, 1:] - corners[:, :1])
+    there = parts.row[of] != GONE
+    number = np.stack([np.where(there, parts.row[of], 0), parts.front[of], there], axis=1).astype(np.uint32)
+    found = tracer.launched(partial(_found, known=known.on_device), point, np.pad(b, ((0, 0), (0, 1))), number)
+    light = found["light"]
+    unknown = np.flatnonzero(~found["known"] & (found["albedo"] > 0).any(axis=1))
+    if len(unknown):
+        where = (found[name][unknown] for name in ("position", "normal", "geometric_normal"))
+        ends = replace(known, guide=Guide())
+        light[unknown] = tracer.indirect(*where, Sampling(TRACED, max(bounces - 1, 0)), seed, known=ends).mean
+    place = np.zeros((len(leaf), 12), np.float32)
+    place[:, :3], place[:, 3], place[:, 4:7] = found["position"], parts.density[leaf], found["geometric_normal"]
+    place[:, 7], place[:, 8:11] = found["reach"], found["albedo"] * light
+    return replace(parts, place=place)
+
+
+def chosen_by(tracer, places: BrightPlaces, position: np.ndarray, normal: np.ndarray) -> BrightPlaces:
+    """The places with what is learned of where each cluster of them matters.
+
+    That is at points of surfaces, position (N, 3) m and unit normals (N, 3).
+    """
+    rng = np.random.default_rng(SEED)
+    some = np.sort(rng.permutation(len(position))[:CELLED])
+    cells = LightCells.of(position[some], normal[some])
+    likely = likely_in(cells, tracer, places.place, places.first * EACH, position[some], normal[some], rng)
+    return replace(places, cell_axis=cells.axis, cell_split=cells.split, likely=likely)
+
+
+def found_again(tracer, parts: BrightPlaces) -> BrightPlaces:
+    """The same parts in the scene of another tracer, whose triangles have other rows."""
+    if not len(parts.row):
+        return parts
+    edges = parts.corners[:, 1:] - parts.corners[:, :1]
+    across = np.cross(edges[:, 0], edges[:, 1])
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    row = tracer.launched(_at, parts.corners.mean(axis=1), across)["row"].astype(np.int64)
+    same = (tracer.corners(row.astype(np.uint32)).astype(np.float32) == parts.corners).all(axis=(1, 2))
+    return replace(parts, row=np.where(same, row, GONE))
+
+
+def _brought(tracer, position, normal, numbers, known: CachedLight, bounces: int) -> dict[str, np.ndarray]:
+    """The mean of the channels of the `light` (N,) float64 that one path brings to each point from surfaces beyond the
+    first, 0 where it is no finite number."""
+    sums = indirect(tracer, position, normal, normal, numbers, 1, bounces, SEED, known, apart=1, by_rays=True)
+    return {"light": (sums.light - sums.apart[:, 0]).mean(axis=1)}
+
+
+def _met(tracer, position, normal, numbers) -> dict[str, np.ndarray]:
+    """Where the first ray of such a path ends: twice the row of the `triangle` (N,) int64, and 1 on its front; and `at`
+    (N, 2) in barycentric coordinates. Whether (N,) bool it `reflects` what comes to it, and stands for itself."""
+    point, path = mi.Point2u(numbers.T)
+    draws = Draws(hashed(point + hashed(mi.UInt32(SEED))), path, mi.UInt32(0))
+    n = mi.Normal3f(normal.T)
+    active = dr.squared_norm(n) > 0
+    p = lifted_point(tracer, mi.Point3f(position.T), n, active)
+    d, _, _ = Lobe(n).sample(draws.two(DIRECTION))
+    hit, _ = closest_through(tracer, p, d, draws.one(FILTER), active)
+    found = active & dr.isfinite(hit.t)
+    _, material, front = side(tracer, hit, d, found)
+    found &= (front | tracer.shading.is_double_sided(material, found)) & ~is_unlit(tracer, material, found)
+    if tracer.filtering is not None:
+        found &= ~tracer.shading.is_filter(material, found)
+    found &= tracer.places.row(hit.prim) == hit.prim
+    triangle = 2 * hit.prim + dr.select(front, mi.UInt32(1), 0)
+    dr.eval(triangle, hit.b, found)
+    return {
+        "triangle": np.array(triangle).astype(np.int64),
+        "at": np.array(hit.b).T.astype(np.float64),
+        "reflects": np.array(found).astype(bool),
+    }
+
+
+def _found(tracer, point, b, number, known: CachedLight) -> dict[str, np.ndarray]:
+    """What is at points (N, 3) on triangles, with barycentric coordinates `b` (N, 3), the last of them 0.
+
+    The columns are position, off the surface, normal, geometric normal, albedo and `known` light, each (N, 3); whether
+    it is `known` (N,), and the `reach` (N,) from which it is. Those of `number` are the row of the triangle, 1 on its
+    front, and 1 if it is there.
+    """
+    prim, front, there = mi.Point3u(number.T)
+    b, there = mi.Point2f(b[:, :2].T), there > 0
+    ng, material = tracer.shading.frame(prim, there)
+    ng = dr.select(front > 0, ng, -ng)
+    if tracer.masked is not None:
+        there &= ~tracer.shading.hole(prim, b, there)
+    position = lifted(tracer, mi.Point3f(point.T), ng, prim, there)
+    n = tracer.shading.shading_normal(prim, b, ng, there)
+    albedo = dr.select(there, tracer.shading.albedo(material, prim, b, there), 0)
+    light, is_known, reach = known.from_afar(position, n, there)
+    columns = {"position": position, "normal": n, "geometric_normal": ng, "albedo": albedo, "light": light}
+    dr.eval(columns, is_known, reach)
+    arrays = {name: np.array(column).T for name, column in columns.items()}
+    return arrays | {"known": np.array(is_known).astype(bool), "reach": np.array(reach)}
+
+
+def _at(tracer, position, normal) -> dict[str, np.ndarray]:
+    """The `row` (N,) of the triangle at each point of a surface, 0 where there is none that stands for itself."""
+    n = mi.Normal3f(normal.T)
+    active = dr.squared_norm(n) > 0
+    p = lifted_point(tracer, mi.Point3f(position.T), n, active)
+    hit = closest(tracer, p, -n, active)
+    alone = dr.isfinite(hit.t) & (tracer.places.row(hit.prim) == hit.prim)
+    return {"row": np.array(dr.select(alone, hit.prim, 0))}
