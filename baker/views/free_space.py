@@ -8,7 +8,7 @@ from gsgi.runtime.camera import Camera
 from gsgi.runtime.vectors import sphere
 
 from .directions import cosine_directions
-from .surface_points import SurfacePoints, Triangles
+from .surface_points import Hits, SurfacePoints, Triangles
 
 # A viewpoint's least distance to all surfaces: this share of the scene's diagonal, at most what a person needs (m).
 CLEARANCE = 0.01
@@ -21,6 +21,10 @@ DOUBLE_BACKS_MAX = 0.25  # the same for double-sided surfaces
 OPEN = 0.5  # above this share of rays without a hit, a scene lies in the open
 VOID = 0.4  # from this share of downward rays without a hit, a viewpoint is in the void beside a building
 BELOW = -0.5  # a unit direction with a smaller y points down
+
+# Of surface under the open sky, less than this share that is no roof is none to stand on: walls are thick.
+GROUND = 1 / 3
+LAYERS = 8  # surfaces below each other that are looked through
 
 LEAST = 64  # viewpoints to use if none is free
 
@@ -47,7 +51,7 @@ class FreeSpace:
     the open (a leaf is seen from both sides), or one of the given cameras sees that many backs, so that the winding
     means nothing. Unless the scene lies in the open, free viewpoints have ground below them, because the outer walls of
     a building without surroundings face nothing; but a given camera beside such a building tells that people look at
-    them.
+    them. A roof is no ground if there is no other outside.
     """
 
     def __init__(self, triangles: Triangles, given: list[Camera], points: SurfacePoints, rng: np.random.Generator):
@@ -58,10 +62,13 @@ class FreeSpace:
         missed = triangles.hits(lifted, cosine_directions(points.normal, rng)).triangle < 0
         self._open = bool(missed.mean() > OPEN)
         self._winding, self._grounded = True, not self._open
+        self._roofed = self._grounded and _only_roofs(triangles, lifted[points.normal[:, 1] > -BELOW])
         if given:
-            own = look_around(triangles, np.array([camera.position for camera in given]))
+            position = np.array([camera.position for camera in given])
+            own = look_around(triangles, position)
             self._winding = bool((own.double_backs <= DOUBLE_BACKS_MAX).all())
             self._grounded &= bool((own.below < VOID).all())
+            self._roofed &= not self._on_roofs(position, own.open).any()
 
     def draw(
         self,
@@ -98,8 +105,10 @@ class FreeSpace:
     def _free(self, viewpoints: np.ndarray) -> np.ndarray:
         """Indices of the viewpoints (E, 3) that are free."""
         clear = np.flatnonzero(self._triangles.clearance(viewpoints) >= self.clearance)
-        faces, ground = self._faces_fronts(look_around(self._triangles, viewpoints[clear]))
-        return clear[faces & ground]
+        around = look_around(self._triangles, viewpoints[clear])
+        faces, ground = self._faces_fronts(around)
+        free = np.flatnonzero(faces & ground)
+        return clear[free[~self._on_roofs(viewpoints[clear[free]], around.open[free])]]
 
     def faces_fronts(self, viewpoints: np.ndarray) -> np.ndarray:
         """Whether (E,) bool viewpoints (E, 3) keep their clearance and face fronts; they need no ground below them."""
@@ -112,6 +121,42 @@ class FreeSpace:
         if self._open:
             double |= around.open >= OPEN
         return double & (around.backs <= BACKS_MAX), (around.below < VOID) | (not self._grounded)
+
+    def _on_roofs(self, viewpoints: np.ndarray, open_around: np.ndarray) -> np.ndarray:
+        """Whether (E,) bool viewpoints stand in the open over roofs, in a scene without other ground outside."""
+        over = (open_around > OPEN) & self._roofed
+        down = sphere(LOOKS)
+        down = down[down[:, 1] < BELOW]
+        eye, way = np.repeat(viewpoints[over], len(down), axis=0), np.tile(down, (np.count_nonzero(over), 1))
+        hits = self._triangles.hits(eye, way)
+        ground = hits.triangle >= 0
+        hits = Hits(*(column[ground] for column in hits))
+        met = self._triangles.met(eye[ground], way[ground], hits)
+        ground[ground] = _are_ground(self._triangles, self._triangles.lifted(met, hits.normal))
+        over[over] = ground.reshape(-1, len(down)).mean(axis=1) < GROUND
+        return over
+
+
+def _only_roofs(triangles: Triangles, above: np.ndarray) -> bool:
+    """Whether there is surface under the open sky, nearly all of it roofs; `above` (N, 3) are points over any of it."""
+    up = np.broadcast_to([0.0, 1.0, 0.0], above.shape)
+    outside = above[triangles.hits(above, up).triangle < 0]
+    return len(outside) > 0 and bool(_are_ground(triangles, outside).mean() < GROUND)
+
+
+def _are_ground(triangles: Triangles, above: np.ndarray) -> np.ndarray:
+    """Whether (N,) bool surfaces below points (N, 3) have no other below them that faces up, as a room has."""
+    down = np.array([0.0, -1.0, 0.0])
+    floors, looking = np.zeros(len(above), np.int64), np.arange(len(above))
+    for _ in range(LAYERS):
+        hits = triangles.hits(above[looking], np.broadcast_to(down, (len(looking), 3)))
+        met = hits.triangle >= 0
+        floors[looking] += met & ~hits.back
+        looking, fallen = looking[met], hits.distance[met]
+        there = above[looking] + fallen[:, None] * down
+        above = above.copy()
+        above[looking] = triangles.lifted(there, np.broadcast_to(down, there.shape))
+    return floors == 1
 
 
 def look_around(triangles: Triangles, viewpoints: np.ndarray) -> Surroundings:

@@ -122,6 +122,31 @@ def test_outer_walls_that_face_the_void_are_not_looked_at():
     assert hidden.area == pytest.approx(2 * 2.2**2, rel=0.05)
 
 
+def test_nobody_stands_on_a_roof_in_the_void():
+    shell = (*scenes.box(), *scenes.box(half=0.4, inward=False), *scenes.box(half=1.05, inward=False))
+    alone = place(Triangles(Scene(shell, (WALL,))), {}, SIZE, seed=0)
+    assert np.abs(every(alone)).max() < 1
+    above = look_at(np.array([0.1, 1.5, 0.0]), np.zeros(3), np.array([0.0, 0, 1]), 1.0, 0.01)
+    watched = viewpoints(place(Triangles(Scene(shell, (WALL,))), {"above": above}, SIZE, seed=0).fitted)[1:]
+    assert (watched[:, 1] > 1.05).any()  # a camera of the scene tells that people are there
+    ground = scenes.floor(1.6, -1.1)
+    grounded = place(Triangles(Scene((*shell, ground), (WALL,))), {}, SIZE, seed=0)
+    assert (np.abs(every(grounded)).max(axis=1) > 1.05).any()
+
+
+def test_an_upper_storey_without_a_roof_is_no_roof():
+    storeys = [mesh for mesh in scenes.box() if mesh.position[:, 1].min() < 1]
+    upper = moved(storeys, (0, 2.1, 0))
+    shell = [mesh for mesh in scenes.box(half=1.05, inward=False) if mesh.position[:, 1].max() > -1.05]
+    shell = [replace(mesh, position=mesh.position * np.float32([1, 2, 1]) + np.float32([0, 1.05, 0])) for mesh in shell]
+    shell = [mesh for mesh in shell if mesh.position[:, 1].min() < 3]
+    ceiling = [mesh for mesh in scenes.box() if mesh.position[:, 1].min() == 1]
+    placement = place(Triangles(Scene((*storeys, *ceiling, *upper, *shell), (WALL,))), {}, SIZE, seed=0)
+    height = every(placement)[:, 1]
+    assert (height < 1).any()
+    assert ((height > 1.1) & (height < 3.1)).any()
+
+
 def test_placement_is_deterministic(room, placed):
     again = views.place(room, {}, SIZE, seed=0)
     for first, second in ((placed.fitted, again.fitted), (placed.held_out, again.held_out)):
