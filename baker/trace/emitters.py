@@ -28,12 +28,11 @@ class Emitters:
         corners = surfaces.position[surfaces.triangle[lit]].astype(np.float64)
         edges = corners[:, 1:] - corners[:, :1]
         area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) / 2
-        self.choice = LightChoice(
-            area * _brightness(scene, surfaces, lit), corners.mean(axis=1), np.ptp(corners, axis=1).max(axis=1)
-        )
+        brightness = _brightness(scene, surfaces, lit)
+        self.choice = LightChoice(area * brightness, corners.mean(axis=1), np.ptp(corners, axis=1).max(axis=1))
         rows = np.zeros((self.count, 12), np.float32)
         rows[:, :3], rows[:, 4:7], rows[:, 8:11] = corners[:, 0], edges[:, 0], edges[:, 1]
-        rows[:, 3], rows[:, 7] = lit.astype(np.uint32).view(np.float32), 1 / area
+        rows[:, 3], rows[:, 7], rows[:, 11] = lit.astype(np.uint32).view(np.float32), 1 / area, brightness
         self.corners = on_device(mi.Float, rows)
         # Index of each triangle of the scene among the emissive ones, and its probability density (1/m^2) in its own
         # cluster: 0 if it does not emit.
@@ -44,12 +43,15 @@ class Emitters:
         self._number, self._within = on_device(mi.UInt32, number), on_device(mi.Float, within)
 
     def sample(self, index, v):
-        """A point on emissive triangle `index` from `v` Point2f in [0, 1): (Point3f, prim, b, density in 1/m^2)."""
+        """A point on emissive triangle `index` from `v` Point2f in [0, 1).
+
+        Returns Point3f, prim, b, density in 1/m^2, and about how bright the triangle is.
+        """
         b = mi.warp.square_to_uniform_triangle(v)
         row = [dr.gather(mi.Vector4f, self.corners, 3 * index + k) for k in range(3)]
         at, first, second = (mi.Vector3f(r.x, r.y, r.z) for r in row)
         prim = dr.reinterpret_array(mi.UInt32, row[0].w)
-        return mi.Point3f(at + first * b.x + second * b.y), prim, b, row[1].w
+        return mi.Point3f(at + first * b.x + second * b.y), prim, b, row[1].w, row[2].w
 
     def density(self, row, cell, active):
         """The density (1/m^2) of what `choice` and `sample` choose in `cell` on a row's triangle; 0 if it is dark."""

@@ -169,7 +169,7 @@ def _draws(numbers: np.ndarray):
 
 def _leave_emitter(tracer, draws, cluster):
     index, _ = tracer.emitters.choice.choose_within(draws.one(EMITTER), cluster)
-    point, prim, _, _ = tracer.emitters.sample(index, draws.two(EMITTER_POINT))
+    point, prim, *_ = tracer.emitters.sample(index, draws.two(EMITTER_POINT))
     ng, material = tracer.shading.frame(prim, mi.Bool(True))
     d = mi.warp.square_to_uniform_sphere(draws.two(DIRECTION))
     back = dr.dot(d, ng) < 0
@@ -184,7 +184,8 @@ def _leave_light(tracer, draws, cluster):
 
 def _from_emitter(tracer, draws, cluster, p, n, active):
     index, probability = tracer.emitters.choice.choose_within(draws.one(EMITTER), cluster)
-    return emitter_light(tracer, draws, index, probability, p, n, n, Lobe(n), active)
+    at = draws.two(EMITTER_POINT)
+    return emitter_light(tracer, draws, index, at, probability, p, n, n, Lobe(n), active)
 
 
 def _from_light(tracer, draws, cluster, p, n, active):

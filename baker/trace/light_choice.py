@@ -55,11 +55,15 @@ class LightChoice:
 
     def choose(self, u, rest, cell):
         """A light in `cell`, from `u` and `rest` in [0, 1), `rest` the bits that `u` lacks: (index, probability)."""
-        if self.count == 1:
-            return self.choose_within(u, mi.UInt32(0))
-        cluster, again, probability = chosen(self._likely, u, rest, cell, self.count)
+        cluster, again, probability = self.choose_cluster(u, rest, cell)
         index, within = self.choose_within(again, cluster)
         return index, probability * within
+
+    def choose_cluster(self, u, rest, cell):
+        """The same for a cluster: its number, a number in [0, 1) that is as random as `u` was, and its probability."""
+        if self.count == 1:
+            return mi.UInt32(0), u, mi.Float(1)
+        return chosen(self._likely, u, rest, cell, self.count)
 
     def choose_within(self, u, cluster):
         """A light of `cluster` from `u` in [0, 1), and its probability there: (index, probability)."""

@@ -15,7 +15,7 @@ from gsgi.runtime import constants
 from .cached_light import CachedLight
 from .guided import Lobe
 from .mitsuba_scene import load_mitsuba
-from .random_numbers import DIRECTION, Draws, hashed
+from .random_numbers import DIRECTION, R2, Draws, hashed
 from .rays import closest_front, closest_through, lifted, lifted_hit, lifted_point, side, transmitted, unoccluded
 
 mi = load_mitsuba()
@@ -27,7 +27,8 @@ ROULETTE_MAX = 0.999  # larger than most albedos: then the weight of a path neve
 
 # Dimensions of `Draws` beside DIRECTION: the random number that each decision uses.
 ROULETTE, LIGHT, EMITTER, EMITTER_POINT, ENVIRONMENT, TEXTURE = 2, 3, 4, 5, 7, 9
-FILTER, PLACE, BRIGHT = 15, 16, 17
+FILTER, PLACE, BRIGHT, CANDIDATE = 15, 16, 17, 18
+CANDIDATES = 3  # points on emitters, of which one is asked for light
 _JITTER = {"base_color_texture": 0, "metallic_texture": 2, "emission_texture": 4}
 
 
@@ -249,8 +250,7 @@ def _emitted_to_vertex(tracer, draws, cell, p, n, ng, bounce, lobe, active):
     if tracer.lights.count > 0 and tracer.filtering is not None:
         light += _chosen_punctual_light(tracer, draws, cell, p, n, ng, mi.Bool(False), active & (bounce == 0))
     if tracer.emitters.count > 0:
-        index, probability = tracer.emitters.choice.choose(draws.one(EMITTER), draws.rest(EMITTER), cell)
-        light += emitter_light(tracer, draws, index, probability, p, n, ng, lobe, active)
+        light += _sample_emitter(tracer, draws, cell, p, n, ng, lobe, active)
     if tracer.environment is not None and tracer.environment.samples_light:
         light += _sample_environment(tracer, draws, p, n, ng, lobe, active)
     return light
@@ -367,12 +367,47 @@ def punctual_light(tracer, p, n, ng, index, active, filtered, share=1, dims=True
     return dr.select(counts, share * factor * color * cosine * dr.inv_pi, 0)
 
 
-def emitter_light(tracer, draws, index, probability, p, n, ng, lobe, active):
-    """Light of one point on emissive triangle `index`, chosen with this probability, over it.
+def _sample_emitter(tracer, draws, cell, p, n, ng, lobe, active):
+    """Light of one of CANDIDATES points on a cluster of emissive triangles, the one that would bring most to the vertex
+    being the likeliest if nothing were between (resampled importance sampling, Talbot et al. 2005).
+
+    Half of a bulb faces away, and most of a tube is far away: a single point would often be asked in vain. Which
+    cluster is in sight has been learned.
+    """
+    emitters, total, drawn = tracer.emitters, mi.Float(0), draws.independent(CANDIDATE).x
+    index, at, probability, brings = mi.UInt32(0), mi.Point2f(0), mi.Float(1), mi.Float(1)
+    cluster, u, likely = emitters.choice.choose_cluster(draws.one(EMITTER), draws.rest(EMITTER), cell)
+    v = draws.two(EMITTER_POINT)
+    for i in range(CANDIDATES):
+        # Each has a part of the cluster to itself, and of the triangle another part than those before.
+        one, within = emitters.choice.choose_within((u + i) * (1 / CANDIDATES), cluster)
+        there = v + mi.Point2f(*(i * step * 2.0**-32 % 1 for step in R2))
+        there -= dr.floor(there)
+        point, prim, _, density, brightness = emitters.sample(one, there)
+        offset = point - p
+        squared = dr.squared_norm(offset)
+        normal, material = tracer.shading.frame(prim, active)
+        facing = -dr.dot(normal, offset)
+        facing = dr.select(tracer.shading.is_double_sided(material, active), dr.abs(facing), facing)
+        lights = active & (facing > 0) & (dr.dot(offset, n) > 0) & (dr.dot(offset, ng) > 0)
+        would = dr.select(lights, brightness * facing * dr.dot(offset, n) / dr.square(squared), 0)
+        weight = would / (density * within)
+        total += weight
+        share = dr.select(total > 0, weight / total, 0)
+        takes = drawn < share
+        drawn = dr.select(takes, drawn / share, (drawn - share) / (1 - share))
+        index, at = dr.select(takes, one, index), dr.select(takes, there, at)
+        probability, brings = dr.select(takes, within, probability), dr.select(takes, weight, brings)
+    light = emitter_light(tracer, draws, index, at, likely * probability, p, n, ng, lobe, active & (total > 0))
+    return light * (total / (CANDIDATES * brings))
+
+
+def emitter_light(tracer, draws, index, at, probability, p, n, ng, lobe, active):
+    """Light of the point `at` (Point2f in [0, 1)^2) on emissive triangle `index`, over the `probability` of both.
 
     Multiple importance sampling with the `lobe` (Veach 1997).
     """
-    point, prim, b, density = tracer.emitters.sample(index, draws.two(EMITTER_POINT))
+    point, prim, b, density, _ = tracer.emitters.sample(index, at)
     density *= probability
     offset = point - p
     squared = dr.squared_norm(offset)

@@ -15,7 +15,7 @@ R2 = (3242174889, 2447445414)
 Y2 = (2930575603, 1999613215)
 DIRECTION = 0  # the dimension that steps by R2; other pairs step by Y2, so that neither depends on the other
 
-DIMENSIONS = 17  # most numbers that one bounce may use
+DIMENSIONS = 20  # most numbers that one bounce may use
 
 
 def hashed(x):

@@ -127,7 +127,7 @@ def test_a_guide_is_stored_and_stays_after_an_edit(tracer, light):
     np.testing.assert_array_equal(stored.b.guide.likely, light.a.guide.likely)
     position, normal = inside(2000)
     halves = (half.mean for half in tracer.halves(position, normal, normal, Sampling(32, BOUNCES), 5))
-    after = known_light_again(tracer, position, normal, *halves, light)
+    after = known_light_again(tracer, position, normal, *halves, BOUNCES, light)
     assert after.a.guide is after.b.guide is light.a.guide
 
 

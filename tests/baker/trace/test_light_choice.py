@@ -1,5 +1,6 @@
 """Which light a path asks: clusters, cells, and what they learn."""
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -51,10 +52,24 @@ def floor_points(count: int) -> tuple[np.ndarray, np.ndarray]:
 def test_lights_that_lie_apart_are_clusters_and_a_quad_is_one():
     rng = np.random.default_rng(0)
     centre = np.repeat(rng.uniform(-50, 50, (20, 3)), 12, axis=0) + rng.uniform(-0.05, 0.05, (240, 3))
-    found = clusters(centre, np.full(240, 0.2))
-    assert len(np.unique(found)) == 20
-    assert (found.reshape(20, 12) == found[::12, None]).all()
+    found = clusters(centre, np.full(240, 0.2)).reshape(20, 12)
+    groups = [set(group) for group in found.tolist()]
+    assert sum(map(len, groups)) == len(set().union(*groups)) == CLUSTERS
     assert not clusters(np.array([[0, 0, 0], [1 / 3, 1 / 3, 0]]), np.ones(2)).any()
+
+
+def test_groups_that_lie_apart_come_before_long_lights_beside_each_other():
+    """Sixty-four panels of two triangles, and a tube, which stays whole beside them but not alone."""
+    rng = np.random.default_rng(0)
+    panels = np.repeat(rng.uniform(-50, 50, (CLUSTERS - 1, 3)), 2, axis=0) + np.tile(
+        [[0, 0, 0], [0.3, 0, 0.3]], (63, 1)
+    )
+    around = np.linspace(0, 2 * np.pi, 16, endpoint=False)
+    tube = np.stack([np.full(16, 60.0), 0.02 * np.cos(around), 0.02 * np.sin(around)], axis=1)
+    both = clusters(np.concatenate([panels, tube]), np.append(np.ones(len(panels)), np.full(16, 4.0)))
+    assert (both[::2] == both[1::2]).all()
+    assert len(np.unique(both[len(panels) :])) == 1
+    assert len(np.unique(clusters(tube, np.full(16, 4.0)))) > 4
 
 
 def test_there_are_never_too_many_clusters_and_all_numbers_occur():
@@ -119,7 +134,7 @@ def test_the_bits_that_one_number_lacks_reach_lights_in_unlikely_clusters():
     mi = load_mitsuba()
     from gsgi.baker.trace.light_choice import LightChoice
 
-    centre = np.concatenate([np.zeros((1, 3)), np.linspace([9, 0, 0], [10, 0, 0], 4096)])
+    centre = np.concatenate([np.zeros((1, 3)), np.tile([9.0, 0, 0], (4096, 1))])
     choice = LightChoice(np.ones(4097), centre, np.full(4097, 5.0))
     assert choice.count == 2
     unlikely = choice.cluster[1]
@@ -143,6 +158,32 @@ def test_a_much_brighter_light_in_another_room_costs_a_dim_room_little(rooms):
     assert noise[1] < 1.6 * noise[0]
     difference = np.mean(second) - np.mean(first)
     assert abs(difference) < 4 * np.hypot(*noise) / np.sqrt(2 * 512) + 1e-3 * np.mean(first)
+
+
+def tube(sides: int = 8) -> Scene:
+    """A closed box of 2 m with an emissive tube, 1.8 m long, near a wall."""
+    turn = np.linspace(0, 2 * np.pi, sides + 1)
+    ring = np.stack([0.02 * np.cos(turn) - 0.9, 0.02 * np.sin(turn), np.full(sides + 1, -0.9)], axis=1)
+    along = np.array([0, 0, 1.8])
+    faces = [scenes.quad([a, b, b + along, a + along], 1) for a, b in itertools.pairwise(ring)]
+    materials = Material("wall", (0.5, 0.5, 0.5, 1.0)), Material("tube", (0, 0, 0, 1), emission=(9.0, 9.0, 9.0))
+    return Scene((*scenes.box(), *faces), materials)
+
+
+def test_of_several_points_on_a_tube_one_that_faces_the_vertex_is_asked(monkeypatch):
+    from gsgi.baker.trace import paths
+
+    points, up = floor_points(512)
+
+    def runs(candidates: int) -> np.ndarray:
+        monkeypatch.setattr(paths, "CANDIDATES", candidates)
+        tracer = Tracer(tube())
+        return np.stack([tracer.indirect(points, up, up, Sampling(32, 0), s).mean[:, 0] for s in range(16)])
+
+    several, one = runs(paths.CANDIDATES), runs(1)
+    error = np.sqrt(sum(light.var(axis=0, ddof=1).sum() / 16 for light in (several, one)))
+    assert abs((several - one).mean(axis=0).sum()) < 4 * error
+    assert one.var(axis=0).mean() > 2 * several.var(axis=0).mean()
 
 
 def test_lights_that_no_point_saw_are_still_asked():
