@@ -21,11 +21,20 @@ def points(count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
 
 
 def look_up(cache: IrradianceCache, position, normal, distance=1e3) -> tuple[np.ndarray, np.ndarray]:
-    """Light (N, 3) and whether it is known (N,) from a distance, m, by the path tracer's kernels."""
+    """Light (N, 3) and whether it is known (N,) from a distance, m, by the path tracer's kernels.
+
+    They also tell whether it is known from farther away.
+    """
     from gsgi.baker.trace.cached_light import CachedLight, mi
 
     p, n = mi.Point3f(position.T), mi.Normal3f(normal.T)
-    light, known = CachedLight(cache).look_up(p, n, mi.Float(distance), mi.Bool(True))
+    cached = CachedLight(cache)
+    light, known, near = cached.look_up(p, n, mi.Float(distance), mi.Bool(True))
+    afar, known_afar, reach = cached.from_afar(p, n, mi.Bool(True))
+    reached = np.array(reach) <= distance
+    np.testing.assert_array_equal(np.array(near), ~reached)
+    np.testing.assert_array_equal(np.array(known), np.array(known_afar) & reached)
+    np.testing.assert_array_equal(np.array(light).T, np.array(afar).T * np.array(known)[:, None])
     return np.array(light).T, np.array(known)
 
 
