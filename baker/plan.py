@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gsgi.baker.cache.store import Cache
-from gsgi.baker.trace import guide
+from gsgi.baker.trace import bright_places, guide
 from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.baker.trace.irradiance_cache import KnownLight
 from gsgi.baker.trace.pilot import Pilot
@@ -205,8 +205,13 @@ class Plan:
 
     @property
     def guide_paths(self) -> int:
-        """Number of paths from the first samples of the known light that only guide all later ones."""
-        return min(point_count(self._known_rounds[0]), guide.POINTS) * guide.PATHS if self._known_rounds else 0
+        """Number of paths from the first samples of the known light that only guide all later ones, if none of these
+        are connected to bright places."""
+        if not self._known_rounds:
+            return 0
+        points = point_count(self._known_rounds[0])
+        tried = min(bright_places.TRIED, bright_places.FROM_EACH * points)
+        return min(points, guide.POINTS) * guide.PATHS + tried
 
     @property
     def _known_rounds(self) -> tuple[list[int], ...]:

@@ -12,6 +12,9 @@ import numpy as np
 
 from .point_order import coherent
 
+# Paths by which it is learned whether there are any, and by which all are found; and most from each point.
+TRIED, PATHS, FROM_EACH = 1 << 18, 1 << 21, 1 << 6
+
 LEAVES, CLUSTERS = 1 << 10, 128  # of all triangles, at most
 EACH = 1 << 5  # places in a leaf
 LEAST_MET = 4  # paths that meet a part before it is divided

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .bright_places import EACH, GONE, BrightPlaces, divided, in_square, on_triangle
+from .bright_places import EACH, FROM_EACH, GONE, PATHS, TRIED, BrightPlaces, divided, in_square, on_triangle
 from .cached_light import CachedLight
 from .guide import Guide
 from .guided import Lobe
@@ -26,8 +26,7 @@ mi = load_mitsuba()
 
 import drjit as dr  # noqa: E402  (needs the LLVM that load_mitsuba chose)
 
-TRIED, PATHS = 1 << 18, 1 << 21  # from the points: to learn whether there are bright places, and to find them all
-SEED = 0  # of those paths, which are no part of the light
+SEED = 0  # of the paths by which they are learned, which are no part of the light
 
 # A path that brings more than FIREFLY times the light around its point has met a bright place. Below this share of what
 # noise comes from, there are none, and below this variance of a path, relative to the light around, none are needed.
@@ -50,7 +49,7 @@ def learn(
         return BrightPlaces()
     level = local_light(position, normal, a, b).level
     kernel = partial(_brought, known=CachedLight(replace(known, guide=Guide())), bounces=bounces)
-    for count in (TRIED, PATHS):
+    for count in sorted({min(paths, FROM_EACH * len(position)) for paths in (TRIED, PATHS)}):
         number = np.random.default_rng(SEED).integers(len(position), size=count)
         keys = np.stack([np.arange(count), np.zeros(count)], axis=1).astype(np.uint32)
         ratio = tracer.launched(kernel, position[number], normal[number], keys)["light"] / level[number]
