@@ -89,8 +89,8 @@ def lit(tracer, parts: BrightPlaces, known: "IrradianceCache", bounces: int, see
     unknown = np.flatnonzero(~found["known"] & (found["albedo"] > 0).any(axis=1))
     if len(unknown):
         where = (found[name][unknown] for name in ("position", "normal", "geometric_normal"))
-        ends = replace(known, guide=Guide())
-        light[unknown] = tracer.indirect(*where, Sampling(TRACED, max(bounces - 1, 0)), seed, known=ends).mean
+        sampling, ends = Sampling(TRACED, max(bounces - 1, 0)), replace(known, guide=Guide())
+        light[unknown] = tracer.indirect(*where, sampling, seed, None, ends).mean
     place = np.zeros((len(leaf), 12), np.float32)
     place[:, :3], place[:, 3], place[:, 4:7] = found["position"], parts.density[leaf], found["geometric_normal"]
     place[:, 7], place[:, 8:11] = found["reach"], found["albedo"] * light

@@ -216,7 +216,7 @@ class UpdatedSampler:
             for known in (light, head):
                 change = level[shifted, None] * shift[fate[kept] == SHIFTED]
                 known[shifted] = np.maximum(known[shifted] + change, 0)
-            light[part] = np.maximum(light[part] + head_again[part] - head[part], 0)
+            light[part] = np.maximum(light[part] + (head_again[part] - head[part]), 0)
             light[whole] = all_paths[whole]
             light[fate == GONE] = np.nan
             head[whole | part] = head_again[whole | part]

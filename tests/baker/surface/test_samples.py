@@ -107,7 +107,7 @@ def test_what_the_cache_holds_is_not_traced_again(tmp_path):
     done = []
     first = sampler(scene, cache=cache).surface([1, 2], lambda *args: done.append(args[0]))
     assert sum(done) == pytest.approx(path_count([1, 2]))
-    assert len(entries(tmp_path)) == 2 + 3  # the points of each chunk, and layers
+    assert len(entries(tmp_path)) == 2 + 3 + 1  # the points of each chunk, layers, and which lights matter where
     light, done = CachedTracer(scene, cache), []
     light.__dict__["tracer"] = None  # whoever asks it for anything fails
     inside = SeenSurface(light, [scenes.inside_camera()])
@@ -331,6 +331,7 @@ def test_points_in_free_space_take_more_layers_where_they_are_noisy(traced, monk
         ("quiet", scenes.furnace(0.5), 0.025), ("noisy", scenes.spot_room(), 0.025), ("all", scenes.furnace(0.5), 0.0),
     ):  # fmt: skip
         asked = prepared(gathering(scene, 4, error))
+        assert asked.known_light  # for which paths are traced too
         traced.clear()
         asked.free([FREE_LAYERS], ignore)
         layers[name] = sum(traced) / (CHUNK * PATHS_STEP)

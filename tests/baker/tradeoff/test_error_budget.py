@@ -14,7 +14,7 @@ from gsgi.baker.tradeoff import gaussians, report, study
 @pytest.fixture(scope="module")
 def made(ground):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(budget, "SAMPLES_FEWEST", 1 << 13)
+        patch.setattr(budget, "SAMPLES_FEWEST", 1 << 14)
         patch.setattr(budget, "FREE_PER_GAUSSIAN", 64)
         patch.setattr(gaussians, "FACTORS_QUICK", (1, 4))
         patch.setattr(study, "ROUNDS_QUICK", 1)
