@@ -12,7 +12,7 @@ import numpy as np
 
 from .point_order import coherent
 
-# Paths by which it is learned whether there are any, and by which all are found; and most from each point.
+# Number of paths for the trial, and for the full search; at most FROM_EACH per point.
 TRIED, PATHS, FROM_EACH = 1 << 18, 1 << 21, 1 << 6
 
 LEAVES, CLUSTERS = 1 << 10, 128  # of all triangles, at most

@@ -30,8 +30,8 @@ class CachedLight:
         self._origin = mi.Point3f(*(dr.opaque(mi.Float, float(x)) for x in cache.origin))
 
     def look_up(self, p, n, distance, active):
-        """B at points with unit normals, whether it is known there to who sees them from a `distance`, m, and whether
-        more might be known from farther away."""
+        """B at points with unit normals, whether it is known to a viewer at a `distance`, m, and whether it might be to
+        one that is farther away."""
         light, searching, near = mi.Color3f(UNKNOWN), mi.Bool(active), mi.Bool(False)
         for level in range(self._levels):
             away = distance >= self._away(level)
@@ -42,7 +42,8 @@ class CachedLight:
         return dr.select(known, light, 0), known, near
 
     def from_afar(self, p, n, active):
-        """B at points with unit normals, whether it is known to who is far away, and the distance, m, of these."""
+        """B at points with unit normals, whether it is known to a distant viewer, and the distance, m, from which it is
+        read."""
         light, searching, reach = mi.Color3f(UNKNOWN), mi.Bool(active), mi.Float(0)
         for level in range(self._levels):
             reach = dr.select(searching, self._away(level), reach)

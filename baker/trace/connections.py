@@ -62,7 +62,7 @@ def arriving(tracer, places, index, probability, p, n, ng, lobe, active):
     distance = dr.sqrt(squared)
     wi = offset / distance
     cosine, facing = dr.dot(wi, n), -dr.dot(wi, mi.Normal3f(normal.x, normal.y, normal.z))
-    active = active & (cosine > 0) & (dr.dot(wi, ng) > 0) & (facing > 0) & (squared > 0) & (dr.max(light) > 0)
+    active = active & (cosine > 0) & (dr.dot(wi, ng) > 0) & (facing > 0) & (squared > 0) & (dr.max(dr.abs(light)) > 0)
     active &= distance >= reach
     active &= unoccluded(tracer, p, wi, distance, active)
     if tracer.filtering is not None:

@@ -99,6 +99,16 @@ def known_light_again(
     return _guided(_shining(tracer, light, parts, bounces), edited.a.guide)
 
 
+def found_again(tracer: Tracer, edited: KnownLight) -> KnownLight:
+    """The same known light after an edit that has not changed it: its bright places are on triangles of other rows."""
+    if not len(edited.a.bright):
+        return edited
+    from .learned_bright import found_again as placed_again
+
+    halves = edited.a, edited.b
+    return KnownLight(*(replace(half, bright=placed_again(tracer, half.bright)) for half in halves))
+
+
 def _cached(tracer: Tracer, position, normal, a, b, like: IrradianceCache | None = None) -> KnownLight:
     """The caches of both halves of B, but for what paths ask for where they end."""
     asked = tracer.asked_through_filters(position, normal)

@@ -16,8 +16,8 @@ from .local_light import local_light
 from .mitsuba_scene import load_mitsuba
 from .paths import FILTER, indirect, is_unlit
 from .random_numbers import DIRECTION, Draws, hashed
-from .rays import closest, closest_through, lifted, lifted_point, side
-from .tracer import Sampling
+from .rays import closest_through, lifted, lifted_point, side
+from .tracer import PASS_SAMPLES, Sampling
 
 if TYPE_CHECKING:
     from .irradiance_cache import IrradianceCache
@@ -28,12 +28,10 @@ import drjit as dr  # noqa: E402  (needs the LLVM that load_mitsuba chose)
 
 SEED = 0  # of the paths by which they are learned, which are no part of the light
 
-# A path that brings more than FIREFLY times the light around its point has met a bright place. Below this share of what
-# noise comes from, there are none, and below this variance of a path, relative to the light around, none are needed.
-FIREFLY, SHARE, VARIANCE = 4.0, 0.4, 0.5
+# A path that brings more than FIREFLY times the light around its point has met a bright place. If such paths bring less
+# than SHARE of the mean square, there are no bright places; if that is below SQUARE, none are needed.
+FIREFLY, SHARE, SQUARE = 4.0, 0.4, 0.5
 TRIANGLES, BRINGING = 512, 0.98  # at most so many, those that bring this share of what all of them bring
-
-TRACED = 16  # paths from a place whose light is not known
 
 
 def learn(
@@ -54,7 +52,7 @@ def learn(
         keys = np.stack([np.arange(count), np.zeros(count)], axis=1).astype(np.uint32)
         ratio = tracer.launched(kernel, position[number], normal[number], keys)["light"] / level[number]
         square, top = np.square(ratio), np.flatnonzero(ratio > FIREFLY)
-        if square.mean() < VARIANCE or square[top].sum() < SHARE * square.sum():
+        if square.mean() < SQUARE or square[top].sum() < SHARE * square.sum():
             return BrightPlaces()
     met = tracer.launched(_met, position[number[top]], normal[number[top]], keys[top])
     triangle, at, weight = (column[met["reflects"]] for column in (met["triangle"], met["at"], ratio[top]))
@@ -74,7 +72,8 @@ def learn(
 def lit(tracer, parts: BrightPlaces, known: "IrradianceCache", bounces: int, seed: int) -> BrightPlaces:
     """Places in `parts`, drawn by `seed`, with their light as it is in `known` light, or by paths that end there.
 
-    Paths of at most so many bounces are connected to them.
+    Paths of at most so many bounces are connected to them, and get light by one bounce less, as known light has it,
+    however many of theirs are left.
     """
     leaf = np.repeat(np.arange(len(parts.of)), EACH)
     rng = np.random.default_rng(seed)
@@ -88,9 +87,12 @@ def lit(tracer, parts: BrightPlaces, known: "IrradianceCache", bounces: int, see
     light = found["light"]
     unknown = np.flatnonzero(~found["known"] & (found["albedo"] > 0).any(axis=1))
     if len(unknown):
-        where = (found[name][unknown] for name in ("position", "normal", "geometric_normal"))
-        sampling, ends = Sampling(TRACED, max(bounces - 1, 0)), replace(known, guide=Guide())
-        light[unknown] = tracer.indirect(*where, sampling, seed, None, ends).mean
+        where = [found[name][unknown] for name in ("position", "normal", "geometric_normal")]
+        numbers = np.stack([unknown, np.zeros(len(unknown))], axis=1).astype(np.uint32)
+        sampling, ends = Sampling(PASS_SAMPLES, max(bounces - 1, 0)), replace(known, guide=Guide())
+        traced = tracer.indirect(*where, sampling, seed, None, ends, numbers).mean
+        # Rays that meet the place ask for what has passed filters themselves.
+        light[unknown] = traced - tracer.through_filters(*where)
     place = np.zeros((len(leaf), 12), np.float32)
     place[:, :3], place[:, 3], place[:, 4:7] = found["position"], parts.density[leaf], found["geometric_normal"]
     place[:, 7], place[:, 8:11] = found["reach"], found["albedo"] * light
@@ -110,15 +112,18 @@ def chosen_by(tracer, places: BrightPlaces, position: np.ndarray, normal: np.nda
 
 
 def found_again(tracer, parts: BrightPlaces) -> BrightPlaces:
-    """The same parts in the scene of another tracer, whose triangles have other rows."""
+    """The same parts in the scene of another tracer, where triangles have other rows.
+
+    Places are without light on those that are not there, or do not reflect on that side any more.
+    """
     if not len(parts.row):
         return parts
-    edges = parts.corners[:, 1:] - parts.corners[:, :1]
-    across = np.cross(edges[:, 0], edges[:, 1])
-    across /= np.linalg.norm(across, axis=1, keepdims=True)
-    row = tracer.launched(_at, parts.corners.mean(axis=1), across)["row"].astype(np.int64)
-    same = (tracer.corners(row.astype(np.uint32)).astype(np.float32) == parts.corners).all(axis=(1, 2))
-    return replace(parts, row=np.where(same, row, GONE))
+    row = tracer.rows_with(parts.corners)
+    number = np.stack([np.maximum(row, 0), parts.front, row != GONE], axis=1).astype(np.uint32)
+    row = np.where(tracer.launched(_still, number)["reflects"], row, GONE)
+    place = parts.place.copy()
+    place[np.repeat(row[parts.of] == GONE, EACH), 8:11] = 0
+    return replace(parts, row=row, place=place)
 
 
 def _brought(tracer, position, normal, numbers, known: CachedLight, bounces: int) -> dict[str, np.ndarray]:
@@ -140,10 +145,7 @@ def _met(tracer, position, normal, numbers) -> dict[str, np.ndarray]:
     hit, _ = closest_through(tracer, p, d, draws.one(FILTER), active)
     found = active & dr.isfinite(hit.t)
     _, material, front = side(tracer, hit, d, found)
-    found &= (front | tracer.shading.is_double_sided(material, found)) & ~is_unlit(tracer, material, found)
-    if tracer.filtering is not None:
-        found &= ~tracer.shading.is_filter(material, found)
-    found &= tracer.places.row(hit.prim) == hit.prim
+    found = _reflects(tracer, material, front, found) & (tracer.places.row(hit.prim) == hit.prim)
     triangle = 2 * hit.prim + dr.select(front, mi.UInt32(1), 0)
     dr.eval(triangle, hit.b, found)
     return {
@@ -176,11 +178,15 @@ def _found(tracer, point, b, number, known: CachedLight) -> dict[str, np.ndarray
     return arrays | {"known": np.array(is_known).astype(bool), "reach": np.array(reach)}
 
 
-def _at(tracer, position, normal) -> dict[str, np.ndarray]:
-    """The `row` (N,) of the triangle at each point of a surface, 0 where there is none that stands for itself."""
-    n = mi.Normal3f(normal.T)
-    active = dr.squared_norm(n) > 0
-    p = lifted_point(tracer, mi.Point3f(position.T), n, active)
-    hit = closest(tracer, p, -n, active)
-    alone = dr.isfinite(hit.t) & (tracer.places.row(hit.prim) == hit.prim)
-    return {"row": np.array(dr.select(alone, hit.prim, 0))}
+def _still(tracer, number) -> dict[str, np.ndarray]:
+    """Whether (N,) bool triangles reflect on one side, which the columns of `number` tell as for `_found`."""
+    prim, front, there = mi.Point3u(number.T)
+    there = there > 0
+    _, material = tracer.shading.frame(prim, there)
+    return {"reflects": np.array(_reflects(tracer, material, front > 0, there)).astype(bool)}
+
+
+def _reflects(tracer, material, front, active):
+    """Whether surfaces of this material, seen from the front or not, reflect light to which rays are connected."""
+    active = active & (front | tracer.shading.is_double_sided(material, active)) & ~is_unlit(tracer, material, active)
+    return active if tracer.filtering is None else active & ~tracer.shading.is_filter(material, active)

@@ -36,5 +36,6 @@ def _part(centre: np.ndarray, extent: np.ndarray, members: np.ndarray) -> tuple:
     low, high = centre[members].min(axis=0), centre[members].max(axis=0)
     axis = int(np.argmax(high - low))
     width = high[axis] - low[axis]
-    turn = 0 if width > extent[members].max() else 1 if len(members) > 2 and width > 0 else WHOLE
-    return turn, -float(width), int(members[0]), members, axis, (low[axis] + high[axis]) / 2
+    middle = (low[axis] + high[axis]) / 2
+    turn = 0 if width > extent[members].max() else 1 if len(members) > 2 and low[axis] <= middle < high[axis] else WHOLE
+    return turn, -float(width), int(members[0]), members, axis, middle

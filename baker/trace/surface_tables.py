@@ -132,6 +132,23 @@ def corners_of(position: np.ndarray, triangle: np.ndarray, placed: Placed | None
     return position[triangle[row]] @ matrix[:, :3, :3].transpose(0, 2, 1) + matrix[:, None, :3, 3]
 
 
+def rows_with(position: np.ndarray, triangle: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """The first of the triangles (F, 3) that has each of these `corners` (N, 3, 3) float32, or -1: (N,) int64."""
+    found = {each.tobytes(): -1 for each in corners}
+    some = np.isin(_hashed(position), _hashed(corners[:, 0]))
+    for row in np.flatnonzero(some[triangle[:, 0]])[::-1]:
+        key = position[triangle[row]].tobytes()
+        if key in found:
+            found[key] = int(row)
+    return np.array([found[each.tobytes()] for each in corners], np.int64)
+
+
+def _hashed(position: np.ndarray) -> np.ndarray:
+    """A number (N,) uint64 for each position (N, 3) float32, the same for the same bits."""
+    x, y, z = np.ascontiguousarray(position, np.float32).view(np.uint32).astype(np.uint64).T
+    return (x * np.uint64(0x9E3779B97F4A7C15) ^ y) * np.uint64(0xC2B2AE3D27D4EB4F) ^ z
+
+
 def _by_kind(scene: Scene, meshes: Sequence[Mesh]) -> list[Mesh]:
     return sorted(meshes, key=lambda mesh: _kind(scene, mesh))
 

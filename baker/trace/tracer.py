@@ -21,7 +21,7 @@ from .irradiance_cache import IrradianceCache, KnownLight
 from .lit_places import LIGHTS_MOST
 from .planes import onto_planes
 from .punctual_lights import PunctualLights
-from .surface_tables import corners_of
+from .surface_tables import corners_of, rows_with
 
 if TYPE_CHECKING:
     from .learned_lights import FoundCell, LearnedLights
@@ -128,6 +128,7 @@ class Tracer:
         self._scene = scene = lambertian(scene)
         surfaces, moved = surfaces_of(scene)
         self.corners = partial(corners_of, surfaces.position, surfaces.triangle, surfaces.placed)
+        self.rows_with = partial(rows_with, surfaces.position, surfaces.triangle[: surfaces.single])
         self.places = Places(surfaces)
         self.opaque, self.masked, self.filtering = self.places.trees
         self.unlit = any(material.unlit for material in scene.materials)
@@ -279,11 +280,18 @@ class Tracer:
 
         The arguments are those of `indirect`. The part is exact, as `direct` is.
         """
-        from . import paths
-
         if not self.asks_through_filters:
             return np.zeros((len(position), 3), np.float32)
-        return self.launched(partial(paths.punctual, filtered=True, dims=True), position, normal, normal)["light"]
+        return self.through_filters(position, normal, normal)
+
+    def through_filters(self, position, normal, geometric_normal) -> np.ndarray:
+        """The same part of B, whether or not paths ask for it."""
+        from . import paths
+
+        if self.filtering is None or not self.lights.count:
+            return np.zeros((len(position), 3), np.float32)
+        kernel = partial(paths.punctual, filtered=True, dims=True)
+        return self.launched(kernel, position, normal, geometric_normal)["light"]
 
     def _first_hits(self, origin: np.ndarray, direction: np.ndarray) -> dict[str, np.ndarray]:
         """The columns of `paths.first_hits`, with `position` in place of triangle and distance."""

@@ -12,7 +12,7 @@ from gsgi.baker.surface.samples import SurfaceSamples, combined, joined
 from gsgi.baker.surface.seen_surface import SeenSurface
 from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.baker.trace.irradiance_cache import KnownLight
-from gsgi.baker.trace.known_light import known_light_again
+from gsgi.baker.trace.known_light import found_again, known_light_again
 from gsgi.baker.trace.local_light import local_light
 from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling
 
@@ -105,8 +105,9 @@ class UpdatedSampler:
             bounces = self._sampling.bounces
             edited = kept_light(self._tracer.cache, self._before["known"])
             if not self._known.touched:
-                self._known_light, self.entries["known"] = edited, self._before["known"]
-                return edited
+                self._known_light = found_again(self._tracer.tracer, edited)
+                self.entries["known"] = self._before["known"]
+                return self._known_light
             key = self._tracer.key("known", __name__, before=self._before["known"], samples=arrays)
             self._known_light, _ = self._tracer.once(
                 key, KnownLight, lambda: known_light_again(self._tracer.tracer, *arrays, bounces, edited)

@@ -22,8 +22,10 @@ OPEN = 0.5  # above this share of rays without a hit, a scene lies in the open
 VOID = 0.4  # from this share of downward rays without a hit, a viewpoint is in the void beside a building
 BELOW = -0.5  # a unit direction with a smaller y points down
 
-# Of surface under the open sky, less than this share that is no roof is none to stand on: walls are thick.
+# If less than this share of the surface under the open sky is ground, there are only roofs; the tops of walls count as
+# ground. Below a roof there is a floor, so many clearances lower at least: a pavement lies on the ground.
 GROUND = 1 / 3
+ROOM = 2.0
 LAYERS = 8  # surfaces below each other that are looked through
 
 LEAST = 64  # viewpoints to use if none is free
@@ -51,7 +53,7 @@ class FreeSpace:
     the open (a leaf is seen from both sides), or one of the given cameras sees that many backs, so that the winding
     means nothing. Unless the scene lies in the open, free viewpoints have ground below them, because the outer walls of
     a building without surroundings face nothing; but a given camera beside such a building tells that people look at
-    them. A roof is no ground if there is no other outside.
+    them. A roof is no ground if there is hardly any other ground outside.
     """
 
     def __init__(self, triangles: Triangles, given: list[Camera], points: SurfacePoints, rng: np.random.Generator):
@@ -62,13 +64,13 @@ class FreeSpace:
         missed = triangles.hits(lifted, cosine_directions(points.normal, rng)).triangle < 0
         self._open = bool(missed.mean() > OPEN)
         self._winding, self._grounded = True, not self._open
-        self._roofed = self._grounded and _only_roofs(triangles, lifted[points.normal[:, 1] > -BELOW])
+        self._roofed = self._grounded and self._only_roofs(lifted[points.normal[:, 1] > -BELOW])
         if given:
             position = np.array([camera.position for camera in given])
             own = look_around(triangles, position)
             self._winding = bool((own.double_backs <= DOUBLE_BACKS_MAX).all())
             self._grounded &= bool((own.below < VOID).all())
-            self._roofed &= not self._on_roofs(position, own.open).any()
+            self._roofed &= self._winding and not self._on_roofs(position, own.open).any()
 
     def draw(
         self,
@@ -132,31 +134,31 @@ class FreeSpace:
         ground = hits.triangle >= 0
         hits = Hits(*(column[ground] for column in hits))
         met = self._triangles.met(eye[ground], way[ground], hits)
-        ground[ground] = _are_ground(self._triangles, self._triangles.lifted(met, hits.normal))
+        ground[ground] = self._are_ground(self._triangles.lifted(met, hits.normal))
         over[over] = ground.reshape(-1, len(down)).mean(axis=1) < GROUND
         return over
 
+    def _only_roofs(self, above: np.ndarray) -> bool:
+        """Whether there is surface under the open sky, most of it roofs; `above` (N, 3) are points over any of it."""
+        up = np.broadcast_to([0.0, 1.0, 0.0], above.shape)
+        outside = above[self._triangles.hits(above, up).triangle < 0]
+        return len(outside) > 0 and bool(self._are_ground(outside).mean() < GROUND)
 
-def _only_roofs(triangles: Triangles, above: np.ndarray) -> bool:
-    """Whether there is surface under the open sky, nearly all of it roofs; `above` (N, 3) are points over any of it."""
-    up = np.broadcast_to([0.0, 1.0, 0.0], above.shape)
-    outside = above[triangles.hits(above, up).triangle < 0]
-    return len(outside) > 0 and bool(_are_ground(triangles, outside).mean() < GROUND)
-
-
-def _are_ground(triangles: Triangles, above: np.ndarray) -> np.ndarray:
-    """Whether (N,) bool surfaces below points (N, 3) have no other below them that faces up, as a room has."""
-    down = np.array([0.0, -1.0, 0.0])
-    floors, looking = np.zeros(len(above), np.int64), np.arange(len(above))
-    for _ in range(LAYERS):
-        hits = triangles.hits(above[looking], np.broadcast_to(down, (len(looking), 3)))
-        met = hits.triangle >= 0
-        floors[looking] += met & ~hits.back
-        looking, fallen = looking[met], hits.distance[met]
-        there = above[looking] + fallen[:, None] * down
-        above = above.copy()
-        above[looking] = triangles.lifted(there, np.broadcast_to(down, there.shape))
-    return floors == 1
+    def _are_ground(self, above: np.ndarray) -> np.ndarray:
+        """Whether (N,) bool below points (N, 3) a surface faces up, and no other does far below it, as in a room."""
+        down, height = np.array([0.0, -1.0, 0.0]), np.full(len(above), np.nan)
+        room, looking = np.zeros(len(above), bool), np.arange(len(above))
+        for _ in range(LAYERS):
+            hits = self._triangles.hits(above[looking], np.broadcast_to(down, (len(looking), 3)))
+            met = hits.triangle >= 0
+            looking, faces_up, fallen = looking[met], ~hits.back[met], hits.distance[met]
+            there = above[looking] + fallen[:, None] * down
+            room[looking] |= faces_up & (height[looking] - there[:, 1] > ROOM * self.clearance)
+            first = looking[faces_up & np.isnan(height[looking])]
+            height[first] = there[faces_up & np.isnan(height[looking]), 1]
+            above = above.copy()
+            above[looking] = self._triangles.lifted(there, np.broadcast_to(down, there.shape))
+        return ~np.isnan(height) & ~room
 
 
 def look_around(triangles: Triangles, viewpoints: np.ndarray) -> Surroundings:

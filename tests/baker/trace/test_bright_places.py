@@ -11,14 +11,15 @@ from gsgi.baker.cache.records import from_arrays, to_arrays
 from gsgi.baker.trace import known_light as known_lights
 from gsgi.baker.trace.bright_places import EACH, GONE, LEAVES, BrightPlaces, divided, in_square, on_triangle
 from gsgi.baker.trace.irradiance_cache import KnownLight
-from gsgi.baker.trace.known_light import known_light, known_light_again
+from gsgi.baker.trace.known_light import found_again, known_light, known_light_again
 from gsgi.baker.trace.mitsuba_scene import load_mitsuba
 from gsgi.baker.trace.tracer import Sampling, Tracer
-from gsgi.runtime.scene import Environment, Material, Scene
+from gsgi.runtime.scene import Environment, Light, Material, Scene
 
 WALL = Material("wall", (0.6, 0.5, 0.4, 1.0), double_sided=True)
 WHITE = Material("plate", (0.9, 0.9, 0.9, 1.0))
 LIGHT = Material("strip", (0.0, 0.0, 0.0, 1.0), emission=(50.0, 45.0, 40.0))
+BELOW = Light("point", np.full(3, 2.0), np.array([0.0, 0.1, 0.0]), np.array([0.0, 1.0, 0.0]))
 SHIFTED = 0.4  # m along z
 
 
@@ -42,10 +43,17 @@ def halves(tracer: Tracer):
     return position, normal, *light, BOUNCES
 
 
-@pytest.mark.parametrize(("across", "gain"), [(None, 8), (PANE, 2), (CLEAR, 2)], ids=["open", "pane", "clear pane"])
-def test_b_is_the_same_with_less_noise(across, gain, monkeypatch):
+@pytest.mark.parametrize(
+    ("scene", "gain"),
+    [
+        (lamp(), 8), (lamp(PANE), 2), (lamp(CLEAR), 2),
+        (replace(lamp(PANE), lights=(BELOW,)), 1.5),  # which lights the plate through the pane
+    ],
+    ids=["open", "pane", "clear pane", "light through a pane"],
+)  # fmt: skip
+def test_b_is_the_same_with_less_noise(scene, gain, monkeypatch):
     monkeypatch.setattr(known_lights, "PAYS", 0.5)
-    tracer = Tracer(lamp(across))
+    tracer = Tracer(scene)
     light = known(tracer)
     assert len(light.a.bright)
     assert len(light.b.bright)
@@ -104,6 +112,26 @@ def test_triangles_that_an_edit_moves_have_places_without_light():
     plain, connected = traced(moved, replace(after.a, bright=BrightPlaces())), traced(moved, after.a)
     error = np.sqrt(sum(runs.var(axis=0, ddof=1).sum() / len(runs) for runs in (plain, connected)))
     assert abs((plain - connected).mean(axis=0).sum()) < 4 * error
+
+
+@pytest.mark.parametrize("untouched", [True, False])
+def test_places_are_found_where_an_edit_has_put_other_triangles_first(untouched):
+    """A wall that nobody sees stands before the others in the tables of the scene."""
+    before = known_light(Tracer(lamp()), *halves(Tracer(lamp())))
+    hidden = scenes.quad([(5, 0, 0), (5, 1, 0), (5, 1, 1), (5, 0, 1)])
+    other = Tracer(replace(lamp(), meshes=(hidden, *lamp().meshes)))
+    after = found_again(other, before) if untouched else known_light_again(other, *halves(other), before)
+    np.testing.assert_array_equal(after.a.bright.row, before.a.bright.row + 2)
+    np.testing.assert_array_equal(after.a.bright.place, before.a.bright.place)
+
+
+def test_places_on_what_reflects_no_more_are_gone():
+    before = known_light(Tracer(lamp()), *halves(Tracer(lamp())))
+    plate = (before.a.bright.corners[:, :, 1] == np.float32(0.9)).all(axis=1)
+    unlit = Tracer(replace(lamp(), materials=(WALL, replace(WHITE, unlit=True), LIGHT)))
+    after = found_again(unlit, before).a.bright
+    np.testing.assert_array_equal(after.row == GONE, plate)
+    assert not after.place[np.repeat(plate[after.of], EACH), 8:11].any()
 
 
 def test_squares_are_mapped_to_triangles_and_back():

@@ -56,10 +56,12 @@ def test_lights_that_lie_apart_are_clusters_and_a_quad_is_one():
     groups = [set(group) for group in found.tolist()]
     assert sum(map(len, groups)) == len(set().union(*groups)) == CLUSTERS
     assert not clusters(np.array([[0, 0, 0], [1 / 3, 1 / 3, 0]]), np.ones(2)).any()
+    nearly = np.array([[1.0, 0, 0], [1.0, 0, 0], [np.nextafter(1.0, 2), 0, 0]])
+    assert clusters(nearly, np.ones(3)).max() <= 1  # there is no number between
 
 
 def test_groups_that_lie_apart_come_before_long_lights_beside_each_other():
-    """Sixty-four panels of two triangles, and a tube, which stays whole beside them but not alone."""
+    """Sixty-three panels of two triangles, and a tube, which stays whole beside them but not alone."""
     rng = np.random.default_rng(0)
     panels = np.repeat(rng.uniform(-50, 50, (CLUSTERS - 1, 3)), 2, axis=0) + np.tile(
         [[0, 0, 0], [0.3, 0, 0.3]], (63, 1)

@@ -129,8 +129,8 @@ def test_nobody_stands_on_a_roof_in_the_void():
     above = look_at(np.array([0.1, 1.5, 0.0]), np.zeros(3), np.array([0.0, 0, 1]), 1.0, 0.01)
     watched = viewpoints(place(Triangles(Scene(shell, (WALL,))), {"above": above}, SIZE, seed=0).fitted)[1:]
     assert (watched[:, 1] > 1.05).any()  # a camera of the scene tells that people are there
-    ground = scenes.floor(1.6, -1.1)
-    grounded = place(Triangles(Scene((*shell, ground), (WALL,))), {}, SIZE, seed=0)
+    ground = scenes.floor(1.6, -1.1), scenes.floor(1.6, -1.11)  # a pavement and what it lies on
+    grounded = place(Triangles(Scene((*shell, *ground), (WALL,))), {}, SIZE, seed=0)
     assert (np.abs(every(grounded)).max(axis=1) > 1.05).any()
 
 
