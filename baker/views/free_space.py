@@ -26,6 +26,7 @@ BELOW = -0.5  # a unit direction with a smaller y points down
 # ground. Below a roof there is a floor, so many clearances lower at least: a pavement lies on the ground.
 GROUND = 1 / 3
 ROOM = 2.0
+LOWEST = 0.02  # of all surface under the open sky: where so much lies below half of the scene's height, it is a court
 LAYERS = 8  # surfaces below each other that are looked through
 
 LEAST = 64  # viewpoints to use if none is free
@@ -53,7 +54,7 @@ class FreeSpace:
     the open (a leaf is seen from both sides), or one of the given cameras sees that many backs, so that the winding
     means nothing. Unless the scene lies in the open, free viewpoints have ground below them, because the outer walls of
     a building without surroundings face nothing; but a given camera beside such a building tells that people look at
-    them. A roof is no ground if there is hardly any other ground outside.
+    them. A roof is no ground if there is hardly any other ground outside, and no court.
     """
 
     def __init__(self, triangles: Triangles, given: list[Camera], points: SurfacePoints, rng: np.random.Generator):
@@ -139,10 +140,12 @@ class FreeSpace:
         return over
 
     def _only_roofs(self, above: np.ndarray) -> bool:
-        """Whether there is surface under the open sky, most of it roofs; `above` (N, 3) are points over any of it."""
+        """Whether there is surface under the open sky, high up, most of it roofs; `above` (N, 3) are over any of it."""
         up = np.broadcast_to([0.0, 1.0, 0.0], above.shape)
         outside = above[self._triangles.hits(above, up).triangle < 0]
-        return len(outside) > 0 and bool(self._are_ground(outside).mean() < GROUND)
+        if not len(outside) or np.quantile(outside[:, 1], LOWEST) < (self._triangles.low + self._triangles.high)[1] / 2:
+            return False
+        return bool(self._are_ground(outside).mean() < GROUND)
 
     def _are_ground(self, above: np.ndarray) -> np.ndarray:
         """Whether (N,) bool below points (N, 3) a surface faces up, and no other does far below it, as in a room."""
