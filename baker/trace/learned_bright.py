@@ -14,10 +14,11 @@ from .learned_places import CELLED, likely_in
 from .light_cells import LightCells
 from .local_light import local_light
 from .mitsuba_scene import load_mitsuba
-from .paths import FILTER, indirect, is_unlit
-from .random_numbers import DIRECTION, Draws, hashed
+from .paths import indirect
+from .random_numbers import DIRECTION, FILTER, Draws, hashed
 from .rays import closest_through, lifted, lifted_point, side
 from .tracer import PASS_SAMPLES, Sampling
+from .vertex_light import is_unlit
 
 if TYPE_CHECKING:
     from .irradiance_cache import IrradianceCache

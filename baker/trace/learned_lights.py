@@ -14,9 +14,9 @@ from .guided import Lobe
 from .light_cells import LightCells
 from .light_choice import FoundCell, LightChoice
 from .mitsuba_scene import load_mitsuba
-from .paths import EMITTER, EMITTER_POINT, FILTER, LIGHT, emitter_light, punctual_light
-from .random_numbers import DIRECTION, Draws, hashed
+from .random_numbers import DIRECTION, EMITTER, EMITTER_POINT, FILTER, LIGHT, Draws, hashed
 from .rays import closest_through, lifted, lifted_hit, side
+from .vertex_light import emitter_light, punctual_light
 
 mi = load_mitsuba()
 

@@ -14,9 +14,9 @@ from .learned_lights import likely
 from .light_cells import LightCells
 from .lit_places import CLUSTERS, LIGHTS_MOST, PLACES, LitPlaces, corners, tree, tree_depth
 from .mitsuba_scene import load_mitsuba, on_device
-from .paths import LIGHT, is_unlit, punctual_light
-from .random_numbers import DIRECTION, Draws, hashed
+from .random_numbers import DIRECTION, LIGHT, Draws, hashed
 from .rays import closest_blocking, lifted_hit, lifted_point, side
+from .vertex_light import is_unlit, punctual_light
 
 mi = load_mitsuba()
 

@@ -15,6 +15,11 @@ R2 = (3242174889, 2447445414)
 Y2 = (2930575603, 1999613215)
 DIRECTION = 0  # the dimension that steps by R2; other pairs step by Y2, so that neither depends on the other
 
+# The others: which random number each decision uses. Some use the next one as well.
+ROULETTE, LIGHT, EMITTER, EMITTER_POINT, ENVIRONMENT = 2, 3, 4, 5, 7
+TEXTURE = 9  # and the next five, two for each kind of texture
+FILTER, PLACE, BRIGHT, CANDIDATE = 15, 16, 17, 18
+
 DIMENSIONS = 20  # most numbers that one bounce may use
 
 

@@ -173,16 +173,16 @@ def tube(sides: int = 8) -> Scene:
 
 
 def test_of_several_points_on_a_tube_one_that_faces_the_vertex_is_asked(monkeypatch):
-    from gsgi.baker.trace import paths
+    from gsgi.baker.trace import vertex_light
 
     points, up = floor_points(512)
 
     def runs(candidates: int) -> np.ndarray:
-        monkeypatch.setattr(paths, "CANDIDATES", candidates)
+        monkeypatch.setattr(vertex_light, "CANDIDATES", candidates)
         tracer = Tracer(tube())
         return np.stack([tracer.indirect(points, up, up, Sampling(32, 0), s).mean[:, 0] for s in range(16)])
 
-    several, one = runs(paths.CANDIDATES), runs(1)
+    several, one = runs(vertex_light.CANDIDATES), runs(1)
     error = np.sqrt(sum(light.var(axis=0, ddof=1).sum() / 16 for light in (several, one)))
     assert abs((several - one).mean(axis=0).sum()) < 4 * error
     assert one.var(axis=0).mean() > 2 * several.var(axis=0).mean()

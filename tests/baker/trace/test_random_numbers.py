@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 import scenes
 
-from gsgi.baker.trace.paths import EMITTER_POINT
-from gsgi.baker.trace.random_numbers import DIRECTION, Draws, hashed, mi
+from gsgi.baker.trace.random_numbers import DIRECTION, EMITTER_POINT, Draws, hashed, mi
 from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling, Tracer
 from gsgi.runtime.scene import Environment, Scene
 
