@@ -30,6 +30,7 @@ class BrightConnections:
         parts = np.stack([bright.density, cluster.astype(np.uint32).view(np.float32)], axis=1)
         self._part = on_device(mi.Float, parts)
         self._root = on_device(mi.UInt32, _roots(bright))
+        self._sides = dr.opaque(mi.UInt32, dr.width(self._root))  # no literal: one kernel serves many scenes
 
     def cell(self, p, n, active):
         """The cell of a vertex with a unit normal, whose connections go where they matter in it."""
@@ -49,7 +50,7 @@ class BrightConnections:
     def part(self, row, front, b, active):
         """The number of the part where a ray meets the triangle of this row, at `b`, on its front or not; or NONE."""
         side = 2 * row + dr.select(front, mi.UInt32(1), 0)
-        there = active & (side < dr.width(self._root))
+        there = active & (side < self._sides)
         node = dr.select(there, dr.gather(mi.UInt32, self._root, side, there), NONE)
         rest = 1 - b.x
         x, y = 1 - rest * rest, b.y / rest
