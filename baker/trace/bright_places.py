@@ -6,7 +6,7 @@ what punctual lights light (see `lit_places`).
 """
 
 import heapq
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -56,6 +56,12 @@ class BrightPlaces:
 
     def __len__(self) -> int:
         return len(self.place)
+
+    def in_rows(self, row: np.ndarray) -> "BrightPlaces":
+        """The same where the triangles have other rows (T,); places are without light on those that are GONE."""
+        place = self.place.copy()
+        place[np.repeat(row[self.of] == GONE, EACH), 8:11] = 0
+        return replace(self, row=row, place=place)
 
     @property
     def density(self) -> np.ndarray:

@@ -91,22 +91,18 @@ def known_light_again(
         from .learned_places import lit_again
 
         lit = [lit_again(tracer, half) for half in lit]
-    light, parts = _with(light, *lit), edited.a.bright
-    if len(parts):
-        from .learned_bright import found_again
-
-        parts = found_again(tracer, parts)
-    return _guided(_shining(tracer, light, parts, bounces), edited.a.guide)
+    parts = found_again(tracer, edited).a.bright
+    return _guided(_shining(tracer, _with(light, *lit), parts, bounces), edited.a.guide)
 
 
 def found_again(tracer: Tracer, edited: KnownLight) -> KnownLight:
     """The same known light after an edit that has not changed it: its bright places are on triangles of other rows."""
     if not len(edited.a.bright):
         return edited
-    from .learned_bright import found_again as placed_again
+    from .learned_bright import rows_again
 
-    halves = edited.a, edited.b
-    return KnownLight(*(replace(half, bright=placed_again(tracer, half.bright)) for half in halves))
+    row = rows_again(tracer, edited.a.bright)
+    return KnownLight(*(replace(half, bright=half.bright.in_rows(row)) for half in (edited.a, edited.b)))
 
 
 def _cached(tracer: Tracer, position, normal, a, b, like: IrradianceCache | None = None) -> KnownLight:

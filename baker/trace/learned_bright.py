@@ -14,11 +14,11 @@ from .learned_places import CELLED, likely_in
 from .light_cells import LightCells
 from .local_light import local_light
 from .mitsuba_scene import load_mitsuba
-from .paths import indirect
-from .random_numbers import DIRECTION, FILTER, Draws, hashed
+from .paths import first_draws, indirect
+from .random_numbers import DIRECTION, FILTER
 from .rays import closest_through, lifted, lifted_point, side
 from .tracer import PASS_SAMPLES, Sampling
-from .vertex_light import is_unlit
+from .vertex_light import reflects
 
 if TYPE_CHECKING:
     from .irradiance_cache import IrradianceCache
@@ -112,19 +112,12 @@ def chosen_by(tracer, places: BrightPlaces, position: np.ndarray, normal: np.nda
     return replace(places, cell_axis=cells.axis, cell_split=cells.split, likely=likely)
 
 
-def found_again(tracer, parts: BrightPlaces) -> BrightPlaces:
-    """The same parts in the scene of another tracer, where triangles have other rows.
-
-    Places are without light on those that are not there, or do not reflect on that side any more.
-    """
-    if not len(parts.row):
-        return parts
+def rows_again(tracer, parts: BrightPlaces) -> np.ndarray:
+    """The rows (T,) of the triangles in the scene of another tracer: GONE if they are not there, or do not reflect on
+    that side any more."""
     row = tracer.rows_with(parts.corners)
     number = np.stack([np.maximum(row, 0), parts.front, row != GONE], axis=1).astype(np.uint32)
-    row = np.where(tracer.launched(_still, number)["reflects"], row, GONE)
-    place = parts.place.copy()
-    place[np.repeat(row[parts.of] == GONE, EACH), 8:11] = 0
-    return replace(parts, row=row, place=place)
+    return np.where(tracer.launched(_still, number)["reflects"], row, GONE)
 
 
 def _brought(tracer, position, normal, numbers, known: CachedLight, bounces: int) -> dict[str, np.ndarray]:
@@ -137,8 +130,7 @@ def _brought(tracer, position, normal, numbers, known: CachedLight, bounces: int
 def _met(tracer, position, normal, numbers) -> dict[str, np.ndarray]:
     """Where the first ray of such a path ends: twice the row of the `triangle` (N,) int64, and 1 on its front; and `at`
     (N, 2) in barycentric coordinates. Whether (N,) bool it `reflects` what comes to it, and stands for itself."""
-    point, path = mi.Point2u(numbers.T)
-    draws = Draws(hashed(point + hashed(mi.UInt32(SEED))), path, mi.UInt32(0))
+    draws = first_draws(numbers, SEED)
     n = mi.Normal3f(normal.T)
     active = dr.squared_norm(n) > 0
     p = lifted_point(tracer, mi.Point3f(position.T), n, active)
@@ -189,5 +181,5 @@ def _still(tracer, number) -> dict[str, np.ndarray]:
 
 def _reflects(tracer, material, front, active):
     """Whether surfaces of this material, seen from the front or not, reflect light to which rays are connected."""
-    active = active & (front | tracer.shading.is_double_sided(material, active)) & ~is_unlit(tracer, material, active)
+    active = reflects(tracer, material, front, active)
     return active if tracer.filtering is None else active & ~tracer.shading.is_filter(material, active)

@@ -11,8 +11,8 @@ from .irradiance_cache import IrradianceCache
 from .learned_lights import likely_by_square
 from .light_cells import LightCells
 from .mitsuba_scene import load_mitsuba
-from .paths import indirect
-from .random_numbers import DIRECTION, Draws, hashed
+from .paths import first_draws, indirect
+from .random_numbers import DIRECTION
 from .tracer import LAUNCH_POINTS_GPU
 
 mi = load_mitsuba()
@@ -60,7 +60,6 @@ def _brought(tracer, position, normal, numbers, known: CachedLight, bounces: int
     """The mean of the channels of the `light` (N,) float64 that one path brings to each point, 0 where it is no finite
     number, and the `square` (N,) of the lobe by which it left. What lights are asked for beside it does not count."""
     sums = indirect(tracer, position, normal, normal, numbers, 1, bounces, SEED, known, by_rays=True)
-    point, path = mi.Point2u(numbers.T)
-    draws = Draws(hashed(point + hashed(mi.UInt32(SEED))), path, mi.UInt32(0))
-    column, row = np.minimum(np.array(draws.two(DIRECTION)) * EDGE, EDGE - 1).astype(np.int64)
+    at = first_draws(numbers, SEED).two(DIRECTION)
+    column, row = np.minimum(np.array(at) * EDGE, EDGE - 1).astype(np.int64)
     return {"light": sums.light.mean(axis=1), "square": row * EDGE + column}

@@ -16,7 +16,7 @@ from .lit_places import CLUSTERS, LIGHTS_MOST, PLACES, LitPlaces, corners, tree,
 from .mitsuba_scene import load_mitsuba, on_device
 from .random_numbers import DIRECTION, LIGHT, Draws, hashed
 from .rays import closest_blocking, lifted_hit, lifted_point, side
-from .vertex_light import is_unlit, punctual_light
+from .vertex_light import punctual_light, reflects
 
 mi = load_mitsuba()
 
@@ -132,8 +132,7 @@ def _lit(tracer, o, d, index, active):
     hit = closest_blocking(tracer, o, d, active)
     found = active & dr.isfinite(hit.t)
     ng, material, front = side(tracer, hit, d, found)
-    found &= front | tracer.shading.is_double_sided(material, found)
-    found &= ~is_unlit(tracer, material, found)
+    found = reflects(tracer, material, front, found)
     at = lifted_hit(tracer, o, d, hit, ng, front, found)
     n = tracer.shading.shading_normal(hit.prim, hit.b, ng, found)
     light = punctual_light(tracer, at, n, ng, index, found, found)

@@ -118,7 +118,7 @@ def indirect(
     p = lifted_point(tracer, p, ng, dr.squared_norm(n) > 0)
     # One array: a column of its own would be read in place, and the kernel compiled again for each alignment.
     point, first = mi.Point2u(numbers.T)
-    key = hashed(point + hashed(dr.opaque(mi.UInt32, seed)))
+    key = _key(point, dr.opaque(mi.UInt32, seed))
     limits = dr.opaque(mi.UInt32, samples), dr.opaque(mi.UInt32, bounces)
     by_bounce = _Apart(len(position), apart) if apart else None
     light, squared, invalid = _paths(tracer, tracer.cells, known, by_bounce, by_rays, key, first, p, n, ng, *limits)
@@ -126,6 +126,17 @@ def indirect(
     parts = np.array(by_bounce.sums, np.float64) if by_bounce else np.zeros(0)
     sums = np.array(light, np.float64).T, np.array(squared, np.float64), np.array(invalid, np.int64)
     return Sums(*sums, parts.reshape(len(position), apart, 3))
+
+
+def first_draws(numbers, seed: int) -> Draws:
+    """The random numbers by which the first of the paths of `indirect` leave their points."""
+    point, first = mi.Point2u(numbers.T)
+    return Draws(_key(point, mi.UInt32(seed)), first, mi.UInt32(0))
+
+
+def _key(point, seed):
+    """What tells the paths of a point from all others."""
+    return hashed(point + hashed(seed))
 
 
 def blocked(tracer, origin, target) -> dict[str, np.ndarray]:

@@ -147,6 +147,12 @@ def _sample_environment(tracer, draws, p, n, ng, lobe, active):
     return dr.select(active, radiance * by_cosine / (density + by_cosine * lobe.ratio(wi, active)), 0)
 
 
+def reflects(tracer, material, front, active):
+    """Whether a surface of this material reflects light on the side that is its front or not."""
+    sided = front | tracer.shading.is_double_sided(material, active)
+    return active & sided & ~is_unlit(tracer, material, active)
+
+
 def is_unlit(tracer, material, active):
     """Whether a surface of this material reflects nothing, as it is unlit."""
     if not tracer.unlit:
