@@ -11,6 +11,7 @@ from .camera import Camera
 if TYPE_CHECKING:
     from .instance import Instance
 
+BLENDED_MOST = 4  # most blended surfaces that a pixel shows in front of the solid one: the next is seen through four
 CUTOFF = 0.5  # opacity below which a partly transparent surface is a hole to what cannot see through it in part
 MAX_LIGHT = 1e15  # cd, lx or radiance; the product of two such values fits in float32
 

@@ -110,7 +110,14 @@ def trace(
     The paths of each half end where they meet its `known` light. `advance(points)` is called as pixels are done, with
     `2 * width * height` points in all.
     """
-    surface = tracer.surface(camera, width, height)
+    return on_surface(tracer, tracer.surface(camera, width, height), samples, seed, advance, known)
+
+
+def on_surface(
+    tracer: Tracer, surface: Surface, samples: int, seed: int, advance=None, known: KnownLight | None = None
+) -> Reference:
+    """The same for a `surface` that a camera sees."""
+    height, width = surface.valid.shape
     half = Sampling(-(-samples // 2))
     numbers = path_numbers(width, height, half, seed)[surface.diffuse]
     # The seed is hashed: a reference shares no random numbers with a view of a bake, whose seed is small as well.

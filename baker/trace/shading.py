@@ -116,8 +116,12 @@ class Shading:
         """Whether there is an alpha-tested hole at `b`: factor * texture * vertex colour is below the cut-off."""
         _, material = self.frame(prim, active)
         row = dr.gather(mi.Vector4f, self.surface, material, active)
-        alpha = row.x * self._base(material, prim, b, active, None).w
-        return active & (alpha < row.y)
+        return active & (self.opacity(material, prim, b, active) < row.y)
+
+    def opacity(self, material, prim, b, active):
+        """Alpha: factor * texture * vertex colour."""
+        factor = dr.gather(mi.Vector4f, self.surface, material, active).x
+        return factor * self._base(material, prim, b, active, None).w
 
     def filtered(self, prim, b, active):
         """What a triangle that lets light through transmits (Color3f), the share of light from it, where it is, and

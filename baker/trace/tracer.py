@@ -175,6 +175,13 @@ class Tracer:
             for camera, *columns in zip(some, *(np.split(c, len(some)) for c in hits.values()), strict=True):
                 yield _surface(camera, dict(zip(hits, columns, strict=True)), width, height)
 
+    def surface_along(self, camera: Camera, origin, direction, width: int, height: int) -> Surface:
+        """The surface seen along rays through all pixel centres, in rows, which may start beyond the camera.
+
+        Their origins are (height * width, 3), m, and so are their unit directions; a direction of 0 sees nothing.
+        """
+        return _surface(camera, self._first_hits(origin, direction), width, height)
+
     def seen(self, origin: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, ...]:
         """What cameras see along rays from `origin` (N, 3) along unit `direction` (N, 3), as `Surface` describes it.
 

@@ -41,7 +41,6 @@ in vec2 v_emission_uv;
 
 #if PEELED
 uniform float tint;  // how far the base colour tints what is behind the surface
-#define SAME_DEPTH 1e-5  // a decal in the plane of a solid surface counts as before it
 uniform highp sampler2D depth_before;  // of the solid surfaces; 0: none
 uniform highp sampler2D depth_beyond;  // of the layer before this one; 0: none
 uniform bool is_first;
@@ -98,7 +97,7 @@ void main() {
 #if PEELED
     if (color.a < ALPHA_MIN && tint == 0.0) discard;
     float solid = texelFetch(depth_before, ivec2(gl_FragCoord.xy), 0).r;
-    if (solid > 0.0 && v_depth > solid * (1.0 + SAME_DEPTH)) discard;
+    if (solid > 0.0 && v_depth > solid * (1.0 + DECAL_DEPTH)) discard;
     float nearer = texelFetch(depth_beyond, ivec2(gl_FragCoord.xy), 0).r;
     if (!is_first && !(nearer > 0.0 && v_depth > nearer)) discard;
     out_albedo = vec4(albedo, color.a);

@@ -34,6 +34,7 @@
 // Punctual lights (KHR_lights_punctual, Khronos 2018).
 #define SPOT_ANGLE_MIN  0.001    // cosine; minimum width of a spot's edge: keeps the division finite
 #define HALF_MAX        65504.0  // radiance; largest finite half float: Inf in a 16F target would spread
+#define DECAL_DEPTH 1e-5  // of the depth; a blended surface that little behind a solid one counts as before it
 
 // Shadow maps: how far a receiver is moved before the depth comparison.
 #define SHADOW_PCF_RADIUS      1.4142136  // texels; a 2x2 filter reaches this far across the diagonal

@@ -3,6 +3,7 @@
 import moderngl
 
 from gsgi.runtime.camera import Camera
+from gsgi.runtime.scene import BLENDED_MOST
 
 from .fullscreen import FullScreenPass
 from .gbuffer import GBuffer
@@ -11,8 +12,6 @@ from .indirect_lookup import IndirectLookup
 from .permutations import defines
 from .view import View
 
-# Most surfaces that a pixel shows in front of the solid one. The next would be seen through four others.
-LAYERS = 4
 _LIGHT_UNIT = 5  # after the textures of a layer
 
 
@@ -33,7 +32,7 @@ class Blended:
         lookup: IndirectLookup | None,
     ):
         self.ctx, self._solid, self._lookup = ctx, solid, lookup
-        self.layers = [GBuffer(ctx, geometry, solid.size, peeled=True) for _ in range(LAYERS)]
+        self.layers = [GBuffer(ctx, geometry, solid.size, peeled=True) for _ in range(BLENDED_MOST)]
         self._relief = lookup is not None and lookup.sh_counts[2] > 0
         read = ["albedo", "primary", "normal", "depth", *(["mapped"] if self._relief else [])]
         features = defines("frame/blend", lookup and lookup.sh_counts)

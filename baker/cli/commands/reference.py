@@ -52,22 +52,28 @@ def run(options: argparse.Namespace) -> None:
 
 
 def _points(options: argparse.Namespace) -> int:
-    """Number of points at which B is traced."""
+    """Most points at which B is traced, by half."""
+    from gsgi.runtime.scene import BLENDED_MOST
+
     width, height = options.size
-    return 2 * width * height if options.layer in ("final", "indirect") else 0
+    surfaces = {"final": 1 + BLENDED_MOST, "indirect": 1}
+    return 2 * surfaces.get(options.layer, 0) * width * height
 
 
 def _traced(options: argparse.Namespace, scene, camera, advance):
     """Trace what the layer needs, and no more: (H, W, 3) float32, depth (H, W)."""
     from gsgi.baker.trace import reference
+    from gsgi.baker.trace.blended import BlendedView
     from gsgi.baker.trace.tracer import Tracer
 
     tracer = Tracer(scene)
-    if _points(options):
-        truth = reference.trace(tracer, camera, *options.size, options.samples, options.seed, advance)
-        indirect = truth.clean if options.denoise else truth.indirect
-        return indirect if options.layer == "indirect" else truth.lit(indirect)
-    surface = tracer.surface(camera, *options.size)
+    view = BlendedView(tracer, scene, camera, *options.size)
+    surface, paths = view.solid, (options.samples, options.seed)
+    if options.layer == "final":
+        return view.final(*paths, options.denoise, advance)
+    if options.layer == "indirect":
+        truth = reference.on_surface(tracer, surface, *paths, advance)
+        return truth.clean if options.denoise else truth.indirect
     if options.layer == "primary":
         return reference.primary(tracer, surface)
     return {"albedo": surface.albedo, "normal": surface.shading_normal, "depth": surface.depth}[options.layer]

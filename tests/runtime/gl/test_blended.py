@@ -11,9 +11,8 @@ from gsgi_files import constant
 from primary_error import primary_error
 
 from gsgi.runtime.camera import look_at
-from gsgi.runtime.gl.blended import LAYERS
 from gsgi.runtime.gl.renderer import DeferredRenderer
-from gsgi.runtime.scene import Environment, Filter, Light, Material, Scene
+from gsgi.runtime.scene import BLENDED_MOST, Environment, Filter, Light, Material, Scene
 
 SIZE = 12
 UP = np.array([0.0, 1.0, 0.0])
@@ -74,11 +73,11 @@ def test_what_is_behind_a_solid_surface_is_hidden_and_a_decal_in_its_plane_is_no
 
 
 def test_the_nearest_films_count_and_the_sky_is_behind_all(gl):
-    materials = tuple(shown((0.5 * k, 1.0, 0.2), 0.5) for k in range(LAYERS + 2))
-    films = tuple(wall(1.0 + k, k) for k in range(LAYERS + 2))
+    materials = tuple(shown((0.5 * k, 1.0, 0.2), 0.5) for k in range(BLENDED_MOST + 2))
+    films = tuple(wall(1.0 + k, k) for k in range(BLENDED_MOST + 2))
     sky = (3.0, 2.0, 1.0)
     frame = final(gl, Scene((), materials, blended=films, environment=Environment(np.full((1, 1, 3), sky, np.float32))))
-    expected = over(*[(materials[k].base_color[:3], 0.5) for k in range(LAYERS)], (sky, 1))
+    expected = over(*[(materials[k].base_color[:3], 0.5) for k in range(BLENDED_MOST)], (sky, 1))
     np.testing.assert_allclose(frame, np.broadcast_to(expected, frame.shape), rtol=3e-3)
 
 
