@@ -205,13 +205,13 @@ class Plan:
 
     @property
     def guide_paths(self) -> int:
-        """Number of paths from the first samples of the known light that only guide all later ones, if none of these
-        are connected to bright places."""
+        """Number of paths from the samples of the known light that only guide later ones, if none of these are
+        connected to bright places."""
         if not self._known_rounds:
             return 0
-        points = point_count(self._known_rounds[0])
-        tried = min(bright_places.TRIED, bright_places.FROM_EACH * points)
-        return min(points, guide.POINTS) * guide.PATHS + tried
+        points = [point_count(layers) for layers in self._known_rounds]
+        tried = min(bright_places.TRIED, bright_places.FROM_EACH * points[0])
+        return sum(min(count, guide.POINTS) for count in points) * guide.PATHS + tried
 
     @property
     def _known_rounds(self) -> tuple[list[int], ...]:

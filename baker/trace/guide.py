@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 EDGE = 16  # squares along each edge of the unit square from which directions of the cosine lobe are drawn
-POINTS, PATHS = 1 << 16, 32  # by which a guide is learned: at most so many points, with so many paths from each
+POINTS, PATHS = 1 << 17, 32  # by which a guide is learned: at most so many points, with so many paths from each
 
 
 @dataclass(frozen=True)

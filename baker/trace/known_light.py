@@ -31,13 +31,17 @@ def known_light(
     """Known light from both halves `a` and `b` (S, 3) of B at samples, position (S, 3) m and normal (S, 3) unit.
 
     Paths of at most so many `bounces` will end in it. They are guided, and connected to lit and to bright places if
-    that pays. `before` is what the paths of the samples ended in: its places and its guide stay. `alike`: the lit
-    places of both halves are the same, which are found in half the time, but noise in them is not seen any more.
+    that pays. `before` is what the paths of the samples ended in: its places stay, and by its guide the next is
+    learned. `alike`: the lit places of both halves are the same, which are found in half the time, but noise in them is
+    not seen any more.
     """
+    from .learned_guide import learn as learn_guide
+
     light = _cached(tracer, position, normal, a, b)
     if before:
-        light = _with(light, before.a.lit, before.b.lit)
-        return _guided(_shining(tracer, light, before.a.bright, bounces), before.a.guide)
+        light = _shining(tracer, _with(light, before.a.lit, before.b.lit), before.a.bright, bounces)
+        # What a half knows does not bias the other, whose paths it only guides.
+        return _guided(light, learn_guide(tracer, position, normal, replace(light.a, guide=before.a.guide), bounces))
     if tracer.lights.count:
         from .learned_places import learn
 
@@ -47,9 +51,7 @@ def known_light(
             light = other
     from .learned_bright import chosen_by
     from .learned_bright import learn as learn_bright
-    from .learned_guide import learn as learn_guide
 
-    # What a half knows does not bias the other, whose paths it only guides.
     guided = _guided(light, learn_guide(tracer, position, normal, light.a, bounces))
     parts = learn_bright(tracer, position, normal, a, b, light.a, bounces)
     if not len(parts.of):

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 POINTS = 16  # least in a cell on average
-DEPTH_MOST = 11  # of the tree, which has 2^depth cells
+DEPTH_MOST = 11  # of the tree, which has 2^depth cells, if nothing else is said
 
 
 @dataclass(frozen=True)
@@ -25,9 +25,9 @@ class LightCells:
         return len(self.axis).bit_length()
 
     @staticmethod
-    def of(position: np.ndarray, normal: np.ndarray) -> "LightCells":
+    def of(position: np.ndarray, normal: np.ndarray, depth_most: int = DEPTH_MOST) -> "LightCells":
         """Cells with as many of the points, position (P, 3) m and normal (P, 3) unit, in each."""
-        depth = min(max(len(position) // POINTS, 1).bit_length() - 1, DEPTH_MOST)
+        depth = min(max(len(position) // POINTS, 1).bit_length() - 1, depth_most)
         axis, split = np.zeros(2**depth - 1, np.int64), np.zeros(2**depth - 1, np.float32)
         coordinates = np.concatenate([position, normal], axis=1).astype(np.float32)
         members = [np.arange(len(position))]

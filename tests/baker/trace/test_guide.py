@@ -73,7 +73,7 @@ def test_guided_paths_bring_the_same_light(scene, connected, variance, monkeypat
 def test_a_guide_lets_no_direction_out(light):
     likely = light.a.guide.likely
     np.testing.assert_allclose(likely.sum(axis=(1, 2)), 1, rtol=1e-5)
-    assert likely.min() > 0.39 / EDGE**2
+    assert likely.min() > 0.19 / EDGE**2
 
 
 def test_directions_are_drawn_as_often_as_their_density_says(light):
@@ -131,11 +131,14 @@ def test_a_guide_is_stored_and_stays_after_an_edit(tracer, light):
     assert after.a.guide is after.b.guide is light.a.guide
 
 
-def test_no_guide_is_learned_by_guided_paths(tracer, light):
-    position, normal = inside(3000)
+def test_guided_paths_teach_the_same_guide(tracer, light):
+    position, normal = inside(20000)
     unguided = replace(light.a, guide=Guide())
-    first, again = (learn(tracer, position, normal, known, BOUNCES) for known in (light.a, unguided))
-    np.testing.assert_array_equal(first.likely, again.likely)
+    by_guide, by_any = (learn(tracer, position, normal, known, BOUNCES) for known in (light.a, unguided))
+    assert (by_guide.likely != by_any.likely).any()
+    together = [guide.likely.reshape(-1, 16, EDGE, EDGE).mean(axis=1).ravel() for guide in (by_guide, by_any)]
+    # Noise makes 0.13 of difference; 0.34 if guided paths counted as others do.
+    assert np.abs(together[0] - together[1]).sum() < 0.2 * together[1].sum()
     assert not len(learn(tracer, position[:0], normal[:0], light.a, BOUNCES))
     assert len(learn(tracer, position[:5], normal[:5], light.a, BOUNCES)) == 1
 
