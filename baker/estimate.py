@@ -159,7 +159,7 @@ def _seconds_per_view(plan: Plan) -> tuple[float, float, float, float]:
     Also the share of the pixels of all views that are evaluated which show a surface with B.
     """
     from gsgi.baker.trace.reference import Reference
-    from gsgi.baker.trace.tracer import Surface
+    from gsgi.baker.trace.visible import Surface
 
     from .surface.fits import grey_bake
 

@@ -4,7 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gsgi.baker.trace.tracer import Surface, Tracer
+from gsgi.baker.trace.tracer import Tracer
+from gsgi.baker.trace.visible import Surface
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.gl.renderer import DeferredRenderer
 from gsgi.runtime.gl.shadow import faces_of

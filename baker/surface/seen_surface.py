@@ -9,7 +9,7 @@ import numpy as np
 
 from gsgi.baker.cache.digest import digest
 from gsgi.baker.trace.cached_tracer import CachedTracer
-from gsgi.baker.trace.tracer import pixel_rays
+from gsgi.baker.trace.visible import pixel_rays
 from gsgi.baker.views.boxes import in_box
 from gsgi.baker.views.directions import random_directions
 from gsgi.baker.views.importance import ImportanceField

@@ -13,7 +13,8 @@ from gsgi.runtime.scene import BLENDED_MOST, Material, Scene
 from . import reference
 from .mitsuba_scene import load_mitsuba, on_device
 from .rays import SKIP, closest_front, side
-from .tracer import Surface, Tracer, pixel_rays
+from .tracer import Tracer
+from .visible import Surface, pixel_rays
 
 mi = load_mitsuba()
 

@@ -73,7 +73,7 @@ class _Reached(NamedTuple):
 def first_hits(tracer, origin: np.ndarray, direction: np.ndarray) -> dict[str, np.ndarray]:
     """What rays from `origin` (M, 3) along unit `direction` (M, 3) see; a direction of 0 sees nothing.
 
-    The columns are normal, shading_normal, geometric_normal, albedo, emission, valid and diffuse of `tracer.Surface`;
+    The columns are normal, shading_normal, geometric_normal, albedo, emission, valid and diffuse of `visible.Surface`;
     triangle (M,), 0 where there is none, and the distance (M,) to it, m; and background (M, 3), the environment's
     radiance, clamped to the range of the G-buffer's half floats.
     """

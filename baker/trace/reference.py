@@ -10,7 +10,8 @@ from gsgi.runtime.display import auto_exposure, tone_map
 
 from . import denoise
 from .irradiance_cache import KnownLight
-from .tracer import PASS_SAMPLES, Sampling, Surface, Tracer
+from .tracer import PASS_SAMPLES, Sampling, Tracer
+from .visible import Surface
 
 # Edges (px) of squares of pixels whose paths follow each other. With 3/4 of the paths, the SSIM between halves is as
 # high as where pixels have nothing to do with each other.

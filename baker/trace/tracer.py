@@ -22,6 +22,7 @@ from .lit_places import LIGHTS_MOST
 from .planes import onto_planes
 from .punctual_lights import PunctualLights
 from .surface_tables import corners_of, rows_with
+from .visible import Surface, pixel_rays, surface_of
 
 if TYPE_CHECKING:
     from .learned_lights import FoundCell, LearnedLights
@@ -37,41 +38,6 @@ PRIOR_SAMPLES = 64
 
 # Default number of bounces: Russian roulette ends paths much earlier. At albedo 0.99 this cuts off 3e-5 of the light.
 BOUNCES_MAX = 1024
-
-
-@dataclass(frozen=True)
-class Surface:
-    """What a camera sees through its pixel centres, arrays (H, W, ...) float32; 0 where it sees no surface.
-
-    position (m), normal (interpolated, unit, towards the camera), shading_normal (bent by a normal texture, for light
-    that is seen) and geometric_normal are in world space. albedo and emission are linear Rec.709. depth is along
-    the camera's -Z (m). valid (bool): a surface is seen. diffuse (bool): the surface shows light that falls on it, as
-    it is neither unlit nor a black metal. Where there is no surface, emission is the environment's radiance.
-    """
-
-    position: np.ndarray
-    normal: np.ndarray
-    shading_normal: np.ndarray
-    geometric_normal: np.ndarray
-    albedo: np.ndarray
-    emission: np.ndarray
-    depth: np.ndarray
-    valid: np.ndarray
-    diffuse: np.ndarray
-
-    def points(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """position, normal and geometric_normal (N, 3) of the diffuse pixels, where B is seen."""
-        return tuple(array[self.diffuse] for array in (self.position, self.normal, self.geometric_normal))
-
-    def shading_points(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The same with shading_normal in place of normal, for the light that a camera sees."""
-        return tuple(array[self.diffuse] for array in (self.position, self.shading_normal, self.geometric_normal))
-
-    def image(self, values: np.ndarray) -> np.ndarray:
-        """Values (N, ...) at `points()` as an image (H, W, ...) of their dtype, 0 in all other pixels."""
-        result = np.zeros(self.diffuse.shape + values.shape[1:], values.dtype)
-        result[self.diffuse] = values
-        return result
 
 
 @dataclass(frozen=True)
@@ -173,14 +139,14 @@ class Tracer:
             rays = [pixel_rays(camera, width, height, x, y) for camera in some]
             hits = self._first_hits(*(np.concatenate(part) for part in zip(*rays, strict=True)))
             for camera, *columns in zip(some, *(np.split(c, len(some)) for c in hits.values()), strict=True):
-                yield _surface(camera, dict(zip(hits, columns, strict=True)), width, height)
+                yield surface_of(camera, dict(zip(hits, columns, strict=True)), width, height)
 
     def surface_along(self, camera: Camera, origin, direction, width: int, height: int) -> Surface:
         """The surface seen along rays through all pixel centres, in rows, which may start beyond the camera.
 
         Their origins are (height * width, 3), m, and so are their unit directions; a direction of 0 sees nothing.
         """
-        return _surface(camera, self._first_hits(origin, direction), width, height)
+        return surface_of(camera, self._first_hits(origin, direction), width, height)
 
     def seen(self, origin: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, ...]:
         """What cameras see along rays from `origin` (N, 3) along unit `direction` (N, 3), as `Surface` describes it.
@@ -333,30 +299,6 @@ class Tracer:
             sums.add(at[some], paths.Sums(*(column[lanes] for column in launch)))
             if advance:
                 advance(len(at[some]))
-
-
-def pixel_rays(camera: Camera, width: int, height: int, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Origin and unit direction (N, 3) float64 of the rays through places x and y (N,), px, of an image of this size.
-
-    Pixel centres are at half-integers.
-    """
-    pinhole = camera.pinhole(width, height)
-    local = np.stack([(x - pinhole.cx) / pinhole.fx, (pinhole.cy - y) / pinhole.fy, -np.ones_like(x)], axis=-1)
-    direction = local @ camera.world_from_view[:3, :3].T
-    origin = camera.position + camera.znear * direction
-    return origin, direction / np.linalg.norm(direction, axis=1, keepdims=True)
-
-
-def _surface(camera: Camera, hits: dict[str, np.ndarray], width: int, height: int) -> Surface:
-    """The Surface of a camera whose rays met `hits` (height * width, ...)."""
-    depth = (camera.position - hits["position"]) @ camera.world_from_view[:3, 2]
-    valid = hits.pop("valid") & (depth <= camera.zfar)
-    diffuse = hits.pop("diffuse") & valid
-    background = hits.pop("background")
-    columns = {name: np.where(valid[:, None], column, 0) for name, column in hits.items()}
-    columns["emission"] = np.where(valid[:, None], hits["emission"], background)
-    columns |= {"depth": np.where(valid, depth, 0).astype(np.float32), "valid": valid, "diffuse": diffuse}
-    return Surface(**{name: column.reshape(height, width, *column.shape[1:]) for name, column in columns.items()})
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,8 @@ from gsgi.baker.trace.cached_tracer import CachedTracer, reference_task
 from gsgi.baker.trace.irradiance_cache import KnownLight
 from gsgi.baker.trace.local_light import local_light
 from gsgi.baker.trace.reference import Reference
-from gsgi.baker.trace.tracer import Sampling, Surface, Tracer
+from gsgi.baker.trace.tracer import Sampling, Tracer
+from gsgi.baker.trace.visible import Surface
 from gsgi.runtime.camera import Camera
 from gsgi.runtime.light_groups import lit_by
 from gsgi.runtime.scene import Scene

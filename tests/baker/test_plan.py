@@ -22,7 +22,8 @@ from gsgi.baker.surface.budget import GUIDED_NOISE, SAMPLES_LEAST
 from gsgi.baker.surface.lookup import look_up
 from gsgi.baker.surface_detail import PER_CONTRAST, gaussians_for
 from gsgi.baker.trace.reference import Reference
-from gsgi.baker.trace.tracer import BOUNCES_MAX, Surface
+from gsgi.baker.trace.tracer import BOUNCES_MAX
+from gsgi.baker.trace.visible import Surface
 from gsgi.baker.views import placement
 from gsgi.baker.views.importance import POINTS, ImportanceField
 from gsgi.baker.views.placement import HELD_OUT

@@ -13,7 +13,7 @@ from gsgi.baker.evaluation.comparison import indirect_ceiling
 from gsgi.baker.evaluation.held_out import CEILING_MIN, HeldOutLoss, evaluate, exposure, noisy
 from gsgi.baker.evaluation.metrics import ssim
 from gsgi.baker.trace.reference import Reference
-from gsgi.baker.trace.tracer import Surface
+from gsgi.baker.trace.visible import Surface
 from gsgi.runtime import constants
 from gsgi.runtime.camera import look_at
 from gsgi.runtime.display import auto_exposure

@@ -9,7 +9,8 @@ import scenes
 from gsgi.baker.cache.store import Cache, entries
 from gsgi.baker.trace import cached_tracer, reference
 from gsgi.baker.trace.cached_tracer import CachedTracer
-from gsgi.baker.trace.tracer import Light, Sampling, Surface
+from gsgi.baker.trace.tracer import Light, Sampling
+from gsgi.baker.trace.visible import Surface
 
 CAMERAS = [scenes.inside_camera(), scenes.above_camera(), scenes.above_camera(4.0)]
 SIZE = 8

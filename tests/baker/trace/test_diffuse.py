@@ -10,7 +10,8 @@ from gsgi.baker.cache.store import Cache
 from gsgi.baker.evaluation.comparison import compare_indirect
 from gsgi.baker.trace import reference
 from gsgi.baker.trace.cached_tracer import CachedTracer
-from gsgi.baker.trace.tracer import Sampling, Surface, Tracer
+from gsgi.baker.trace.tracer import Sampling, Tracer
+from gsgi.baker.trace.visible import Surface
 from gsgi.runtime.camera import look_at
 from gsgi.runtime.scene import Environment, Material, Scene, Texture, TextureSlot
 

@@ -9,7 +9,8 @@ from instanced import BUMPY, MATERIALS, PLACES, TURNED, flattened, placed, scene
 
 from gsgi.baker.trace.instances import grouped, surfaces_of
 from gsgi.baker.trace.surface_tables import tabulate
-from gsgi.baker.trace.tracer import Sampling, Surface, Tracer
+from gsgi.baker.trace.tracer import Sampling, Tracer
+from gsgi.baker.trace.visible import Surface
 from gsgi.runtime import instance
 from gsgi.runtime.camera import look_at
 from gsgi.runtime.errors import SceneError
