@@ -45,13 +45,14 @@ STEPS = "scale_steps", "normal_steps", "opacity_steps", "light_steps", "sh_steps
 BITS_MAX = 16  # of position_bits and angle_bits
 
 # What the encoder chooses, by measurement (docs/benchmarks.md): bits for an attribute until a further one gains as much
-# elsewhere. Through `over` light passes many Gaussians, opaque ones among them, whose errors add up.
+# elsewhere. Shapes take few, since a fit solves for light on rounded ones. Through `over` light passes many Gaussians,
+# opaque ones among them, whose errors add up.
 FINE_STEPS = {
-    "position_bits": 3, "scale_steps": 24, "normal_steps": 96, "angle_bits": 2, "opacity_steps": 40,
-    "light_steps": 32, "sh_steps": 24, "slope_steps": 48,
+    "position_bits": 3, "scale_steps": 12, "normal_steps": 96, "angle_bits": 2, "opacity_steps": 24,
+    "light_steps": 32, "sh_steps": 24, "slope_steps": 64,
 }  # fmt: skip
 COARSE_STEPS = {
-    "position_bits": 3, "scale_steps": 20, "normal_steps": 112, "angle_bits": 2, "opacity_steps": 32,
+    "position_bits": 3, "scale_steps": 14, "normal_steps": 112, "angle_bits": 2, "opacity_steps": 32,
     "light_steps": 16, "sh_steps": 20, "slope_steps": 36,
 }  # fmt: skip
 OVER_STEPS = COARSE_STEPS | {

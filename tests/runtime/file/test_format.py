@@ -76,7 +76,7 @@ def test_format_md_shows_a_whole_file():
     np.testing.assert_allclose(bake.gaussians.sh[:, 0] * SH_C0, [[0.5, 0.25, 0.125], [0.5, 0.5, 0.5]])
     np.testing.assert_array_equal(bake.gaussians.rotation, [[0, 0, 0, 1]] * 2)
     np.testing.assert_array_equal(bake.gaussians.opacity, [1, 0.5625])
-    np.testing.assert_allclose(bake.gaussians.slope, [[12 / 48, -6 / 48], [0, 0]])
+    np.testing.assert_allclose(bake.gaussians.slope, [[16 / 64, -8 / 64], [0, 0]])
     np.testing.assert_array_equal(bake.coarse.scale, [[1, 1, 1]])
     assert not bake.coarse.sloped
     rows = re.findall(r"^\| ([0-9a-f]{2}) - ([0-9a-f]{2}) \|", section, re.MULTILINE)

@@ -135,7 +135,7 @@ def test_sections_must_be_whole_and_in_order():
         ("scale_middle", -1, "a second axis no longer than the first"),
         ("normal_u", 97, "steps from -96 to 96"),
         ("position_x", 1 << 24, "steps from -16777215 to 16777215"),
-        ("opacity", 41, "steps from 0 to 40"),
+        ("opacity", 25, "steps from 0 to 24"),
         ("green", -1, "steps from 0 to 1536"),
         ("blue", -2000, "steps from 0 to 1536"),
         ("slope", 128, "steps from -127 to 127"),
