@@ -52,7 +52,7 @@ FINE_STEPS = {
     "light_steps": 32, "sh_steps": 24, "slope_steps": 64,
 }  # fmt: skip
 COARSE_STEPS = {
-    "position_bits": 3, "scale_steps": 14, "normal_steps": 112, "angle_bits": 2, "opacity_steps": 32,
+    "position_bits": 3, "scale_steps": 20, "normal_steps": 112, "angle_bits": 2, "opacity_steps": 32,
     "light_steps": 16, "sh_steps": 20, "slope_steps": 36,
 }  # fmt: skip
 OVER_STEPS = COARSE_STEPS | {
