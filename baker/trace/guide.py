@@ -1,7 +1,7 @@
 """Directions in which paths leave their points: as often as light has come from there before.
 
-Most of the light of a room comes through its window, which fills little of what a wall sees. So what light came by the
-cosine lobe is learned in cells of space, and later paths are guided by it (Jensen 1995, "Importance driven path tracing
+Most of the light of a room comes through its window, which fills little of what a wall sees. So what light came from
+where is learned in cells of space, and later paths are guided by it (Jensen 1995, "Importance driven path tracing
 using the photon map").
 """
 

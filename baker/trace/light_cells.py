@@ -49,7 +49,10 @@ class LightCells:
 
 
 def _halved(coordinates: np.ndarray) -> tuple[int, np.float32]:
-    """The axis along which points (P, 6) spread most, and where half of them lie below."""
+    """The axis along which points (P, 6) spread most, and where half of them lie below.
+
+    It is midway between two points: those of a wall along two axes stay in a cell when they are lifted off it.
+    """
     if not len(coordinates):
         return 0, np.float32(0)
     spread = coordinates.astype(np.float64).std(axis=0)
@@ -57,5 +60,7 @@ def _halved(coordinates: np.ndarray) -> tuple[int, np.float32]:
     axis = int(np.argmax(spread))
     along = np.sort(coordinates[:, axis])
     middle = along[len(along) // 2]
-    above = along[along > middle]
-    return axis, above[0] if middle == along[0] and len(above) else middle
+    if middle == along[0]:
+        middle = along[min(np.searchsorted(along, middle, "right"), len(along) - 1)]
+    below = along[max(np.searchsorted(along, middle) - 1, 0)]
+    return axis, np.float32(max(below + (middle - below) / 2, np.nextafter(below, middle)))

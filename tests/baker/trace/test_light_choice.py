@@ -94,6 +94,19 @@ def test_cells_hold_about_as_many_points_each_and_tell_sides_apart():
     assert set(cell[:4096]).isdisjoint(cell[4096:])
 
 
+def test_points_of_walls_stay_in_their_cells_when_they_are_lifted_off():
+    """A room along all axes, whose walls lie on splits as often as not if these are at points."""
+    rng = np.random.default_rng(0)
+    axis, side = rng.integers(0, 3, 20_000), rng.choice([-1.0, 1.0], 20_000)
+    position, normal = rng.uniform(-1, 1, (len(axis), 3)) * [3, 1, 2], np.zeros((len(axis), 3))
+    position[np.arange(len(axis)), axis] = side * np.array([3.0, 1.0, 2.0])[axis]
+    normal[np.arange(len(axis)), axis] = -side
+    cells = LightCells.of(position, normal)
+    for off in (1e-6, -1e-6):
+        moved = cells.find(position + off * normal, normal)
+        assert (moved != cells.find(position, normal)).mean() < 1e-3
+
+
 def test_points_that_coincide_are_one_cell():
     position, normal = np.ones((64, 3)), np.tile([0.0, 1.0, 0.0], (64, 1))
     assert len(np.unique(LightCells.of(position, normal).find(position, normal))) == 1
