@@ -24,6 +24,8 @@ LEAST = 1e-9
 # Rays that go on beyond a hit skip this share of the distance travelled and of the largest coordinate of their start.
 SKIP = 2.0**-20
 
+GRAZING = 2.0**-12  # cosine with a normal, below which a ray counts as no nearer to the plane
+
 # Share of the distance to a light by which a shadow ray stops short of it: eight times float32's rounding. The light is
 # off its own surface already, and a wall of 1 mm stands before a light that is up to 1 km away.
 SHORT = 2.0**-20
@@ -86,10 +88,16 @@ def _rounding(p, n):
     return ROUNDING * (dr.abs(p.x * n.x) + dr.abs(p.y * n.y) + dr.abs(p.z * n.z))
 
 
-def _beyond(tracer, o, t, prim, active):
-    """Distance at which a ray from o goes on beyond its hit of triangle `prim` at distance t."""
+def beyond(tracer, o, d, t, prim, active):
+    """Distance at which a ray from o along d goes on beyond its hit of triangle `prim` at distance t.
+
+    What it misses the plane by counts as far as it follows the plane, so that it does not meet the triangle again.
+    """
     coordinate = dr.maximum(dr.maximum(dr.abs(o.x), dr.abs(o.y)), dr.abs(o.z))
-    return t + dr.maximum(SKIP * (t + coordinate) + tracer.shading.plane(prim, active).y, LEAST)
+    ng, _ = tracer.shading.frame(prim, active)
+    off = _rounding(o, ng) + tracer.shading.plane(prim, active).y
+    steep = dr.maximum(dr.abs(dr.dot(ng, d)), GRAZING)
+    return t + dr.maximum(SKIP * (t + coordinate) + off / steep, LEAST)
 
 
 def _ray(o, d, maxt):
@@ -136,7 +144,7 @@ def _closest_masked(tracer, o, d, hit, active):
         stops = meets & ~tracer.shading.hole(index, found.prim_uv, meets)
         t, prim = dr.select(stops, there, t), dr.select(stops, index, prim)
         b = dr.select(stops, found.prim_uv, b)
-        start = _beyond(tracer, o, there, index, meets)
+        start = beyond(tracer, o, d, there, index, meets)
         searching = meets & ~stops
     return Hit(t, prim, b)
 
@@ -165,7 +173,7 @@ def _through_filters(tracer, o, d, hit, u, least, active):
         factor *= dr.select(stops, dr.select(chance < 1, share / (1 - chance), 0), 1)
         t, prim = dr.select(stops, there, t), dr.select(stops, index, prim)
         b = dr.select(stops, found.prim_uv, b)
-        start = _beyond(tracer, o, there, index, meets)
+        start = beyond(tracer, o, d, there, index, meets)
         layers += 1
         searching = meets & ~stops
     return Hit(t, prim, b), factor
@@ -183,10 +191,10 @@ def closest_front(tracer, o, d, active):
     t, prim, b = hit.t, hit.prim, hit.b
     passing = active & _is_back(tracer, hit, d)
     while passing:
-        start = _beyond(tracer, o, t, prim, passing)
-        beyond = closest(tracer, o + d * start, d, passing, CUTOFF)
-        t, prim = dr.select(passing, start + beyond.t, t), dr.select(passing, beyond.prim, prim)
-        b = dr.select(passing, beyond.b, b)
+        start = beyond(tracer, o, d, t, prim, passing)
+        next_hit = closest(tracer, o + d * start, d, passing, CUTOFF)
+        t, prim = dr.select(passing, start + next_hit.t, t), dr.select(passing, next_hit.prim, prim)
+        b = dr.select(passing, next_hit.b, b)
         passing = passing & _is_back(tracer, Hit(t, prim, b), d)
     return Hit(t, prim, b)
 
@@ -225,7 +233,7 @@ def transmitted(tracer, origin, direction, distance, active):
         factor *= dr.select(meets, dr.select(layers < LAYERS, through, 0), 1)
         filtered |= there
         shadowed |= casts
-        start = _beyond(tracer, origin, start + found.t, index, meets)
+        start = beyond(tracer, origin, direction, start + found.t, index, meets)
         layers += 1
         searching = meets & (dr.max(factor) > 0)
     return factor, filtered, shadowed

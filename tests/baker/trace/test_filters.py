@@ -138,6 +138,34 @@ def test_a_hundred_sheets_let_through_what_they_must_and_more_end():
     assert np.isfinite(b).all()
 
 
+def test_light_passes_a_large_tilted_sheet_once_however_it_grazes():
+    """A hit of such a sheet is off its plane by much more than rays that meet it head-on skip."""
+    rng = np.random.default_rng(0)
+    normal = np.array([0.48, 0.6, 0.64])
+    across = np.array([0.8, 0.0, -0.6])
+    along = np.cross(normal, across)
+    corners = [across * x + along * y + normal for x, y in ((-WIDE, -WIDE), (WIDE, -WIDE), (WIDE, WIDE), (-WIDE, WIDE))]
+    dark = replace(pane(BLEND, (0.0, 0.0, 0.0, 0.5)), double_sided=True)
+    tracer = Tracer(Scene((scenes.quad(corners, 0),), (dark,)))
+    met = normal + rng.uniform(-1, 1, (4000, 1)) * along + rng.uniform(-1, 1, (4000, 1)) * across
+    slope = 10 ** rng.uniform(-3, 0, (4000, 1))
+    towards = slope * normal + rng.normal(size=(4000, 1)) * across + rng.normal(size=(4000, 1)) * along
+    towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+    factor = tracer.launched(_passed, met - 2 * towards, towards)["factor"]
+    np.testing.assert_allclose(factor, 0.5, rtol=1e-5)
+
+
+def _passed(tracer, origin, direction):
+    from gsgi.baker.trace.mitsuba_scene import load_mitsuba
+    from gsgi.baker.trace.rays import transmitted
+
+    mi = load_mitsuba()
+    o, d = mi.Point3f(origin.T), mi.Vector3f(direction.T)
+    active = mi.Bool((direction != 0).any(axis=1))
+    factor, *_ = transmitted(tracer, o, d, mi.Float(4.0), active)
+    return {"factor": np.array(factor).T[:, 0]}
+
+
 def test_alpha_comes_from_the_texture():
     pixels = np.full((1, 2, 4), 255, np.uint8)
     pixels[0, 0, 3] = 0
