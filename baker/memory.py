@@ -14,10 +14,11 @@ PER_TEXEL = 12  # decoded textures and the path tracer's copy
 PER_PIXEL = 80  # the images of a view: traced, denoised and as the target of the fit
 PER_GAUSSIAN = 600  # with its gradients and moments
 
-# Bytes per pixel of a picture: of a Cornell box drawn at 1024 x 1024 to 4096 x 4096 pixels, of a church whose blended
-# windows are traced at 768 x 768 and 1536 x 1536.
+# Bytes per pixel of a picture: of a Cornell box at 1024 x 1024 to 4096 x 4096 pixels, of a church with blended windows
+# at 768 x 768 and 1536 x 1536.
 PER_DRAWN_PIXEL = 150  # the targets of a software renderer, and the layer that is written
-PER_TRACED_PIXEL = 800  # of a reference: surfaces, blended ones, and the sums of both halves
+PER_TRACED_PIXEL = 300  # of a reference: surfaces, and the sums of both halves
+PER_BLENDED_PIXEL = 800  # of one with partly transparent surfaces
 
 
 def peak_memory(scene: Scene, placed: int, pixels: int, gaussians: int) -> int:

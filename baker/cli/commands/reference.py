@@ -19,7 +19,13 @@ def add(commands) -> None:
     shared.add_scene(parser)
     shared.add_light(parser)
     shared.add_picture(parser)
-    parser.add_argument("--samples", type=shared.whole(2, 2**20), default=1024, metavar="N", help="paths per pixel")
+    parser.add_argument(
+        "--samples",
+        type=shared.whole(2, 2**20),
+        default=1024,
+        metavar="N",
+        help="paths per pixel, and as many for each blended surface in it",
+    )
     parser.add_argument("--denoise", action="store_true", help="denoise B; not for measurements")
     parser.add_argument("--seed", type=shared.whole(0, 2**30), default=0, metavar="N", help="random seed of the paths")
     shared.add_verbosity(parser)
@@ -30,7 +36,7 @@ def run(options: argparse.Namespace) -> None:
     from gsgi.baker.cli.console import Console
     from gsgi.baker.cli.inputs import choose_camera, read_scene, wrote
     from gsgi.baker.evaluation.pictures import write_layer
-    from gsgi.baker.memory import PER_TRACED_PIXEL, check_picture
+    from gsgi.baker.memory import PER_BLENDED_PIXEL, PER_TRACED_PIXEL, check_picture
     from gsgi.baker.progress import Progress
     from gsgi.runtime.atomic import check_apart, check_writable
     from gsgi.runtime.image import check_image_path
@@ -39,25 +45,24 @@ def run(options: argparse.Namespace) -> None:
     check_writable(options.output)
     console = Console(options.quiet)
     progress = Progress(console)
-    memory = check_picture(options.size, PER_TRACED_PIXEL)
     with progress.stage("scene"):
         scene = read_scene(options, progress)
         check_apart(options.output, scene.files)
         camera = choose_camera(scene, options)
-    progress.say(memory)
-    with progress.stage("trace", _points(options), "points") as advance:
+    blends = scene.blended and options.layer == "final"
+    progress.say(check_picture(options.size, PER_BLENDED_PIXEL if blends else PER_TRACED_PIXEL))
+    with progress.stage("trace", _points(options.layer, scene, options.size), "points") as advance:
         layer = _traced(options, scene, camera, advance)
     write_layer(options.output, options.layer, layer, options.exposure)
     console.close(wrote(options, progress))
 
 
-def _points(options: argparse.Namespace) -> int:
+def _points(layer: str, scene, size: tuple[int, int]) -> int:
     """Most points at which B is traced, by half."""
     from gsgi.runtime.scene import BLENDED_MOST
 
-    width, height = options.size
-    surfaces = {"final": 1 + BLENDED_MOST, "indirect": 1}
-    return 2 * surfaces.get(options.layer, 0) * width * height
+    surfaces = {"final": 1 + BLENDED_MOST * bool(scene.blended), "indirect": 1}
+    return 2 * surfaces.get(layer, 0) * size[0] * size[1]
 
 
 def _traced(options: argparse.Namespace, scene, camera, advance):
