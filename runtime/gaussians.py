@@ -108,7 +108,7 @@ class SurfaceBlend:
 
     cutoff: float = 0.05
     sharpness: int = 2
-    floor: float = 0.15
+    floor: float = 0.1
 
     @property
     def radius(self) -> float:

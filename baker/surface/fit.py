@@ -49,6 +49,11 @@ WIDTH, THICKNESS = 1.3, 0.5
 OPACITY = 0.5
 SPACING_MIN = 1e-6  # m; points can coincide
 
+# Shapes are stepped as if the coarse level filled in below so many times the file's floor. The weights of the fine level
+# fall a little between samples, and where Gaussians are stored in steps: there the coarse level, which is several times
+# too bright under a sunlit roof, showed through as spots.
+STEPPED_FLOOR = 1.5
+
 # Steps after an edit, as a share of all, at the last rates. Twice as many and larger ones changed the SSIM of frames by
 # 0.0003 at most, after a chair or all furniture of a house had moved.
 AGAIN = 0.05
@@ -105,7 +110,7 @@ def fit_surface(
         state = _stepped(state, optimiser, RATE_END ** (iteration / schedule.iterations), iteration, monitor)
         if checkpoint and (iteration + 1) % LIST_STEPS == 0 and checkpoint.due():
             checkpoint.save(to_arrays(_Run(state, iteration + 1)))
-    return finished(state.gaussians, optimiser, occlusion)
+    return finished(state.gaussians, optimiser, occlusion, blend)
 
 
 def fit_again(
@@ -130,7 +135,7 @@ def fit_again(
     state = changed(state, schedule.budget, optimiser, surface, np.random.default_rng(schedule.seed))
     for iteration in range(round(AGAIN * schedule.iterations)):
         state = _stepped(state, optimiser, RATE_END, iteration, monitor)
-    return finished(state.gaussians, optimiser, occlusion)
+    return finished(state.gaussians, optimiser, occlusion, blend)
 
 
 def _tools(
@@ -155,7 +160,8 @@ def _tools(
     surface = smoothed(surface)
     samples = joined([surface, free])
     occlusion = Occlusion(surface, triangles, blend, budget) if triangles else None
-    return surface, samples, SurfaceOptimiser(samples, coarse, blend, around), occlusion
+    stepped = replace(blend, floor=STEPPED_FLOOR * blend.floor)
+    return surface, samples, SurfaceOptimiser(samples, coarse, stepped, around), occlusion
 
 
 def as_bumpy_as(samples: SurfaceSamples, gaussians: Gaussians) -> Gaussians:
@@ -178,10 +184,14 @@ def _stepped(
     return state
 
 
-def finished(gaussians: Gaussians, optimiser: SurfaceOptimiser, occlusion: Occlusion | None) -> Gaussians:
-    """The Gaussians, cut for the last time, in the best light; without those that no sample sees."""
+def finished(
+    gaussians: Gaussians, optimiser: SurfaceOptimiser, occlusion: Occlusion | None, blend: SurfaceBlend
+) -> Gaussians:
+    """The Gaussians, cut for the last time, in the best light as the file's `blend` reads them; without those that no
+    sample sees."""
     last = cut_where_better(gaussians, optimiser, occlusion)[0] if occlusion else gaussians
     seen = ~to_remove(optimiser.share(last))  # a cut may leave some that lie between samples, as good as unknown
+    optimiser.blend = blend
     return in_best_light(Gaussians(*(column[seen] for column in vars(last).values())), optimiser)
 
 

@@ -107,7 +107,7 @@ def test_there_are_no_more_than_asked_for_and_the_widest_come_first(holed):
 @pytest.mark.parametrize("light", [0.6 * BRIGHT, BRIGHT, 3 * BRIGHT, 0.0])
 def test_light_that_paths_bring_is_no_spot_and_nobody_looks_at_black(holed, light):
     samples, fitted = holed
-    found = bright_spots(points(), glanced(light, 0.2), samples, fitted, COARSE, BLEND, 100)
+    found = bright_spots(points(), glanced(light, 0.1), samples, fitted, COARSE, BLEND, 100)
     assert len(found.position) == 0
 
 
