@@ -49,9 +49,10 @@ WIDTH, THICKNESS = 1.3, 0.5
 OPACITY = 0.5
 SPACING_MIN = 1e-6  # m; points can coincide
 
-# Shapes are stepped as if the coarse level filled in below so many times the file's floor. The weights of the fine level
-# fall a little between samples, and where Gaussians are stored in steps: there the coarse level, which is several times
-# too bright under a sunlit roof, showed through as spots.
+# Shapes are stepped as if the coarse level filled in below so many times the file's floor. What samples in free space
+# want keeps the weights of the fine level low, and between samples they fall a little: there the coarse level, which is
+# several times too bright under a sunlit roof, showed through as spots. Twice a floor of 0.15 made them rarer still in
+# one room, but blurred a hall.
 STEPPED_FLOOR = 1.5
 
 # Steps after an edit, as a share of all, at the last rates. Twice as many and larger ones changed the SSIM of frames by
