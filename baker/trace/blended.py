@@ -91,7 +91,7 @@ def _behind(scene: Scene) -> Scene:
     Left in as holes, they would still move what they lie on.
     """
     meshes = tuple(mesh for mesh in scene.meshes if not scene.materials[mesh.material].stand_in)
-    if meshes == scene.meshes:
+    if len(meshes) == len(scene.meshes):
         return scene
     return replace(scene, meshes=meshes or scene.meshes, materials=tuple(map(_hole, scene.materials)), blended=())
 

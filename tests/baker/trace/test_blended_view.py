@@ -76,7 +76,7 @@ def test_decals_lie_on_their_walls(gl, double_sided):
     stand_in = replace(paper, stand_in=True, filter=Filter(blends=True))
     solid = replace(shown((0.2, 0.4, 2.0), 1.0), double_sided=False)
     plain, light, seen = (wall(900.0, 1100.0, material, 2000.0) for material in range(3))
-    scene = Scene((plain, light), (solid, stand_in, paper), blended=(seen,))
+    scene = Scene((light, plain), (solid, stand_in, paper), blended=(seen,))
     np.testing.assert_allclose(traced(scene), np.broadcast_to([0.15, 0.6, 1.1], (SIZE, SIZE, 3)), rtol=1e-5)
 
 
