@@ -36,8 +36,8 @@ class BlendedView:
     def final(self, samples: int, seed: int, denoised: bool, advance=None) -> np.ndarray:
         """The full light (H, W, 3) float32 by `samples` paths per pixel and surface, with B `denoised` or as traced.
 
-        `advance(points)` is called with a total of `2 * width * height`, as often as there may be surfaces in a pixel:
-        1 + BLENDED_MOST if the scene has blended ones.
+        `advance(points)` is called with a total of `2 * width * height` for each surface that a pixel may show, which
+        are 1 + BLENDED_MOST if the scene has blended ones.
         """
 
         def light(surface: Surface, seed) -> np.ndarray:

@@ -23,7 +23,7 @@ def shown(color, opacity: float, tint: float = 0.0) -> Material:
 
 
 def wall(left: float, right: float, material: int, reach: float = 3.0):
-    """Across the view, so many metres away at its edges, which `reach` so far."""
+    """Across the view, so many metres away at its edges, which are `reach` off its middle."""
     corners = [(-reach, -reach, -left), (reach, -reach, -right), (reach, reach, -right), (-reach, reach, -left)]
     return scenes.quad(corners, material)
 
