@@ -13,6 +13,7 @@ from gsgi.runtime.file.levels import STEPS
 from gsgi.runtime.gaussians import Bake, Effects, Gaussians, OverBlend, SurfaceBlend
 
 STORED = ("v6_over", "v6_surface")
+READ = (*STORED, "v6_surface_before")  # the last as an encoder with other steps wrote it
 ARRAYS = ("position", "rotation", "scale", "opacity", "sh")
 
 

@@ -2,12 +2,15 @@
 
 from dataclasses import replace
 from types import SimpleNamespace
+from unittest.mock import patch
 
+import gsgi_files
 import numpy as np
 
 from gsgi.baker.native import kernels
 from gsgi.baker.surface.samples import SurfaceSamples
 from gsgi.runtime.constants import SH_C0
+from gsgi.runtime.file import codec, header
 from gsgi.runtime.gaussians import Bake, Gaussians, LightGroup
 
 FIELDS = "position", "rotation", "scale", "opacity", "sh", "slope"
@@ -56,6 +59,14 @@ def grouped(bake: Bake, seed: int = 0) -> Bake:
             light[:, 4:] = light[:, 4:, :1] * light[:, :1]
         groups.append(LightGroup(name, of, sh, 0.3 * like(bake.gaussians.slope, -1.0), coarse_sh))
     return replace(bake, groups=tuple(groups))
+
+
+def with_coarse_slopes() -> bytes:
+    """A file whose coarse Gaussians have slopes, more of them than its fine ones, and light groups: none is written."""
+    coarse = gsgi_files.gaussians(40, 0, seed=8, sloped=True)
+    bake = grouped(replace(gsgi_files.surface_example(2, 0, 1, 0), coarse=coarse))
+    with patch.object(header, "_check_surface"):
+        return codec.encode(bake)
 
 
 def with_relief(bake: Bake, seed: int = 3) -> Bake:

@@ -166,7 +166,8 @@ def _position_floor(position: np.ndarray, scale: np.ndarray, level: np.ndarray) 
     """The least power of two for positions (N, 3) that leaves all coordinates within POSITION_BITS."""
     level["position_floor"] = FLOOR_MIN
     wanted = exponents(scale, level)
-    needed = np.frexp(np.abs(position).max(axis=1, initial=0))[1] - POSITION_BITS
+    furthest = np.abs(position).max(axis=1, initial=0)
+    needed = np.where(furthest > 0, np.frexp(furthest)[1] - POSITION_BITS, FLOOR_MIN)
     short = needed > wanted
     return int(needed[short].max() if short.any() else wanted.min(initial=FLOOR_MAX))
 

@@ -192,3 +192,5 @@ def _check_surface(header: np.ndarray, expect) -> None:
     expect(0 < header["cutoff"] < 1, "cutoff", "more than 0, less than 1", header["cutoff"])
     expect(0 < header["floor"] <= FLOOR_MAX, "floor", f"more than 0, at most {FLOOR_MAX:g}", header["floor"])
     expect(1 <= header["sharpness"] <= SHARPNESS_MAX, "sharpness", f"1 to {SHARPNESS_MAX}", header["sharpness"])
+    basis = header["coarse"]["basis"]
+    expect(basis == 0, "coarse.basis", "0, since only fine Gaussians have slopes", basis)

@@ -22,7 +22,8 @@ GROUP_STEPS = {"light_steps": 9, "sh_steps": 8, "slope_steps": 16}
 def encode_group(group: LightGroup, bake: Bake, levels: list[np.ndarray], orders: list[np.ndarray]) -> bytes:
     """The content of a group's section; `levels` are the LEVEL records of both levels, in these `orders` (N,)."""
     name, patterns = group.name.encode(), [pattern.encode() for pattern in group.patterns]
-    assert 0 < len(name) <= NAME_MOST, group.name
+    assert _is_name(group.name), group.name
+    assert len(name) <= NAME_MOST, group.name
     assert len(patterns) <= PATTERNS_MOST, group.name
     assert all(len(pattern) <= PATTERN_MOST for pattern in patterns), group.name
     content = np.array((*GROUP_STEPS.values(), len(name), len(patterns)), GROUP).tobytes() + name
@@ -59,7 +60,7 @@ def _decode(data: bytes, at: int, end: int, levels: list[np.ndarray], expect: Ex
         expect(head[field] > 0, at, f"group.{field}", "at least 1")
     at += GROUP.itemsize
     name, at = _text(data, at, end, int(head["name_bytes"]), "group.name", expect)
-    expect(name != "" and name.isprintable(), start, "group.name", "a name that can be printed")
+    expect(_is_name(name), start, "group.name", "a name that can be printed")
     patterns = []
     for _ in range(head["pattern_count"]):
         expect(at + 2 <= end, at, "group.pattern", "2 bytes")
@@ -73,6 +74,11 @@ def _decode(data: bytes, at: int, end: int, levels: list[np.ndarray], expect: Ex
     expect(at == end, at, "group", "the end of the section")
     (sh, slope), (coarse_sh, _) = lights
     return LightGroup(name, tuple(patterns), sh, slope, coarse_sh)
+
+
+def _is_name(name: str) -> bool:
+    """Whether it has characters, none of which controls. Which others can be printed depends on Unicode's version."""
+    return name != "" and not any(ord(each) < 0x20 or 0x7F <= ord(each) < 0xA0 for each in name)
 
 
 def _text(data: bytes, at: int, end: int, size: int, field: str, expect: Expect) -> tuple[str, int]:

@@ -26,7 +26,7 @@ def spatial_order(
     if len(group) > CHAINED_MOST:
         return np.lexsort(keys)
     features = np.concatenate(features, axis=1)
-    order = np.lexsort((*features.T, *keys))  # ties, too, do not depend on the order before
+    order = np.lexsort((*features.T, *keys))  # most ties, too, do not depend on the order before
     start = np.flatnonzero(np.diff(group[order], prepend=group[order][:1] - 1))
     for low, high in pairwise([*start, len(order)]):
         for first in range(low, high, WINDOW):

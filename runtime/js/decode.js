@@ -77,11 +77,14 @@ function readBlend(bytes, surface) {
     return { near, dilation, alphaMin, alphaMax };
 }
 
-/** A level's record, checked: `low` is its position floor. Bits (steps 0 and 3) are at most 16, other steps at least 1. */
+/**
+ * A level's record, checked: only the fine one may have slopes, bits (steps 0 and 3) are at most 16, other steps at least
+ * 1. `low` is its position floor.
+ */
 function readLevel(bytes, view, byte) {
     const [degree, basis] = bytes.subarray(byte + 4), steps = bytes.subarray(byte + 8, byte + 16);
     const count = view.getUint32(byte, true), low = view.getInt16(byte + 6, true);
-    expect(basis <= 1 && low >= -149 && low <= 104 &&
+    expect(basis <= (byte < COARSE) && low >= -149 && low <= 104 &&
         steps.every((each, i) => i && i !== 3 ? each > 0 : each <= 16), byte);
     return { count, degree, basis, low, steps };
 }

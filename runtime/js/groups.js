@@ -19,7 +19,7 @@ export function decodeGroup(bytes, [begin, end], levels) {
         }
     };
     const name = text(bytes[begin + 3]);
-    expect(name && !/[^\P{C}]|[^\P{Z} ]/u.test(name), begin);
+    expect(name && !/\p{Cc}/u.test(name), begin);
     while (patterns.length < bytes[begin + 4]) {
         expect(at + 2 <= end, at);
         at += 2;

@@ -9,7 +9,7 @@ export function openStreams(bytes, begin, end) {
 
     /** What follows is at the next whole byte from `bit` on; there must be zeros up to it. */
     function skipTo(bit) {
-        at = bit + 7 >>> 3;
+        at = (bit + 7) / 8 | 0;
         expect(at <= size && !(bits(words, bit) & (1 << (-bit & 7)) - 1), start);
     }
 
@@ -86,7 +86,7 @@ export function openStreams(bytes, begin, end) {
 
 /** The 32 bits from `bit` on; zeros follow the last. */
 function bits(words, bit) {
-    return words[bit >>> 5] >>> bit | words[(bit >>> 5) + 1] << 1 << ~bit;
+    return words[bit / 32 | 0] >>> bit | words[bit / 32 + 1 | 0] << 1 << ~bit;
 }
 
 function unfolded(folded) {

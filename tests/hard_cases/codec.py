@@ -121,8 +121,8 @@ CASES = [
     kept("zero and non-unit quaternions", lambda: over(gaussians(rotation=[[0.0] * 4, [0, 0, 3, 4], [1e-20, 0, 0, 0]])),
          "they are normalised; zero becomes no turn"),
     kept("slopes at both ends and beyond", lambda: both(gaussians(
-        np.zeros((5, 3)), slope=[[0.5, -0.5], [9, -9], [127 / 48, -127 / 48], [0, 1e30], [0.25, -0.25]])),
-        "they are clamped to 127 steps of 1/48"),
+        np.zeros((5, 3)), slope=[[0.5, -0.5], [9, -9], [127 / 64, -127 / 64], [0, 1e30], [0.25, -0.25]])),
+        "they are clamped to 127 steps of 1/64"),
     *[not_written(name, field, value) for name, value in (("NaN", np.nan), ("infinity", np.inf)) for field in NAMES],
     *[
         not_read(f"{value} as {field}", field, value)

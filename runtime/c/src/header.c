@@ -144,6 +144,7 @@ static gsgi_result check_surface(const gsgi__header* h, const gsgi_callbacks* ca
     EXPECT(0 < h->weight_floor && h->weight_floor <= FLOOR_MAX, 52, "floor", "more than 0, at most 1e+06",
            h->weight_floor);
     EXPECT(1 <= h->sharpness && h->sharpness <= SHARPNESS_MAX, 13, "sharpness", "1 to 64", h->sharpness);
+    EXPECT_IN(1, h->levels[1].basis == 0, 5, "basis", "0, since only fine Gaussians have slopes", h->levels[1].basis);
     return GSGI_OK;
 }
 

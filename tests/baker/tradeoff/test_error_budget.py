@@ -41,8 +41,8 @@ def test_what_is_read_on_the_processor_is_what_the_pass_draws(made, parts):
 
 def test_taking_a_cause_away_helps_or_does_no_harm(parts):
     assert parts["number of Gaussians"]["psnr_without"] > parts["number of Gaussians"]["psnr"]
-    # With so few samples, fits differ by some 0.003. With so few Gaussians, coarse ones fill gaps, and their colours come
-    # in steps of 3 %: here, rounding brought a view's mean light from 0.4747 to 0.4792, where the reference has 0.5302.
+    # With so few samples, fits differ by some 0.003. With so few Gaussians, coarse ones fill gaps, and their colours
+    # come in steps of 3 %: rounding brought a view's mean light from 0.4747 to 0.4792, where the reference has 0.5302.
     by_chance = "tracing noise", "number of Gaussians", "quantisation"
     for name, part in parts.items():
         assert part["ssim_without"] > part["ssim"] - (5e-3 if name in by_chance else 2e-3), part

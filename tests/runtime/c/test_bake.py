@@ -18,8 +18,8 @@ from c_library import (
     OpenOptions,
     check_refusals,
 )
-from gsgi_files import NONSENSE, STORED, changed, damaged_files, example, reseal, stored, surface_example
-from surface_cases import grouped, with_relief
+from gsgi_files import NONSENSE, READ, STORED, changed, damaged_files, example, reseal, stored, surface_example
+from surface_cases import grouped, with_coarse_slopes, with_relief
 
 from gsgi.runtime.file import codec
 from gsgi.runtime.gaussians import Bake, SurfaceBlend
@@ -28,7 +28,7 @@ from gsgi.runtime.rebase import local_bake, origin_of_bake
 from gsgi.runtime.sampling import sample
 
 FILES = {
-    **{name: stored(name) for name in STORED},
+    **{name: stored(name) for name in READ},
     **{f"over, degree {degree}": codec.encode(example(300, degree)) for degree in range(4)},
     **{f"surface, degree {degree}": codec.encode(surface_example(700, degree, 90, 2 - degree)) for degree in range(3)},
     "light groups": codec.encode(grouped(surface_example())),
@@ -102,6 +102,10 @@ def test_nonsense_is_refused_as_python_refuses_it(library, bake, field, value):
     assert check_refusals(library, changed(codec.encode(bake), field, value))
 
 
+def test_coarse_slopes_are_refused_as_python_refuses_them(library):
+    assert check_refusals(library, with_coarse_slopes())
+
+
 @pytest.mark.parametrize("name", STORED)
 def test_every_prefix_and_every_damaged_byte_is_refused_as_python_refuses_it(library, name):
     data = stored(name)
@@ -120,7 +124,7 @@ def test_random_damage_is_refused_where_python_refuses_it(library, name):
 
 def test_sanitizers_find_nothing_in_damaged_files(sanitized):
     """AddressSanitizer and UndefinedBehaviorSanitizer abort at the first read or shift that C does not allow."""
-    corpus = [*FILES.values()]
+    corpus = [*FILES.values(), with_coarse_slopes()]
     corpus += [changed(codec.encode(bake), field, value) for bake, field, value in NONSENSE]
     corpus += [stored(name)[:length] for name in STORED for length in range(0, 200, 7)]
     corpus += [data for name in STORED for data in damaged_files(name, 1500)]

@@ -15,6 +15,7 @@ from gsgi_files import (
     stored,
     surface_example,
 )
+from surface_cases import with_coarse_slopes
 
 from gsgi.runtime.errors import FormatError
 from gsgi.runtime.file import codec, levels
@@ -56,6 +57,14 @@ def test_surface_has_no_sh_of_degree_3(level):
     data = changed(codec.encode(surface_example(0, 0, 0, 0)), f"{level}.sh_degree", 3)
     with pytest.raises(FormatError, match=rf"{level}\.sh_degree\): expected 0 to 2, got 3"):
         codec.decode(data)
+
+
+def test_coarse_gaussians_have_no_slopes():
+    """A group has no coarse ones, for which the reader in C keeps no room."""
+    with pytest.raises(AssertionError, match=r"coarse\.basis"):
+        codec.encode(replace(surface_example(), coarse=gaussians(4, 2, sloped=True)))
+    with pytest.raises(FormatError, match=r"coarse\.basis\): expected 0, since only fine Gaussians have slopes, got 1"):
+        codec.decode(with_coarse_slopes())
 
 
 @pytest.mark.parametrize("level", LEVELS)

@@ -148,6 +148,7 @@ def test_groups_that_no_encoder_writes_are_refused():
     assert "(group.name): expected a name that can be printed" in refused(
         with_group(good[:head] + b"\n" + good[head + 1 :])
     )
+    assert codec.decode(with_group(content(name="\u200b\U0001fae9"))).groups[0].name == "\u200b\U0001fae9"
     assert "(group.pattern_count): expected patterns" in refused(with_group(content(patterns=())))
     assert "(group.pattern_count): expected patterns" in refused(with_group(content(name="base")))
     at = head + 5

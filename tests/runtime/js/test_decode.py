@@ -4,10 +4,10 @@ import json
 from dataclasses import asdict, replace
 
 import numpy as np
-from gsgi_files import NONSENSE, STORED, changed, damaged_files, example, reseal, stored, surface_example
+from gsgi_files import NONSENSE, READ, STORED, changed, damaged_files, example, reseal, stored, surface_example
 from javascript import JS, node
 from repository import TESTS
-from surface_cases import grouped, with_relief
+from surface_cases import grouped, with_coarse_slopes, with_relief
 
 from gsgi.runtime.errors import FormatError
 from gsgi.runtime.file import codec
@@ -15,7 +15,7 @@ from gsgi.runtime.file.header import GROUP_TAG, RELIEF_TAG, section
 from gsgi.runtime.light_groups import weighted
 
 FILES = {
-    **{name: stored(name) for name in STORED},
+    **{name: stored(name) for name in READ},
     **{f"over_{degree}": codec.encode(example(300, degree)) for degree in range(4)},
     **{f"surface_{degree}": codec.encode(surface_example(700, degree, 90, 2 - degree)) for degree in range(3)},
     "light_groups": codec.encode(grouped(surface_example())),
@@ -102,7 +102,7 @@ def test_it_decodes_and_refuses_what_python_does(tmp_path):
         write(tmp_path, name, data, codec.decode(data))
     strange = [changed(codec.encode(bake), field, value) for bake, field, value in NONSENSE]
     strange += [damaged for name in STORED for damaged in damaged_files(name, 100)]
-    strange += damaged_groups()
+    strange += [*damaged_groups(), with_coarse_slopes()]
     for number, data in enumerate(strange):
         bake = decoded(data)
         write(tmp_path, f"{'refused' if bake is None else 'damaged'}_{number}", data, bake)
