@@ -15,7 +15,8 @@ class Neighbours:
     def __init__(self, position: np.ndarray):
         from scipy.spatial import cKDTree
 
-        self._tree = cKDTree(position)
+        # Halves of equal counts and tight boxes take longer to build than they save in a search.
+        self._tree = cKDTree(position, balanced_tree=False, compact_nodes=False)
 
     def nearest(self, position: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
         """Distances (N, K) and indices (N, K) of the nearest points of each of N others, nearest first.

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gsgi.baker.cache.store import Cache
-from gsgi.baker.trace import bright_places, guide
+from gsgi.baker.trace import guide
 from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.baker.trace.irradiance_cache import KnownLight
 from gsgi.baker.trace.pilot import Pilot
@@ -210,8 +210,7 @@ class Plan:
         if not self._known_rounds:
             return 0
         points = [point_count(layers) for layers in self._known_rounds]
-        tried = min(bright_places.TRIED, bright_places.FROM_EACH * points[0])
-        return sum(min(count, guide.POINTS) for count in points) * guide.PATHS + tried
+        return sum(min(count, guide.POINTS) for count in points) * guide.PATHS
 
     @property
     def _known_rounds(self) -> tuple[list[int], ...]:

@@ -12,9 +12,6 @@ import numpy as np
 
 from .point_order import coherent
 
-# Number of paths for the trial, and for the full search; at most FROM_EACH per point.
-TRIED, PATHS, FROM_EACH = 1 << 18, 1 << 21, 1 << 6
-
 LEAVES, CLUSTERS = 1 << 10, 128  # of all triangles, at most
 EACH = 1 << 5  # places in a leaf
 LEAST_MET = 4  # paths that meet a part before it is divided

@@ -35,13 +35,15 @@ def known_light(
     learned. `alike`: the lit places of both halves are the same, which are found in half the time, but noise in them is
     not seen any more.
     """
+    from .gathered import gather
     from .learned_guide import learn as learn_guide
 
     light = _cached(tracer, position, normal, a, b)
     if before:
         light = _shining(tracer, _with(light, before.a.lit, before.b.lit), before.a.bright, bounces)
         # What a half knows does not bias the other, whose paths it only guides.
-        return _guided(light, learn_guide(tracer, position, normal, replace(light.a, guide=before.a.guide), bounces))
+        guided = replace(light.a, guide=before.a.guide)
+        return _guided(light, learn_guide(gather(tracer, position, normal, guided, bounces)))
     if tracer.lights.count:
         from .learned_places import learn
 
@@ -52,15 +54,16 @@ def known_light(
     from .learned_bright import chosen_by
     from .learned_bright import learn as learn_bright
 
-    guided = _guided(light, learn_guide(tracer, position, normal, light.a, bounces))
-    parts = learn_bright(tracer, position, normal, a, b, light.a, bounces)
+    paths = gather(tracer, position, normal, light.a, bounces)
+    guided = _guided(light, learn_guide(paths))
+    parts = learn_bright(tracer, paths, a[paths.of], b[paths.of])
     if not len(parts.of):
         return guided
     shining = _shining(tracer, light, parts, bounces)
     learned = chosen_by(tracer, shining.a.bright, position, normal)
     both = (replace(half, bright=replace(learned, place=half.bright.place)) for half in (shining.a, shining.b))
     shining = KnownLight(*both)
-    shining = _guided(shining, learn_guide(tracer, position, normal, shining.a, bounces))
+    shining = _guided(shining, learn_guide(gather(tracer, position, normal, shining.a, bounces)))
     return shining if _pays(tracer, position, normal, bounces, guided, shining) else guided
 
 

@@ -6,15 +6,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .bright_places import EACH, FROM_EACH, GONE, PATHS, TRIED, BrightPlaces, divided, in_square, on_triangle
+from .bright_places import EACH, GONE, BrightPlaces, divided, in_square, on_triangle
 from .cached_light import CachedLight
+from .gathered import SEED, Gathered
 from .guide import Guide
 from .guided import Lobe
 from .learned_places import CELLED, likely_in
 from .light_cells import LightCells
 from .local_light import local_light
 from .mitsuba_scene import load_mitsuba
-from .paths import first_draws, indirect
+from .paths import first_draws
 from .random_numbers import DIRECTION, FILTER
 from .rays import closest_through, lifted, lifted_point, side
 from .tracer import PASS_SAMPLES, Sampling
@@ -27,36 +28,27 @@ mi = load_mitsuba()
 
 import drjit as dr  # noqa: E402  (needs the LLVM that load_mitsuba chose)
 
-SEED = 0  # of the paths by which they are learned, which are no part of the light
-
 # A path that brings more than FIREFLY times the light around its point has met a bright place. If such paths bring less
 # than SHARE of the mean square, there are no bright places; if that is below SQUARE, none are needed.
 FIREFLY, SHARE, SQUARE = 4.0, 0.4, 0.5
 TRIANGLES, BRINGING = 512, 0.98  # at most so many, those that bring this share of what all of them bring
 
 
-def learn(
-    tracer, position: np.ndarray, normal: np.ndarray, a: np.ndarray, b: np.ndarray, known: "IrradianceCache",
-    bounces: int,
-) -> BrightPlaces:  # fmt: skip
-    """The parts of triangles that are bright to points, without places in them, which `lit` finds.
+def learn(tracer, paths: Gathered, a: np.ndarray, b: np.ndarray) -> BrightPlaces:
+    """The parts of triangles that are bright to the points of `paths`, without places in them, which `lit` finds.
 
-    Paths of at most so many `bounces` end in `known` light. The points have both halves `a` and `b` (S, 3) of B,
-    position (S, 3) m and unit normals (S, 3).
+    The paths are unguided. `a` and `b` (N, 3) are both halves of B at their points.
     """
-    if not len(position):
+    if not len(paths.of):
         return BrightPlaces()
-    level = local_light(position, normal, a, b).level
-    kernel = partial(_brought, known=CachedLight(replace(known, guide=Guide())), bounces=bounces)
-    for count in sorted({min(paths, FROM_EACH * len(position)) for paths in (TRIED, PATHS)}):
-        number = np.random.default_rng(SEED).integers(len(position), size=count)
-        keys = np.stack([np.arange(count), np.zeros(count)], axis=1).astype(np.uint32)
-        ratio = tracer.launched(kernel, position[number], normal[number], keys)["light"] / level[number]
-        square, top = np.square(ratio), np.flatnonzero(ratio > FIREFLY)
-        if square.mean() < SQUARE or square[top].sum() < SHARE * square.sum():
-            return BrightPlaces()
-    met = tracer.launched(_met, position[number[top]], normal[number[top]], keys[top])
-    triangle, at, weight = (column[met["reflects"]] for column in (met["triangle"], met["at"], ratio[top]))
+    level = local_light(paths.position, paths.normal, a, b).level
+    ratio = np.maximum(paths.light - paths.first, 0) / level[:, None]
+    square, top = np.square(ratio), np.nonzero(ratio > FIREFLY)
+    if square.mean() < SQUARE or square[top].sum() < SHARE * square.sum():
+        return BrightPlaces()
+    weight = ratio[top].astype(np.float64)
+    met = tracer.launched(_met, paths.position[top[0]], paths.normal[top[0]], np.stack(top, axis=1).astype(np.uint32))
+    triangle, at, weight = (column[met["reflects"]] for column in (met["triangle"], met["at"], weight))
     if not len(triangle):
         return BrightPlaces()
     sides, of = np.unique(triangle, return_inverse=True)
@@ -120,17 +112,13 @@ def rows_again(tracer, parts: BrightPlaces) -> np.ndarray:
     return np.where(tracer.launched(_still, number)["reflects"], row, GONE)
 
 
-def _brought(tracer, position, normal, numbers, known: CachedLight, bounces: int) -> dict[str, np.ndarray]:
-    """The mean of the channels of the `light` (N,) float64 that one path brings to each point from surfaces beyond the
-    first, 0 where it is no finite number."""
-    sums = indirect(tracer, position, normal, normal, numbers, 1, bounces, SEED, known, apart=1, by_rays=True)
-    return {"light": (sums.light - sums.apart[:, 0]).mean(axis=1)}
-
-
 def _met(tracer, position, normal, numbers) -> dict[str, np.ndarray]:
-    """Where the first ray of such a path ends: twice the row of the `triangle` (N,) int64, and 1 on its front; and `at`
-    (N, 2) in barycentric coordinates. Whether (N,) bool it `reflects` what comes to it, and stands for itself."""
-    draws = first_draws(numbers, SEED)
+    """Where the first ray of each of those paths ends.
+
+    Twice the row of the `triangle` (N,) int64, and 1 on its front; and `at` (N, 2) in barycentric coordinates. Whether
+    (N,) bool it `reflects` what comes to it, and stands for itself.
+    """
+    draws = first_draws(*mi.Point2u(numbers.T), SEED)
     n = mi.Normal3f(normal.T)
     active = dr.squared_norm(n) > 0
     p = lifted_point(tracer, mi.Point3f(position.T), n, active)

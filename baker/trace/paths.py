@@ -56,6 +56,20 @@ class _Apart:
             dr.scatter_add(self.sums, more, 3 * row + channel, counts, mode=dr.ReduceMode.NoConflicts)
 
 
+class _ByPath:
+    """The mean of the channels of what each path of each lane brings, and of what its `first` ray finds; 0 where it is
+    not finite. What lights are asked for beside the first ray does not count."""
+
+    def __init__(self, lanes: int, samples: int):
+        self.light, self.first = (dr.zeros(mi.Float, lanes * samples) for _ in range(2))
+        self._lane = dr.arange(mi.UInt32, lanes) * samples
+
+    def write(self, to, path, light, active):
+        """Write the `light` of that path of each lane which has this number."""
+        mean = (light.x + light.y + light.z) * (1 / 3)
+        dr.scatter(to, mean, self._lane + path, active & dr.isfinite(mean))
+
+
 class _Reached(NamedTuple):
     """How the ray of a path came to a vertex.
 
@@ -105,33 +119,49 @@ def first_hits(tracer, origin: np.ndarray, direction: np.ndarray) -> dict[str, n
 
 def indirect(
     tracer, position, normal, geometric_normal, numbers, samples: int, bounces: int, seed: int,
-    known: CachedLight | None = None, apart: int = 0, by_rays: bool = False,
+    known: CachedLight | None = None, apart: int = 0,
 ) -> Sums:  # fmt: skip
     """Sums over `samples` paths of the light arriving at each point; arguments (N, 3) float32.
 
     Column 0 of `numbers` (N, 2) uint32 is the number of the point, and column 1 that of its first path. A path ends at
-    the first surface whose B is `known`. Light by fewer than `apart` bounces is summed apart too. `by_rays`: what the
-    first ray finds alone counts, not what is asked for beside it. Each lane follows the paths of one point one after
-    another, so that short and long paths even out.
+    the first surface whose B is `known`. Light by fewer than `apart` bounces is summed apart too.
     """
-    p, n, ng = mi.Point3f(position.T), mi.Normal3f(normal.T), mi.Normal3f(geometric_normal.T)
-    p = lifted_point(tracer, p, ng, dr.squared_norm(n) > 0)
-    # One array: a column of its own would be read in place, and the kernel compiled again for each alignment.
-    point, first = mi.Point2u(numbers.T)
-    key = _key(point, dr.opaque(mi.UInt32, seed))
-    limits = dr.opaque(mi.UInt32, samples), dr.opaque(mi.UInt32, bounces)
     by_bounce = _Apart(len(position), apart) if apart else None
-    light, squared, invalid = _paths(tracer, tracer.cells, known, by_bounce, by_rays, key, first, p, n, ng, *limits)
-    dr.eval(light, squared, invalid)
+    points = position, normal, geometric_normal, numbers
+    light, squared, invalid = _summed(tracer, points, samples, bounces, seed, known, by_bounce)
     parts = np.array(by_bounce.sums, np.float64) if by_bounce else np.zeros(0)
     sums = np.array(light, np.float64).T, np.array(squared, np.float64), np.array(invalid, np.int64)
     return Sums(*sums, parts.reshape(len(position), apart, 3))
 
 
-def first_draws(numbers, seed: int) -> Draws:
-    """The random numbers by which the first of the paths of `indirect` leave their points."""
+def each(
+    tracer, position, normal, numbers, samples: int, bounces: int, seed: int, known: CachedLight
+) -> tuple[np.ndarray, np.ndarray]:
+    """What each of these paths brings to its point, and what its first ray finds: the mean of the channels
+    (N * samples,) float32, 0 where it is not finite. What lights are asked for beside the first ray does not count."""
+    by_path = _ByPath(len(position), samples)
+    _summed(tracer, (position, normal, normal, numbers), samples, bounces, seed, known, None, by_path)
+    return np.array(by_path.light), np.array(by_path.first)
+
+
+def _summed(tracer, points, samples, bounces, seed, known, by_bounce, by_path=None):
+    """The sums of `_paths`. Each lane follows the paths of one point one after another, so that short and long paths
+    even out."""
+    *where, numbers = points
+    p, n, ng = mi.Point3f(where[0].T), mi.Normal3f(where[1].T), mi.Normal3f(where[2].T)
+    p = lifted_point(tracer, p, ng, dr.squared_norm(n) > 0)
+    # One array: a column of its own would be read in place, and the kernel compiled again for each alignment.
     point, first = mi.Point2u(numbers.T)
-    return Draws(_key(point, mi.UInt32(seed)), first, mi.UInt32(0))
+    key = _key(point, dr.opaque(mi.UInt32, seed))
+    limits = dr.opaque(mi.UInt32, samples), dr.opaque(mi.UInt32, bounces)
+    sums = _paths(tracer, tracer.cells, known, by_bounce, by_path, key, first, p, n, ng, *limits)
+    dr.eval(sums)
+    return sums
+
+
+def first_draws(point, path, seed: int) -> Draws:
+    """The random numbers by which paths of `indirect` with these numbers leave points with these."""
+    return Draws(_key(point, mi.UInt32(seed)), path, mi.UInt32(0))
 
 
 def _key(point, seed):
@@ -171,7 +201,7 @@ def punctual(tracer, position, normal, geometric_normal, filtered, dims) -> dict
 
 
 @dr.syntax
-def _paths(tracer, cells, known, by_bounce, by_rays, key, first, start, start_n, start_ng, samples, bounces):
+def _paths(tracer, cells, known, by_bounce, by_path, key, first, start, start_n, start_ng, samples, bounces):
     """Sums over the paths of each lane's point: cosine-weighted light without direct light from punctual lights.
 
     The points of a path are lifted off their surfaces.
@@ -191,7 +221,7 @@ def _paths(tracer, cells, known, by_bounce, by_rays, key, first, start, start_n,
         draws = Draws(key, sample, bounce)
         before = mi.Color3f(light)
         lobe = Lobe(n, directions, guided_by, bounce)
-        asks = active & (bounce > 0) if by_rays else active
+        asks = active if by_path is None else active & (bounce > 0)
         light += throughput * emitted_to_vertex(tracer, draws, cell, p, n, ng, bounce, lobe, asks)
         from_cells = []
         for connections, number in ((places, PLACE), (bright, BRIGHT)):
@@ -204,6 +234,7 @@ def _paths(tracer, cells, known, by_bounce, by_rays, key, first, start, start_n,
         )
         light += throughput * light_there
         _add_apart(by_bounce, bounce, light, before, active)
+        _write(by_path, "first", sample - first, light, active & (bounce == 0))
         throughput *= reflectance
         # Russian roulette (Arvo and Kirk 1990).
         survival = dr.select(bounce + 1 >= ROULETTE_BOUNCE, dr.minimum(dr.max(throughput), ROULETTE_MAX), 1)
@@ -223,6 +254,7 @@ def _paths(tracer, cells, known, by_bounce, by_rays, key, first, start, start_n,
         ends = active & ~goes_on
         mean = (light.x + light.y + light.z) * (1 / 3)
         counts = ends & dr.isfinite(mean)
+        _write(by_path, "light", sample - first, light, ends)
         total += dr.select(counts, light, 0)
         squared += dr.select(counts, mean * mean, 0)
         invalid += dr.select(ends & ~counts, mi.UInt32(1), mi.UInt32(0))
@@ -239,6 +271,12 @@ def _add_apart(by_bounce, bounce, light, before, active):
     """Count what `light` has more than `before` as light by so many bounces, if it is summed apart."""
     if by_bounce is not None:
         by_bounce.add(bounce, light, before, active)
+
+
+def _write(by_path, name, path, light, active):
+    """Write what a path brings, or its first ray, if it is asked for."""
+    if by_path is not None:
+        by_path.write(getattr(by_path, name), path, light, active)
 
 
 def _cell(cells, p, n, active):

@@ -21,7 +21,7 @@ from gsgi.baker.surface.budget import COARSE_SHARE, FREE_PER_GAUSSIAN
 from gsgi.baker.surface.colours import LEAST, MOST
 from gsgi.baker.surface.fit import SOLVED_EVERY
 from gsgi.baker.surface.group_light import SOLUTIONS
-from gsgi.baker.trace import bright_places, guide, known_light, learned_bright, learned_guide
+from gsgi.baker.trace import gathered, guide, known_light
 from gsgi.baker.trace.tracer import PASS_SAMPLES, Tracer
 
 CHUNK = 1 << 10
@@ -64,11 +64,10 @@ def traced(monkeypatch) -> list[int]:
 def guiding(monkeypatch) -> list[int]:
     """The number of paths of each call by which a guide is learned, or whether there are bright places."""
     counts, launch = [], Tracer.launched
-    learned = learned_guide._brought, learned_bright._brought
 
     def counting(tracer, kernel, *inputs):
-        if getattr(kernel, "func", None) in learned:
-            counts.append(len(inputs[0]))
+        if getattr(kernel, "func", None) is gathered._gathered:
+            counts.append(len(inputs[0]) * guide.PATHS)
         return launch(tracer, kernel, *inputs)
 
     monkeypatch.setattr(Tracer, "launched", counting)
@@ -108,7 +107,7 @@ def test_the_table_says_how_many_paths_there_are(closed):
     assert f"about {4 * PASS_SAMPLES} per sample" in rows["paths"].why
     # With one bounce, paths end in light without any, which is traced in two chunks by a pass per half.
     assert closed.known_paths == 2 * CHUNK * 2 * PASS_SAMPLES
-    assert closed.guide_paths == 2 * CHUNK * (guide.PATHS + bright_places.FROM_EACH)
+    assert closed.guide_paths == 2 * CHUNK * guide.PATHS
     # In free space there are two chunks, which take two layers as well.
     assert closed.free_paths == 2 * CHUNK * 4 * PASS_SAMPLES
     assert rows["free space"].decision == "0.3 M"

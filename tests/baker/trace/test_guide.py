@@ -11,11 +11,13 @@ from gsgi.baker.cache.records import from_arrays, to_arrays
 from gsgi.baker.surface.layers import ChunkSeed
 from gsgi.baker.surface.layers import traced as layer
 from gsgi.baker.trace import known_light as known_lights
-from gsgi.baker.trace.guide import EDGE, Guide
+from gsgi.baker.trace.gathered import SEED, gather
+from gsgi.baker.trace.guide import EDGE, PATHS, Guide
 from gsgi.baker.trace.irradiance_cache import KnownLight
 from gsgi.baker.trace.known_light import known_light_again
 from gsgi.baker.trace.learned_guide import learn
 from gsgi.baker.trace.light_cells import LightCells
+from gsgi.baker.trace.paths import indirect
 from gsgi.baker.trace.tracer import Sampling, Tracer
 from gsgi.runtime.scene import Environment, Material, Scene
 
@@ -134,13 +136,25 @@ def test_a_guide_is_stored_and_stays_after_an_edit(tracer, light):
 def test_guided_paths_teach_the_same_guide(tracer, light):
     position, normal = inside(20000)
     unguided = replace(light.a, guide=Guide())
-    by_guide, by_any = (learn(tracer, position, normal, known, BOUNCES) for known in (light.a, unguided))
+    by_guide, by_any = (learn(gather(tracer, position, normal, known, BOUNCES)) for known in (light.a, unguided))
     assert (by_guide.likely != by_any.likely).any()
     together = [guide.likely.reshape(-1, 16, EDGE, EDGE).mean(axis=1).ravel() for guide in (by_guide, by_any)]
     # Noise makes 0.13 of difference; 0.34 if guided paths counted as others do.
     assert np.abs(together[0] - together[1]).sum() < 0.2 * together[1].sum()
-    assert not len(learn(tracer, position[:0], normal[:0], light.a, BOUNCES))
-    assert len(learn(tracer, position[:5], normal[:5], light.a, BOUNCES)) == 1
+    assert not len(learn(gather(tracer, position[:0], normal[:0], light.a, BOUNCES)))
+    assert len(learn(gather(tracer, position[:5], normal[:5], light.a, BOUNCES))) == 1
+
+
+def test_what_each_path_brings_is_what_they_bring_together(tracer, light):
+    """An even sky is met by rays alone, and nothing else is asked for light."""
+    position, normal = inside(50)
+    paths = gather(tracer, position, normal, light.a, BOUNCES)
+    numbers = np.stack([np.arange(50), np.zeros(50)], axis=1).astype(np.uint32)
+    for bounces, brought in ((BOUNCES, paths.light), (0, paths.first)):
+        columns = position, normal, normal, numbers, PATHS, bounces, SEED, light.a.on_device
+        together = indirect(tracer, *(c.astype(np.float32) for c in columns[:3]), *columns[3:]).light.mean(axis=1)
+        np.testing.assert_allclose(brought.sum(axis=1, dtype=np.float64), together, rtol=1e-5)
+    assert (paths.light > paths.first).any()
 
 
 def test_normals_that_are_nearly_the_same_have_nearly_the_same_lobe():
