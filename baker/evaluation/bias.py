@@ -16,6 +16,9 @@ SAMPLES = 256  # whole paths at each of them
 PATHS = POINTS * SAMPLES
 SEED = 3000  # from a bake's seed to that of these paths
 
+# Least share of a view's pixels to which whole paths must bring light: the mean of what few of them find is not known.
+MET = 0.5
+
 LARGE = 0.02  # a bias that a user should know
 SURE = 3  # standard errors that it is from none
 
@@ -34,7 +37,10 @@ class Bias:
 
 
 def measure(tracer: CachedTracer, references: Mapping[str, Reference], seed: int) -> Bias | None:
-    """Compare references with whole paths at the same POINTS pixels for a `seed`; None if none of them sees light."""
+    """Compare references with whole paths at the same POINTS pixels for a `seed`.
+
+    None if none of them sees light, or light that few whole paths find alone.
+    """
     columns = at_pixels(references, POINTS, seed, "position", "shading_normal", "geometric_normal")
     if not columns:
         return None
@@ -42,7 +48,7 @@ def measure(tracer: CachedTracer, references: Mapping[str, Reference], seed: int
     sampling = Sampling(SAMPLES)
     whole = tracer.at_points(position, normal, sampling, seed + SEED, geometric_normal=geometric).mean
     pairs = np.stack([gathered, whole], axis=1).mean(axis=2, dtype=np.float64).reshape(len(columns[0]), -1, 2)
-    lit = pairs[pairs[..., 1].any(axis=1)]
+    lit = pairs[(pairs[..., 1] > 0).mean(axis=1) >= MET]
     if not len(lit):
         return None
     of_view = (lit[..., 0] - lit[..., 1]) / lit[..., 1].mean(axis=1, keepdims=True)

@@ -45,18 +45,33 @@ def test_views_count_alike(light, truth, factor):
     assert found.large
 
 
+def flat() -> Reference:
+    """B everywhere."""
+    nowhere = np.zeros((64, 64, 3))
+    surface = SimpleNamespace(position=nowhere, shading_normal=nowhere, geometric_normal=nowhere)
+    return Reference(surface, None, *[np.full((64, 64, 3), B, np.float32)] * 2, np.ones((64, 64), bool))
+
+
 def test_noise_is_no_bias():
     """Whole paths that are noisy, as in a room that is lit through a gap."""
     rng = np.random.default_rng(3)
     noisy = SimpleNamespace(
         at_points=lambda position, *_, **__: SimpleNamespace(mean=rng.exponential(B, position.shape))
     )
-    nowhere = np.zeros((64, 64, 3))
-    surface = SimpleNamespace(position=nowhere, shading_normal=nowhere, geometric_normal=nowhere)
-    flat = Reference(surface, None, *[np.full((64, 64, 3), B, np.float32)] * 2, np.ones((64, 64), bool))
-    found = measure(noisy, {"view": flat}, 0)
+    found = measure(noisy, {"view": flat()}, 0)
     assert found.standard_error == pytest.approx(1 / np.sqrt(3 * bias.POINTS), rel=0.1)
     assert abs(found.bias) < 4 * found.standard_error
+
+
+def test_light_that_few_paths_find_tells_nothing():
+    """Whole paths of a dark room: the mean of all is B, but most pixels have met no light, and a few a thousand B."""
+    rng = np.random.default_rng(3)
+    rare = SimpleNamespace(
+        at_points=lambda position, *_, **__: SimpleNamespace(
+            mean=1000 * B * (rng.random(len(position)) < 0.001)[:, None] * np.ones(3)
+        )
+    )
+    assert measure(rare, {"view": flat()}, 0) is None
 
 
 def test_black_views_tell_nothing(light, truth):
