@@ -149,7 +149,7 @@ def _divided(position, normal, of, use, corner, edge: float, blocked: Blocked) -
     """Cells (E,) bool among those to `use` (E,) that a wall divides.
 
     `of` (S,) is the cell of each sample. A wall blocks ways, a little above the surface, from a cell's first sample to
-    its others, or along the surface to one of its sides. Cells have sides of `edge` (m) from their corners at `corner`.
+    its others, or along the surface to one of its sides or corners. Cells are `edge` (m) wide; one begins at `corner`.
     """
     first = np.full(len(use), len(of))
     np.minimum.at(first, of, np.arange(len(of)))
@@ -166,6 +166,13 @@ def _divided(position, normal, of, use, corner, edge: float, blocked: Blocked) -
             reach = np.clip(side - within[:, axis], -edge * along[:, axis], edge * along[:, axis])
             way = (reach / np.maximum(along[:, axis], np.finfo(np.float32).tiny))[:, None] * along
             divided[cells[blocked(start, start + way.astype(np.float32))]] = True
+    # A wall that is aslant may cut off a corner alone, like that of a round column.
+    flat = ~np.eye(3, dtype=bool)[np.abs(up).argmax(axis=1)]
+    for sides in ((0.0, 0.0), (0.0, edge), (edge, 0.0), (edge, edge)):
+        way = np.zeros_like(up)
+        way[flat] = np.tile(sides, len(up)) - within[flat]
+        way -= (way * up).sum(axis=1, keepdims=True) * up
+        divided[cells[blocked(start, start + way.astype(np.float32))]] = True
     return divided
 
 

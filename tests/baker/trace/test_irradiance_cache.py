@@ -1,5 +1,7 @@
 """Known light: cells hold the mean of their samples, or nothing, and the kernels find what numpy finds."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 import scenes
@@ -115,6 +117,30 @@ def test_the_foot_of_a_thin_wall_stays_dark(monkeypatch):
     afar = at_the_foot(through)
     monkeypatch.setattr(cached_light, "AWAY", 0.0)
     assert at_the_foot(through) > 10 * afar > 0
+
+
+def test_nothing_is_known_inside_a_column_that_holds_no_samples():
+    """Its walls run aslant through the cells of the floor around it, and cut off corners of some."""
+    corners = [(0.5, 0.0), (0.1, 0.4), (-0.5, 0.1), (0.0, -0.5)]
+    walls = Material("wall", (0.5, 0.5, 0.5, 1.0), double_sided=True)
+    sides = list(pairwise([*corners, corners[0]]))
+    column = [scenes.quad([(a[0], -1, a[1]), (b[0], -1, b[1]), (b[0], 1, b[1]), (a[0], 1, a[1])]) for a, b in sides]
+    tracer = Tracer(Scene((*scenes.box(), *column), (walls,)))
+    rng = np.random.default_rng(3)
+    position = np.stack([rng.uniform(-1, 1, 40000), np.full(40000, -1), rng.uniform(-1, 1, 40000)], axis=1)
+    position = position.astype(np.float32)
+    outside = np.any([_left_of(a, b, position) < 0 for a, b in sides], axis=0)
+    normal = np.tile(SIDES[2], (len(position), 1))
+    lit = np.ones_like(position[outside])
+    cache = IrradianceCache.halves(position[outside], normal[outside], lit, lit, tracer.blocked).a
+    _, known = look_up(cache, position, normal)
+    assert known[outside].mean() > 0.8
+    assert not known[~outside].any()
+
+
+def _left_of(a, b, position: np.ndarray) -> np.ndarray:
+    """How far to the left of the line from `a` to `b` points (N, 3) of a floor are, but for a scale."""
+    return (b[0] - a[0]) * (position[:, 2] - a[1]) - (b[1] - a[1]) * (position[:, 0] - a[0])
 
 
 def test_light_that_is_equal_has_the_same_key():
