@@ -26,6 +26,10 @@ SIZE = 64  # px, edge of the images that find surface points
 # every 64th pixel and a 64th of the looks, light leaked into a dark room beside a bright one.
 DARK_STEP = 16
 
+# In free space before such a camera, only every FREE_STEP-th of these pixels counts: what moves there is black, and the
+# coarse level has few Gaussians to spend on it.
+FREE_STEP = 4
+
 # Range of points in free space, as shares of the line of sight from the camera to the surface.
 FREE = 0.05, 0.95
 
@@ -150,9 +154,11 @@ class SeenSurface:
         The result is that of `surface`, with the camera and place from which the line of sight comes.
         """
         seen, found = self._pixels, 0
+        dark = np.array(self._steps)[seen.camera] > 1
+        before = np.concatenate([np.flatnonzero(~dark), np.flatnonzero(dark)[::FREE_STEP]])
         parts, lines = [np.empty((0, 3))], [np.empty(0, np.int64)]
-        for _ in range(FREE_DRAWS if len(seen.position) else 0):
-            index = rng.integers(len(seen.position), size=count)
+        for _ in range(FREE_DRAWS if len(before) else 0):
+            index = before[rng.integers(len(before), size=count)]
             way = rng.uniform(*FREE, (count, 1))
             position = seen.viewpoint[index] + way * (seen.position[index] - seen.viewpoint[index])
             inside = in_box(self._box, position)

@@ -5,7 +5,7 @@ import pytest
 import scenes
 
 from gsgi.baker.cache.store import Cache
-from gsgi.baker.surface.seen_surface import AREA_SHARE, DARK_STEP, SIZE, SeenSurface
+from gsgi.baker.surface.seen_surface import AREA_SHARE, DARK_STEP, FREE_STEP, SIZE, SeenSurface
 from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.baker.views.importance import ImportanceField
 from gsgi.baker.views.surface_points import SurfacePoints
@@ -113,9 +113,9 @@ def test_where_cameras_see_no_light_few_points_are_drawn_on_surfaces_and_in_free
     tracer = CachedTracer(Scene((square(2, 0), square(2, 50)), (scenes.WHITE,)), Cache(tmp_path))
     cameras = [at((0, 0, 3), (0, 0, 0)), at((0, 0, 53), (0, 0, 50))]
     importance = field((-1, 0, 0), (1, 0, 0), (-1, 0, 50), (1, 0, 50))
-    few = 1 / (1 + DARK_STEP)
-    for dark, surface, free in (([False, False], 1 / 2, 1 / 2), ([False, True], AREA_SHARE * few, few)):
+    few, fewer = 1 / (1 + DARK_STEP), 1 / (1 + DARK_STEP * FREE_STEP)
+    for dark, surface, free in (([False, False], 1 / 2, 1 / 2), ([False, True], AREA_SHARE * few, fewer)):
         seen = SeenSurface(tracer, cameras, dark, importance)
         rng = np.random.default_rng(0)
-        for points, share in ((seen.surface(COUNT, rng, seen.shares()), surface), (seen.free(COUNT, rng), free)):
+        for points, share in ((seen.surface(COUNT, rng, seen.shares()), surface), (seen.free(4 * COUNT, rng), free)):
             assert (points[0][:, 2] > 40).mean() == pytest.approx(share, rel=0.1)

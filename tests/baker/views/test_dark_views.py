@@ -8,8 +8,6 @@ import pytest
 import scenes
 
 from gsgi.baker.cache.store import Cache
-from gsgi.baker.surface import samples, seen_surface
-from gsgi.baker.surface.samples import Sampler
 from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.baker.trace.local_light import FAINT
 from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling
@@ -87,15 +85,6 @@ def test_without_any_light_no_view_is_darker_than_the_others():
         return SimpleNamespace(mean=np.zeros_like(position))
 
     assert dark_views(Triangles(two_boxes()), CAMERAS, black, 3, seed=0) == frozenset()
-
-
-def test_fewer_samples_are_taken_in_the_dark(light, monkeypatch):
-    monkeypatch.setattr(samples, "CHUNK", 4096)
-    cameras = list(CAMERAS.values())
-    for dark, expected in (((), 0.5), ((False, True), 1 / (1 + seen_surface.DARK_STEP))):
-        sampler = Sampler(light, seen_surface.SeenSurface(light, cameras, dark), 2, 0)
-        for drawn in (sampler.surface([1], print), sampler.free([1], print)):
-            assert (drawn.position[:, 0] > APART / 2).mean() == pytest.approx(expected, abs=0.03)
 
 
 def test_the_first_views_with_light_are_held_out():
