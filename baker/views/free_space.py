@@ -9,6 +9,7 @@ from gsgi.runtime.vectors import sphere
 
 from .directions import cosine_directions
 from .surface_points import Hits, SurfacePoints, Triangles
+from .visibility import sides
 
 # A viewpoint's least distance to all surfaces: this share of the scene's diagonal, at most what a person needs (m).
 CLEARANCE = 0.01
@@ -19,8 +20,15 @@ AT_ONCE = 256  # viewpoints that look around together
 BACKS_MAX = 0.1  # share of hits on backs of single-sided surfaces; with more, the viewpoint is behind them
 DOUBLE_BACKS_MAX = 0.25  # the same for double-sided surfaces
 OPEN = 0.5  # above this share of rays without a hit, a scene lies in the open
+AROUND, ENCLOSED, INDOORS = 16, 0.75, 0.25  # so does one of which less than INDOORS of all fronts are ENCLOSED
+INVERTED = 0.5  # of what fronts meet: with more backs of double-sided surfaces, rooms are wound inside out
 VOID = 0.4  # from this share of downward rays without a hit, a viewpoint is in the void beside a building
 BELOW = -0.5  # a unit direction with a smaller y points down
+DOWN = sphere(LOOKS)[sphere(LOOKS)[:, 1] < BELOW]  # (D, 3), of those rays
+
+# A scene in the open stands on ground if there is some below so much of the surface that does not face down. Nobody
+# looks at it from below; a table, a statue or a tree without ground may be looked at from all sides.
+STANDING = 0.95
 
 # If less than this share of the surface under the open sky is ground, there are only roofs; the tops of walls count as
 # ground. Below a roof there is a floor, so many clearances lower at least: a pavement lies on the ground.
@@ -35,12 +43,14 @@ LEAST = 64  # viewpoints to use if none is free
 class Surroundings(NamedTuple):
     """What viewpoints (E,) see around them.
 
-    `open` is the share of rays without a hit, and `below` the same among downward rays. `backs` and `double_backs` are
+    `open` is the share of rays without a hit, and `below` the same among downward rays. `under` bool marks those with
+    nothing below them and something overhead. `backs` and `double_backs` are
     the shares of hits on backs of single- and double-sided surfaces, 1 if there are no hits.
     """
 
     open: np.ndarray
     below: np.ndarray
+    under: np.ndarray
     backs: np.ndarray
     double_backs: np.ndarray
 
@@ -51,26 +61,36 @@ class FreeSpace:
     A viewpoint is free if it keeps its clearance and sees hardly any backs of single-sided surfaces. The winding of
     double-sided surfaces counts too, because most scenes declare all their surfaces double-sided: a viewpoint that sees
     many of their backs is inside a body or outside a room. There are two exceptions: the scene and the viewpoint lie in
-    the open (a leaf is seen from both sides), or one of the given cameras sees that many backs, so that the winding
-    means nothing. Unless the scene lies in the open, free viewpoints have ground below them, because the outer walls of
-    a building without surroundings face nothing; but a given camera beside such a building tells that people look at
-    them. A roof is no ground if there is hardly any other ground outside, and no court.
+    the open (a leaf is seen from both sides), or the winding means nothing, as one of the given cameras sees that many
+    backs, or what stands in a room does, whose walls are wound like those of a cube. Unless the scene lies in the open,
+    free viewpoints have ground below them, because the outer walls of a building without surroundings face nothing; in
+    the open they are not under the ground, if there is any. But a given camera there tells that people look at these
+    walls, or from below. A roof is no ground if there is hardly any other ground outside, and no court.
+
+    A scene lies in the open if most of its surface, on both sides, faces the sky, or if its fronts are nowhere
+    enclosed: a statue is a closed body, whose inside only faces itself.
     """
 
     def __init__(self, triangles: Triangles, given: list[Camera], points: SurfacePoints, rng: np.random.Generator):
-        """`given` cameras are known to be in free space. `points` are spread over the surfaces."""
+        """`given` cameras are known to be in free space. `points` are spread over the surfaces, on their fronts."""
         self.clearance = min(CLEARANCE * triangles.diagonal, CLEARANCE_PERSON)
         self._triangles = triangles
-        lifted = triangles.lifted(points.position, points.normal)
-        missed = triangles.hits(lifted, cosine_directions(points.normal, rng)).triangle < 0
-        self._open = bool(missed.mean() > OPEN)
-        self._winding, self._grounded = True, not self._open
-        self._roofed = self._grounded and self._only_roofs(lifted[points.normal[:, 1] > -BELOW])
+        both, fronts = sides(points).points, len(points)
+        lifted = triangles.lifted(both.position, both.normal)
+        hits = triangles.hits(lifted, cosine_directions(both.normal, rng))
+        missed = hits.triangle < 0
+        backs = hits.back & triangles.double_sided[hits.triangle]
+        self._winding = np.count_nonzero(backs[:fronts]) <= INVERTED * np.count_nonzero(~missed[:fronts])
+        self._open = bool(missed.mean() > OPEN) or (self._winding and self._nowhere_enclosed(points, *rng.spawn(1)))
+        self._grounded = not self._open
+        self._on_ground = self._open and self._stands(lifted[both.normal[:, 1] > BELOW])
+        self._roofed = self._grounded and self._only_roofs(lifted[both.normal[:, 1] > -BELOW])
         if given:
             position = np.array([camera.position for camera in given])
             own = look_around(triangles, position)
-            self._winding = bool((own.double_backs <= DOUBLE_BACKS_MAX).all())
+            self._winding &= bool((own.double_backs <= DOUBLE_BACKS_MAX).all())
             self._grounded &= bool((own.below < VOID).all())
+            self._on_ground &= not own.under.any()
             self._roofed &= self._winding and not self._on_roofs(position, own.open).any()
 
     def draw(
@@ -109,35 +129,50 @@ class FreeSpace:
         """Indices of the viewpoints (E, 3) that are free."""
         clear = np.flatnonzero(self._triangles.clearance(viewpoints) >= self.clearance)
         around = look_around(self._triangles, viewpoints[clear])
-        faces, ground = self._faces_fronts(around)
-        free = np.flatnonzero(faces & ground)
+        free = np.flatnonzero(self._faces_fronts(around) & self._above_ground(around))
         return clear[free[~self._on_roofs(viewpoints[clear[free]], around.open[free])]]
 
     def faces_fronts(self, viewpoints: np.ndarray) -> np.ndarray:
         """Whether (E,) bool viewpoints (E, 3) keep their clearance and face fronts; they need no ground below them."""
-        faces, _ = self._faces_fronts(look_around(self._triangles, viewpoints))
+        faces = self._faces_fronts(look_around(self._triangles, viewpoints))
         return faces & (self._triangles.clearance(viewpoints) >= self.clearance)
 
-    def _faces_fronts(self, around: Surroundings) -> tuple[np.ndarray, np.ndarray]:
-        """Whether (E,) bool viewpoints are in front of surfaces, not behind; and whether they have ground below."""
+    def _faces_fronts(self, around: Surroundings) -> np.ndarray:
+        """Whether (E,) bool viewpoints are in front of surfaces, not behind."""
         double = (around.double_backs <= DOUBLE_BACKS_MAX) | (not self._winding)
         if self._open:
             double |= around.open >= OPEN
-        return double & (around.backs <= BACKS_MAX), (around.below < VOID) | (not self._grounded)
+        return double & (around.backs <= BACKS_MAX)
+
+    def _above_ground(self, around: Surroundings) -> np.ndarray:
+        """Whether (E,) bool viewpoints have ground below them, as far as this scene asks for it."""
+        if self._grounded:
+            return around.below < VOID
+        return ~around.under | (not self._on_ground)
 
     def _on_roofs(self, viewpoints: np.ndarray, open_around: np.ndarray) -> np.ndarray:
         """Whether (E,) bool viewpoints stand in the open over roofs, in a scene without other ground outside."""
         over = (open_around > OPEN) & self._roofed
-        down = sphere(LOOKS)
-        down = down[down[:, 1] < BELOW]
-        eye, way = np.repeat(viewpoints[over], len(down), axis=0), np.tile(down, (np.count_nonzero(over), 1))
+        eye, way = _down_from(viewpoints[over])
         hits = self._triangles.hits(eye, way)
         ground = hits.triangle >= 0
         hits = Hits(*(column[ground] for column in hits))
         met = self._triangles.met(eye[ground], way[ground], hits)
         ground[ground] = self._are_ground(self._triangles.lifted(met, hits.normal))
-        over[over] = ground.reshape(-1, len(down)).mean(axis=1) < GROUND
+        over[over] = ground.reshape(-1, len(DOWN)).mean(axis=1) < GROUND
         return over
+
+    def _nowhere_enclosed(self, points: SurfacePoints, rng: np.random.Generator) -> bool:
+        """Whether hardly any of the points, on fronts, lie in a room: what they see around them is mostly surface."""
+        normal = np.repeat(points.normal, AROUND, axis=0)
+        lifted = np.repeat(self._triangles.lifted(points.position, points.normal), AROUND, axis=0)
+        met = self._triangles.hits(lifted, cosine_directions(normal, rng)).triangle >= 0
+        return bool((met.reshape(-1, AROUND).mean(axis=1) >= ENCLOSED).mean() < INDOORS)
+
+    def _stands(self, above: np.ndarray) -> bool:
+        """Whether there is ground below nearly all points (N, 3)."""
+        void = (self._triangles.hits(*_down_from(above)).triangle < 0).reshape(-1, len(DOWN)).mean(axis=1)
+        return np.count_nonzero(void < VOID) >= STANDING * max(len(above), 1)
 
     def _only_roofs(self, above: np.ndarray) -> bool:
         """Whether there is surface under the open sky, high up, most of it roofs; `above` (N, 3) are over any of it."""
@@ -148,13 +183,16 @@ class FreeSpace:
         return bool(self._are_ground(outside).mean() < GROUND)
 
     def _are_ground(self, above: np.ndarray) -> np.ndarray:
-        """Whether (N,) bool below points (N, 3) a surface faces up, and no other does far below it, as in a room."""
+        """Whether (N,) bool below points (N, 3) a surface faces up, and no other does far below it, as in a room.
+
+        Where the winding means nothing, all do.
+        """
         down, height = np.array([0.0, -1.0, 0.0]), np.full(len(above), np.nan)
         room, looking = np.zeros(len(above), bool), np.arange(len(above))
         for _ in range(LAYERS):
             hits = self._triangles.hits(above[looking], np.broadcast_to(down, (len(looking), 3)))
             met = hits.triangle >= 0
-            looking, faces_up, fallen = looking[met], ~hits.back[met], hits.distance[met]
+            looking, faces_up, fallen = looking[met], ~hits.back[met] | (not self._winding), hits.distance[met]
             there = above[looking] + fallen[:, None] * down
             room[looking] |= faces_up & (height[looking] - there[:, 1] > ROOM * self.clearance)
             first = looking[faces_up & np.isnan(height[looking])]
@@ -162,6 +200,11 @@ class FreeSpace:
             above = above.copy()
             above[looking] = self._triangles.lifted(there, np.broadcast_to(down, there.shape))
         return ~np.isnan(height) & ~room
+
+
+def _down_from(viewpoints: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The origins and directions (E * D, 3) of the rays DOWN from each of the viewpoints (E, 3)."""
+    return np.repeat(viewpoints, len(DOWN), axis=0), np.tile(DOWN, (len(viewpoints), 1))
 
 
 def look_around(triangles: Triangles, viewpoints: np.ndarray) -> Surroundings:
@@ -175,4 +218,5 @@ def look_around(triangles: Triangles, viewpoints: np.ndarray) -> Surroundings:
     count = met.sum(axis=1)
     shares = (np.where(count, seen.sum(axis=1) / np.maximum(count, 1), 1.0) for seen in (backs, double_backs))
     below = 1 - met[:, directions[:, 1] < BELOW].mean(axis=1)
-    return Surroundings(1 - count / LOOKS, below, *shares)
+    under = (below == 1) & met[:, directions[:, 1] > -BELOW].any(axis=1)
+    return Surroundings(1 - count / LOOKS, below, under, *shares)

@@ -72,8 +72,8 @@ def place(
     """
     rng = np.random.default_rng(seed)
     own = list(given.values())
-    even = sides(triangles.draw(VALIDATION_SAMPLES, rng))
-    free = FreeSpace(triangles, own, even.points, rng)
+    fronts = triangles.draw(VALIDATION_SAMPLES, rng)
+    even, free = sides(fronts), FreeSpace(triangles, own, fronts, rng)
     importance = Importance(triangles, free, own, rng)
     looked_at = importance.draw(POINTS, rng)
     field = ImportanceField.of(looked_at, importance.spaces)

@@ -149,8 +149,8 @@ def of_each(scene: Scene) -> Scene:
 def automatic_size(triangles: Triangles, seed: int) -> float:
     """Edge of boxes, m: FAR_SIGHTS times the median distance to what people see."""
     rng = np.random.default_rng(seed)
-    even = sides(triangles.draw(SEEN, rng))
-    free = FreeSpace(triangles, [], even.points, rng)
+    fronts = triangles.draw(SEEN, rng)
+    even, free = sides(fronts), FreeSpace(triangles, [], fronts, rng)
     viewpoints, _ = free.draw(even.points, triangles.diagonal, rng, must=True)
     directions = sphere(LOOKS)
     hits = triangles.hits(np.repeat(viewpoints, LOOKS, axis=0), np.tile(directions, (len(viewpoints), 1)))

@@ -104,13 +104,44 @@ def test_a_body_on_open_ground_is_seen_from_above_the_ground():
     assert placement.coverage.reached
 
 
+def test_nobody_looks_at_the_ground_from_below():
+    """Most exporters declare it double-sided, so that it has an underside."""
+    body = moved(scenes.box(0.5, inward=False), (0, 0.7, 0))
+    scene = Scene((scenes.floor(3.0), *body), (Material(double_sided=True),))
+    placement = place(Triangles(scene), {}, SIZE, seed=0)
+    assert every(placement)[:, 1].min() > 0
+    assert placement.coverage.reached
+    below = look_at(np.array([1.0, -2.0, 0.0]), np.zeros(3), np.array([0.0, 1, 0]), 1.0, 0.01)
+    watched = viewpoints(place(Triangles(scene), {"below": below}, SIZE, seed=0).fitted)[1:]
+    assert (watched[:, 1] < 0).any()
+
+
+@pytest.mark.parametrize("double_sided", [False, True])
+def test_a_table_without_ground_is_looked_at_from_all_sides(double_sided):
+    slab = [replace(mesh, position=mesh.position * np.float32([1, 0.05, 1])) for mesh in scenes.box(inward=False)]
+    leg = [replace(mesh, position=mesh.position * np.float32([0.05, 0.7, 0.05])) for mesh in scenes.box(inward=False)]
+    legs = [mesh for x in (-0.9, 0.9) for z in (-0.9, 0.9) for mesh in moved(leg, (x, -0.75, z))]
+    table = Scene((*slab, *legs), (Material(double_sided=double_sided),))
+    stand = every(place(Triangles(table), {}, SIZE, seed=0))
+    assert (stand[:, 1] < -0.05).any()
+    assert (stand[:, 1] > 0.05).any()
+
+
+def test_a_room_that_is_wound_like_the_cube_it_was_is_looked_at_from_inside():
+    """What stands in it sees the backs of its walls."""
+    block = [replace(mesh, position=mesh.position * np.float32([0.5, 0.3, 0.4])) for mesh in scenes.box(inward=False)]
+    room = (*scenes.box(inward=False), *moved(block, (0.2, -0.7, 0.1)), *moved(block, (-0.4, 0.2, -0.5)))
+    placement = place(Triangles(Scene(room, (Material(double_sided=True),))), {}, SIZE, seed=0)
+    assert np.abs(every(placement)).max() < 1
+
+
 def test_both_sides_of_a_double_sided_sheet_get_cameras():
-    sheet = scenes.floor()
+    sheet = replace(scenes.floor(), position=scenes.floor().position[:, [0, 2, 1]])
     placement = place(Triangles(Scene((sheet,), (Material(double_sided=True),))), {}, SIZE, seed=0)
     assert placement.coverage.reached
     assert placement.coverage.visible_area == pytest.approx(8, rel=0.02)
-    assert (viewpoints(placement.fitted)[:, 1] > 0).sum() >= 3
-    assert (viewpoints(placement.fitted)[:, 1] < 0).sum() >= 3
+    assert (viewpoints(placement.fitted)[:, 2] > 0).sum() >= 3
+    assert (viewpoints(placement.fitted)[:, 2] < 0).sum() >= 3
 
 
 def test_outer_walls_that_face_the_void_are_not_looked_at():
