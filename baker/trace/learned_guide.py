@@ -1,4 +1,4 @@
-"""The guide of paths, learned from others that end in known light."""
+"""The guide of paths, learned from others that end in known light. Importing this starts Mitsuba."""
 
 import numpy as np
 

@@ -20,8 +20,15 @@ AT_ONCE = 256  # viewpoints that look around together
 BACKS_MAX = 0.1  # share of hits on backs of single-sided surfaces; with more, the viewpoint is behind them
 DOUBLE_BACKS_MAX = 0.25  # the same for double-sided surfaces
 OPEN = 0.5  # above this share of rays without a hit, a scene lies in the open
-AROUND, ENCLOSED, INDOORS = 16, 0.75, 0.25  # so does one of which less than INDOORS of all fronts are ENCLOSED
-INVERTED = 0.5  # of what fronts meet: with more backs of double-sided surfaces, rooms are wound inside out
+AROUND, ENCLOSED = 16, 0.75  # rays from a front, and the share of them that meet something in a room
+INDOORS = 0.25  # share of the fronts: with less in rooms, a scene lies in the open too
+
+# Of TRIED places those that are enclosed tell whether the winding of double-sided surfaces means something. Inside
+# bodies nearly all that is seen are backs, even where bodies run into each other. If more than MIXED of the places see
+# a share of backs from DOUBLE_BACKS_MAX to this, and less than half as many see fewer backs, walls of rooms are wound
+# outwards.
+TRIED, INSIDE, MIXED = 512, 0.9, 0.2
+
 VOID = 0.4  # from this share of downward rays without a hit, a viewpoint is in the void beside a building
 BELOW = -0.5  # a unit direction with a smaller y points down
 DOWN = sphere(LOOKS)[sphere(LOOKS)[:, 1] < BELOW]  # (D, 3), of those rays
@@ -44,8 +51,8 @@ class Surroundings(NamedTuple):
     """What viewpoints (E,) see around them.
 
     `open` is the share of rays without a hit, and `below` the same among downward rays. `under` bool marks those with
-    nothing below them and something overhead. `backs` and `double_backs` are
-    the shares of hits on backs of single- and double-sided surfaces, 1 if there are no hits.
+    nothing below them and something overhead. `backs` and `double_backs` are the shares of hits on backs of single- and
+    double-sided surfaces, 1 if there are no hits.
     """
 
     open: np.ndarray
@@ -62,10 +69,11 @@ class FreeSpace:
     double-sided surfaces counts too, because most scenes declare all their surfaces double-sided: a viewpoint that sees
     many of their backs is inside a body or outside a room. There are two exceptions: the scene and the viewpoint lie in
     the open (a leaf is seen from both sides), or the winding means nothing, as one of the given cameras sees that many
-    backs, or what stands in a room does, whose walls are wound like those of a cube. Unless the scene lies in the open,
-    free viewpoints have ground below them, because the outer walls of a building without surroundings face nothing; in
-    the open they are not under the ground, if there is any. But a given camera there tells that people look at these
-    walls, or from below. A roof is no ground if there is hardly any other ground outside, and no court.
+    backs, or most places in rooms see some: there are walls that are wound outwards, like those of a cube. Unless the
+    scene lies in the open, free viewpoints have ground below them, because the outer walls of a building without
+    surroundings face nothing; in the open they are not under the ground, if there is any. But a given camera there
+    tells that people look at these walls, or from below. A roof is no ground if there is hardly any other ground
+    outside, and no court.
 
     A scene lies in the open if most of its surface, on both sides, faces the sky, or if its fronts are nowhere
     enclosed: a statue is a closed body, whose inside only faces itself.
@@ -75,23 +83,19 @@ class FreeSpace:
         """`given` cameras are known to be in free space. `points` are spread over the surfaces, on their fronts."""
         self.clearance = min(CLEARANCE * triangles.diagonal, CLEARANCE_PERSON)
         self._triangles = triangles
-        both, fronts = sides(points).points, len(points)
+        both = sides(points).points
         lifted = triangles.lifted(both.position, both.normal)
-        hits = triangles.hits(lifted, cosine_directions(both.normal, rng))
-        missed = hits.triangle < 0
-        backs = hits.back & triangles.double_sided[hits.triangle]
-        self._winding = np.count_nonzero(backs[:fronts]) <= INVERTED * np.count_nonzero(~missed[:fronts])
-        self._open = bool(missed.mean() > OPEN) or (self._winding and self._nowhere_enclosed(points, *rng.spawn(1)))
-        self._grounded = not self._open
-        self._on_ground = self._open and self._stands(lifted[both.normal[:, 1] > BELOW])
-        self._roofed = self._grounded and self._only_roofs(lifted[both.normal[:, 1] > -BELOW])
-        if given:
-            position = np.array([camera.position for camera in given])
-            own = look_around(triangles, position)
-            self._winding &= bool((own.double_backs <= DOUBLE_BACKS_MAX).all())
-            self._grounded &= bool((own.below < VOID).all())
-            self._on_ground &= not own.under.any()
-            self._roofed &= self._winding and not self._on_roofs(position, own.open).any()
+        missed = triangles.hits(lifted, cosine_directions(both.normal, rng)).triangle < 0
+        apart = rng.spawn(1)[0]
+        self._winding = not triangles.double_sided.any() or self._mostly_fronts(both, apart)
+        position = np.array([camera.position for camera in given]).reshape(-1, 3)
+        own = look_around(triangles, position)
+        self._winding &= bool((own.double_backs <= DOUBLE_BACKS_MAX).all())
+        self._open = bool(missed.mean() > OPEN) or (self._winding and self._nowhere_enclosed(points, apart))
+        self._grounded = not self._open and bool((own.below < VOID).all())
+        self._on_ground = self._open and self._stands(lifted[both.normal[:, 1] > BELOW]) and not own.under.any()
+        self._roofed = not self._open and self._only_roofs(lifted[both.normal[:, 1] > -BELOW])
+        self._roofed = self._roofed and not self._on_roofs(position, own.open).any()
 
     def draw(
         self,
@@ -161,6 +165,17 @@ class FreeSpace:
         ground[ground] = self._are_ground(self._triangles.lifted(met, hits.normal))
         over[over] = ground.reshape(-1, len(DOWN)).mean(axis=1) < GROUND
         return over
+
+    def _mostly_fronts(self, points: SurfacePoints, rng: np.random.Generator) -> bool:
+        """Whether most places in rooms see hardly any backs of double-sided surfaces, or there are no rooms."""
+        points = points[rng.permutation(len(points))[:TRIED]]
+        start, away = self._triangles.lifted(points.position, points.normal), cosine_directions(points.normal, rng)
+        line = self._triangles.hits(start, away).distance * rng.uniform(0.1, 0.9, len(start))
+        met = np.isfinite(line)
+        around = look_around(self._triangles, start[met] + away[met] * line[met, None])
+        backs = around.double_backs[around.open < 1 - ENCLOSED]
+        fronts, mixed = backs <= DOUBLE_BACKS_MAX, (backs > DOUBLE_BACKS_MAX) & (backs < INSIDE)
+        return np.count_nonzero(mixed) <= max(2 * np.count_nonzero(fronts), MIXED * len(backs))
 
     def _nowhere_enclosed(self, points: SurfacePoints, rng: np.random.Generator) -> bool:
         """Whether hardly any of the points, on fronts, lie in a room: what they see around them is mostly surface."""

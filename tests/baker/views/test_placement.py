@@ -127,10 +127,11 @@ def test_a_table_without_ground_is_looked_at_from_all_sides(double_sided):
     assert (stand[:, 1] > 0.05).any()
 
 
-def test_a_room_that_is_wound_like_the_cube_it_was_is_looked_at_from_inside():
-    """What stands in it sees the backs of its walls."""
+@pytest.mark.parametrize("outwards", [range(6), (0, 2, 4)], ids=["as the cube it was", "here and there"])
+def test_a_room_with_walls_that_are_wound_outwards_is_looked_at_from_inside(outwards):
+    walls = [scenes.box(inward=number not in outwards)[number] for number in range(6)]
     block = [replace(mesh, position=mesh.position * np.float32([0.5, 0.3, 0.4])) for mesh in scenes.box(inward=False)]
-    room = (*scenes.box(inward=False), *moved(block, (0.2, -0.7, 0.1)), *moved(block, (-0.4, 0.2, -0.5)))
+    room = (*walls, *moved(block, (0.2, -0.7, 0.1)), *moved(block, (-0.4, 0.2, -0.5)))
     placement = place(Triangles(Scene(room, (Material(double_sided=True),))), {}, SIZE, seed=0)
     assert np.abs(every(placement)).max() < 1
 
