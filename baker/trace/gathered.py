@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from .cached_light import CachedLight
 from .guide import EDGE, PATHS, POINTS
 from .mitsuba_scene import load_mitsuba
 from .paths import each, first_draws
 from .random_numbers import DIRECTION
 
 if TYPE_CHECKING:
+    from .cached_light import CachedLight
     from .irradiance_cache import IrradianceCache
 
 mi = load_mitsuba()
@@ -49,11 +49,11 @@ def gather(tracer, position: np.ndarray, normal: np.ndarray, known: "IrradianceC
     """
     of = np.sort(np.random.default_rng(SEED).permutation(len(position))[:POINTS])
     numbers = np.stack([np.arange(len(of)), np.zeros(len(of))], axis=1).astype(np.uint32)
-    kernel = partial(_gathered, known=CachedLight(known), bounces=bounces)
+    kernel = partial(_gathered, known=known.on_device, bounces=bounces)
     return Gathered(of, position[of], normal[of], **tracer.launched(kernel, position[of], normal[of], numbers))
 
 
-def _gathered(tracer, position, normal, numbers, known: CachedLight, bounces: int) -> dict[str, np.ndarray]:
+def _gathered(tracer, position, normal, numbers, known: "CachedLight", bounces: int) -> dict[str, np.ndarray]:
     """The last four columns of `Gathered`."""
     light, first = each(tracer, position, normal, numbers, PATHS, bounces, SEED, known)
     path = dr.arange(mi.UInt32, light.size)
