@@ -87,7 +87,9 @@ class Viewpoints:
 
 def _attainable(lines: SightLines, sampled: Sides) -> float:
     """The footprint, in extents, at which VIEWS viewpoints see the share ATTAINABLE of the visible sides."""
-    order = np.lexsort((lines.footprint, lines.side))
+    # By side, then by footprint: those are positive, and such float32 are in the order of their bits.
+    ascending = np.sort(lines.side.astype(np.uint64) << np.uint64(32) | lines.footprint.view(np.uint32))
     count = np.bincount(lines.side, minlength=len(sampled))
     last = (np.cumsum(count) - count + VIEWS - 1)[count >= VIEWS]
-    return float(np.quantile(lines.footprint[order][last], ATTAINABLE)) if len(last) else 0.0
+    footprint = ascending[last].astype(np.uint32).view(np.float32)
+    return float(np.quantile(footprint, ATTAINABLE)) if len(last) else 0.0
