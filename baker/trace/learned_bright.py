@@ -127,11 +127,11 @@ def _met(tracer, position, normal, numbers) -> dict[str, np.ndarray]:
     found = active & dr.isfinite(hit.t)
     _, material, front = side(tracer, hit, d, found)
     found = _reflects(tracer, material, front, found) & (tracer.places.row(hit.prim) == hit.prim)
-    triangle = 2 * hit.prim + dr.select(front, mi.UInt32(1), 0)
-    dr.eval(triangle, hit.b, found)
+    triangle, at = 2 * hit.prim + dr.select(front, mi.UInt32(1), 0), dr.select(found, hit.b, 0)
+    dr.eval(triangle, at, found)
     return {
         "triangle": np.array(triangle).astype(np.int64),
-        "at": np.array(hit.b).T.astype(np.float64),
+        "at": np.array(at).T.astype(np.float64),
         "reflects": np.array(found).astype(bool),
     }
 

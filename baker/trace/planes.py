@@ -64,26 +64,39 @@ def onto_planes(point: np.ndarray, corners: np.ndarray) -> np.ndarray:
 
     A point at a distance along a ray from far away misses its surface by more than rays start off it.
     """
-    a, b, c = corners.astype(np.float64).transpose(1, 0, 2)
-    normal = np.cross(b - a, c - a)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(np.float64).tiny)
-    there = point - normal * ((point - a) * normal).sum(axis=1, keepdims=True)
-    return _off_edges(there, a, b, c).astype(np.float32)
+    a, b, c = np.ascontiguousarray(corners.transpose(1, 2, 0), np.float64)  # (3, N) take a fifth of the time of (N, 3)
+    point = np.ascontiguousarray(point.T, np.float64)
+    normal = _cross(b - a, c - a)
+    normal /= _length(normal)
+    there = point - normal * _dot(point - a, normal)
+    return np.ascontiguousarray(_off_edges(there, a, b, c).T, np.float32)
 
 
 def _off_edges(point: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
-    """The points (N, 3) of triangles, those within EDGE of an edge moved towards the centroids."""
-    least = EDGE * np.abs(point).max(axis=1)
-    at_edge = np.zeros(len(point), bool)
+    """The points (3, N) of triangles, those within EDGE of an edge moved towards the centroids."""
+    least = EDGE * np.abs(point).max(axis=0)
+    at_edge = np.zeros(len(least), bool)
     for start, end in ((a, b), (b, c), (c, a)):
         edge = end - start
-        length = np.maximum(np.linalg.norm(edge, axis=1), np.finfo(np.float64).tiny)
-        at_edge |= np.linalg.norm(np.cross(edge, point - start), axis=1) / length < least
-    inwards = (a[at_edge] + b[at_edge] + c[at_edge]) / 3 - point[at_edge]
-    distance = np.maximum(np.linalg.norm(inwards, axis=1), np.finfo(np.float64).tiny)
+        at_edge |= _length(_cross(edge, point - start)) / _length(edge) < least
+    inwards = (a[:, at_edge] + b[:, at_edge] + c[:, at_edge]) / 3 - point[:, at_edge]
     moved = point.copy()
-    moved[at_edge] += inwards * np.minimum(2 * least[at_edge] / distance, 1)[:, None]
+    moved[:, at_edge] += inwards * np.minimum(2 * least[at_edge] / _length(inwards), 1)
     return moved
+
+
+def _cross(u: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Cross products (3, N) of vectors (3, N)."""
+    return np.stack([u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]])
+
+
+def _dot(u: np.ndarray, v: np.ndarray) -> np.ndarray:
+    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
+
+
+def _length(u: np.ndarray) -> np.ndarray:
+    """Lengths (N,) of vectors (3, N), above 0."""
+    return np.maximum(np.sqrt(_dot(u, u)), np.finfo(np.float64).tiny)
 
 
 def _planes(corners: np.ndarray, least: float) -> np.ndarray:
