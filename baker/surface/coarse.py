@@ -113,12 +113,14 @@ def _lit(
 ) -> Gaussians:
     """The at most `count` Gaussians, all but the first cut at occluders, with the light of samples.
 
-    Shapes are those of the file: where a dim Gaussian ends, one a thousand times as bright may begin.
+    All is rounded as in the file: where a dim Gaussian ends, one a thousand times as bright may begin; before a lamp,
+    light from all other sides is smaller than a step. Surfaces that need better get Gaussians of the fine level.
     """
     cut = gaussians
     if triangles:
         cut, _ = Occlusion(samples, triangles, optimiser.blend, count).cut(gaussians)
-    return optimiser.solve(codec.stored_shapes(_everywhere_again(cut, gaussians), fine=False))
+    solved = optimiser.solve(codec.stored_shapes(_everywhere_again(cut, gaussians), fine=False))
+    return codec.stored_level(solved, fine=False)
 
 
 def coarse_optimiser(samples: SurfaceSamples, gaussians: Gaussians, blend: SurfaceBlend) -> SurfaceOptimiser:

@@ -32,7 +32,7 @@ from .levels import COARSE_STEPS, FINE_STEPS, LEVEL, OVER_STEPS, decode_level, e
 from .light_groups import COARSE_BYTES, GROUP_BYTES, decode_groups, encode_group
 from .relief import RELIEF_BYTES, decode_relief, encode_relief
 
-__all__ = ["OPERATOR_NAMES", "decode", "encode", "file_bytes", "stored_shapes", "version"]
+__all__ = ["OPERATOR_NAMES", "decode", "encode", "file_bytes", "stored_level", "stored_shapes", "version"]
 
 
 # Of a level, of a Gaussian with constant light, of its two slopes and of an SH coefficient of three channels. Default
@@ -107,11 +107,15 @@ def stored_shapes(gaussians: Gaussians, fine: bool = True) -> Gaussians:
 
     Axes may be exchanged, and slopes turn with them; they are rounded, as shapes are. Other light stays as it is.
     """
+    return replace(stored_level(gaussians, fine), sh=gaussians.sh, relief=gaussians.relief)
+
+
+def stored_level(gaussians: Gaussians, fine: bool = True) -> Gaussians:
+    """The same with the light that readers have, too, but for relief, which is 0."""
     level = np.zeros((), LEVEL)
     for name, value in (FINE_STEPS if fine else COARSE_STEPS).items():
         level[name] = value
-    read = dequantise(quantise(gaussians, level, facing=fine), level)
-    return replace(read, sh=gaussians.sh, relief=gaussians.relief)
+    return dequantise(quantise(gaussians, level, facing=fine), level)
 
 
 def decode(data: bytes) -> Bake:

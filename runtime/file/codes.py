@@ -85,7 +85,8 @@ def quantise(gaussians: Gaussians, level: np.ndarray, facing: bool, of_group: bo
 def dequantise(codes: Codes, level: np.ndarray) -> Gaussians:
     """The Gaussians of codes that a reader accepts, bitwise the same in every language."""
     parts = [_dequantised(codes[part], level) for part in _slices(len(codes))]
-    return Gaussians(*(np.concatenate([getattr(part, name) for part in parts]) for name in Gaussians.__annotations__))
+    names = Gaussians.__annotations__
+    return Gaussians(*(np.concatenate([getattr(part, name) for part in parts]).copy("C") for name in names))
 
 
 def _dequantised(codes: Codes, level: np.ndarray) -> Gaussians:

@@ -48,9 +48,10 @@ def test_light_that_is_linear_in_place_and_normal_comes_back():
         errors.append(np.sqrt(np.mean(((light - expected) / expected) ** 2)))
     # One knows no place: the rest is the deviation of x / 4 over what is there, 0.29 / 1.5.
     assert 0.1 < errors[0] < 0.3
-    # Shapes follow the light: left as they start, 30 are off by 2 % and 200 by 0.8 %.
-    assert errors[1] < 0.01
-    assert errors[2] < 0.006
+    # Shapes follow the light: left as they start, 30 are off by 2 % and 200 by 0.8 %. Rounding of light, 1 %, comes on
+    # top, as in the file.
+    assert errors[1] < np.hypot(0.007, 0.0105)
+    assert errors[2] < np.hypot(0.004, 0.0105)
 
 
 def test_noise_averages_out():
