@@ -115,12 +115,12 @@ class SurfaceFits:
         gaussians: Gaussians,
     ) -> Gaussians:  # fmt: skip
         """At most so many Gaussians of the fine level without spots; where these were is kept for light groups."""
-        from .spots import MOVED, Spots, bright_spots, without_spots
+        from .spots import MOVED, Spots, false_spots, without_spots
 
         plan, levels = self.plan, (surface, gaussians, coarse, self.plan.blend)
         room = most - len(gaussians) + int(MOVED * most)
         module, task = "gsgi.baker.surface.spots", {"levels": levels, "room": room}
-        spots = plan.sampler.spots(module, lambda *tools: bright_spots(*tools, *levels, room), Spots, **task)
+        spots = plan.sampler.spots(module, lambda *tools: false_spots(*tools, *levels, room), Spots, **task)
         self._spots[budget] = spots
         if not (samples := self._at_spots(plan.sampler, budget)):
             return gaussians

@@ -1,4 +1,4 @@
-"""Bright spots: holes in the fine level where the coarse one, which fills them, is far too bright.
+"""Spots: holes in the fine level where the coarse one, which fills them, has far other light.
 
 They lie between samples, such as in the corner of a dark room on a bright day: where a sample lies, there would be
 Gaussians. Few of many points on surfaces are open to the coarse level, and a glance at these tells spots from light.
@@ -25,8 +25,8 @@ from .optimiser import SurfaceOptimiser
 from .samples import SurfaceSamples, joined
 
 LOOKED_AT, GLANCED = 1 << 16, 1 << 13  # most open points that are looked at, and of which the light is traced
-BRIGHTER, SURE = 2.0, 3.0  # how many times too bright spots are, and standard errors added to the traced light first
-NEAREST = 8  # covered samples around a spot, whose light it outshines
+OFF, SURE = 0.5, 3.0  # share of the brightness that spots are off by in a channel, and standard errors beyond that
+NEAREST = 8  # covered samples around a spot, whose light it does not have
 MOVED = 1 / 256  # of the Gaussians may make room, those that fewest samples see
 MEMBERS = 8  # samples in a spot, several at a point if need be: Gaussians that few samples see go after an edit
 
@@ -43,11 +43,11 @@ class Spots(Points):
     radius: np.ndarray
 
 
-def bright_spots(
+def false_spots(
     points: Points, glance: Callable[[Points], Layer], surface: SurfaceSamples, gaussians: Gaussians, coarse: Gaussians,
     blend: SurfaceBlend, most: int,
 ) -> Spots:  # fmt: skip
-    """At most so many spots among the points: those in which most of them lie that read too bright.
+    """At most so many spots among the points: those in which most of them lie that read false light.
 
     `glance` traces B at points in both halves. Black points are left out, since eyes there are used to other light, and
     so are dark gaps in surroundings as bright as what is read there: nobody misses these, and they would darken others.
@@ -55,10 +55,10 @@ def bright_spots(
     read, weight = look_up(gaussians, coarse, blend, points.position, points.normal, points.shading_normal)
     left_open = np.random.default_rng(0).permutation(np.flatnonzero(weight < blend.floor))[:LOOKED_AT]
     left_open = left_open if most and len(gaussians) else left_open[:0]
-    points, read = points.at(left_open), read[left_open].mean(axis=1)
+    points, read = points.at(left_open), read[left_open]
     radius, light = _covered_around(points, surface, gaussians, coarse, blend)
-    outshining = np.flatnonzero((read > BRIGHTER * light) & (radius > 0))[:GLANCED]
-    points, radius, read = points.at(outshining), radius[outshining], read[outshining]
+    unlike = np.flatnonzero(_off(read, light) & (radius > 0))[:GLANCED]
+    points, radius, read = points.at(unlike), radius[unlike], read[unlike]
     if not len(points.position):
         return Spots(**vars(points), radius=radius.astype(np.float32))
     found = glance(points)
@@ -67,9 +67,14 @@ def bright_spots(
     light, variance = brightness(a, b)
     around = local_light(points.position, points.normal, a, b)
     noise = np.maximum(np.sqrt(variance), light * (around.noise / around.level))
-    bright = traced & (read > BRIGHTER * (light + SURE * noise))
-    bright &= ~is_black(light, float(surface.indirect.mean(dtype=np.float64)), noise)
-    return _densest(points.at(bright), radius[bright], most)
+    false = traced & _off(read, (a + b) / 2, SURE * noise)
+    false &= ~is_black(light, float(surface.indirect.mean(dtype=np.float64)), noise)
+    return _densest(points.at(false), radius[false], most)
+
+
+def _off(read: np.ndarray, light: np.ndarray, error: np.ndarray | float = 0.0) -> np.ndarray:
+    """Where (P,) bool what is read (P, 3) is not the light (P, 3), which is known but for an error (P,)."""
+    return np.abs(read - light).max(axis=1) > OFF * light.mean(axis=1) + error
 
 
 def without_spots(
@@ -105,17 +110,18 @@ def _covered_around(
     points: Points, surface: SurfaceSamples, gaussians: Gaussians, coarse: Gaussians, blend: SurfaceBlend
 ) -> tuple[np.ndarray, np.ndarray]:
     """How far (P,), m, points in holes are from samples of the `surface` on the same side that are in none, and the
-    mean light (P,) of those.
+    mean light (P, 3) of those.
 
     The distance is 0 where there are none, and no more than makes a Gaussian as wide as it may be.
     """
     _, weight = look_up(gaussians, coarse, blend, surface.position, surface.normal)
     covered = surface[weight >= blend.floor]
-    there, (radius, light) = dict(by_side(covered.normal)), np.zeros((2, len(points.position)))
+    there, count = dict(by_side(covered.normal)), len(points.position)
+    radius, light = np.zeros(count), np.zeros((count, 3))
     for side, here in by_side(points.normal):
         if side in there:
             distance, near = Neighbours(covered.position[there[side]]).nearest(points.position[here], NEAREST)
-            radius[here], light[here] = distance[:, 0], covered.indirect[there[side][near]].mean(axis=(1, 2))
+            radius[here], light[here] = distance[:, 0], covered.indirect[there[side][near]].mean(axis=1)
     if len(radius):
         _, near = Neighbours(gaussians.position).nearest(points.position, 1)
         radius = np.minimum(radius, WIDEST / WIDTH * gaussians.scale[near[:, 0]].max(axis=1))

@@ -71,7 +71,7 @@ def test_spots_get_gaussians_and_samples(plan, monkeypatch, tmp_path):
         found.append(spots.Spots(**vars(some), radius=np.full(3, 0.05, np.float32)))
         return found[-1]
 
-    monkeypatch.setattr(spots, "bright_spots", three)
+    monkeypatch.setattr(spots, "false_spots", three)
     there = make_plan(plan.scene, plan.settings, QUIET, Cache(tmp_path))
     after, again = (codec.decode(bake(there, QUIET).data) for _ in range(2))
     assert len(found) == 1

@@ -1,4 +1,4 @@
-"""Holes in the fine level where the coarse one is too bright: they are found by tracing, and closed."""
+"""Holes in the fine level where the coarse one has other light: they are found by tracing, and closed."""
 
 from dataclasses import replace
 
@@ -11,7 +11,7 @@ from gsgi.baker.fitting.rotations import rotation_to
 from gsgi.baker.surface.layers import Layer, Points
 from gsgi.baker.surface.lookup import look_up
 from gsgi.baker.surface.samples import SurfaceSamples
-from gsgi.baker.surface.spots import MEMBERS, bright_spots, without_spots
+from gsgi.baker.surface.spots import MEMBERS, OFF, false_spots, without_spots
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.constants import SH_C0
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
@@ -72,7 +72,7 @@ def holed():
 
 def test_a_bright_spot_is_found_and_closed(holed):
     samples, fitted = holed
-    found = bright_spots(points(), glanced(DARK, 0.2), samples, fitted, COARSE, BLEND, 100)
+    found = false_spots(points(), glanced(DARK, 0.2), samples, fitted, COARSE, BLEND, 100)
     away = np.linalg.norm(found.position, axis=1)
     middle = found.radius > 0
     assert 0 < middle.sum() < 20
@@ -96,24 +96,39 @@ def test_a_bright_spot_is_found_and_closed(holed):
 def test_there_are_no_more_than_asked_for_and_the_widest_come_first(holed):
     samples, fitted = holed
     task = samples, fitted, COARSE, BLEND
-    one, many = (bright_spots(points(), glanced(DARK), *task, most) for most in (1, 100))
+    one, many = (false_spots(points(), glanced(DARK), *task, most) for most in (1, 100))
     np.testing.assert_array_equal(one.position[0], many.position[0])
     assert np.linalg.norm(one.position[0]) < RADIUS / 2
     assert (one.radius > 0).sum() == 1
     for most, there in ((0, points()), (9, points().at(slice(0)))):
-        assert len(bright_spots(there, glanced(DARK), *task, most).position) == 0
+        assert len(false_spots(there, glanced(DARK), *task, most).position) == 0
 
 
-@pytest.mark.parametrize("light", [0.6 * BRIGHT, BRIGHT, 3 * BRIGHT, 0.0])
-def test_light_that_paths_bring_is_no_spot_and_nobody_looks_at_black(holed, light):
+@pytest.mark.parametrize("light", [DARK, 0.6 * BRIGHT, BRIGHT, 3 * BRIGHT])
+def test_light_that_paths_bring_is_no_spot(holed, light):
     samples, fitted = holed
-    found = bright_spots(points(), glanced(light, 0.1), samples, fitted, COARSE, BLEND, 100)
-    assert len(found.position) == 0
+    found = false_spots(points(), glanced(light), samples, fitted, COARSE, BLEND, 100)
+    read, _ = look_up(fitted, COARSE, BLEND, found.position, found.normal)
+    assert len(read)
+    assert (np.abs(read / light - 1).max(axis=1) > OFF).all()
+
+
+def test_nobody_looks_at_black(holed):
+    samples, fitted = holed
+    assert len(false_spots(points(), glanced(0.0, 0.1), samples, fitted, COARSE, BLEND, 100).position) == 0
+
+
+@pytest.mark.parametrize("colour", [(0.1, 0.1, 0.1), (0.5, 1.0, 1.5)])
+def test_spots_may_be_too_dark_or_have_another_colour(colour):
+    coarse = replace(COARSE, sh=np.float32(colour).reshape(1, 1, 3) / np.float32(SH_C0))
+    found = false_spots(points(), glanced(BRIGHT, 0.1), *level(RADIUS, BRIGHT), coarse, BLEND, 100)
+    assert len(found.position)
+    assert np.linalg.norm(found.position, axis=1).max() < RADIUS
 
 
 def test_dark_gaps_in_bright_surroundings_are_none():
-    assert len(bright_spots(points(), glanced(DARK), *level(RADIUS, BRIGHT), COARSE, BLEND, 100).position) == 0
+    assert len(false_spots(points(), glanced(DARK), *level(RADIUS, BRIGHT), COARSE, BLEND, 100).position) == 0
 
 
 def test_a_level_without_holes_has_none():
-    assert len(bright_spots(points(), glanced(DARK), *level(0.0), COARSE, BLEND, 100).position) == 0
+    assert len(false_spots(points(), glanced(DARK), *level(0.0), COARSE, BLEND, 100).position) == 0
