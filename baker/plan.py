@@ -31,7 +31,7 @@ from .over.fits import SH_DEGREE
 from .progress import Progress
 from .settings import BOUNCE_FRACTION, BUDGET_MAX, ERROR, QUALITIES, SAMPLES, Settings
 from .surface import budget as surface_budget
-from .surface.samples import Sampler, free_layers, known_paths, known_rounds, path_count, point_count, surface_layers
+from .surface.samples import Sampler, free_layers, known_rounds, path_count, point_count, surface_layers
 from .surface.seen_surface import SeenSurface
 from .surface_detail import gaussians_for, gaussians_for_light
 from .together import together
@@ -189,7 +189,7 @@ class Plan:
     @property
     def known_paths(self) -> int:
         """Number of paths for the light in which those of the samples end; 0 with `over`."""
-        return known_paths(self.settings.bounces) if self.settings.operator == "surface" else 0
+        return sum(map(path_count, self._known_rounds))
 
     def paths(self, samples: float) -> float:
         """Expected number of all paths that a fit with the whole budget is traced for, with so many `samples`.
@@ -212,17 +212,20 @@ class Plan:
         points = [point_count(layers) for layers in self._known_rounds]
         return sum(min(count, guide.POINTS) for count in points) * guide.PATHS
 
-    @property
+    @cached_property
     def _known_rounds(self) -> tuple[list[int], ...]:
         """The layers of each round of the known light; none with `over`."""
-        return known_rounds(self.settings.bounces) if self.settings.operator == "surface" else ()
+        if self.settings.operator != "surface":
+            return ()
+        return known_rounds(self.settings.bounces, gaussians_for(self.placement.importance))
 
     @cached_property
     def sampler(self) -> Sampler:
         """Draws and traces the samples of `surface`."""
         dark = [name in self.dark for name in self.placement.fitted]
         seen = SeenSurface(self.tracer, self.cameras, dark, self.placement.importance, self.triangles.box)
-        return Sampler.gathering(self.tracer, seen, self.settings.bounces, self.settings.seed + 1, self.settings.error)
+        asked = self.settings.bounces, self.settings.seed + 1, self.settings.error
+        return Sampler.gathering(self.tracer, seen, *asked, self._known_rounds)
 
     def group_sampler(self, name: str) -> Sampler:
         """Traces the light of one light group at the points that `sampler` draws, once that is prepared."""

@@ -35,7 +35,7 @@ def make_small(put: Callable[[object, str, object], object] = setattr) -> None:
     for module, name, value in (
         (placement, "HELD_OUT", 1), (held_out, "SIZE", 16), (held_out, "SAMPLES", 32), (held_out, "GATHERED", 32),
         (bias, "SAMPLES", 32), (budget, "SAMPLES_FEWEST", 1 << 10), (budget, "FREE_PER_GAUSSIAN", 64),
-        (samples, "CHUNK", 1 << 9), (fits, "CHUNK", 1 << 9),
+        (budget, "KNOWN_MOST", 1 << 10), (samples, "CHUNK", 1 << 9), (fits, "CHUNK", 1 << 9),
     ):  # fmt: skip
         put(module, name, value)
 

@@ -9,16 +9,21 @@ COARSE_DEGREE = 2  # irradiance is smooth in the normal (Ramamoorthi and Hanraha
 
 COARSE_SHARE, COARSE_MOST = 4, 1024  # one Gaussian in COARSE_SHARE is coarse, up to COARSE_MOST
 
-# Surface samples per Gaussian: enough to tell its shape from those of its neighbours. The total has a lower limit,
-# which costs very little, and does not grow beyond SAMPLES_MANY as long as each Gaussian has SAMPLES_LEAST: with fewer
-# than those, more Gaussians have more error.
-SAMPLES_PER_GAUSSIAN, SAMPLES_LEAST, SAMPLES_FEWEST, SAMPLES_MANY = 64, 32, 1 << 17, 1 << 20
+# Surface samples per Gaussian: enough to tell its shape from those of its neighbours. The total has a lower limit, and
+# does not grow beyond SAMPLES_MANY as long as each Gaussian has SAMPLES_LEAST: with fewer than those, more Gaussians
+# have more error.
+SAMPLES_PER_GAUSSIAN, SAMPLES_LEAST, SAMPLES_FEWEST, SAMPLES_MANY = 64, 32, 1 << 14, 1 << 20
 FREE_PER_GAUSSIAN = 256  # samples in free space per coarse Gaussian: nine coefficients, normals in all directions
 
 # A sample in free space takes a further layer, up to so many, where the noise around it is more than this share of the
 # light: its paths are not guided. Two layers took a fifth off the error of the light of things that move in an attic
 # and a breakfast room, for a thirtieth of the time; four a third, for a seventh.
 FREE_LAYERS, FREE_ERROR = 2, 0.15
+
+# Points of the last round of light in which paths end, for each Gaussian that a scene's shapes call for: any quality
+# has the same, so that none traces what another has left in the cache. The round before has half of them. With half as
+# many, a hall with hollow columns had twice the leaks, and a fifth more mottle.
+KNOWN_PER_GAUSSIAN, KNOWN_MOST = 12, 1 << 17
 
 PATHS_STEP = 2 * PASS_SAMPLES  # per sample: one pass of each half
 
@@ -44,6 +49,12 @@ def sample_count(budget: int) -> int:
 def free_count(budget: int) -> int:
     """Number of samples to trace in free space."""
     return FREE_PER_GAUSSIAN * coarse_count(budget)
+
+
+def known_counts(gaussians: int) -> tuple[int, int]:
+    """Numbers of points of both rounds of known light, where shapes call for so many `gaussians`."""
+    last = min(KNOWN_PER_GAUSSIAN * gaussians, KNOWN_MOST)
+    return last // 2, last
 
 
 def connected_layers(layers: int) -> int:

@@ -14,19 +14,27 @@ from gsgi.baker.trace.local_light import Blocks
 from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling
 
 from .adaptation import seen_around
-from .budget import FREE_ERROR, FREE_LAYERS, PATHS_STEP, connected_layers, free_count, sample_count
+from .budget import (
+    FREE_ERROR,
+    FREE_LAYERS,
+    KNOWN_MOST,
+    PATHS_STEP,
+    connected_layers,
+    free_count,
+    known_counts,
+    sample_count,
+)
 from .contrast import Contrast, sure_contrast
 from .layers import ChunkSeed, Layer, Points, invalid, mean, traced
 from .seen_surface import SeenSurface
 
-CHUNK = 1 << 16  # points that are drawn together
+# Points that are drawn together: so many in the first chunk, and times SIZES in those that follow, the last for all
+# further ones. Small bakes need no more than their first chunks, and devices and farms want large ones.
+CHUNK, SIZES = 1 << 14, (1, 1, 2, 4)
+
 GLANCE = 4  # layers that tell roughly what light is somewhere
 
 BENT_MIN = 0.02  # RMS difference of mapped and interpolated normals below which samples count as flat
-
-# Before the samples, B is traced twice at other points of the same surfaces, with the layers of each of KNOWN: first by
-# whole paths, then by paths that end where they meet the light of the round before, which leaves far less noise.
-KNOWN = [1], [1, 1]
 
 
 @dataclass(frozen=True)
@@ -117,28 +125,39 @@ def free_layers(budget: int, paths: int) -> list[int]:
     return [min(_layer_count(paths), FREE_LAYERS)] * _chunk_count(free_count(budget))
 
 
-def known_paths(bounces: int) -> int:
-    """Number of paths that are traced before the samples' own, for at most this many bounces."""
-    return sum(path_count(layers) for layers in known_rounds(bounces))
+def chunk_size(number: int) -> int:
+    """Number of points of the chunk with this number, from 0."""
+    return CHUNK * SIZES[min(number, len(SIZES) - 1)]
 
 
 def point_count(layers: list[int]) -> int:
-    """Number of points of chunks with so many layers."""
-    return CHUNK * len(layers)
+    """Number of points of the first chunks, with so many layers each."""
+    return sum(map(chunk_size, range(len(layers))))
 
 
 def path_count(layers: list[int]) -> int:
-    """Number of paths of chunks with so many layers."""
-    return CHUNK * PATHS_STEP * sum(layers)
+    """Number of paths of the first chunks, with so many layers each."""
+    return PATHS_STEP * sum(chunk_size(number) * count for number, count in enumerate(layers))
 
 
 def _chunk_count(count: int) -> int:
-    return max(-(-count // CHUNK), 1)
+    """Number of chunks that have at least so many points; at least one."""
+    number, points = 1, chunk_size(0)
+    while points < count:
+        points += chunk_size(number)
+        number += 1
+    return number
 
 
-def known_rounds(bounces: int) -> tuple[list[int], ...]:
-    """The layers of each round before the samples. Paths without a bounce meet no surface whose B they could need."""
-    return KNOWN[max(len(KNOWN) - bounces, 0) :]
+def known_rounds(bounces: int, gaussians: int) -> tuple[list[int], ...]:
+    """The layers of each round before the samples, in a scene whose shapes call for so many `gaussians`.
+
+    Before the samples, B is traced twice at other points of the same surfaces: first by whole paths, then by paths that
+    end where they meet the light of the round before, which leaves far less noise. Paths without a bounce meet no
+    surface whose B they could need.
+    """
+    rounds = tuple([1] * _chunk_count(count) for count in known_counts(gaussians))
+    return rounds[max(len(rounds) - bounces, 0) :]
 
 
 def _layer_count(paths: int) -> int:
@@ -176,9 +195,15 @@ class Sampler:
         self.entries: dict[str, list[str]] = {}  # keys of what the cache has of each chunk, and of the known light
 
     @classmethod
-    def gathering(cls, tracer: CachedTracer, seen: SeenSurface, bounces: int, seed: int, error: float) -> "Sampler":
-        """A sampler whose paths end in light that others have traced before, each with a bounce less than the next."""
-        known, rounds = None, known_rounds(bounces)
+    def gathering(
+        cls, tracer: CachedTracer, seen: SeenSurface, bounces: int, seed: int, error: float,
+        rounds: tuple[list[int], ...],
+    ) -> "Sampler":  # fmt: skip
+        """A sampler whose paths end in light that others have traced before, each with a bounce less than the next.
+
+        Those trace `rounds` of these layers, as `known_rounds` has them for the `bounces`.
+        """
+        known = None
         for layers, fewer in zip(rounds, range(len(rounds), 0, -1), strict=True):
             known = Known(cls(tracer, seen.around, bounces - fewer, seed + fewer, known), layers)
         return cls(tracer, seen, bounces, seed, known, error, mapped=True)
@@ -205,7 +230,7 @@ class Sampler:
     def prepare(self, advance: Callable[..., None]) -> None:
         """Trace the light in which paths end, once.
 
-        `advance(paths)` is called with a total of `known_paths(bounces)`.
+        `advance(paths)` is called with a total of the paths of all rounds.
         """
         if not self.prepared:
             self._known.sampler.prepare(advance)
@@ -224,11 +249,16 @@ class Sampler:
 
     @cached_property
     def contrast(self) -> float:
-        """How much the light in which paths end varies between neighbours; 0 if none is known."""
+        """How much the light in which paths end varies between neighbours; 0 if none is known.
+
+        It is that of neighbours as near as those of KNOWN_MOST points, to whose distance light's differences are about
+        in proportion, gradients and edges alike.
+        """
         known = self._known_samples
         if known is None or not len(known):
             return 0.0
-        return sure_contrast(known.position, known.normal, known.indirect_a, known.indirect_b)
+        found = sure_contrast(known.position, known.normal, known.indirect_a, known.indirect_b)
+        return found * np.sqrt(point_count(self._known.layers) / KNOWN_MOST)
 
     @property
     def rounds(self) -> tuple["Known", ...]:
@@ -271,8 +301,8 @@ class Sampler:
 
         def draw() -> Points:
             rng = np.random.default_rng(np.random.SeedSequence(seed))
-            surface = stage == "surface"
-            return Points(*(self._seen.surface(CHUNK, rng, self._shares) if surface else self._seen.free(CHUNK, rng)))
+            surface, count = stage == "surface", chunk_size(chunk)
+            return Points(*(self._seen.surface(count, rng, self._shares) if surface else self._seen.free(count, rng)))
 
         return key, self._tracer.once(key, Points, draw)[0]
 

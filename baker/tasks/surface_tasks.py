@@ -5,8 +5,9 @@ from functools import partial
 from gsgi.baker.bake import Baker
 from gsgi.baker.plan import Plan
 from gsgi.baker.progress import Progress
+from gsgi.baker.surface.budget import PATHS_STEP
 from gsgi.baker.surface.fits import SurfaceFits
-from gsgi.baker.surface.samples import Sampler, free_layers, path_count, point_count, surface_layers
+from gsgi.baker.surface.samples import Sampler, chunk_size, free_layers, surface_layers
 
 from .task import PLAN, Task, ignore, keys
 
@@ -56,9 +57,8 @@ class _Sampling:
         readers = [*(known.sampler for known in rounds[1:]), self._sampler]
         for number, (known, reader) in enumerate(zip(rounds, readers, strict=True), 1):
             stage, table = self.stage or "known light", f"known{number}"
-            paths = path_count([1])
             chunks = [
-                self._chunk(f"{table}-{n}", stage, before, known.sampler, ("surface", n, layers), paths * layers)
+                self._chunk(f"{table}-{n}", stage, before, known.sampler, ("surface", n, layers), layers * PATHS_STEP)
                 for n, layers in enumerate(known.layers)
             ]
             before = self._named(table)
@@ -69,14 +69,16 @@ class _Sampling:
         """The chunks of samples of a `stage`, "surface" or "free"."""
         plan, on_surfaces = self._plan, stage == "surface"
         layers = (surface_layers if on_surfaces else free_layers)(plan.settings.budget, plan.settings.samples)
-        paths = round(point_count([1]) * (plan.samples if on_surfaces else plan.free_samples))
+        paths = plan.samples if on_surfaces else plan.free_samples
         shown = self.stage or "irradiance"
         return [
             self._chunk(f"{stage}-{n}", shown, self.ends_in, self._sampler, (stage, n, count), paths)
             for n, count in enumerate(layers)
         ]
 
-    def _chunk(self, key: str, stage: str, before: str, sampler: Sampler, chunk: tuple, paths: int) -> Task:
+    def _chunk(self, key: str, stage: str, before: str, sampler: Sampler, chunk: tuple, each: float) -> Task:
+        """The task of a `chunk`, with `each` so many paths from a point."""
+        paths = round(chunk_size(chunk[1]) * each)
         drawn = (key,) if self._key else ()  # a light group has the points that were drawn for all light
         whole = not sampler.rounds
         return Task(self._named(key), stage, (before, *drawn), partial(_trace, sampler, stage, chunk), paths, whole)
@@ -87,7 +89,7 @@ class _Sampling:
 
 def _trace(sampler: Sampler, stage: str, chunk: tuple[str, int, int], progress: Progress) -> None:
     kind, number, layers = chunk
-    with progress.stage(stage, path_count([layers]), "paths") as advance:
+    with progress.stage(stage, chunk_size(number) * layers * PATHS_STEP, "paths") as advance:
         sampler.prepare(ignore)
         sampler.chunk(kind, number, layers, advance)
 

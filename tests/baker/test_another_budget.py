@@ -24,6 +24,7 @@ SETTINGS = Settings(views=3, size=24, error=0.0, bounces=1, iterations=2)
 @pytest.fixture(autouse=True)
 def few_samples(monkeypatch):
     monkeypatch.setattr(budget, "SAMPLES_FEWEST", CHUNK)
+    monkeypatch.setattr(budget, "KNOWN_MOST", 2 * CHUNK)
     for module in (samples, fits):
         monkeypatch.setattr(module, "CHUNK", CHUNK)
 
@@ -54,19 +55,19 @@ def run(gaussians: int, paths: int, operator: str, cache: Cache):
     bake(make_plan(scenes.furnace(), settings, Progress(), cache), Progress())
 
 
-def layers(gaussians: int, paths: int) -> list[int]:
-    """The layers of all chunks, those on surfaces first."""
-    return samples.surface_layers(gaussians, paths) + samples.free_layers(gaussians, paths)
+def layers(gaussians: int, paths: int) -> tuple[list[int], list[int]]:
+    """The layers of all chunks, those on surfaces and those in free space."""
+    return samples.surface_layers(gaussians, paths), samples.free_layers(gaussians, paths)
 
 
 def test_another_budget_traces_only_the_difference(cache, traced):
     few, more = (16, PATHS_STEP), (4 * CHUNK // SAMPLES_PER_GAUSSIAN, 3 * PATHS_STEP)
-    assert (layers(*few), layers(*more)) == ([1, 1], [3, 3, 3, 3, 2, 2, 2, 2])
-    for asked, expected in ((few, [1, 1]), (more, [2, 3, 3, 3, 1, 2, 2, 2]), (few, [])):
+    assert (layers(*few), layers(*more)) == (([1], [1]), ([3, 3, 3], [2, 2, 2]))  # of 1, 1 and 2 times CHUNK
+    known = samples.known_rounds(SETTINGS.bounces, CHUNK)[0]
+    for asked, expected in ((few, (known, [1], [1])), (more, ([2, 3, 3], [1, 2, 2])), (few, ())):
         traced.clear()
         run(*asked, "surface", cache)
-        known = samples.known_paths(SETTINGS.bounces) if asked == few and expected else 0
-        assert sum(traced) == known + samples.path_count(expected)
+        assert sum(traced) == sum(map(samples.path_count, expected))
 
 
 def test_views_serve_any_budget(cache, traced):

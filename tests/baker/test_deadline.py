@@ -84,6 +84,7 @@ def quick(monkeypatch):
     place_quickly(monkeypatch.setattr)
     chunk = 1 << 10
     monkeypatch.setattr(budget, "SAMPLES_FEWEST", chunk + 1)
+    monkeypatch.setattr(budget, "KNOWN_MOST", 2 * chunk)
     monkeypatch.setattr(budget, "FREE_PER_GAUSSIAN", 4)
     for module in (samples, fits):
         monkeypatch.setattr(module, "CHUNK", chunk)

@@ -40,6 +40,7 @@ SETTINGS = Settings(
 @pytest.fixture(autouse=True)
 def few_samples(monkeypatch):
     monkeypatch.setattr(budget, "SAMPLES_FEWEST", CHUNK + 1)
+    monkeypatch.setattr(budget, "KNOWN_MOST", 2 * CHUNK)
     for module in (samples, fits):
         monkeypatch.setattr(module, "CHUNK", CHUNK)
     monkeypatch.setattr(held_out, "SIZE", 16)

@@ -43,6 +43,7 @@ def small_bake(
     plan = Plan(scene, settings, Triangles(scene), tracer, placement, pilot, None, frozenset())
     with (
         patch.object(budget, "SAMPLES_FEWEST", SAMPLES),
+        patch.object(budget, "KNOWN_MOST", 2 * SAMPLES),
         patch.object(samples, "CHUNK", SAMPLES),
         patch.object(fits, "CHUNK", SAMPLES),
     ):

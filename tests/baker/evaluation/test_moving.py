@@ -98,7 +98,7 @@ def test_paths_may_end_in_known_light(monkeypatch):
     monkeypatch.setattr(samples, "CHUNK", 4096)
     made = plan(Cache())
     seen = SeenSurface(made.tracer, list(CAMERA.values()))
-    sampler = Sampler.gathering(made.tracer, seen, 8, 0, 0.05)
+    sampler = Sampler.gathering(made.tracer, seen, 8, 0, 0.05, ([1], [1, 1]))
     sampler.prepare(lambda *_: None)
     truth, known = {"view": reference(made)}, sampler.known_light
     assert measure(made, truth, CAMERA, constant([2, 2, 2]), known).worst_tenth < 0.02

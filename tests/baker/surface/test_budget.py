@@ -9,12 +9,15 @@ from gsgi.baker.surface.budget import (
     COARSE_MOST,
     FINE_BASIS,
     FINE_DEGREE,
+    KNOWN_MOST,
+    KNOWN_PER_GAUSSIAN,
     SAMPLES_FEWEST,
     SAMPLES_LEAST,
     SAMPLES_MANY,
     coarse_count,
     file_bytes,
     free_count,
+    known_counts,
     sample_count,
 )
 from gsgi.runtime.file import codec
@@ -62,3 +65,8 @@ def test_samples_grow_with_the_budget_and_suffice_for_each_gaussian():
     assert sample_count(4096) == 64 * 4096
     assert sample_count(16_384) == sample_count(32_768) == SAMPLES_MANY
     assert sample_count(1_000_000) == SAMPLES_LEAST * 1_000_000
+
+
+def test_known_light_grows_with_the_shapes_up_to_a_limit():
+    assert known_counts(2048) == (KNOWN_PER_GAUSSIAN * 1024, KNOWN_PER_GAUSSIAN * 2048)
+    assert known_counts(1 << 20) == (KNOWN_MOST // 2, KNOWN_MOST)

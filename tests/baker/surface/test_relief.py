@@ -68,7 +68,7 @@ def test_hardly_bent_normals_need_no_relief():
 
 def test_samples_are_traced_at_mapped_normals_and_known_light_at_interpolated_ones():
     light = CachedTracer(bumpy_room(), Cache())
-    sampler = Sampler.gathering(light, SeenSurface(light, CAMERAS), 3, 0, 0.0)
+    sampler = Sampler.gathering(light, SeenSurface(light, CAMERAS), 3, 0, 0.0, ([1], [1, 1]))
     sampler.prepare(lambda *_: None)
     known, samples = sampler._known_samples, sampler.surface([1], lambda *_: None)[:500]
     assert samples.bumpy

@@ -7,14 +7,22 @@ from traced_paths import counted
 
 from gsgi.baker.cache.store import Cache, entries
 from gsgi.baker.surface import budget, samples, seen_surface
-from gsgi.baker.surface.budget import COARSE_MOST, COARSE_SHARE, FREE_LAYERS, FREE_PER_GAUSSIAN, PATHS_STEP
+from gsgi.baker.surface.budget import (
+    COARSE_MOST,
+    COARSE_SHARE,
+    FREE_LAYERS,
+    FREE_PER_GAUSSIAN,
+    KNOWN_PER_GAUSSIAN,
+    PATHS_STEP,
+)
 from gsgi.baker.surface.samples import (
     Sampler,
     SurfaceSamples,
     free_layers,
     joined,
-    known_paths,
+    known_rounds,
     path_count,
+    point_count,
     surface_layers,
 )
 from gsgi.baker.surface.seen_surface import SeenSurface
@@ -25,6 +33,7 @@ from gsgi.runtime.camera import Camera, look_at
 from gsgi.runtime.scene import Environment, Material, Scene
 
 CHUNK = 4096
+GAUSSIANS = 2 * CHUNK // KNOWN_PER_GAUSSIAN  # of which known light takes one chunk, then two
 BOUNCES = 2
 ARRAYS = samples.ARRAYS
 UP = np.array([0.0, 0.0, -1.0])
@@ -84,8 +93,8 @@ def test_layers_are_new_paths_from_the_same_points():
 
 
 def test_free_space_takes_few_layers_of_each_chunk(traced):
-    for chunks in (1, 2, 4):
-        gaussians = chunks * CHUNK // FREE_PER_GAUSSIAN * COARSE_SHARE
+    for chunks, times in ((1, 1), (2, 2), (3, 4), (4, 8), (5, 12)):
+        gaussians = times * CHUNK // FREE_PER_GAUSSIAN * COARSE_SHARE
         assert free_layers(gaussians, 100 * PATHS_STEP) == [FREE_LAYERS] * chunks
         assert free_layers(gaussians, 1) == [1] * chunks
     assert len(sampler(scenes.furnace()).free([1, 1], ignore)) == 2 * CHUNK
@@ -99,7 +108,7 @@ def test_every_surface_sample_takes_whole_layers(traced, monkeypatch):
     assert len(sampler(scenes.furnace()).surface(layers, ignore)) == 2 * CHUNK
     assert sum(traced) == path_count(layers) == 2 * CHUNK * 2 * PATHS_STEP
     assert surface_layers(1, 1) == [1, 1]
-    assert len(free_layers(COARSE_SHARE * COARSE_MOST, 1)) == FREE_PER_GAUSSIAN * COARSE_MOST // CHUNK
+    assert point_count(free_layers(COARSE_SHARE * COARSE_MOST, 1)) == FREE_PER_GAUSSIAN * COARSE_MOST
 
 
 def test_what_the_cache_holds_is_not_traced_again(tmp_path):
@@ -283,7 +292,8 @@ def test_parts_of_samples_and_sets_together():
 
 def gathering(scene: Scene, bounces=BOUNCES, error=0.0, cache=None) -> Sampler:
     light = CachedTracer(scene, cache or Cache())
-    return Sampler.gathering(light, SeenSurface(light, [scenes.inside_camera()]), bounces, 0, error)
+    seen, rounds = SeenSurface(light, [scenes.inside_camera()]), known_rounds(bounces, GAUSSIANS)
+    return Sampler.gathering(light, seen, bounces, 0, error, rounds)
 
 
 def prepared(sampler: Sampler) -> Sampler:
@@ -295,7 +305,7 @@ def prepared(sampler: Sampler) -> Sampler:
 def test_light_that_ends_in_known_light_has_all_its_bounces(traced, bounces):
     """In a closed box that emits 1 at albedo 1/2, k bounces leave out 2^-(k + 1) of the light."""
     asked = prepared(gathering(scenes.furnace(0.5), bounces))
-    assert sum(traced) == known_paths(bounces) == path_count([[], [1, 1], [1, 1, 1], [1, 1, 1]][min(bounces, 3)])
+    assert sum(traced) == PATHS_STEP * CHUNK * (0, 2, 3, 3)[min(bounces, 3)]
     found = asked.surface([1], ignore).indirect.mean()
     left = 2 * 0.5 ** (bounces + 1)
     # Paths that go on, because so few samples leave cells unknown, may end in known light later: a bounce more.
@@ -359,7 +369,7 @@ def test_gathered_samples_come_from_the_cache(tmp_path, traced):
     done = []
     again = gathering(scene, 3, 0.05, cache)
     again.prepare(lambda paths, *_: done.append(paths))
-    assert sum(done) == pytest.approx(known_paths(3))
+    assert sum(done) == pytest.approx(sum(map(path_count, known_rounds(3, GAUSSIANS))))
     assert_same(again.surface([3], ignore), first)
     assert not traced
 
@@ -372,7 +382,7 @@ def test_other_light_is_traced_at_the_same_points(tmp_path, traced):
     room = Scene(meshes, (scenes.WHITE, glow), environment=sky, groups=groups)
     light = CachedTracer(room, cache)
     seen = SeenSurface(light, [scenes.inside_camera()])
-    whole = Sampler.gathering(light, seen, BOUNCES, 0, error=0.02)
+    whole = Sampler.gathering(light, seen, BOUNCES, 0, 0.02, known_rounds(BOUNCES, GAUSSIANS))
     whole.prepare(ignore)
     apart = whole.lit_by(light.lit_by("sky"))
     assert not apart.prepared
@@ -385,7 +395,7 @@ def test_other_light_is_traced_at_the_same_points(tmp_path, traced):
     noise = np.abs(dim.indirect_a - dim.indirect_b).mean() / dim.indirect.mean()
     assert noise < 0.1
     traced.clear()
-    again = Sampler.gathering(CachedTracer(room, cache), seen, BOUNCES, 0, error=0.02)
+    again = Sampler.gathering(CachedTracer(room, cache), seen, BOUNCES, 0, 0.02, known_rounds(BOUNCES, GAUSSIANS))
     again.prepare(ignore)
     again = again.lit_by(light.lit_by("sky"))
     again.prepare(ignore)

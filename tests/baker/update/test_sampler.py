@@ -67,7 +67,7 @@ def cameras() -> list[Camera]:
 
 def sampler(scene: Scene, cache: Cache) -> Sampler:
     light = CachedTracer(scene, cache)
-    return Sampler.gathering(light, SeenSurface(light, cameras()), BOUNCES, 0, 0.0)
+    return Sampler.gathering(light, SeenSurface(light, cameras()), BOUNCES, 0, 0.0, ([1], [1, 1]))
 
 
 def updated(
