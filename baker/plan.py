@@ -31,7 +31,8 @@ from .over.fits import SH_DEGREE
 from .progress import Progress
 from .settings import BOUNCE_FRACTION, BUDGET_MAX, ERROR, QUALITIES, SAMPLES, Settings
 from .surface import budget as surface_budget
-from .surface.samples import Sampler, free_layers, known_rounds, path_count, point_count, surface_layers
+from .surface.chunks import free_layers, known_rounds, path_count, point_count, surface_layers
+from .surface.samples import Sampler
 from .surface.seen_surface import SeenSurface
 from .surface_detail import gaussians_for, gaussians_for_light
 from .together import together

@@ -11,7 +11,7 @@ from repository import SCENES
 from gsgi.baker.cli import main
 from gsgi.baker.cluster.node import Node
 from gsgi.baker.evaluation import bias, held_out
-from gsgi.baker.surface import budget, fits, samples
+from gsgi.baker.surface import budget, chunks
 from gsgi.baker.views import importance, placement, viewpoints
 
 TINY = flags(budget=8, views=2, view_size=24, samples=128, error=0, iterations=16)
@@ -35,7 +35,7 @@ def make_small(put: Callable[[object, str, object], object] = setattr) -> None:
     for module, name, value in (
         (placement, "HELD_OUT", 1), (held_out, "SIZE", 16), (held_out, "SAMPLES", 32), (held_out, "GATHERED", 32),
         (bias, "SAMPLES", 32), (budget, "SAMPLES_FEWEST", 1 << 10), (budget, "FREE_PER_GAUSSIAN", 64),
-        (budget, "KNOWN_MOST", 1 << 10), (samples, "CHUNK", 1 << 9), (fits, "CHUNK", 1 << 9),
+        (budget, "KNOWN_MOST", 1 << 10), (chunks, "CHUNK", 1 << 9),
     ):  # fmt: skip
         put(module, name, value)
 

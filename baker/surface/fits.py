@@ -14,7 +14,8 @@ from gsgi.baker.progress import Progress
 from gsgi.runtime.gaussians import Bake, Effects, Gaussians, LightGroup, SurfaceBlend
 
 from .budget import coarse_count
-from .samples import CHUNK, Sampler, SurfaceSamples, free_layers, joined, path_count, point_count, surface_layers
+from .chunks import chunk_size, free_layers, path_count, surface_layers
+from .samples import Sampler, SurfaceSamples, joined
 
 if TYPE_CHECKING:
     from gsgi.baker.plan import Plan
@@ -67,7 +68,7 @@ class SurfaceFits:
             if not plan.start:
                 gaussians = self._without_spots(budget, fine, kept, some, coarse, gaussians)
         seconds = time.perf_counter() - start
-        points = surface.position[:CHUNK], surface.normal[:CHUNK]
+        points = surface.position[: chunk_size(0)], surface.normal[: chunk_size(0)]
         _, weight = look_up(gaussians, coarse, plan.blend, *points)
         coverage = float((weight >= plan.blend.floor).mean()) if len(weight) else 1.0
         return FitResult(gaussians, coarse, history, seconds, coverage)
@@ -247,7 +248,7 @@ def grey_bake(plan: "Plan") -> Bake:
     from .fit import start
 
     rng, budget = np.random.default_rng(plan.settings.seed), -(-plan.settings.budget // FINE_TIMED)
-    samples = _grey_samples(plan, point_count([1]), rng)
+    samples = _grey_samples(plan, chunk_size(0), rng)
     return Bake(start(samples, budget, rng), SurfaceBlend(), coarse=coarse_level(samples[:1], 1, SurfaceBlend(), 0))
 
 

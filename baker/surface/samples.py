@@ -14,23 +14,11 @@ from gsgi.baker.trace.local_light import Blocks
 from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling
 
 from .adaptation import seen_around
-from .budget import (
-    FREE_ERROR,
-    FREE_LAYERS,
-    KNOWN_MOST,
-    PATHS_STEP,
-    connected_layers,
-    free_count,
-    known_counts,
-    sample_count,
-)
+from .budget import FREE_ERROR, KNOWN_MOST, PATHS_STEP, connected_layers
+from .chunks import chunk_size, point_count
 from .contrast import Contrast, sure_contrast
 from .layers import ChunkSeed, Layer, Points, invalid, mean, traced
 from .seen_surface import SeenSurface
-
-# Points that are drawn together: so many in the first chunk, and times SIZES in those that follow, the last for all
-# further ones. Small bakes need no more than their first chunks, and devices and farms want large ones.
-CHUNK, SIZES = 1 << 14, (1, 1, 2, 4)
 
 GLANCE = 4  # layers that tell roughly what light is somewhere
 
@@ -110,58 +98,6 @@ def combined(points: Points, mapped: np.ndarray, a: np.ndarray, b: np.ndarray, i
     arrays = [array[both] for array in (points.position, points.normal, a, b)]
     seen = seen_around(points.camera[both], points.place[both], (arrays[2] + arrays[3]).mean(axis=1) / 2)
     return SurfaceSamples(*arrays, invalid, mapped[both], seen)
-
-
-def surface_layers(budget: int, paths: int) -> list[int]:
-    """Layers of each chunk of surface samples for a budget of Gaussians, with at least `paths` paths per sample.
-
-    A layer is PATHS_STEP paths from each point of a chunk, half of them for each half of B.
-    """
-    return [_layer_count(paths)] * _chunk_count(sample_count(budget))
-
-
-def free_layers(budget: int, paths: int) -> list[int]:
-    """The same for the samples in free space: few layers of each, since more places gain more than more paths."""
-    return [min(_layer_count(paths), FREE_LAYERS)] * _chunk_count(free_count(budget))
-
-
-def chunk_size(number: int) -> int:
-    """Number of points of the chunk with this number, from 0."""
-    return CHUNK * SIZES[min(number, len(SIZES) - 1)]
-
-
-def point_count(layers: list[int]) -> int:
-    """Number of points of the first chunks, with so many layers each."""
-    return sum(map(chunk_size, range(len(layers))))
-
-
-def path_count(layers: list[int]) -> int:
-    """Number of paths of the first chunks, with so many layers each."""
-    return PATHS_STEP * sum(chunk_size(number) * count for number, count in enumerate(layers))
-
-
-def _chunk_count(count: int) -> int:
-    """Number of chunks that have at least so many points; at least one."""
-    number, points = 1, chunk_size(0)
-    while points < count:
-        points += chunk_size(number)
-        number += 1
-    return number
-
-
-def known_rounds(bounces: int, gaussians: int) -> tuple[list[int], ...]:
-    """The layers of each round before the samples, in a scene whose shapes call for so many `gaussians`.
-
-    Before the samples, B is traced twice at other points of the same surfaces: first by whole paths, then by paths that
-    end where they meet the light of the round before, which leaves far less noise. Paths without a bounce meet no
-    surface whose B they could need.
-    """
-    rounds = tuple([1] * _chunk_count(count) for count in known_counts(gaussians))
-    return rounds[max(len(rounds) - bounces, 0) :]
-
-
-def _layer_count(paths: int) -> int:
-    return max(-(-paths // PATHS_STEP), 1)
 
 
 class Sampler:

@@ -6,8 +6,9 @@ from gsgi.baker.bake import Baker
 from gsgi.baker.plan import Plan
 from gsgi.baker.progress import Progress
 from gsgi.baker.surface.budget import PATHS_STEP
+from gsgi.baker.surface.chunks import chunk_size, free_layers, surface_layers
 from gsgi.baker.surface.fits import SurfaceFits
-from gsgi.baker.surface.samples import Sampler, chunk_size, free_layers, surface_layers
+from gsgi.baker.surface.samples import Sampler
 
 from .task import PLAN, Task, ignore, keys
 

@@ -13,7 +13,7 @@ from small_tasks import place_quickly
 import gsgi
 from gsgi.baker.cli.main import run
 from gsgi.baker.evaluation import held_out
-from gsgi.baker.surface import budget, samples
+from gsgi.baker.surface import budget, chunks
 from gsgi.baker.trace import device
 
 CORNELL = SCENES / "cornell.glb"
@@ -26,7 +26,7 @@ def quick():
     with pytest.MonkeyPatch.context() as patch:
         place_quickly(patch.setattr)
         patch.setattr(budget, "SAMPLES_FEWEST", 1 << 12)
-        patch.setattr(samples, "CHUNK", 1 << 11)
+        patch.setattr(chunks, "CHUNK", 1 << 11)
         patch.setattr(held_out, "SIZE", 64)
         patch.setattr(held_out, "SAMPLES", 256)
         yield

@@ -12,7 +12,7 @@ from gsgi.baker.cache.store import Cache
 from gsgi.baker.plan import make_plan
 from gsgi.baker.progress import Progress
 from gsgi.baker.settings import Settings
-from gsgi.baker.surface import budget, fits, samples
+from gsgi.baker.surface import budget, chunks
 from gsgi.baker.surface.budget import PATHS_STEP, SAMPLES_PER_GAUSSIAN
 from gsgi.baker.trace.tracer import PASS_SAMPLES
 from gsgi.baker.views import cached_placement
@@ -25,8 +25,7 @@ SETTINGS = Settings(views=3, size=24, error=0.0, bounces=1, iterations=2)
 def few_samples(monkeypatch):
     monkeypatch.setattr(budget, "SAMPLES_FEWEST", CHUNK)
     monkeypatch.setattr(budget, "KNOWN_MOST", 2 * CHUNK)
-    for module in (samples, fits):
-        monkeypatch.setattr(module, "CHUNK", CHUNK)
+    monkeypatch.setattr(chunks, "CHUNK", CHUNK)
 
 
 @pytest.fixture
@@ -57,17 +56,17 @@ def run(gaussians: int, paths: int, operator: str, cache: Cache):
 
 def layers(gaussians: int, paths: int) -> tuple[list[int], list[int]]:
     """The layers of all chunks, those on surfaces and those in free space."""
-    return samples.surface_layers(gaussians, paths), samples.free_layers(gaussians, paths)
+    return chunks.surface_layers(gaussians, paths), chunks.free_layers(gaussians, paths)
 
 
 def test_another_budget_traces_only_the_difference(cache, traced):
     few, more = (16, PATHS_STEP), (4 * CHUNK // SAMPLES_PER_GAUSSIAN, 3 * PATHS_STEP)
     assert (layers(*few), layers(*more)) == (([1], [1]), ([3, 3, 3], [2, 2, 2]))  # of 1, 1 and 2 times CHUNK
-    known = samples.known_rounds(SETTINGS.bounces, CHUNK)[0]
+    known = chunks.known_rounds(SETTINGS.bounces, CHUNK)[0]
     for asked, expected in ((few, (known, [1], [1])), (more, ([2, 3, 3], [1, 2, 2])), (few, ())):
         traced.clear()
         run(*asked, "surface", cache)
-        assert sum(traced) == sum(map(samples.path_count, expected))
+        assert sum(traced) == sum(map(chunks.path_count, expected))
 
 
 def test_views_serve_any_budget(cache, traced):

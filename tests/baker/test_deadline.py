@@ -13,7 +13,7 @@ from gsgi.baker.cli.main import run
 from gsgi.baker.deadline import LADDER, LONGER, PARTS, fitting, longest, rungs
 from gsgi.baker.estimate import Rates
 from gsgi.baker.settings import BUDGET_MAX
-from gsgi.baker.surface import budget, fits, samples
+from gsgi.baker.surface import budget, chunks
 
 CORNELL = str(SCENES / "cornell.glb")
 SMALL = ["--views", "2", "--view-size", "24", "--samples", "64", "--bounces", "2", "--no-evaluate", "--quiet"]
@@ -86,8 +86,7 @@ def quick(monkeypatch):
     monkeypatch.setattr(budget, "SAMPLES_FEWEST", chunk + 1)
     monkeypatch.setattr(budget, "KNOWN_MOST", 2 * chunk)
     monkeypatch.setattr(budget, "FREE_PER_GAUSSIAN", 4)
-    for module in (samples, fits):
-        monkeypatch.setattr(module, "CHUNK", chunk)
+    monkeypatch.setattr(chunks, "CHUNK", chunk)
     monkeypatch.setattr(deadline, "LADDER", ((1 / 64, 0.2, 2), (1 / 32, 0.1, 4)))
     _machine(monkeypatch, 1000.0)
 

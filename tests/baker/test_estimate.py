@@ -16,7 +16,7 @@ from gsgi.baker.plan import Plan, make_plan
 from gsgi.baker.plan_table import decisions
 from gsgi.baker.progress import Progress
 from gsgi.baker.settings import OPERATORS, Settings
-from gsgi.baker.surface import budget, fits, samples
+from gsgi.baker.surface import budget, chunks, fits
 from gsgi.baker.surface.budget import COARSE_SHARE, FREE_PER_GAUSSIAN
 from gsgi.baker.surface.colours import LEAST, MOST
 from gsgi.baker.surface.fit import SOLVED_EVERY
@@ -41,8 +41,7 @@ SETTINGS = Settings(
 def few_samples(monkeypatch):
     monkeypatch.setattr(budget, "SAMPLES_FEWEST", CHUNK + 1)
     monkeypatch.setattr(budget, "KNOWN_MOST", 2 * CHUNK)
-    for module in (samples, fits):
-        monkeypatch.setattr(module, "CHUNK", CHUNK)
+    monkeypatch.setattr(chunks, "CHUNK", CHUNK)
     monkeypatch.setattr(held_out, "SIZE", 16)
     monkeypatch.setattr(held_out, "SAMPLES", 2 * PASS_SAMPLES)
 

@@ -17,7 +17,7 @@ from gsgi.baker.plan import PIXELS, PIXELS_PER_GAUSSIAN, SIZE_MAX, SIZE_MIN, Pla
 from gsgi.baker.plan_table import decisions, summary
 from gsgi.baker.progress import Progress
 from gsgi.baker.settings import EFFECTS, ERROR, OPERATORS, QUALITIES, SAMPLES, Settings
-from gsgi.baker.surface import budget, fits, samples
+from gsgi.baker.surface import budget, chunks
 from gsgi.baker.surface.budget import GUIDED_NOISE, SAMPLES_LEAST
 from gsgi.baker.surface.lookup import look_up
 from gsgi.baker.surface_detail import PER_CONTRAST, gaussians_for
@@ -78,8 +78,7 @@ def few_views():
 @pytest.fixture(autouse=True)
 def few_samples(monkeypatch):
     monkeypatch.setattr(budget, "SAMPLES_FEWEST", 1 << 12)
-    for module in (samples, fits):
-        monkeypatch.setattr(module, "CHUNK", 1 << 11)
+    monkeypatch.setattr(chunks, "CHUNK", 1 << 11)
 
 
 @pytest.fixture(scope="module")

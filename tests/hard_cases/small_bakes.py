@@ -11,7 +11,7 @@ from gsgi.baker.cache.store import Cache
 from gsgi.baker.plan import Plan
 from gsgi.baker.progress import Progress
 from gsgi.baker.settings import Settings
-from gsgi.baker.surface import budget, fits, samples
+from gsgi.baker.surface import budget, chunks
 from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.baker.views.importance import ImportanceField
 from gsgi.baker.views.surface_points import Triangles
@@ -44,8 +44,7 @@ def small_bake(
     with (
         patch.object(budget, "SAMPLES_FEWEST", SAMPLES),
         patch.object(budget, "KNOWN_MOST", 2 * SAMPLES),
-        patch.object(samples, "CHUNK", SAMPLES),
-        patch.object(fits, "CHUNK", SAMPLES),
+        patch.object(chunks, "CHUNK", SAMPLES),
     ):
         return codec.decode(bake(plan, Progress()).data)
 

@@ -8,7 +8,7 @@ from PIL import Image
 from repository import SAMPLES
 
 import gsgi
-from gsgi.baker.surface import budget, fits, samples
+from gsgi.baker.surface import budget, chunks
 
 SAMPLE = SAMPLES / "10_light_groups.py"
 TINY = gsgi.Settings(budget=100, views=2, size=24, samples=64, bounces=1, iterations=10)
@@ -34,8 +34,7 @@ def test_between_two_hours_both_are_blended(sample):
 def test_each_hour_has_its_light(sample, tmp_path, monkeypatch, gl):
     monkeypatch.setenv("GSGI_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(budget, "SAMPLES_FEWEST", 1 << 12)
-    for module in (samples, fits):
-        monkeypatch.setattr(module, "CHUNK", 1 << 11)
+    monkeypatch.setattr(chunks, "CHUNK", 1 << 11)
     sample.main(tmp_path, TINY)
     day = Image.open(tmp_path / "day.gif")
     assert (day.n_frames, day.size) == (sample.FRAMES, (160, 120))

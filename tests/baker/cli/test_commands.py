@@ -24,7 +24,7 @@ from gsgi.baker.cli.commands import COMMANDS
 from gsgi.baker.evaluation import held_out
 from gsgi.baker.plan import file_bytes
 from gsgi.baker.settings import OPERATORS
-from gsgi.baker.surface import budget, samples
+from gsgi.baker.surface import budget, chunks
 from gsgi.baker.trace.tracer import Tracer
 from gsgi.baker.views import placement
 from gsgi.runtime.file import codec
@@ -43,9 +43,9 @@ HELD_OUT = 2  # views, as in QUICK
 QUICK = """
 from gsgi.baker.cli import main
 from gsgi.baker.evaluation import held_out
-from gsgi.baker.surface import budget, samples
+from gsgi.baker.surface import budget, chunks
 from gsgi.baker.views import placement
-budget.SAMPLES_FEWEST, samples.CHUNK = 1 << 14, 1 << 13
+budget.SAMPLES_FEWEST, chunks.CHUNK = 1 << 14, 1 << 13
 placement.HELD_OUT, held_out.SIZE, held_out.SAMPLES, held_out.GATHERED = 2, 64, 256, 128
 main.main()
 """
@@ -196,7 +196,7 @@ def traced(baked, tmp_path_factory) -> Path:
 def quick(monkeypatch):
     """As QUICK, in this process, with even fewer samples."""
     monkeypatch.setattr(budget, "SAMPLES_FEWEST", 1 << 12)
-    monkeypatch.setattr(samples, "CHUNK", 1 << 11)
+    monkeypatch.setattr(chunks, "CHUNK", 1 << 11)
     monkeypatch.setattr(placement, "HELD_OUT", HELD_OUT)
     for name, value in (("SIZE", 64), ("SAMPLES", 256), ("GATHERED", 128)):
         monkeypatch.setattr(held_out, name, value)

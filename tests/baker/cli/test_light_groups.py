@@ -11,7 +11,7 @@ from small_tasks import place_quickly
 
 from gsgi.baker import estimate
 from gsgi.baker.cli import main
-from gsgi.baker.surface import budget, fits, samples
+from gsgi.baker.surface import budget, chunks
 from gsgi.runtime.file.reader import read_bake
 from gsgi.runtime.image import read_image
 from gsgi.runtime.light_groups import group_names
@@ -38,8 +38,7 @@ def baked(tmp_path_factory) -> Path:
         patch.setenv("GSGI_CACHE", str(folder / "cache"))
         place_quickly(patch.setattr)
         patch.setattr(budget, "SAMPLES_FEWEST", 1 << 12)
-        for module in (samples, fits):
-            patch.setattr(module, "CHUNK", 1 << 11)
+        patch.setattr(chunks, "CHUNK", 1 << 11)
         arguments = ["bake", CORNELL, "-o", str(folder / "c.gsgi"), *TINY, *QUIET, *LIGHT, "--group", "day=sun"]
         assert main.run(arguments) == 0
         first = (folder / "c.gsgi").read_bytes()

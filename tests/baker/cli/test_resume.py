@@ -30,11 +30,11 @@ from small_tasks import place_quickly
 from gsgi.baker.cache import checkpoint
 from gsgi.baker.cli import main
 from gsgi.baker.evaluation import bias, held_out
-from gsgi.baker.surface import budget, samples
+from gsgi.baker.surface import budget, chunks
 from gsgi.baker.views import placement
 checkpoint.INTERVAL, checkpoint.SHARE = 0.1, 1.0
 placement.HELD_OUT, held_out.SIZE, held_out.SAMPLES, bias.SAMPLES = 1, 16, 32, 32
-budget.SAMPLES_FEWEST, budget.KNOWN_MOST, samples.CHUNK = 1 << 12, 1 << 10, 1 << 9
+budget.SAMPLES_FEWEST, budget.KNOWN_MOST, chunks.CHUNK = 1 << 12, 1 << 10, 1 << 9
 place_quickly()
 main.main()
 """

@@ -13,7 +13,7 @@ from gsgi.baker.evaluation import moving
 from gsgi.baker.evaluation.held_out import Evaluation
 from gsgi.baker.evaluation.moving import MovingError, measure
 from gsgi.baker.evaluation.summary import summary
-from gsgi.baker.surface import samples
+from gsgi.baker.surface import chunks
 from gsgi.baker.surface.samples import Sampler
 from gsgi.baker.surface.seen_surface import SeenSurface
 from gsgi.baker.trace.cached_tracer import CachedTracer
@@ -95,7 +95,7 @@ def test_in_a_furnace_all_is_known():
 
 def test_paths_may_end_in_known_light(monkeypatch):
     """If half of the furnace's light passes for known, so much less is what moving things are to have."""
-    monkeypatch.setattr(samples, "CHUNK", 4096)
+    monkeypatch.setattr(chunks, "CHUNK", 4096)
     made = plan(Cache())
     seen = SeenSurface(made.tracer, list(CAMERA.values()))
     sampler = Sampler.gathering(made.tracer, seen, 8, 0, 0.05, ([1], [1, 1]))

@@ -13,7 +13,7 @@ from gsgi.baker.over.rasterise import set_thread_count
 from gsgi.baker.plan import Plan, make_plan
 from gsgi.baker.progress import Progress, Silent
 from gsgi.baker.settings import Settings
-from gsgi.baker.surface import budget, fits, samples, spots
+from gsgi.baker.surface import budget, chunks, samples, spots
 from gsgi.runtime.file import codec
 from gsgi.runtime.gaussians import SurfaceBlend
 from gsgi.runtime.gltf.reader import read_gltf
@@ -31,8 +31,7 @@ def plan() -> Plan:
 @pytest.fixture(autouse=True)
 def few_samples(monkeypatch):
     monkeypatch.setattr(budget, "SAMPLES_FEWEST", 1 << 12)
-    for module in (samples, fits):
-        monkeypatch.setattr(module, "CHUNK", 1 << 11)
+    monkeypatch.setattr(chunks, "CHUNK", 1 << 11)
 
 
 def test_the_same_bytes_each_time_whatever_the_number_of_threads(plan):

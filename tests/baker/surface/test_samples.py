@@ -6,7 +6,7 @@ import scenes
 from traced_paths import counted
 
 from gsgi.baker.cache.store import Cache, entries
-from gsgi.baker.surface import budget, samples, seen_surface
+from gsgi.baker.surface import budget, chunks, samples, seen_surface
 from gsgi.baker.surface.budget import (
     COARSE_MOST,
     COARSE_SHARE,
@@ -15,16 +15,8 @@ from gsgi.baker.surface.budget import (
     KNOWN_PER_GAUSSIAN,
     PATHS_STEP,
 )
-from gsgi.baker.surface.samples import (
-    Sampler,
-    SurfaceSamples,
-    free_layers,
-    joined,
-    known_rounds,
-    path_count,
-    point_count,
-    surface_layers,
-)
+from gsgi.baker.surface.chunks import free_layers, known_rounds, path_count, point_count, surface_layers
+from gsgi.baker.surface.samples import Sampler, SurfaceSamples, joined
 from gsgi.baker.surface.seen_surface import SeenSurface
 from gsgi.baker.trace import cached_tracer, known_light
 from gsgi.baker.trace.cached_tracer import CachedTracer
@@ -41,7 +33,7 @@ UP = np.array([0.0, 0.0, -1.0])
 
 @pytest.fixture(autouse=True)
 def small_chunks(monkeypatch):
-    monkeypatch.setattr(samples, "CHUNK", CHUNK)
+    monkeypatch.setattr(chunks, "CHUNK", CHUNK)
 
 
 def ignore(*_):
@@ -93,10 +85,10 @@ def test_layers_are_new_paths_from_the_same_points():
 
 
 def test_free_space_takes_few_layers_of_each_chunk(traced):
-    for chunks, times in ((1, 1), (2, 2), (3, 4), (4, 8), (5, 12)):
+    for count, times in ((1, 1), (2, 2), (3, 4), (4, 8), (5, 12)):
         gaussians = times * CHUNK // FREE_PER_GAUSSIAN * COARSE_SHARE
-        assert free_layers(gaussians, 100 * PATHS_STEP) == [FREE_LAYERS] * chunks
-        assert free_layers(gaussians, 1) == [1] * chunks
+        assert free_layers(gaussians, 100 * PATHS_STEP) == [FREE_LAYERS] * count
+        assert free_layers(gaussians, 1) == [1] * count
     assert len(sampler(scenes.furnace()).free([1, 1], ignore)) == 2 * CHUNK
     assert sum(traced) == path_count([1, 1]) == 2 * CHUNK * PATHS_STEP
 

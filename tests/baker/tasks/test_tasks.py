@@ -14,7 +14,7 @@ from small_tasks import SURFACE, WORLD, baked, baked_world, make_small, run, see
 
 from gsgi.baker import estimate
 from gsgi.baker.cache.store import Cache
-from gsgi.baker.surface import samples
+from gsgi.baker.surface import chunks
 from gsgi.baker.tasks.task import Task, ignore, needed, waves
 from gsgi.baker.trace.cached_tracer import CachedTracer
 
@@ -237,7 +237,7 @@ def test_the_list_says_what_comes_first_and_what_it_costs(placed, capsys):
         before = {other["key"]: other["wave"] for other in listed[:number]}
         assert set(task["needs"]) <= set(before)
         assert task["wave"] == 1 + max((before[need] for need in task["needs"]), default=-1)
-    assert by_key["known1-0"]["seconds"] == pytest.approx(2e-6 * 64 * samples.CHUNK, abs=0.01)  # whole paths
+    assert by_key["known1-0"]["seconds"] == pytest.approx(2e-6 * 64 * chunks.CHUNK, abs=0.01)  # whole paths
     assert (by_key["fit"]["seconds"], by_key["coarse"]["seconds"]) == (3.0, 2.0)
     unchecked = tasks(capsys, *SURFACE, "--no-evaluate", "--cache", str(placed))
     assert {task["stage"] for task in listed} - {task["stage"] for task in unchecked} == {"references"}

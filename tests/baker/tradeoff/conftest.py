@@ -7,7 +7,7 @@ from gsgi.baker.cache.store import MemoryCache
 from gsgi.baker.evaluation import held_out
 from gsgi.baker.progress import Silent
 from gsgi.baker.settings import Settings
-from gsgi.baker.surface import samples
+from gsgi.baker.surface import chunks
 from gsgi.baker.tradeoff import ground as grounds
 from gsgi.runtime.gltf.reader import read_gltf
 
@@ -21,7 +21,7 @@ def patched():
         patch.setattr(held_out, "SIZE", 48)
         patch.setattr(held_out, "SAMPLES", 512)
         patch.setattr(held_out, "CEILING_MIN", 0.0)
-        patch.setattr(samples, "CHUNK", 1 << 12)
+        patch.setattr(chunks, "CHUNK", 1 << 12)
         patch.setattr(grounds, "GATHERING_PAYS", 1000)
         patch.setattr(grounds, "FREE_POINTS", 256)
         yield patch

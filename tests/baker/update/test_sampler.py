@@ -9,7 +9,7 @@ import scenes
 from traced_paths import counted
 
 from gsgi.baker.cache.store import Cache
-from gsgi.baker.surface import samples
+from gsgi.baker.surface import chunks, samples
 from gsgi.baker.surface.budget import PATHS_STEP
 from gsgi.baker.surface.layers import Points
 from gsgi.baker.surface.samples import Sampler
@@ -34,7 +34,7 @@ EVERYWHERE = np.array([[[-100.0] * 3, [100.0] * 3]])
 @pytest.fixture(autouse=True, scope="module")
 def small_chunks():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(samples, "CHUNK", CHUNK)
+        patch.setattr(chunks, "CHUNK", CHUNK)
         yield
 
 
