@@ -11,7 +11,6 @@ from .visibility import VIEWS, Lens, SightLines, texel
 DIRECTIONS = 64  # viewing directions at each viewpoint
 PAIRS_AT_ONCE = 1 << 12  # bounds memory, to what a core's cache holds: with 1 << 15 pairs take five times as long
 TRIED = 12  # viewpoints of which a view comes that is more than enough
-BITS = np.unpackbits(np.arange(256, dtype=np.uint8)[:, None], axis=1).astype(np.float64)  # (256, 8), of each byte
 REPEAT_WORTH = 0.5  # a view of a side that n views see already is worth this to the power n
 
 
@@ -98,13 +97,9 @@ class ViewSelection:
         return slice(self._start[viewpoint], self._start[viewpoint + 1])
 
     def _gains(self, viewpoint: int, worth: np.ndarray) -> np.ndarray:
-        """Gain (DIRECTIONS,) of each direction at a viewpoint, where a further view of a side is worth `worth` (S,).
-
-        Summed by the value of each byte, then by the bits of these: a twelfth of the time of a product with all bits.
-        """
-        worth = worth[self._side[self._pairs(viewpoint)]]
-        sums = [np.bincount(byte, worth, 256) for byte in self._views[self._pairs(viewpoint)].T]
-        return (np.array(sums) @ BITS).ravel()
+        """Gain (DIRECTIONS,) of each direction at a viewpoint, where a further view of a side is worth `worth` (S,)."""
+        worth = worth[self._side[self._pairs(viewpoint)]].astype(np.float32)  # a third less time than in float64
+        return worth @ np.unpackbits(self._views[self._pairs(viewpoint)], axis=1).astype(np.float32)
 
     def _sees(self, viewpoint: int, direction: int) -> np.ndarray:
         """Indices of the sides that a view sees."""
