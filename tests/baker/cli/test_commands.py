@@ -45,7 +45,7 @@ from gsgi.baker.cli import main
 from gsgi.baker.evaluation import held_out
 from gsgi.baker.surface import budget, chunks
 from gsgi.baker.views import placement
-budget.SAMPLES_FEWEST, chunks.CHUNK = 1 << 14, 1 << 13
+budget.SAMPLES_FEWEST, budget.KNOWN_MOST, chunks.CHUNK = 1 << 14, 1 << 14, 1 << 13
 placement.HELD_OUT, held_out.SIZE, held_out.SAMPLES, held_out.GATHERED = 2, 64, 256, 128
 main.main()
 """
@@ -195,7 +195,8 @@ def traced(baked, tmp_path_factory) -> Path:
 @pytest.fixture
 def quick(monkeypatch):
     """As QUICK, in this process, with even fewer samples."""
-    monkeypatch.setattr(budget, "SAMPLES_FEWEST", 1 << 12)
+    for name in ("SAMPLES_FEWEST", "KNOWN_MOST"):
+        monkeypatch.setattr(budget, name, 1 << 12)
     monkeypatch.setattr(chunks, "CHUNK", 1 << 11)
     monkeypatch.setattr(placement, "HELD_OUT", HELD_OUT)
     for name, value in (("SIZE", 64), ("SAMPLES", 256), ("GATHERED", 128)):
