@@ -242,6 +242,7 @@ class Plan:
         settings = replace(self.settings, budget=budget, error=error, iterations=iterations)
         other = replace(self, settings=settings, by_light=False)
         vars(other)["sampler"] = self.sampler.until(error)
+        vars(other)["_known_rounds"] = self._known_rounds  # those of the scene, whatever is spent
         return other
 
     def known_light(self, progress: Progress) -> KnownLight | None:

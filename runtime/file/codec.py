@@ -111,7 +111,7 @@ def stored_shapes(gaussians: Gaussians, fine: bool = True) -> Gaussians:
 
 
 def stored_level(gaussians: Gaussians, fine: bool = True) -> Gaussians:
-    """The same with the light that readers have, too, but for relief, which is 0."""
+    """The same with the light that readers have, too, but without relief."""
     level = np.zeros((), LEVEL)
     for name, value in (FINE_STEPS if fine else COARSE_STEPS).items():
         level[name] = value

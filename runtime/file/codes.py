@@ -86,7 +86,8 @@ def dequantise(codes: Codes, level: np.ndarray) -> Gaussians:
     """The Gaussians of codes that a reader accepts, bitwise the same in every language."""
     parts = [_dequantised(codes[part], level) for part in _slices(len(codes))]
     names = Gaussians.__annotations__
-    return Gaussians(*(np.concatenate([getattr(part, name) for part in parts]).copy("C") for name in names))
+    columns = (np.concatenate([getattr(part, name) for part in parts]) for name in names)
+    return Gaussians(*map(np.ascontiguousarray, columns))
 
 
 def _dequantised(codes: Codes, level: np.ndarray) -> Gaussians:
