@@ -9,10 +9,11 @@ COARSE_DEGREE = 2  # irradiance is smooth in the normal (Ramamoorthi and Hanraha
 
 COARSE_SHARE, COARSE_MOST = 4, 1024  # one Gaussian in COARSE_SHARE is coarse, up to COARSE_MOST
 
-# Surface samples per Gaussian: enough to tell its shape from those of its neighbours. The total has a lower limit, and
-# does not grow beyond SAMPLES_MANY as long as each Gaussian has SAMPLES_LEAST: with fewer than those, more Gaussians
-# have more error.
-SAMPLES_PER_GAUSSIAN, SAMPLES_LEAST, SAMPLES_FEWEST, SAMPLES_MANY = 64, 32, 1 << 14, 1 << 20
+# Surface samples per Gaussian: enough to tell its shape from those of its neighbours. The total has a lower limit,
+# since with half of it a room of metres had dark dashes in gaps of centimetres, such as behind a wardrobe. It does not
+# grow beyond SAMPLES_MANY as long as each Gaussian has SAMPLES_LEAST: with fewer than those, more Gaussians have more
+# error.
+SAMPLES_PER_GAUSSIAN, SAMPLES_LEAST, SAMPLES_FEWEST, SAMPLES_MANY = 64, 32, 1 << 16, 1 << 20
 FREE_PER_GAUSSIAN = 256  # samples in free space per coarse Gaussian: nine coefficients, normals in all directions
 
 # A sample in free space takes a further layer, up to so many, where the noise around it is more than this share of the
