@@ -32,7 +32,11 @@ BENT = 0.2  # a normal map that bends a normal by more changes light as an occlu
 
 CLEAR = 1.02  # radii of a Gaussian that its centre lies off an occluder after a cut
 MARGIN = 1.3  # samples a little beyond a Gaussian tell of occluders just within it
-FLAT, ROUND = 8, 128  # samples per Gaussian that are looked at on surfaces, beside those where light varies; in space
+# Samples in free space per Gaussian that are looked at; on surfaces, all are. With one of nine, a lamp's light came
+# through a wall of 8 cm as a spot, and the mottle of that apartment was 1.7 % instead of 1.4 %; the fit took a tenth
+# less time.
+ROUND = 128
+
 CUTS = 4  # most cuts of a Gaussian, each on one of its sides
 STEPS = 12  # of the search for the nearest point of a convex hull
 SMALLEST = 0.02  # standard deviation after a cut, relative to that before
@@ -89,8 +93,7 @@ class Occlusion:
         """For up to `count` Gaussians that are read with `blend`. Without sharpness they reach all normals."""
         self._blend, self._triangles, self._facing = blend, triangles, blend.sharpness > 0
         samples = samples[np.square(samples.bend).sum(axis=1) < BENT**2] if samples.bumpy else samples
-        some = np.arange(0, len(samples), max(len(samples) // ((FLAT if self._facing else ROUND) * max(count, 1)), 1))
-        some = samples[np.union1d(some, np.flatnonzero(_around(samples)[1])) if self._facing else some]
+        some = samples[:: 1 if self._facing else max(len(samples) // (ROUND * max(count, 1)), 1)]
         self._position, self._normal = some.position, some.normal
         self._lifted = triangles.lifted(some.position, some.normal)
         light = np.maximum(_seen_mean(some, triangles, some.indirect, self._facing), 0)
