@@ -2,7 +2,9 @@
 
 import json
 import re
+import shutil
 import subprocess
+import tarfile
 import tomllib
 from pathlib import Path
 
@@ -79,6 +81,21 @@ def test_the_package_holds_what_it_exports():
     names = node("--input-type=module", "--eval", f'console.log(Object.keys(await import("{JS}/index.js")).join(" "))')
     types = re.findall(r"export (?:class|function) (\w+)", (JS / "index.d.ts").read_text())
     assert sorted(types) == names.split()
+
+
+def test_a_packed_package_has_the_licence(tmp_path):
+    if not (npm := shutil.which("npm")):
+        pytest.skip("npm is not installed")
+    copy = tmp_path / "runtime" / "js"
+    shutil.copytree(JS, copy, ignore=shutil.ignore_patterns("node_modules", "page"))
+    shutil.copy(ROOT / "LICENSE", tmp_path)
+    subprocess.run([npm, "pack", "--offline"], cwd=copy, capture_output=True, check=True)
+    with tarfile.open(copy / f"gsgi-{PACKAGE['version']}.tgz") as packed:
+        names = {Path(name).name for name in packed.getnames()}
+        licence = packed.extractfile("package/LICENSE").read()
+    assert licence == (ROOT / "LICENSE").read_bytes()
+    assert {"index.js", "three.js", "worker.js", "index.d.ts", "three.d.ts"} < names
+    assert not (copy / "LICENSE").exists()
 
 
 def test_the_lock_file_names_no_host():
