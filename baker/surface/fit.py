@@ -266,15 +266,23 @@ def cut_where_better(
     """The Gaussians, cut at occluders, and which (N,) bool were.
 
     A cut that raises the error by more than CUT_COST per sample is not made: it leaves a hole that none but the coarse
-    level fills.
+    level fills. Cuts that are not made may have closed the holes of others, so those that are left are tried again.
     """
     cut, which = occlusion.cut(gaussians)
-    if not which.any():
-        return gaussians, which
-    whole, parts = (optimiser.solve(some) for some in (gaussians, cut))
-    which &= optimiser.gain(whole, parts) > -CUT_COST
+    whole = optimiser.solve(gaussians) if which.any() else gaussians
+    while which.any():
+        parts = _where(which, cut, gaussians)
+        bad = which & ~(optimiser.gain(whole, optimiser.solve(parts)) > -CUT_COST)
+        if not bad.any():
+            return parts, which
+        which = which & ~bad
+    return gaussians, which
+
+
+def _where(which: np.ndarray, others: Gaussians, gaussians: Gaussians) -> Gaussians:
+    """The Gaussians, and those of the `others` in their place that are in `which` (N,) bool."""
     columns = (
         np.where(which.reshape(-1, *[1] * (before.ndim - 1)), after, before)
-        for before, after in zip(vars(gaussians).values(), vars(cut).values(), strict=True)
+        for before, after in zip(vars(gaussians).values(), vars(others).values(), strict=True)
     )
-    return Gaussians(*columns), which
+    return Gaussians(*columns)

@@ -29,7 +29,7 @@ FREE_SHARE = 1 / 16  # free samples per surface sample; they keep fine Gaussians
 FINE_TIMED, COARSE_TIMED = 4, 8
 
 COARSE_GROWS = 0.45  # a sample of n coarse Gaussians takes n^COARSE_GROWS as long: measured for 290 to 1,024
-CHANGES = 1.2  # a fit of the fine level with the changes and cuts of its Gaussians, relative to steps and solutions
+CHANGES = 1.3  # a fit of the fine level with the changes and cuts of its Gaussians, relative to steps and solutions
 
 FIT_PACKAGES = ("numpy", "scipy", "open3d")  # a fit depends on their versions
 

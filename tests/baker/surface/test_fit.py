@@ -334,6 +334,29 @@ def test_a_cut_that_only_leaves_holes_is_not_made():
     assert_same(kept, whole)
 
 
+class Swapped:
+    """Cuts the first of two Gaussians to a hundredth of its size, and moves the second to the place of the first."""
+
+    def cut(self, some: Gaussians) -> tuple[Gaussians, np.ndarray]:
+        scale = some.scale * np.float32([[0.01], [1]])
+        return replace(some, scale=scale, position=some.position[[0, 0]]), np.ones(2, bool)
+
+
+def test_a_cut_whose_hole_only_another_cut_would_close_is_not_made():
+    """That of the second is not made, as it leaves its own place."""
+    places = np.float32([[0, 0, 0], [5, 0, 0]])
+    position = np.repeat(places, 100, axis=0)
+    position += np.random.default_rng(0).uniform(-0.1, 0.1, position.shape).astype(np.float32) * np.float32([1, 0, 1])
+    normal = np.tile(np.float32([0, 1, 0]), (len(position), 1))
+    samples = samples_of(np.ones_like(position), position, normal, 0)
+    two = fitting.start(samples, 2, np.random.default_rng(0))
+    optimiser = SurfaceOptimiser(samples, NOBODY, BLEND)
+    whole = optimiser.solve(replace(two, position=places, scale=np.full((2, 3), 0.1, np.float32)))
+    kept, which = fitting.cut_where_better(whole, optimiser, Swapped())
+    assert not which.any()
+    assert_same(kept, whole)
+
+
 def test_a_cut_that_keeps_light_from_where_there_is_none_is_made():
     """A wide Gaussian lies across the border between light and dark; the others there are right on both sides."""
     position, normal = corner(20_000)
