@@ -27,6 +27,7 @@ SIGNIFICANT = 3.0  # standard deviations of the noise, by which a sample is dark
 LEAK = 0.003  # of the light on the bright side of a wall: less on a black side is within tolerance
 SPACE_LEAK = 0.02  # the same in free space, where things move: black there must not smudge a bright wall
 NEIGHBOURS = 8  # samples over whose light is averaged, as far as they see each other
+AT_ONCE = 1 << 16  # samples for which that is done; bounds memory
 
 BENT = 0.2  # a normal map that bends a normal by more changes light as an occluder may
 
@@ -87,7 +88,7 @@ def _around(samples: SurfaceSamples) -> tuple[LocalLight, np.ndarray]:
 
 
 class Occlusion:
-    """Some of the samples that Gaussians are fitted to, and the triangles between them."""
+    """Samples that Gaussians are fitted to, in free space some of them, and the triangles between them."""
 
     def __init__(self, samples: SurfaceSamples, triangles: Triangles, blend: SurfaceBlend, count: int):
         """For up to `count` Gaussians that are read with `blend`. Without sharpness they reach all normals."""
@@ -192,14 +193,17 @@ def _seen_mean(samples: SurfaceSamples, triangles: Triangles, light: np.ndarray,
     if not len(light):
         return light
     _, near = Neighbours(samples.position).nearest(samples.position, NEIGHBOURS)
-    own, other = np.repeat(np.arange(len(light)), near.shape[1]), near.ravel()
-    lifted = triangles.lifted(samples.position, samples.normal)
-    counts = ~triangles.blocked(lifted[own], lifted[other])
-    if facing:
-        counts &= (samples.normal[own] * samples.normal[other]).sum(axis=1) > 0
-    counts = (counts | (own == other)).reshape(near.shape)
-    shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
-    return np.einsum("sk,sk...->s...", shares, light[near])
+    lifted, means = triangles.lifted(samples.position, samples.normal), []
+    for i in range(0, len(near), AT_ONCE):
+        others = near[i : i + AT_ONCE]
+        own, other = np.repeat(np.arange(i, i + len(others)), others.shape[1]), others.ravel()
+        counts = ~triangles.blocked(lifted[own], lifted[other])
+        if facing:
+            counts &= (samples.normal[own] * samples.normal[other]).sum(axis=1) > 0
+        counts = (counts | (own == other)).reshape(others.shape)
+        shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
+        means.append(np.einsum("sk,sk...->s...", shares, light[others]))
+    return np.concatenate(means)
 
 
 def _cut_flat(gaussians: Gaussians, found: _Across) -> Gaussians:
