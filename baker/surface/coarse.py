@@ -11,6 +11,7 @@ from gsgi.runtime.file import codec
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
 
 from .budget import COARSE_DEGREE
+from .cuts import cut_where_better
 from .occlusion import Occlusion
 from .optimiser import SurfaceOptimiser
 from .samples import SurfaceSamples
@@ -46,18 +47,18 @@ def coarse_level(
     Gaussians are cut where they would carry light across an occluder.
     """
     count = supported(samples, count, blend, seed)
-    optimiser, gaussians = _stepped(samples, count, blend, seed, STEPS)
-    return _lit(gaussians, samples, optimiser, triangles, count)
-
-
-def _stepped(
-    samples: SurfaceSamples, count: int, blend: SurfaceBlend, seed: int, steps: int
-) -> tuple[SurfaceOptimiser, Gaussians]:
-    """At most `count` Gaussians after their first `steps` steps, and what has stepped them."""
     optimiser, state = coarse_start(samples, count, blend, seed)
+    occlusion = Occlusion(samples, triangles, optimiser.blend, count) if triangles else None
+    if occlusion:
+        state = state.cut(*cut_where_better(state.gaussians, optimiser, occlusion, spared=1))
+    return _lit(_stepped(optimiser, state, STEPS).gaussians, optimiser, occlusion)
+
+
+def _stepped(optimiser: SurfaceOptimiser, state: SurfaceState, steps: int) -> SurfaceState:
+    """The state after its first `steps` steps."""
     for first in range(0, steps, SOLVE_STEPS):
         state = coarse_steps(optimiser, state, first)
-    return optimiser, state.gaussians
+    return state
 
 
 def supported(samples: SurfaceSamples, count: int, blend: SurfaceBlend, seed: int) -> int:
@@ -69,8 +70,8 @@ def supported(samples: SurfaceSamples, count: int, blend: SurfaceBlend, seed: in
 
     def error(count: int) -> float:
         """That of so many Gaussians at the samples that are held back, free of noise."""
-        optimiser, gaussians = _stepped(samples[~held], count, blend, seed, TRIED)
-        level = optimiser.solve(gaussians)
+        optimiser, state = coarse_start(samples[~held], count, blend, seed)
+        level = optimiser.solve(_stepped(optimiser, state, TRIED).gaussians)
         return float(coarse_optimiser(samples[held], level, blend).error(level).mean())
 
     least, fewest = error(count), max(FEWEST * count, 1)
@@ -101,26 +102,18 @@ def coarse_again(
     samples: SurfaceSamples, before: Gaussians, blend: SurfaceBlend, triangles: Triangles | None = None
 ) -> Gaussians:
     """The coarse level `before` an edit with the light of other `samples`, cut where occluders are now."""
-    return _lit(before, samples, coarse_optimiser(samples, before, blend), triangles, len(before))
+    optimiser = coarse_optimiser(samples, before, blend)
+    return _lit(before, optimiser, Occlusion(samples, triangles, optimiser.blend, len(before)) if triangles else None)
 
 
-def _lit(
-    gaussians: Gaussians,
-    samples: SurfaceSamples,
-    optimiser: SurfaceOptimiser,
-    triangles: Triangles | None,
-    count: int,
-) -> Gaussians:
-    """The at most `count` Gaussians, all but the first cut at occluders, with the light of samples.
+def _lit(gaussians: Gaussians, optimiser: SurfaceOptimiser, occlusion: Occlusion | None) -> Gaussians:
+    """The Gaussians, all but the first cut for the last time, with the light of the optimiser's samples.
 
     All is rounded as in the file: where a dim Gaussian ends, one a thousand times as bright may begin; before a lamp,
     light from all other sides is smaller than a step. Surfaces that need better get Gaussians of the fine level.
     """
-    cut = gaussians
-    if triangles:
-        cut, _ = Occlusion(samples, triangles, optimiser.blend, count).cut(gaussians)
-    solved = optimiser.solve(codec.stored_shapes(_everywhere_again(cut, gaussians), fine=False))
-    return codec.stored_level(solved, fine=False)
+    cut = cut_where_better(gaussians, optimiser, occlusion, spared=1)[0] if occlusion else gaussians
+    return codec.stored_level(optimiser.solve(codec.stored_shapes(cut, fine=False)), fine=False)
 
 
 def coarse_optimiser(samples: SurfaceSamples, gaussians: Gaussians, blend: SurfaceBlend) -> SurfaceOptimiser:

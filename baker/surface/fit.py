@@ -20,6 +20,7 @@ from gsgi.runtime import constants
 from gsgi.runtime.file import codec
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
 
+from .cuts import cut_where_better
 from .occlusion import Occlusion, seen_light
 from .optimiser import LIST_STEPS, SurfaceOptimiser
 from .samples import SurfaceSamples, joined
@@ -59,7 +60,6 @@ STEPPED_FLOOR = 1.5
 # 0.0003 at most, after a chair or all furniture of a house had moved.
 AGAIN = 0.05
 
-CUT_COST = 0.001  # squared error relative to the light around, of a sample, that a leak less may cost
 BADLY_FITTED = 4  # least samples with errors for each Gaussian that is added among them
 
 
@@ -258,31 +258,3 @@ def where_wrong(
     number = min(CANDIDATES * count, len(wrong))
     chosen = rng.choice(wrong, number, replace=False, p=around[wrong] / around.sum()) if number else wrong[:0]
     return start(surface[np.sort(chosen)], count, rng, gaussians)
-
-
-def cut_where_better(
-    gaussians: Gaussians, optimiser: SurfaceOptimiser, occlusion: Occlusion
-) -> tuple[Gaussians, np.ndarray]:
-    """The Gaussians, cut at occluders, and which (N,) bool were.
-
-    A cut that raises the error by more than CUT_COST per sample is not made: it leaves a hole that none but the coarse
-    level fills. Cuts that are not made may have closed the holes of others, so those that are left are tried again.
-    """
-    cut, which = occlusion.cut(gaussians)
-    whole = optimiser.solve(gaussians) if which.any() else gaussians
-    while which.any():
-        parts = _where(which, cut, gaussians)
-        bad = which & ~(optimiser.gain(whole, optimiser.solve(parts)) > -CUT_COST)
-        if not bad.any():
-            return parts, which
-        which = which & ~bad
-    return gaussians, which
-
-
-def _where(which: np.ndarray, others: Gaussians, gaussians: Gaussians) -> Gaussians:
-    """The Gaussians, and those of the `others` in their place that are in `which` (N,) bool."""
-    columns = (
-        np.where(which.reshape(-1, *[1] * (before.ndim - 1)), after, before)
-        for before, after in zip(vars(gaussians).values(), vars(others).values(), strict=True)
-    )
-    return Gaussians(*columns)

@@ -313,63 +313,6 @@ def test_the_start_leaves_free_space_to_the_coarse_level():
     assert (before < BLEND.floor).all()
 
 
-class Sampled:
-    """Cuts the Gaussians in `which` to a hundredth of their size, as if an occluder ran through them."""
-
-    def __init__(self, which: np.ndarray):
-        self.which = which
-
-    def cut(self, some: Gaussians) -> tuple[Gaussians, np.ndarray]:
-        scale = np.where(self.which[:, None], some.scale / 100, some.scale).astype(np.float32)
-        return replace(some, scale=scale), self.which.copy()
-
-
-def test_a_cut_that_only_leaves_holes_is_not_made():
-    """Every Gaussian is cut. Where light is smooth, nothing is gained."""
-    samples = noisy()
-    optimiser = SurfaceOptimiser(samples, NOBODY, BLEND)
-    whole = optimiser.solve(fitting.start(samples, 200, np.random.default_rng(0)))
-    kept, which = fitting.cut_where_better(whole, optimiser, Sampled(np.ones(len(whole), bool)))
-    assert not which.any()
-    assert_same(kept, whole)
-
-
-class Swapped:
-    """Cuts the first of two Gaussians to a hundredth of its size, and moves the second to the place of the first."""
-
-    def cut(self, some: Gaussians) -> tuple[Gaussians, np.ndarray]:
-        scale = some.scale * np.float32([[0.01], [1]])
-        return replace(some, scale=scale, position=some.position[[0, 0]]), np.ones(2, bool)
-
-
-def test_a_cut_whose_hole_only_another_cut_would_close_is_not_made():
-    """That of the second is not made, as it leaves its own place."""
-    places = np.float32([[0, 0, 0], [5, 0, 0]])
-    position = np.repeat(places, 100, axis=0)
-    position += np.random.default_rng(0).uniform(-0.1, 0.1, position.shape).astype(np.float32) * np.float32([1, 0, 1])
-    normal = np.tile(np.float32([0, 1, 0]), (len(position), 1))
-    samples = samples_of(np.ones_like(position), position, normal, 0)
-    two = fitting.start(samples, 2, np.random.default_rng(0))
-    optimiser = SurfaceOptimiser(samples, NOBODY, BLEND)
-    whole = optimiser.solve(replace(two, position=places, scale=np.full((2, 3), 0.1, np.float32)))
-    kept, which = fitting.cut_where_better(whole, optimiser, Swapped())
-    assert not which.any()
-    assert_same(kept, whole)
-
-
-def test_a_cut_that_keeps_light_from_where_there_is_none_is_made():
-    """A wide Gaussian lies across the border between light and dark; the others there are right on both sides."""
-    position, normal = corner(20_000)
-    light = np.where(position[:, :1] < 1, 1.0, 1e-3).repeat(3, axis=1).astype(np.float32)
-    samples = samples_of(light, position, normal, 0)
-    others = fitting.start(samples, 300, np.random.default_rng(0))
-    first = np.arange(len(others)) == np.linalg.norm(others.position - [1, 0, 1], axis=1).argmin()
-    wide = replace(others, scale=np.where(first[:, None], np.float32([0.5, 0.5, 0.1]), others.scale))
-    cut, which = fitting.cut_where_better(wide, SurfaceOptimiser(samples, NOBODY, BLEND), Sampled(first))
-    np.testing.assert_array_equal(which, first)
-    np.testing.assert_allclose(cut.scale[first], wide.scale[first] / 100)
-
-
 def floor_of(samples: SurfaceSamples) -> SurfaceSamples:
     return samples[samples.normal[:, 1] > 0]
 

@@ -17,6 +17,7 @@ from gsgi.baker.surface.lookup import look_up
 from gsgi.baker.surface.occlusion import LEAK, SPACE_LEAK, VARIES, Occlusion, seen_light
 from gsgi.baker.surface.samples import SurfaceSamples, joined
 from gsgi.baker.trace.local_light import UNSEEN, local_light
+from gsgi.baker.views.directions import random_directions
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
 from gsgi.runtime.scene import Scene
@@ -39,11 +40,11 @@ def on_floor(count: int = 8000, dark: float = DARK, noise: float = 0.0) -> Surfa
     )
 
 
-def in_space(count: int = 8000) -> SurfaceSamples:
+def in_space(count: int = 8000, dark: float = DARK) -> SurfaceSamples:
     rng = np.random.default_rng(0)
     position, normal = rng.uniform((-1, 0, -1), 1, (count, 3)), rng.normal(size=(count, 3))
     unit = normal / np.linalg.norm(normal, axis=1, keepdims=True)
-    return samples_of(step(position, DARK), position.astype(np.float32), unit.astype(np.float32))
+    return samples_of(step(position, dark), position.astype(np.float32), unit.astype(np.float32))
 
 
 def step(position: np.ndarray, dark: float) -> np.ndarray:
@@ -246,3 +247,16 @@ def test_a_fit_that_knows_the_walls_keeps_light_on_its_side():
     assert dark < 0.01 * BRIGHT
     # Without them, light ends far before the wall rather than leaks, since errors count relative to the light around.
     assert light_beside_the_wall(None)[1] < 0.3 * beside
+
+
+def test_cuts_of_the_coarse_level_leave_no_dark_holes_beside_the_wall():
+    """Only the Gaussian that lies everywhere would fill them, and it is black where a dark room is near."""
+    dark, rng = 0.02, np.random.default_rng(1)
+    position = rng.uniform((-1, 0, -1), 1, (20_000, 3)).astype(np.float32)
+    normal = random_directions(len(position), rng).astype(np.float32)
+    coarse = coarse_level(in_space(dark=dark), 60, BLEND, 0, TRIANGLES)
+    nothing = replace(coarse, **{name: array[:0] for name, array in vars(coarse).items() if array is not None})
+    light = look_up(nothing, coarse, BLEND, position, normal)[0].mean(axis=1)
+    is_bright = position[:, 0] < 0
+    assert (light[is_bright] < BRIGHT / 2).mean() < 0.01
+    assert (light[~is_bright] > 2 * dark).mean() < 0.01
