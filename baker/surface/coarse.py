@@ -44,7 +44,8 @@ def coarse_level(
     """Fit at most `count` Gaussians to `samples` in free space, whose normals have all directions.
 
     Where samples are noisy there may be fewer, which follow less of the noise. With the `triangles` of the scene,
-    Gaussians are cut where they would carry light across an occluder.
+    Gaussians are cut where they would carry light across an occluder: first of all, so that the steps fit what the cuts
+    leave, and at the end.
     """
     count = supported(samples, count, blend, seed)
     optimiser, state = coarse_start(samples, count, blend, seed)

@@ -17,10 +17,10 @@ NOBODY = gaussians(0, 9)
 UP = np.float32([0, 1, 0])
 
 
-def on_floor(light: Callable[[np.ndarray], np.ndarray]) -> SurfaceSamples:
-    """20,000 samples of a floor of 2 x 2 m with `light(x)` (S,)."""
+def on_floor(light: Callable[[np.ndarray], np.ndarray], noise: float = 0.0) -> SurfaceSamples:
+    """20,000 samples of a floor of 2 x 2 m with `light(x)` (S, 1), and noise relative to it."""
     position = (np.random.default_rng(0).random((20_000, 3)) * [2, 0, 2]).astype(np.float32)
-    return samples_of(light(position[:, :1]).repeat(3, axis=1), position, np.tile(UP, (len(position), 1)))
+    return samples_of(light(position[:, :1]).repeat(3, axis=1), position, np.tile(UP, (len(position), 1)), noise)
 
 
 def assert_unchanged(kept: Gaussians, which: np.ndarray, whole: Gaussians):
@@ -42,7 +42,7 @@ class Sampled:
 
 def test_a_cut_that_only_leaves_holes_is_not_made():
     """Every Gaussian is cut. Where light is smooth, nothing is gained."""
-    samples = on_floor(lambda x: 1 + 0.3 * np.sin(2 * x))
+    samples = on_floor(lambda x: 1 + 0.3 * np.sin(2 * x), noise=0.3)
     optimiser = SurfaceOptimiser(samples, NOBODY, BLEND)
     whole = optimiser.solve(start(samples, 200, np.random.default_rng(0)))
     kept, which = cut_where_better(whole, optimiser, Sampled(np.ones(len(whole), bool)))
