@@ -58,9 +58,11 @@ class SurfaceOptimiser:
     """
 
     def __init__(
-        self, samples: SurfaceSamples, coarse: Gaussians, blend: SurfaceBlend, around: LocalLight | None = None
-    ):
-        """`around` is the light around the samples; by default that of their neighbours on the same surface."""
+        self, samples: SurfaceSamples, coarse: Gaussians, blend: SurfaceBlend, around: LocalLight | None = None,
+        ridge: float = colours.RIDGE,
+    ):  # fmt: skip
+        """`around` is the light around the samples; by default that of their neighbours on the same surface. `ridge` is
+        how strongly colours are held to a mean (see `colours.RIDGE`)."""
         self._order = order = coherent(samples.position, samples.normal)
         around = around or samples.blocks.light(samples.indirect_a, samples.indirect_b)
         samples, around = samples[order], LocalLight(*(values[order] for values in around))
@@ -71,6 +73,7 @@ class SurfaceOptimiser:
         bent = self._field if self._bend is None else kernels.FieldFloat(samples.position, samples.mapped)
         self._coarse = coarse_light(bent, coarse, blend)
         self.blend = blend
+        self._ridge = ridge
         self._level, self._relative_noise = around.level, around.noise / around.level
         self._variance = np.square(around.noise / np.float32(MODEL))
         self._listed, self._margin, self._shape = 0, 0.0, (None,) * 3
@@ -84,7 +87,7 @@ class SurfaceOptimiser:
         fine = self._field.read(gaussians)
         base = filling(fine, self._coarse, self.blend)
         samples = self._light, self._importance(self._reading(fine).light), self._relative_noise
-        sh, slope = colours.solve(self._field, gaussians, base, *samples, iterations=iterations)
+        sh, slope = colours.solve(self._field, gaussians, base, *samples, self._ridge, iterations)
         solved = replace(gaussians, sh=sh, slope=slope)
         return self._with_relief(solved) if gaussians.bumpy else solved
 

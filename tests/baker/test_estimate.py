@@ -126,10 +126,10 @@ def test_all_parts_of_a_fit_are_timed(closed, monkeypatch, operator, parts):
     assert len(runs) == parts
     steps = SETTINGS.iterations / (3 if operator == "over" else estimating.STEPS)
     # The colours are solved for six times, twice for each of six cuts, and soon again every few steps; of the
-    # fine level, one sample in 4 is timed, and of the coarse one, one in 8, for a tenth of its steps.
+    # fine level, one sample in 4 is timed, and of the coarse one, one in 8, for a thirtieth of its steps.
     solved = 18 + LEAST / MOST * SETTINGS.iterations / SOLVED_EVERY
     changes = 4 * fits.CHANGES if operator == "surface" else 1
-    others = 0 if operator == "over" else changes * 100 * solved + 1000 * 8 * 10
+    others = 0 if operator == "over" else changes * 100 * solved + 1000 * 8 * 30
     assert fit == pytest.approx(changes * 10 * steps + others)
 
 
