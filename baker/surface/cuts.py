@@ -13,22 +13,22 @@ COST = 0.001  # squared error relative to the light around, of a sample, that a 
 def cut_where_better(
     gaussians: Gaussians, optimiser: SurfaceOptimiser, occlusion: Occlusion, spared: int = 0
 ) -> tuple[Gaussians, np.ndarray]:
-    """The Gaussians, cut at occluders but for the first `spared`, and which (N,) bool were.
+    """The Gaussians in their best light, cut at occluders but for the first `spared`, and which (N,) bool were.
 
     A cut that raises the error by more than COST per sample is not made: it leaves a hole, which only the coarse level
     fills, or, in that level, the Gaussian that lies everywhere. Cuts that are not made may have closed the holes of
     others, so those that are left are tried again.
     """
-    cut, which = occlusion.cut(gaussians)
+    whole = optimiser.solve(gaussians)
+    cut, which = occlusion.cut(whole)
     which[:spared] = False
-    whole = optimiser.solve(gaussians) if which.any() else gaussians
     while which.any():
-        parts = _where(which, cut, gaussians)
-        bad = which & ~(optimiser.gain(whole, optimiser.solve(parts)) > -COST)
+        parts = optimiser.solve(_where(which, cut, whole))
+        bad = which & ~(optimiser.gain(whole, parts) > -COST)
         if not bad.any():
             return parts, which
         which = which & ~bad
-    return gaussians, which
+    return whole, which
 
 
 def _where(which: np.ndarray, others: Gaussians, gaussians: Gaussians) -> Gaussians:

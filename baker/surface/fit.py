@@ -96,9 +96,8 @@ def fit_surface(
         run = from_arrays(_Run, arrays)
     else:
         first = as_bumpy_as(samples, start(surface, round(START_SHARE * schedule.budget), rng))
-        if occlusion:
-            first, _ = cut_where_better(first, optimiser, occlusion)
-        run = _Run(SurfaceState.fresh(optimiser.solve(first)), 0)
+        lit = cut_where_better(first, optimiser, occlusion)[0] if occlusion else optimiser.solve(first)
+        run = _Run(SurfaceState.fresh(lit), 0)
     state = run.state
     changes = {round(share * schedule.iterations): grown for share, grown in GROWTH.items()}
     for iteration in range(run.iteration, schedule.iterations):
@@ -237,7 +236,7 @@ def changed(
     )
     state = state.joined(where_wrong(state.gaussians, limit - len(state), optimiser, surface, rng))
     if occlusion:
-        state = state.cut(*cut_where_better(state.gaussians, optimiser, occlusion))
+        return state.cut(*cut_where_better(state.gaussians, optimiser, occlusion))
     return replace(state, gaussians=optimiser.solve(state.gaussians))
 
 

@@ -223,7 +223,7 @@ def times_on_grey_light(plan: "Plan", timed: "Plan", steps: int) -> list[float]:
     from .colours import LEAST, MOST
     from .fit import GROWTH, SOLVED_EVERY
 
-    solved = 3 * (len(GROWTH) + 2)  # each time for the colours, and twice for the cuts
+    solved = 3 * (len(GROWTH) + 2)  # before the cuts each time, with all of them, and with those that are made
     solved += LEAST / MOST * plan.settings.iterations / SOLVED_EVERY  # which are nearly right already
     coarse, timed_coarse = (coarse_count(each.settings.budget) for each in (plan, timed))
     free = plan.free_points / timed.free_points * max(coarse / timed_coarse, 1.0) ** COARSE_GROWS

@@ -121,14 +121,10 @@ class Occlusion:
         _, near = self._neighbours.nearest(gaussians.position, NEIGHBOURS)
         of = np.repeat(np.arange(len(gaussians)), near.shape[1])
         away = np.square(_offset(gaussians, of, self._position[near.ravel()])).sum(axis=1)
-        away[~self._faced(gaussians, of, near.ravel())] = np.inf
+        if self._facing:
+            facing = axes(gaussians.rotation)[of, :, 2] * self._normal[near.ravel()]
+            away[facing.sum(axis=1) <= 0] = np.inf  # is not read there
         return near[np.arange(len(gaussians)), away.reshape(near.shape).argmin(axis=1)]
-
-    def _faced(self, gaussians: Gaussians, of: np.ndarray, sample: np.ndarray) -> np.ndarray:
-        """Whether (P,) bool Gaussians are read at the normals of samples."""
-        if not self._facing:
-            return np.ones(len(of), bool)
-        return (axes(gaussians.rotation)[of, :, 2] * self._normal[sample]).sum(axis=1) > 0
 
     def _across(self, gaussians: Gaussians, home: np.ndarray, which: np.ndarray) -> "_Across":
         """For the Gaussians `which` (M,): samples that they reach whose light differs from that at home, behind an
@@ -136,11 +132,8 @@ class Occlusion:
         some = Gaussians(*(column[which] for column in vars(gaussians).values()))
         here = self._light[home[which]]
         other = self._light[self._order], here / FACTOR, FACTOR * here
-        of, sample = self._field.reached(some, self._blend.cutoff, MARGIN, *other)
-        sample = self._order[sample]
-        faced = np.flatnonzero(self._faced(some, of, sample))
-        faced = faced[np.lexsort((sample[faced], of[faced]))]
-        of, sample = which[of[faced]], sample[faced]
+        of, sample = self._field.reached(some, self._blend.cutoff, self._blend.sharpness, MARGIN, *other)
+        of, sample = which[of], self._order[sample]
         start = self._lifted[sample]
         way = self._lifted[home[of]] - start
         share = self._triangles.hits(start, way).distance

@@ -125,7 +125,7 @@ def test_all_parts_of_a_fit_are_timed(closed, monkeypatch, operator, parts):
     fit = estimate(plan)["fit"]
     assert len(runs) == parts
     steps = SETTINGS.iterations / (3 if operator == "over" else estimating.STEPS)
-    # The colours are solved for six times, twice for each of six cuts, and soon again every few steps; of the
+    # The colours are solved for three times at each of six cuts, and soon again every few steps; of the
     # fine level, one sample in 4 is timed, and of the coarse one, one in 8, for a thirtieth of its steps.
     solved = 18 + LEAST / MOST * SETTINGS.iterations / SOLVED_EVERY
     changes = 4 * fits.CHANGES if operator == "surface" else 1

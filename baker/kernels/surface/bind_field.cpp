@@ -120,11 +120,11 @@ template <class Real> static void bind_precision(nb::module_& m, const char* nam
             "default the constant coefficients. With `relief`, c is the relief along the bend.")
         .def(
             "reached",
-            [](Field<Real>& self, nb::handle gaussians, double cutoff, double margin, Vectors values,
-                Vectors low, Vectors high) {
+            [](Field<Real>& self, nb::handle gaussians, double cutoff, int sharpness, double margin,
+                Vectors values, Vectors low, Vectors high) {
                 const GaussianInput<Real> input(gaussians);
                 const auto arrays = input.arrays();
-                const FieldBlend blend = checked(cutoff, 0, margin);
+                const FieldBlend blend = checked(cutoff, sharpness, margin);
                 require(values.shape(0) == self.count(), "three values per point are needed");
                 require(low.shape(0) == arrays.count && high.shape(0) == arrays.count,
                     "low and high must have three values per Gaussian");
@@ -138,11 +138,11 @@ template <class Real> static void bind_precision(nb::module_& m, const char* nam
                     gaussian.data()[i] = found[i].gaussian, point.data()[i] = found[i].point;
                 return nb::make_tuple(gaussian, point);
             },
-            "gaussians"_a, "cutoff"_a, "margin"_a, "values"_a.noconvert(), "low"_a.noconvert(),
+            "gaussians"_a, "cutoff"_a, "sharpness"_a, "margin"_a, "values"_a.noconvert(), "low"_a.noconvert(),
             "high"_a.noconvert(),
             "Return the indices (P,) of Gaussians, which ascend, and of points that they would reach if "
-            "they were `margin` times as large and faced every way, and of whose `values` (S, 3) one lies "
-            "below `low` or above `high` (N, 3).")
+            "they were `margin` times as large, and of whose `values` (S, 3) one lies below `low` or above "
+            "`high` (N, 3). Without sharpness they face every way.")
         .def(
             "backward",
             [](Field<Real>& self, nb::handle gaussians, Vectors light, Vectors by_light,

@@ -82,8 +82,8 @@ def test_gaussians_that_move_within_the_margin_are_still_listed():
     np.testing.assert_array_equal(field.read(after), field_of(after, position, normal).read(after))
 
 
-@pytest.mark.parametrize("margin", [1.0, 1.3])
-def test_the_points_of_other_values_that_gaussians_reach(margin):
+@pytest.mark.parametrize(("sharpness", "margin"), [(0, 1.0), (0, 1.3), (2, 1.3)])
+def test_the_points_of_other_values_that_gaussians_reach(sharpness, margin):
     position, normal = points(777)
     given = gaussians(150)
     values = np.random.default_rng(5).random((777, 3), np.float32)
@@ -91,10 +91,11 @@ def test_the_points_of_other_values_that_gaussians_reach(margin):
     low, high = low - np.float32(0.3), high + np.float32(0.3)
     to = position - given.position[:, None].astype(float)
     offset = np.einsum("nij,npi->npj", axes(given.rotation), to) / given.scale[:, None]
-    there = np.square(offset).sum(axis=2) < margin**2 * -2 * np.log(0.05)
+    faced = (axes(given.rotation)[:, None, :, 2] * normal).sum(axis=2) > 0
+    there = (np.square(offset).sum(axis=2) < margin**2 * -2 * np.log(0.05)) & (faced | (sharpness == 0))
     differs = ((values < low[:, None]) | (values > high[:, None])).any(axis=2)
-    found = kernels.FieldFloat(position, normal).reached(given, 0.05, margin, values, low, high)
-    assert len(found[0]) > 1000
+    found = kernels.FieldFloat(position, normal).reached(given, 0.05, sharpness, margin, values, low, high)
+    assert len(found[0]) > 500
     assert (there & ~differs).any()
     np.testing.assert_array_equal(found, np.nonzero(there & differs))
 
@@ -218,7 +219,7 @@ def all_bits(dtype) -> list[bytes]:
     results = sums, field.backward(given, position, normal, ones), field.transposed(given, normal, ones)
     results += tuple(field.normal(given, ones, ones, relief=relief) for relief in (False, True))
     low, high = (np.full((400, 3), limit, dtype) for limit in (-1, 1))
-    results += field.reached(given, 0.05, 1.3, sums[:, :3].copy(), low, high)
+    results += field.reached(given, 0.05, 2, 1.3, sums[:, :3].copy(), low, high)
     return [array.tobytes() for array in results]
 
 
@@ -288,7 +289,7 @@ def test_values_of_another_length_and_other_gaussians_are_refused():
             field.backward(given, *right[:i], array.astype(np.float64), *right[i + 1 :])
     for lengths in ((19, 5, 5), (20, 4, 5), (20, 5, 4)):
         with pytest.raises(ValueError, match="per"):
-            field.reached(given, 0.05, 1.0, *(np.ones((length, 3), np.float32) for length in lengths))
+            field.reached(given, 0.05, 0, 1.0, *(np.ones((length, 3), np.float32) for length in lengths))
     for wrong in ((ones[:-1], ones), (ones, ones[:-1])):
         with pytest.raises(ValueError, match="per point"):
             field.normal(given, *wrong)
