@@ -62,6 +62,8 @@ class SightLines(NamedTuple):
     def joined(self, other: "SightLines") -> "SightLines":
         """These lines and others, those of each viewpoint before the others'."""
         both = SightLines(*map(np.concatenate, zip(self, other, strict=True)))
+        if (self.viewpoint[-1:] <= other.viewpoint[:1]).all():
+            return both
         order = np.argsort(both.viewpoint, kind="stable")
         return SightLines(*(column[order] for column in both))
 
