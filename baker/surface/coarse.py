@@ -96,7 +96,7 @@ def coarse_start(
 
 def coarse_steps(optimiser: SurfaceOptimiser, state: SurfaceState, first: int) -> SurfaceState:
     """Solve for the colours, then take SOLVE_STEPS steps, of which the first has the number `first`."""
-    state = replace(state, gaussians=optimiser.solve(state.gaussians, SOLVE_ITERATIONS))
+    state = replace(state, gaussians=optimiser.solve(state.gaussians, SOLVE_ITERATIONS, between=first > 0))
     for step in range(first, first + SOLVE_STEPS):
         before, falling = state.gaussians, RATE_END ** (step / STEPS)
         state, _ = optimiser.step(state, {name: falling * rate for name, rate in RATES.items()}, step + 1)

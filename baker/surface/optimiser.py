@@ -81,9 +81,13 @@ class SurfaceOptimiser:
         self._unit: np.ndarray | None = None
         self._size_cost: np.ndarray | None = None
 
-    def solve(self, gaussians: Gaussians, iterations: int = colours.MOST) -> Gaussians:
-        """Set colours and slopes, then relief if there is any, to the least-squares solution for the shapes."""
-        self._list(gaussians)
+    def solve(self, gaussians: Gaussians, iterations: int = colours.MOST, between: bool = False) -> Gaussians:
+        """Set colours and slopes, then relief if there is any, to the least-squares solution for the shapes.
+
+        `between` steps, it reads what was listed for them.
+        """
+        if not between:
+            self._list(gaussians)
         fine = self._field.read(gaussians)
         base = filling(fine, self._coarse, self.blend)
         samples = self._light, self._importance(self._reading(fine).light), self._relative_noise
