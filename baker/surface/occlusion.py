@@ -100,7 +100,7 @@ class Occlusion:
         light = np.maximum(_seen_mean(some, triangles, some.indirect, self._facing), 0)
         self._light = (light + GREY * light.mean(axis=1, keepdims=True)).astype(np.float32)
         self._neighbours = Neighbours(some.position)
-        self._order = coherent(some.position, some.normal)
+        self._order = coherent(some.position, some.normal if self._facing else None)
         self._field = kernels.FieldFloat(some.position[self._order], some.normal[self._order])
 
     def cut(self, gaussians: Gaussians) -> tuple[Gaussians, np.ndarray]:

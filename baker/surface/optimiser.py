@@ -63,7 +63,8 @@ class SurfaceOptimiser:
     ):  # fmt: skip
         """`around` is the light around the samples; by default that of their neighbours on the same surface. `ridge` is
         how strongly colours are held to a mean (see `colours.RIDGE`)."""
-        self._order = order = coherent(samples.position, samples.normal)
+        facing = samples.normal if blend.sharpness else None  # else Gaussians reach points with all normals
+        self._order = order = coherent(samples.position, facing)
         around = around or samples.blocks.light(samples.indirect_a, samples.indirect_b)
         samples, around = samples[order], LocalLight(*(values[order] for values in around))
         self._bent = samples.indirect_a, samples.indirect_b, samples.indirect

@@ -8,15 +8,16 @@ from gsgi.runtime.morton import morton_codes
 BITS = 20  # per coordinate: half a metre in 500 km
 
 
-def coherent(position: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """Indices (S,) that sort points (S, 3), m, by the signed axis nearest to their normals (S, 3), then along a
-    Z-order curve (Morton 1966)."""
+def coherent(position: np.ndarray, normal: np.ndarray | None = None) -> np.ndarray:
+    """Indices (S,) that sort points (S, 3), m, along a Z-order curve (Morton 1966), before that, if they have normals
+    (S, 3), by the signed axis nearest to those."""
     if not len(position):
         return np.empty(0, np.int64)
     low = position.min(axis=0).astype(np.float64)
     extent = float((position.max(axis=0) - low).max()) or 1.0
     cell = ((position - low) * ((2**BITS - 1) / extent)).astype(np.uint64)
-    return np.lexsort((morton_codes(cell), signed_axis(normal)))
+    along = morton_codes(cell)
+    return np.argsort(along, kind="stable") if normal is None else np.lexsort((along, signed_axis(normal)))
 
 
 def signed_axis(normal: np.ndarray) -> np.ndarray:

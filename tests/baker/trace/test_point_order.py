@@ -16,6 +16,8 @@ def test_it_is_a_permutation_and_neighbours_lie_together():
     assert np.median(np.ptp(blocks, axis=1).max(axis=1)) < 5
     facing = normal[order].reshape(-1, 16, 3)
     assert (np.ptp(facing, axis=1).max(axis=1) > 0).sum() <= 5  # one block at each change of the way they face
+    alone = position[coherent(position)].reshape(-1, 16, 3)  # all of them, six times as dense: a cube of 1.3 m
+    assert np.median(np.ptp(alone, axis=1).max(axis=1)) < 2.8
 
 
 def test_it_follows_a_z_order_curve():
