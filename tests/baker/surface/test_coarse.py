@@ -117,7 +117,7 @@ def test_there_are_no_more_than_asked_and_they_lie_apart(count):
     if count > 4:
         distance = np.linalg.norm(coarse.position[1:, None] - coarse.position[None, 1:], axis=2)
         nearest = (distance + 9 * np.eye(count - 1)).min(axis=1)
-        assert np.median(nearest) > 0.5 * (24 / count) ** (1 / 3)  # some move together, where light changes
+        assert np.quantile(nearest, 0.1) > 0.5 * (24 / count) ** (1 / 3)
 
 
 def test_the_first_reaches_everywhere_and_weighs_next_to_nothing():
