@@ -1,8 +1,9 @@
-// A buffer that keeps its memory between uses, but not its contents.
+// A buffer that keeps its memory between uses, but not its contents. It begins at a cache line.
 #pragma once
 
 #include <cstddef>
 #include <memory>
+#include <new>
 
 template <class Value> class Buffer {
 public:
@@ -11,7 +12,7 @@ public:
     {
         if (count > capacity) {
             data.reset(), capacity = 0; // before the allocation: never hold both
-            data = std::make_unique_for_overwrite<Value[]>(count);
+            data.reset(static_cast<Value*>(::operator new(count * sizeof(Value), LINE)));
             capacity = count;
         }
         return data.get();
@@ -21,6 +22,11 @@ public:
     size_t byte_count() const { return capacity * sizeof(Value); }
 
 private:
-    std::unique_ptr<Value[]> data;
+    static constexpr std::align_val_t LINE{64};
+    struct Free {
+        void operator()(Value* data) const { ::operator delete(data, LINE); }
+    };
+
+    std::unique_ptr<Value[], Free> data;
     size_t capacity = 0;
 };

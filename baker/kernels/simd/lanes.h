@@ -167,6 +167,26 @@ template <class T> ALWAYS_INLINE Lanes<T, 16> sums(const Lanes<T, 16>* v)
     return fold<1>(fold<2>(quarter(0), quarter(4)), fold<2>(quarter(8), quarter(12)));
 }
 
+// Exchanges the odd blocks of `Width` lanes of `a` and the even ones of `b`.
+template <int Width, class T, int N> ALWAYS_INLINE void exchange(Lanes<T, N>& a, Lanes<T, N>& b)
+{
+    if constexpr (N == REGISTER_LANES<T>)
+        exchange_blocks<Width>(a.leaf, b.leaf, std::make_index_sequence<N>());
+    else if constexpr (2 * Width == N)
+        std::swap(a.high, b.low);
+    else
+        exchange<Width>(a.low, b.low), exchange<Width>(a.high, b.high);
+}
+
+template <int Width = 8, class T> ALWAYS_INLINE void transpose(Lanes<T, 16>* v)
+{
+    for (int i = 0; i < 16; ++i)
+        if (!(i & Width))
+            exchange<Width>(v[i], v[i + Width]);
+    if constexpr (Width > 1)
+        transpose<Width / 2>(v);
+}
+
 // Prefetches a value, which may straddle two cache lines.
 template <class Value> ALWAYS_INLINE void prefetch(const Value& value)
 {

@@ -226,4 +226,15 @@ ALWAYS_INLINE Values add_pairs(Values a, Values b, std::index_sequence<I...>)
         __builtin_shufflevector(a, b, int(I / Width * 2 * Width + I % Width + Width)...);
 }
 
+// Exchanges the odd blocks of `Width` lanes of `a` and the even ones of `b`.
+template <int Width, class Values, size_t... I>
+ALWAYS_INLINE void exchange_blocks(Values& a, Values& b, std::index_sequence<I...>)
+{
+    constexpr auto odd = [](size_t i) { return i / Width % 2 == 1; };
+    constexpr int lanes = sizeof...(I);
+    const Values even_blocks = __builtin_shufflevector(a, b, (odd(I) ? lanes + int(I) - Width : int(I))...);
+    b = __builtin_shufflevector(a, b, (odd(I) ? lanes + int(I) : int(I) + Width)...);
+    a = even_blocks;
+}
+
 } // namespace INSTRUCTION_SET

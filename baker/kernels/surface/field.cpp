@@ -4,6 +4,8 @@
 #include <bit>
 #include <cmath>
 #include <limits>
+#include <numeric>
+#include <span>
 
 #include "dispatch.h"
 #include "lib/constants.glsl"
@@ -11,30 +13,24 @@
 
 namespace {
 
-constexpr size_t FAN = 8; // boxes of one level per box of the next
-constexpr size_t PREPARE_GRAIN = 1024, GAUSSIAN_GRAIN = 64, BLOCK_GRAIN = 32,
-                 POINT_GRAIN = 4096; // grain sizes of loops
+constexpr size_t PREPARE_GRAIN = 1024, GAUSSIAN_GRAIN = 64, POINT_GRAIN = 4096; // grain sizes of loops
+constexpr size_t RUN = 32; // consecutive blocks that one thread reads; their rows stay in its cache meanwhile
 
-template <class Real> Box box_of(const PointBlock<Real>& block)
+// The bounding boxes of `count` groups of lanes, the i-th from low(i, axis) to high(i, axis).
+template <class Real, class Low, class High>
+std::vector<Boxes<Real>> boxes_of(size_t count, Low low, High high)
 {
-    Box box;
-    for (int axis = 0; axis < 3; ++axis) {
-        const auto [low, high] =
-            std::minmax_element(block.position[axis], block.position[axis] + FIELD_LANES);
-        box.low[axis] = *low, box.high[axis] = *high;
-    }
-    return box;
-}
-
-Box united(const Box* boxes, size_t count)
-{
-    Box all = boxes[0];
-    for (size_t i = 1; i < count; ++i)
+    constexpr Real NOWHERE = std::numeric_limits<Real>::infinity();
+    std::vector<Boxes<Real>> boxes((count + FIELD_LANES - 1) / FIELD_LANES);
+    for (size_t i = 0; i < boxes.size() * FIELD_LANES; ++i)
         for (int axis = 0; axis < 3; ++axis) {
-            all.low[axis] = std::min(all.low[axis], boxes[i].low[axis]);
-            all.high[axis] = std::max(all.high[axis], boxes[i].high[axis]);
+            Boxes<Real>& to = boxes[i / FIELD_LANES];
+            const Real *const l = i < count ? low(i, axis) : nullptr,
+                              *const h = i < count ? high(i, axis) : nullptr;
+            to.low[axis][i % FIELD_LANES] = l ? *std::min_element(l, l + FIELD_LANES) : NOWHERE;
+            to.high[axis][i % FIELD_LANES] = h ? *std::max_element(h, h + FIELD_LANES) : -NOWHERE;
         }
-    return all;
+    return boxes;
 }
 
 template <class Real> PreparedGaussian<Real> prepared_gaussian(const FieldArrays<Real>& a, size_t i)
@@ -67,13 +63,18 @@ template <class Real> struct BlockValues {
     }
 };
 
+// The blocks of a run that a Gaussian reaches, as bits, and the row that they share.
+struct Touched {
+    uint32_t gaussian, row, run, blocks;
+};
+
 } // namespace
 
 template <class Real>
 Field<Real>::Field(size_t count, const Real* position, const Real* normal, const Real* bend)
     : points(count)
     , blocks((count + FIELD_LANES - 1) / FIELD_LANES)
-    , first_entry(1)
+    , first_row(1)
     , first_in_block(blocks.size() + 1)
 {
     for (size_t b = 0; b < blocks.size(); ++b)
@@ -85,14 +86,13 @@ Field<Real>::Field(size_t count, const Real* position, const Real* normal, const
                 blocks[b].bend[axis][lane] = bend ? bend[3 * i + axis] : 0;
             }
         }
-    levels.emplace_back(blocks.size());
-    std::transform(blocks.begin(), blocks.end(), levels[0].begin(), box_of<Real>);
-    while (levels.back().size() > FAN) {
-        const std::vector<Box>& below = levels.back();
-        std::vector<Box> level((below.size() + FAN - 1) / FAN);
-        for (size_t i = 0; i < level.size(); ++i)
-            level[i] = united(&below[FAN * i], std::min(FAN, below.size() - FAN * i));
-        levels.push_back(std::move(level));
+    const auto position_of = [&](size_t i, int axis) { return blocks[i].position[axis]; };
+    levels.push_back(boxes_of<Real>(blocks.size(), position_of, position_of));
+    while (levels.back().size() > 1) {
+        const std::vector<Boxes<Real>>& below = levels.back();
+        levels.push_back(boxes_of<Real>(
+            below.size(), [&](size_t i, int axis) { return below[i].low[axis]; },
+            [&](size_t i, int axis) { return below[i].high[axis]; }));
     }
 }
 
@@ -103,30 +103,32 @@ template <class Visit>
 void Field<Real>::visit_touched(
     const PreparedGaussian<Real>& gaussian, const FieldBlend& blend, double margin, Visit&& visit) const
 {
+    constexpr Real BEYOND = std::numeric_limits<Real>::infinity();
     const double radius = std::sqrt(-2 * std::log(blend.cutoff));
-    double low[3], high[3];
+    PreparedGaussian<Real> larger = gaussian;
+    for (Real& s : larger.inverse_scale)
+        s = Real(s / margin);
+    Real low[3], high[3];
     for (int axis = 0; axis < 3; ++axis) {
         double square = 0;
         for (int i = 0; i < 3; ++i)
-            square += std::pow(gaussian.axes[i][axis] / gaussian.inverse_scale[i], 2);
-        const double half = radius * margin * std::sqrt(square);
-        low[axis] = gaussian.position[axis] - half, high[axis] = gaussian.position[axis] + half;
+            square += std::pow(larger.axes[i][axis] / larger.inverse_scale[i], 2);
+        const double half = radius * std::sqrt(square);
+        low[axis] = std::nextafter(Real(larger.position[axis] - half), -BEYOND);
+        high[axis] = std::nextafter(Real(larger.position[axis] + half), BEYOND);
     }
-    const auto descend = [&](const auto& self, size_t level, size_t first, size_t last) -> void {
-        for (size_t i = first; i < last; ++i) {
-            const Box& box = levels[level][i];
-            bool apart = false;
-            for (int axis = 0; axis < 3; ++axis)
-                apart = apart || box.low[axis] > high[axis] || box.high[axis] < low[axis];
-            if (apart)
-                continue;
+    const FieldKernels<Real>& kernels = field_kernels<Real>();
+    const auto descend = [&](const auto& self, size_t level, size_t group) -> void {
+        for (uint32_t in = kernels.overlaps(levels[level][group], low, high); in; in &= in - 1) {
+            const size_t i = group * FIELD_LANES + std::countr_zero(in);
             if (level > 0)
-                self(self, level - 1, FAN * i, std::min(FAN * (i + 1), levels[level - 1].size()));
-            else if (const uint32_t lanes = field_kernels<Real>().touches(gaussian, blocks[i], blend, margin))
+                self(self, level - 1, i);
+            else if (const uint32_t lanes = kernels.touches(larger, blocks[i], blend))
                 visit(i, lanes);
         }
     };
-    descend(descend, levels.size() - 1, 0, levels.back().size());
+    if (!blocks.empty())
+        descend(descend, levels.size() - 1, 0);
 }
 
 template <class Real> void Field<Real>::prepare(const FieldArrays<Real>& gaussians)
@@ -143,33 +145,58 @@ void Field<Real>::list(const FieldArrays<Real>& gaussians, const FieldBlend& ope
 {
     blend = operation;
     prepare(gaussians);
-    first_entry.assign(gaussians.count + 1, 0);
-    std::vector<std::vector<uint32_t>> touched((gaussians.count + GAUSSIAN_GRAIN - 1) / GAUSSIAN_GRAIN);
+    std::vector<std::vector<Touched>> parts((gaussians.count + GAUSSIAN_GRAIN - 1) / GAUSSIAN_GRAIN);
+    first_row.assign(gaussians.count + 1, 0);
     parallel_for(gaussians.count, GAUSSIAN_GRAIN, [&](size_t begin, size_t end) {
-        std::vector<uint32_t>& found = touched[begin / GAUSSIAN_GRAIN];
+        std::vector<Touched>& part = parts[begin / GAUSSIAN_GRAIN];
         for (size_t i = begin; i < end; ++i) {
-            const size_t before = found.size();
-            visit_touched(prepared_gaussians.get()[i], blend, margin,
-                [&](size_t b, uint32_t) { found.push_back(uint32_t(b)); });
-            first_entry[i + 1] = found.size() - before;
+            const size_t before = part.size();
+            visit_touched(prepared_gaussians.get()[i], blend, margin, [&](size_t b, uint32_t) {
+                if (part.size() == before || part.back().run != b / RUN)
+                    part.push_back({uint32_t(i), 0, uint32_t(b / RUN), 0});
+                part.back().blocks |= 1u << b % RUN;
+            });
+            first_row[i + 1] = part.size() - before;
         }
     });
-    for (size_t i = 0; i < gaussians.count; ++i)
-        first_entry[i + 1] += first_entry[i];
-    std::vector<uint32_t> block_of;
-    block_of.reserve(first_entry.back());
-    for (const std::vector<uint32_t>& found : touched)
-        block_of.insert(block_of.end(), found.begin(), found.end());
-    first_in_block.assign(blocks.size() + 1, 0);
-    for (uint32_t b : block_of)
-        ++first_in_block[b + 1];
-    for (size_t b = 0; b < blocks.size(); ++b)
-        first_in_block[b + 1] += first_in_block[b];
-    std::vector<size_t> next(first_in_block.begin(), first_in_block.end() - 1);
-    entries.resize(block_of.size());
-    for (size_t i = 0; i < gaussians.count; ++i)
-        for (size_t entry = first_entry[i]; entry < first_entry[i + 1]; ++entry)
-            entries[next[block_of[entry]]++] = {uint32_t(i), uint32_t(entry)};
+    std::partial_sum(first_row.begin(), first_row.end(), first_row.begin());
+
+    const size_t runs = (blocks.size() + RUN - 1) / RUN;
+    std::vector<size_t> first_in_run(runs + 1), entries_before(runs + 1);
+    for (const std::vector<Touched>& part : parts)
+        for (const Touched& touched : part) {
+            ++first_in_run[touched.run + 1];
+            entries_before[touched.run + 1] += std::popcount(touched.blocks);
+        }
+    std::partial_sum(first_in_run.begin(), first_in_run.end(), first_in_run.begin());
+    std::partial_sum(entries_before.begin(), entries_before.end(), entries_before.begin());
+    std::vector<Touched> by_run(first_row.back());
+    std::vector<size_t> next(first_in_run.begin(), first_in_run.end() - 1);
+    uint32_t row = 0;
+    for (std::vector<Touched>& part : parts)
+        for (Touched& touched : part) {
+            touched.row = row++;
+            by_run[next[touched.run]++] = touched;
+        }
+
+    entries.resize(entries_before.back());
+    first_in_block.back() = entries.size();
+    parallel_for(runs, 1, [&](size_t run, size_t) {
+        const std::span touching(by_run.data() + first_in_run[run], by_run.data() + first_in_run[run + 1]);
+        size_t next_entry[RUN + 1] = {entries_before[run]};
+        for (const Touched& touched : touching)
+            for (size_t b = 0; b < RUN; ++b)
+                next_entry[b + 1] += touched.blocks >> b & 1;
+        std::partial_sum(next_entry, next_entry + RUN + 1, next_entry);
+        std::copy_n(next_entry, std::min(RUN, blocks.size() - run * RUN), &first_in_block[run * RUN]);
+        for (const Touched& touched : touching) {
+            const int first = std::countr_zero(touched.blocks);
+            for (uint32_t left = touched.blocks; left; left &= left - 1) {
+                const int b = std::countr_zero(left);
+                entries[next_entry[b]++] = {touched.gaussian, touched.row, b == first};
+            }
+        }
+    });
 }
 
 template <class Real>
@@ -204,7 +231,7 @@ template <class Body>
 void Field<Real>::for_each_block(const FieldArrays<Real>& gaussians, Body&& body)
 {
     prepare(gaussians);
-    parallel_for(blocks.size(), BLOCK_GRAIN, [&](size_t begin, size_t end) {
+    parallel_for(blocks.size(), RUN, [&](size_t begin, size_t end) {
         for (size_t b = begin; b < end; ++b) {
             const size_t first = b * FIELD_LANES;
             const BlockReading<Real> reading = {&blocks[b], entries.data() + first_in_block[b],
@@ -224,13 +251,13 @@ template <class Real> void Field<Real>::read(const FieldArrays<Real>& gaussians,
     });
 }
 
-// Sums each Gaussian's rows of by_entry, in the order of the blocks, and writes them to (gaussians, columns).
-template <class Real> void Field<Real>::sum_entries(size_t gaussians, size_t columns, Real* to) const
+// Sums each Gaussian's rows, in the order of the blocks, and writes them to (gaussians, columns).
+template <class Real> void Field<Real>::sum_rows(size_t gaussians, size_t columns, Real* to) const
 {
     parallel_for(gaussians, GAUSSIAN_GRAIN, [&](size_t begin, size_t end) {
         for (size_t i = begin; i < end; ++i)
-            field_kernels<Real>().sum_rows(by_entry.get() + first_entry[i] * columns,
-                first_entry[i + 1] - first_entry[i], columns, to + i * columns);
+            field_kernels<Real>().sum_rows(rows.get() + first_row[i] * field_stride(columns),
+                first_row[i + 1] - first_row[i], columns, to + i * columns);
     });
 }
 
@@ -238,13 +265,13 @@ template <class Real>
 void Field<Real>::backward(const FieldArrays<Real>& gaussians, const Real* light, const Real* by_light,
     const Real* inverse_weight, Real* derivatives)
 {
-    by_entry.reserve(entries.size() * FIELD_DERIVATIVES);
+    rows.reserve(first_row.back() * field_stride(FIELD_DERIVATIVES));
     for_each_block(gaussians, [&](const BlockReading<Real>& reading, size_t first, size_t count) {
         const BlockValues<Real> l(light, 3, first, count), by(by_light, 3, first, count),
             inverse(inverse_weight, 1, first, count);
-        field_kernels<Real>().read_backward(reading, l.value, by.value, inverse.value, by_entry.get());
+        field_kernels<Real>().read_backward(reading, l.value, by.value, inverse.value, rows.get());
     });
-    sum_entries(gaussians.count, FIELD_DERIVATIVES, derivatives);
+    sum_rows(gaussians.count, FIELD_DERIVATIVES, derivatives);
 }
 
 template <class Real>
@@ -252,12 +279,12 @@ void Field<Real>::transposed(
     const FieldArrays<Real>& gaussians, const Real* values, const Real* inverse_weight, Real* transposed)
 {
     const size_t columns = 3 * gaussians.coefficients + gaussians.slopes;
-    by_entry.reserve(entries.size() * columns);
+    rows.reserve(first_row.back() * field_stride(columns));
     for_each_block(gaussians, [&](const BlockReading<Real>& reading, size_t first, size_t count) {
         const BlockValues<Real> v(values, 3, first, count), inverse(inverse_weight, 1, first, count);
-        field_kernels<Real>().transposed(reading, v.value, inverse.value, by_entry.get());
+        field_kernels<Real>().transposed(reading, v.value, inverse.value, rows.get());
     });
-    sum_entries(gaussians.count, columns, transposed);
+    sum_rows(gaussians.count, columns, transposed);
 }
 
 template <class Real>
@@ -265,14 +292,14 @@ void Field<Real>::normal(const FieldArrays<Real>& gaussians, const Real* weights
     bool free, Real* products)
 {
     const size_t columns = 3 * gaussians.coefficients + (free ? gaussians.slopes : 0);
-    by_entry.reserve(entries.size() * columns);
+    rows.reserve(first_row.back() * field_stride(columns));
     for_each_block(gaussians, [&](const BlockReading<Real>& reading, size_t first, size_t count) {
         thread_local Buffer<Real> kept;
         const BlockValues<Real> w(weights, 1, first, count), inverse(inverse_weight, 1, first, count);
         field_kernels<Real>().normal(reading, w.value, inverse.value, free,
-            kept.reserve(reading.list_length * FIELD_KEPT * FIELD_LANES), by_entry.get());
+            kept.reserve(reading.list_length * FIELD_KEPT * FIELD_LANES), rows.get());
     });
-    sum_entries(gaussians.count, columns, products);
+    sum_rows(gaussians.count, columns, products);
 }
 
 void fill_gap(size_t count, const float* sums, const float* coarse, float floor, float* light, float* inverse,

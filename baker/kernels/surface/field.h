@@ -43,8 +43,8 @@ public:
         bool free, Real* products);
 
     size_t count() const { return points; }
-    size_t entry_count() const { return entries.size(); }    // pairs of a Gaussian and a block
-    size_t listed() const { return first_entry.size() - 1; } // number of Gaussians
+    size_t entry_count() const { return entries.size(); }  // pairs of a Gaussian and a block
+    size_t listed() const { return first_row.size() - 1; } // number of Gaussians
 
 private:
     template <class Visit>
@@ -52,17 +52,17 @@ private:
         const PreparedGaussian<Real>& gaussian, const FieldBlend& blend, double margin, Visit&& visit) const;
     template <class Body> void for_each_block(const FieldArrays<Real>& gaussians, Body&& body);
     void prepare(const FieldArrays<Real>& gaussians);
-    void sum_entries(size_t gaussians, size_t columns, Real* to) const;
+    void sum_rows(size_t gaussians, size_t columns, Real* to) const;
 
     size_t points;
     std::vector<PointBlock<Real>> blocks;
-    std::vector<std::vector<Box>> levels; // boxes of blocks, of 8 blocks, of 64 blocks ...
+    std::vector<std::vector<Boxes<Real>>> levels; // those of blocks, of 16 blocks, of 256 blocks ...
     FieldBlend blend = {};
-    std::vector<size_t> first_entry;    // per Gaussian
+    std::vector<size_t> first_row;      // per Gaussian
     std::vector<size_t> first_in_block; // per block
     std::vector<ListEntry> entries;     // grouped by block
     Buffer<PreparedGaussian<Real>> prepared_gaussians;
-    Buffer<Real> by_entry;
+    Buffer<Real> rows; // what each run of blocks adds for each Gaussian that it lists, grouped by Gaussian
 };
 
 // light (count, 3) and inverse (count,) 1 / sum w, from sums (count, 4) of the fine level and the light

@@ -65,16 +65,22 @@ template <class Real> struct Weighed {
     }
 };
 
+template <class Real> uint32_t overlaps(const Boxes<Real>& boxes, const Real* low, const Real* high)
+{
+    using L = Points<Real>;
+    auto all = L::load(boxes.low[0]) <= L(high[0]);
+    for (int axis = 0; axis < 3; ++axis)
+        all = all & (L::load(boxes.low[axis]) <= L(high[axis])) & (L(low[axis]) <= L::load(boxes.high[axis]));
+    return bits_of(all);
+}
+
 template <class Real>
-uint32_t touches(const PreparedGaussian<Real>& gaussian, const PointBlock<Real>& block,
-    const FieldBlend& blend, double margin)
+uint32_t touches(
+    const PreparedGaussian<Real>& gaussian, const PointBlock<Real>& block, const FieldBlend& blend)
 {
     using L = Points<Real>;
     const PointLanes<Real> at(block);
-    PreparedGaussian<Real> larger = gaussian;
-    for (Real& s : larger.inverse_scale)
-        s = Real(s / margin);
-    const Weighed<Real> w(larger, at, blend);
+    const Weighed<Real> w(gaussian, at, blend);
     const auto is_point = L(0) < at.nx * at.nx + at.ny * at.ny + at.nz * at.nz;
     return bits_of(is_point & (L(0) < w.falloff) & (L(0) < w.n_dot_n));
 }
@@ -185,6 +191,12 @@ template <class Real> void read(const BlockReading<Real>& in, Real* sums)
     with_coefficients(in.coefficients, [&](auto k) { read_sh<k()>(in, sums); });
 }
 
+// Adds values to the numbers from `to` on of an entry's row.
+template <class Real> ALWAYS_INLINE void add_to_row(ListEntry entry, Points<Real> values, Real* to)
+{
+    (entry.first ? values : Points<Real>::load(to) + values).store(to);
+}
+
 template <int K, class Real>
 void read_backward_sh(const BlockReading<Real>& in, const Real* light, const Real* by_light,
     const Real* inverse_weight, Real* derivatives)
@@ -227,10 +239,7 @@ void read_backward_sh(const BlockReading<Real>& in, const Real* light, const Rea
         const L s = w * (L(1) + weighed.tilt) * L(Real(SH_C0));
         const L all[FIELD_LANES] = {fx, fy, fz, turn_x, turn_y, turn_z, fx * e[0], fy * e[1], fz * e[2],
             p * w * L(1 - gaussian.opacity), s * by[0], s * by[1], s * by[2], t * e[0], t * e[1], L(0)};
-        Real total[FIELD_LANES];
-        sums(all).store(total);
-        std::memcpy(derivatives + size_t(in.list[i].entry) * FIELD_DERIVATIVES, total,
-            FIELD_DERIVATIVES * sizeof(Real));
+        add_to_row(in.list[i], sums(all), derivatives + size_t(in.list[i].row) * FIELD_LANES);
     }
 }
 
@@ -242,33 +251,124 @@ void read_backward(const BlockReading<Real>& in, const Real* light, const Real* 
         [&](auto k) { read_backward_sh<k()>(in, light, by_light, inverse_weight, derivatives); });
 }
 
-// Writes the derivatives by the coefficients and slopes of the i-th Gaussian of the list.
-template <int K, class Real>
-ALWAYS_INLINE void transposed_entry(const BlockReading<Real>& in, size_t i, const NormalBasis<Real, K>& basis,
-    Points<Real> weight, Points<Real> tilt, const Points<Real>* e, const Points<Real>* value, size_t slopes,
-    Real* transposed)
-{
+// Adds the derivatives by the coefficients and slopes of a block's Gaussians, from what `value` is at each
+// point, to the Gaussians' rows: those of several Gaussians together.
+template <int K, class Real> class TransposedRows {
     using L = Points<Real>;
-    constexpr int SETS = (3 * K + 2 + FIELD_LANES - 1) / FIELD_LANES; // of columns that are summed together
-    const size_t columns = 3 * K + slopes;
-    L all[SETS * FIELD_LANES];
-    for (int column = 3 * K; column < SETS * FIELD_LANES; ++column)
-        all[column] = 0;
-    for (int k = 0; k < K; ++k) {
-        const L by_colour = weight * basis.value[k] * (k == 0 ? L(1) + tilt : L(1));
-        for (int c = 0; c < 3; ++c)
-            all[3 * k + c] = by_colour * value[c];
+    static constexpr int TOGETHER = REGISTER_LANES<Real> < FIELD_LANES ? 2 : 4, STRIDE = field_stride(3 * K),
+                         SETS = STRIDE / FIELD_LANES;
+    static_assert(STRIDE == field_stride(3 * K + 2));
+
+public:
+    TransposedRows(
+        const BlockReading<Real>& in, const NormalBasis<Real, K>& basis, const L* value, Real* rows)
+        : in(in)
+        , value(value)
+        , rows(rows)
+    {
+        L columns[STRIDE];
+        for (int column = 3 * K; column < STRIDE; ++column)
+            columns[column] = 0;
+        for (int k = 0; k < K; ++k)
+            for (int c = 0; c < 3; ++c)
+                columns[3 * k + c] = basis.value[k] * value[c];
+        for (int set = 0; set < SETS; ++set) {
+            transpose(columns + set * FIELD_LANES);
+            for (int lane = 0; lane < FIELD_LANES; ++lane)
+                columns[set * FIELD_LANES + lane].store(by_weight[lane][set]);
+        }
     }
-    L by_tilt = 0;
-    for (int c = 0; c < 3; ++c)
-        by_tilt = fma(L(in.gaussians[in.list[i].gaussian].tint[c]), value[c], by_tilt);
-    for (int j = 0; j < 2; ++j)
-        all[3 * K + j] = weight * by_tilt * e[j];
-    Real total[SETS * FIELD_LANES];
-    for (int set = 0; set < SETS; ++set)
-        sums(all + set * FIELD_LANES).store(total + set * FIELD_LANES);
-    std::memcpy(transposed + in.list[i].entry * columns, total, columns * sizeof(Real));
-}
+
+    // Those of the i-th Gaussian of the list.
+    ALWAYS_INLINE void add(size_t i, L weight, L tilt, const L* e)
+    {
+        weight.store(weights[count]);
+        entries[count++] = in.list[i];
+        if (count == TOGETHER)
+            flush();
+        if (in.slopes > 0) {
+            flush();
+            add_slope(i, weight, tilt, e);
+        }
+    }
+
+    ALWAYS_INLINE void flush()
+    {
+        L total[TOGETHER][SETS] = {};
+        for (int lane = 0; lane < FIELD_LANES; ++lane)
+            for (int set = 0; set < SETS; ++set) {
+                const L row = L::load(by_weight[lane][set]);
+                for (int i = 0; i < TOGETHER; ++i)
+                    total[i][set] = fma(L(weights[i][lane]), row, total[i][set]);
+            }
+        for (int i = 0; i < count; ++i)
+            for (int set = 0; set < SETS; ++set)
+                add_to_row(entries[i], total[i][set], rows + entries[i].row * STRIDE + set * FIELD_LANES);
+        count = 0;
+    }
+
+private:
+    void add_slope(size_t i, L weight, L tilt, const L* e) const
+    {
+        const Real* const tint = in.gaussians[in.list[i].gaussian].tint;
+        L all[FIELD_LANES] = {}, by_tilt = 0;
+        for (int c = 0; c < 3; ++c) {
+            all[c] = weight * tilt * L(Real(SH_C0)) * value[c];
+            by_tilt = fma(L(tint[c]), value[c], by_tilt);
+        }
+        for (int j = 0; j < 2; ++j)
+            all[3 + j] = weight * by_tilt * e[j];
+        Real total[FIELD_LANES];
+        sums(all).store(total);
+        Real* const row = rows + in.list[i].row * STRIDE;
+        for (int c = 0; c < 3; ++c)
+            row[c] += total[c];
+        for (int j = 0; j < 2; ++j)
+            row[3 * K + j] += total[3 + j];
+    }
+
+    const BlockReading<Real>& in;
+    const L* value;
+    Real* rows;
+    int count = 0;
+    ListEntry entries[TOGETHER];
+    alignas(
+        64) Real by_weight[FIELD_LANES][SETS][FIELD_LANES]; // derivatives by coefficients, for a weight of 1
+    alignas(64) Real weights[TOGETHER][FIELD_LANES] = {};
+};
+
+template <class Real> class TransposedRows<1, Real> {
+    using L = Points<Real>;
+
+public:
+    TransposedRows(const BlockReading<Real>& in, const NormalBasis<Real, 1>&, const L* value, Real* rows)
+        : in(in)
+        , value(value)
+        , rows(rows)
+    {
+    }
+
+    ALWAYS_INLINE void add(size_t i, L weight, L tilt, const L* e)
+    {
+        const Real* const tint = in.gaussians[in.list[i].gaussian].tint;
+        const L by_colour = weight * L(Real(SH_C0)) * (L(1) + tilt);
+        L all[FIELD_LANES] = {}, by_tilt = 0;
+        for (int c = 0; c < 3; ++c) {
+            all[c] = by_colour * value[c];
+            by_tilt = fma(L(tint[c]), value[c], by_tilt);
+        }
+        for (int j = 0; j < 2; ++j)
+            all[3 + j] = weight * by_tilt * e[j];
+        add_to_row(in.list[i], sums(all), rows + size_t(in.list[i].row) * FIELD_LANES);
+    }
+
+    ALWAYS_INLINE void flush() { }
+
+private:
+    const BlockReading<Real>& in;
+    const L* value;
+    Real* rows;
+};
 
 template <int K, class Real>
 void transposed_sh(
@@ -281,12 +381,13 @@ void transposed_sh(
     L value[3];
     for (int c = 0; c < 3; ++c)
         value[c] = gather(values, 3, c) * inverse;
+    TransposedRows<K, Real> rows(in, basis, value, transposed);
     for (size_t i = 0; i < in.list_length; ++i) {
         prefetch_gaussian(in, i);
         const Weighed<Real> weighed(in.gaussians[in.list[i].gaussian], at, in.blend);
-        transposed_entry<K>(
-            in, i, basis, weighed.weight, weighed.tilt, weighed.e, value, in.slopes, transposed);
+        rows.add(i, weighed.weight, weighed.tilt, weighed.e);
     }
+    rows.flush();
 }
 
 template <class Real>
@@ -320,12 +421,14 @@ void normal_sh(const BlockReading<Real>& in, const Real* weights, const Real* in
     L value[3];
     for (int c = 0; c < 3; ++c)
         value[c] = L::load(weights) * light[c] * inverse * inverse;
+    TransposedRows<K, Real> rows(in, basis, value, products);
     for (size_t i = 0; i < in.list_length; ++i) {
         const Real* const from = kept + i * FIELD_KEPT * FIELD_LANES;
         const L weight = L::load(from), tilt = free ? L(0) : L::load(from + FIELD_LANES);
         const L e[2] = {L::load(from + 2 * FIELD_LANES), L::load(from + 3 * FIELD_LANES)};
-        transposed_entry<K>(in, i, basis, weight, tilt, e, value, free ? in.slopes : 0, products);
+        rows.add(i, weight, tilt, e);
     }
+    rows.flush();
 }
 
 template <class Real>
@@ -339,8 +442,9 @@ void normal(const BlockReading<Real>& in, const Real* weights, const Real* inver
 template <class Real> void sum_rows(const Real* rows, size_t count, size_t columns, Real* sums)
 {
     constexpr size_t MOST = 3 * FIELD_SH_MAX + 2;
+    const size_t stride = field_stride(columns);
     double total[MOST] = {};
-    for (const Real* row = rows; row != rows + count * columns; row += columns)
+    for (const Real* row = rows; row != rows + count * stride; row += stride)
         for (size_t c = 0; c < columns; ++c)
             total[c] += row[c];
     for (size_t c = 0; c < columns; ++c)
@@ -348,7 +452,7 @@ template <class Real> void sum_rows(const Real* rows, size_t count, size_t colum
 }
 
 template <class Real>
-constexpr FieldKernels<Real> FIELD = {
-    touches<Real>, read<Real>, read_backward<Real>, transposed<Real>, normal<Real>, sum_rows<Real>};
+constexpr FieldKernels<Real> FIELD = {overlaps<Real>, touches<Real>, read<Real>, read_backward<Real>,
+    transposed<Real>, normal<Real>, sum_rows<Real>};
 
 } // namespace INSTRUCTION_SET

@@ -13,6 +13,12 @@ constexpr int FIELD_KEPT = 4;   // numbers per lane and Gaussian that a product 
 // (3); slope (2).
 constexpr int FIELD_DERIVATIVES = 15;
 
+// From one row of `columns` numbers to the next.
+constexpr size_t field_stride(size_t columns)
+{
+    return (columns + FIELD_LANES - 1) / FIELD_LANES * FIELD_LANES;
+}
+
 // Activated Gaussians, with coefficients of K = 1, 4 or 9 spherical harmonics of the normal, or of the K = 3
 // coordinates of its bend. With e the
 // offset of a point from the centre along the Gaussian's axes, in standard deviations, the light there is c =
@@ -57,15 +63,17 @@ template <class Real> struct PointBlock {
     alignas(64) Real bend[3][FIELD_LANES];
 };
 
-// Bounding box of points, m.
-struct Box {
-    double low[3], high[3];
+// Bounding boxes, m, of blocks or of other boxes, one per lane. Those of unused lanes hold nothing.
+template <class Real> struct Boxes {
+    alignas(64) Real low[3][FIELD_LANES];
+    alignas(64) Real high[3][FIELD_LANES];
 };
 
-// A Gaussian that reaches a block, and the pair's index in the list grouped by Gaussian.
+// A Gaussian that reaches a block, and the row to which the block adds what it computes for that Gaussian.
+// The blocks of a run share the row; the `first` of them to be read sets it.
 struct ListEntry {
     uint32_t gaussian;
-    uint32_t entry;
+    uint32_t row : 31, first : 1;
 };
 
 // A Gaussian, and a point that it reaches.
@@ -86,24 +94,25 @@ template <class Real> struct BlockReading {
 };
 
 template <class Real> struct FieldKernels {
-    // The lanes, as bits, of a block's points at which a Gaussian would have any weight if it were `margin`
-    // times as large.
-    uint32_t (*touches)(
-        const PreparedGaussian<Real>&, const PointBlock<Real>&, const FieldBlend&, double margin);
+    // The lanes, as bits, of the boxes that overlap that from `low` (3,) to `high` (3,).
+    uint32_t (*overlaps)(const Boxes<Real>&, const Real* low, const Real* high);
+    // The lanes, as bits, of a block's points at which a Gaussian has any weight.
+    uint32_t (*touches)(const PreparedGaussian<Real>&, const PointBlock<Real>&, const FieldBlend&);
     // Writes sums (lanes, 4) of w c and w.
     void (*read)(const BlockReading<Real>&, Real* sums);
-    // Writes derivatives[entry] (FIELD_DERIVATIVES) from B and dloss / dB (lanes, 3) and 1 / sum w (lanes,).
+    // The next three add to the rows of the list's Gaussians, which are field_stride() apart.
+    // derivatives (FIELD_DERIVATIVES) follow from B and dloss / dB (lanes, 3) and 1 / sum w (lanes,).
     void (*read_backward)(const BlockReading<Real>&, const Real* light, const Real* by_light,
         const Real* inverse_weight, Real* derivatives);
-    // Writes transposed[entry] (3 K + slopes), the derivatives by sh and slope of the sum over the lanes of B
-    // . values (lanes, 3).
+    // transposed (3 K + slopes) are the derivatives by sh and slope of the sum over the lanes of B . values
+    // (lanes, 3).
     void (*transposed)(
         const BlockReading<Real>&, const Real* values, const Real* inverse_weight, Real* transposed);
-    // Writes products[entry] (3 K + slopes if those are `free`), which are `transposed` of the lanes' weights
-    // (lanes,) times B. Slopes that are free are 0 there, and else they scale the constant coefficient.
-    // `kept` has room for FIELD_KEPT numbers per lane and entry of the list.
+    // products (3 K + slopes if those are `free`) are `transposed` of the lanes' weights (lanes,) times B.
+    // Slopes that are free are 0 there, and else they scale the constant coefficient. `kept` has room for
+    // FIELD_KEPT numbers per lane and entry of the list.
     void (*normal)(const BlockReading<Real>&, const Real* weights, const Real* inverse_weight, bool free,
         Real* kept, Real* products);
-    // Writes the sums (columns,) of `rows` (rows, columns), added in double precision and in their order.
+    // Writes the sums (columns,) of consecutive rows, added in double precision and in their order.
     void (*sum_rows)(const Real* rows, size_t count, size_t columns, Real* sums);
 };
