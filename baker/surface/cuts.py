@@ -7,6 +7,7 @@ from gsgi.runtime.gaussians import Gaussians
 from .occlusion import Occlusion
 from .optimiser import SurfaceOptimiser
 
+TRIED = 5  # iterations of the solution for the light of a cut that may not be made
 COST = 0.001  # squared error relative to the light around, of a sample, that a leak less may cost
 
 
@@ -23,7 +24,7 @@ def cut_where_better(
     cut, which = occlusion.cut(whole)
     which[:spared] = False
     while which.any():
-        parts = optimiser.solve(_where(which, cut, whole))
+        parts = optimiser.solve(_where(which, cut, whole), TRIED)
         bad = which & ~(optimiser.gain(whole, parts) > -COST)
         if not bad.any():
             return parts, which

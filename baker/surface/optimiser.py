@@ -82,19 +82,21 @@ class SurfaceOptimiser:
         self._unit: np.ndarray | None = None
         self._size_cost: np.ndarray | None = None
 
-    def solve(self, gaussians: Gaussians, iterations: int = colours.MOST, between: bool = False) -> Gaussians:
+    def solve(self, gaussians: Gaussians, iterations: int | None = None, between: bool = False) -> Gaussians:
         """Set colours and slopes, then relief if there is any, to the least-squares solution for the shapes.
 
-        `between` steps, it reads what was listed for them.
+        With a number of `iterations`, it takes no more for colours and slopes, and leaves relief as it is. `between`
+        steps, it reads what was listed for them.
         """
         if not between:
             self._list(gaussians)
         fine = self._field.read(gaussians)
         base = filling(fine, self._coarse, self.blend)
         samples = self._light, self._importance(self._reading(fine).light), self._relative_noise
-        sh, slope = colours.solve(self._field, gaussians, base, *samples, self._ridge, iterations)
+        most = colours.MOST if iterations is None else iterations
+        sh, slope = colours.solve(self._field, gaussians, base, *samples, self._ridge, most)
         solved = replace(gaussians, sh=sh, slope=slope)
-        return self._with_relief(solved) if gaussians.bumpy else solved
+        return self._with_relief(solved) if gaussians.bumpy and iterations is None else solved
 
     def _with_relief(self, gaussians: Gaussians) -> Gaussians:
         reading = self._read(gaussians)
@@ -210,14 +212,11 @@ class SurfaceOptimiser:
 
     def _derivatives(self, gaussians: Gaussians, reading: _Reading) -> tuple[np.ndarray, float]:
         """The derivatives (N, 15) (see FIELD_DERIVATIVES), and the loss."""
-        residual = reading.light - self._light
-        loss = self._importance(reading.light) * _channels(np.square(residual))
-        return self._backward(gaussians, reading, residual), float(loss.sum(dtype=np.float64)) / max(len(loss), 1)
+        return self._backward(gaussians, reading, reading.light - self._light)
 
     def _importance(self, light: np.ndarray) -> np.ndarray:
         """The importance (S,) float32 of errors at the samples, read as light (S, 3)."""
-        level = np.maximum(self._level, np.abs(_channels(light)) / np.float32(3 * ADAPTS))
-        return 1 / (np.square(level) + self._variance)
+        return kernels.importance(light, self._level, self._variance, ADAPTS)
 
     def _error(self, light: np.ndarray) -> np.ndarray:
         """Noise-free error (S,) of light (S, 3), which is below 0 where the noise of both halves happens to agree."""
@@ -225,13 +224,12 @@ class SurfaceOptimiser:
 
     def _gradient_noise(self, gaussians: Gaussians, reading: _Reading) -> np.ndarray:
         """Absolute half difference (N, 15) of the halves' gradients: their signs agree where the gradient is larger."""
-        return np.abs(self._backward(gaussians, reading, (self._a - self._b) / 2))
+        return np.abs(self._backward(gaussians, reading, (self._a - self._b) / 2)[0])
 
-    def _backward(self, gaussians: Gaussians, reading: _Reading, residual: np.ndarray) -> np.ndarray:
-        """The derivatives (N, 15) of the loss with residuals (S, 3)."""
-        importance = self._importance(reading.light)
-        by_light = np.float32(2 / max(len(residual), 1)) * importance[:, None] * residual
-        return self._field.backward(gaussians, reading.yielding, by_light, reading.inverse)
+    def _backward(self, gaussians: Gaussians, reading: _Reading, residual: np.ndarray) -> tuple[np.ndarray, float]:
+        """The derivatives (N, 15) of the loss with residuals (S, 3), and that loss."""
+        by_light, loss = kernels.weigh(self._importance(reading.light), residual)
+        return self._field.backward(gaussians, reading.yielding, by_light, reading.inverse), loss
 
 
 def _channels(values: np.ndarray) -> np.ndarray:

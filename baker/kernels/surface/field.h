@@ -71,3 +71,11 @@ private:
 // all.
 void fill_gap(size_t count, const float* sums, const float* coarse, float floor, float* light, float* inverse,
     float* yielding);
+
+// importance (count,) of errors at points read as light (count, 3): 1 / (l^2 + variance), where l is the
+// level (count,) there, or the light's mean over the channels divided by `adapts` where that is more.
+void importance_of(size_t count, const float* light, const float* level, const float* variance, float adapts,
+    float* importance);
+
+// by_light (count, 3): 2 importance residual / count. Returns the mean of importance |residual|^2.
+double weigh(size_t count, const float* importance, const float* residual, float* by_light);
