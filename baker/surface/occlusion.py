@@ -107,12 +107,12 @@ class Occlusion:
         """The Gaussians, cut where they would carry light across an occluder, and which (N,) bool were."""
         if not (len(gaussians) and len(self._position)):
             return gaussians, np.zeros(len(gaussians), bool)
-        home = self._homes(gaussians)
-        found = self._across(gaussians, home, np.arange(len(gaussians)))
+        home, which = self._homes(gaussians), np.arange(len(gaussians))
         if self._facing:
-            turned = np.unique(found.of)
-            gaussians = _turned(gaussians, self._normal[home], turned)
-            found = self._across(gaussians, home, turned)
+            of, _, *ends = self._unlike(gaussians, home, which)
+            which = np.unique(of[self._triangles.blocked(*ends)])
+            gaussians = _turned(gaussians, self._normal[home], which)
+        found = self._across(gaussians, home, which)
         cut = _cut_flat(gaussians, found) if self._facing else _cut_round(gaussians, found)
         return cut, np.isin(np.arange(len(gaussians)), found.of)
 
@@ -129,17 +129,22 @@ class Occlusion:
     def _across(self, gaussians: Gaussians, home: np.ndarray, which: np.ndarray) -> "_Across":
         """For the Gaussians `which` (M,): samples that they reach whose light differs from that at home, behind an
         occluder."""
+        of, sample, start, end = self._unlike(gaussians, home, which)
+        way = end - start
+        share = self._triangles.distance(start, way)
+        blocked = share < 1
+        of, sample, occluder = of[blocked], sample[blocked], start[blocked] + share[blocked, None] * way[blocked]
+        return _Across(of, occluder, self._position[sample], CLEAR * self._blend.radius)
+
+    def _unlike(self, gaussians: Gaussians, home: np.ndarray, which: np.ndarray) -> tuple[np.ndarray, ...]:
+        """P pairs of one of the Gaussians `which` (M,), in their order, and a sample that it reaches, whose light
+        differs from that at home: both (P,), and the points (P, 3) off their surfaces, of the sample and at home."""
         some = Gaussians(*(column[which] for column in vars(gaussians).values()))
         here = self._light[home[which]]
         other = self._light[self._order], here / FACTOR, FACTOR * here
         of, sample = self._field.reached(some, self._blend.cutoff, self._blend.sharpness, MARGIN, *other)
         of, sample = which[of], self._order[sample]
-        start = self._lifted[sample]
-        way = self._lifted[home[of]] - start
-        share = self._triangles.hits(start, way).distance
-        blocked = share < 1
-        of, sample, occluder = of[blocked], sample[blocked], start[blocked] + share[blocked, None] * way[blocked]
-        return _Across(of, occluder, self._position[sample], CLEAR * self._blend.radius)
+        return of, sample, self._lifted[sample], self._lifted[home[of]]
 
 
 class _Across(NamedTuple):

@@ -196,15 +196,16 @@ class Triangles:
 
     def hits(self, origin: np.ndarray, direction: np.ndarray) -> Hits:
         """First hits of rays from `origin` (N, 3) along `direction` (N, 3)."""
-        o3d = load_open3d()
-
-        rays = np.concatenate([origin, direction], axis=1).astype(np.float32)
-        answer = self._rays.cast_rays(o3d.core.Tensor(rays))
+        answer = self._rays.cast_rays(_rays(origin, direction))
         distance = answer["t_hit"].numpy()
         triangle = np.where(np.isfinite(distance), answer["primitive_ids"].numpy().astype(np.int64), -1)
         normal = answer["primitive_normals"].numpy()
         back = (normal * direction).sum(axis=1) > 0
         return Hits(distance, triangle, back & (triangle >= 0), np.where(back[:, None], -normal, normal))
+
+    def distance(self, origin: np.ndarray, direction: np.ndarray) -> np.ndarray:
+        """How far (N,) float32, in lengths of `direction` (N, 3), the first hits are from `origin` (N, 3); else inf."""
+        return self._rays.cast_rays(_rays(origin, direction))["t_hit"].numpy()
 
     def met(self, origin: np.ndarray, direction: np.ndarray, hits: Hits) -> np.ndarray:
         """Where (N, 3) float32, m, rays from `origin` (N, 3) along `direction` (N, 3) hit; each has a hit."""
@@ -212,17 +213,20 @@ class Triangles:
 
     def blocked(self, origin: np.ndarray, target: np.ndarray) -> np.ndarray:
         """Whether (N,) bool a triangle, seen from either side, lies between `origin` (N, 3) and `target` (N, 3)."""
-        o3d = load_open3d()
-
-        rays = np.empty((len(origin), 6), np.float32)
-        rays[:, :3], rays[:, 3:] = origin, target - origin
-        return self._rays.test_occlusions(o3d.core.Tensor(rays), tnear=0.0, tfar=1.0).numpy()
+        return self._rays.test_occlusions(_rays(origin, target - origin), tnear=0.0, tfar=1.0).numpy()
 
     def clearance(self, position: np.ndarray) -> np.ndarray:
         """Distance (N,) float32, m, from points (N, 3) to the nearest triangle."""
         o3d = load_open3d()
 
         return self._rays.compute_distance(o3d.core.Tensor(position.astype(np.float32))).numpy()
+
+
+def _rays(origin: np.ndarray, direction: np.ndarray):
+    """Open3D's rays from `origin` (N, 3) along `direction` (N, 3)."""
+    rays = np.empty((len(origin), 6), np.float32)
+    rays[:, :3], rays[:, 3:] = origin, direction
+    return load_open3d().core.Tensor(rays)
 
 
 class _Part(NamedTuple):
