@@ -11,6 +11,7 @@ using namespace nb::literals;
 void bind_blocks(nb::module_& m);
 void bind_field(nb::module_& m);
 void bind_loss(nb::module_& m);
+void bind_reading(nb::module_& m);
 void bind_sh(nb::module_& m);
 void bind_splat(nb::module_& m);
 void bind_train(nb::module_& m);
@@ -36,6 +37,7 @@ NB_MODULE(_kernels, m)
     bind_blocks(m);
     bind_field(m);
     bind_loss(m);
+    bind_reading(m);
     bind_sh(m);
     bind_splat(m);
     bind_train(m);

@@ -14,8 +14,9 @@ COST = 0.001  # squared error relative to the light around, of a sample, that a 
 def cut_where_better(
     gaussians: Gaussians, optimiser: SurfaceOptimiser, occlusion: Occlusion, spared: int = 0
 ) -> tuple[Gaussians, np.ndarray]:
-    """The Gaussians in their best light, cut at occluders but for the first `spared`, and which (N,) bool were.
+    """The Gaussians, cut at occluders but for the first `spared`, and which (N,) bool were.
 
+    They come in their best light, or nearly if some were cut, since each set of cuts is tried by TRIED iterations.
     A cut that raises the error by more than COST per sample is not made: it leaves a hole, which only the coarse level
     fills, or, in that level, the Gaussian that lies everywhere. Cuts that are not made may have closed the holes of
     others, so those that are left are tried again.

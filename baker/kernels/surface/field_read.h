@@ -3,67 +3,9 @@
 
 #include <type_traits>
 
-#include "simd/elementary.h"
-#include "surface/field_records.h"
+#include "surface/field_rows.h"
 
 namespace INSTRUCTION_SET {
-
-template <class Real> using Points = Lanes<Real, FIELD_LANES>;
-
-template <class Real> struct PointLanes {
-    using L = Points<Real>;
-    L x, y, z, nx, ny, nz;
-
-    explicit PointLanes(const PointBlock<Real>& block)
-        : x(L::load(block.position[0]))
-        , y(L::load(block.position[1]))
-        , z(L::load(block.position[2]))
-        , nx(L::load(block.normal[0]))
-        , ny(L::load(block.normal[1]))
-        , nz(L::load(block.normal[2]))
-    {
-    }
-    ALWAYS_INLINE L normal_along(const Real* axis) const
-    {
-        return fma(L(axis[0]), nx, fma(L(axis[1]), ny, L(axis[2]) * nz));
-    }
-};
-
-// The weight of one Gaussian at each point.
-template <class Real> struct Weighed {
-    using L = Points<Real>;
-    L e[3];
-    L gauss;   // exp(-q / 2)
-    L falloff; // max(0, gauss - cutoff)
-    L n_dot_n; // max(0, n . n_i), or 1 where sharpness is 0
-    L lower;   // n_dot_n^(sharpness - 1)
-    L tilt;    // slope . e
-    L scaled;  // opacity facing, with facing = n_dot_n^sharpness
-    L weight;  // opacity facing falloff
-
-    ALWAYS_INLINE Weighed(
-        const PreparedGaussian<Real>& gaussian, const PointLanes<Real>& at, const FieldBlend& blend)
-    {
-        const L dx = at.x - L(gaussian.position[0]), dy = at.y - L(gaussian.position[1]),
-                dz = at.z - L(gaussian.position[2]);
-        for (int i = 0; i < 3; ++i)
-            e[i] = L(gaussian.inverse_scale[i]) *
-                fma(L(gaussian.axes[i][0]), dx, fma(L(gaussian.axes[i][1]), dy, L(gaussian.axes[i][2]) * dz));
-        const L q = fma(e[0], e[0], fma(e[1], e[1], e[2] * e[2]));
-        // exp2(q * -1/2 log2(e)). The lower bound gives points further away, and NaN, no weight.
-        gauss = exp2(max(q * L(Real(-0.72134752044448170)), L(-126)));
-        falloff = max(gauss - L(Real(blend.cutoff)), L(0));
-        n_dot_n = lower = 1;
-        if (blend.sharpness > 0)
-            n_dot_n = max(at.normal_along(gaussian.axes[2]), L(0));
-        for (int i = 1; i < blend.sharpness; ++i)
-            lower = lower * n_dot_n;
-        scaled = L(gaussian.opacity) * lower * n_dot_n;
-        // Far away e can be too large to be multiplied.
-        tilt = select(L(0) < falloff, fma(L(gaussian.slope[0]), e[0], L(gaussian.slope[1]) * e[1]), L(0));
-        weight = scaled * falloff;
-    }
-};
 
 template <class Real> uint32_t overlaps(const Boxes<Real>& boxes, const Real* low, const Real* high)
 {
@@ -83,57 +25,6 @@ uint32_t touches(
     const Weighed<Real> w(gaussian, at, blend);
     const auto is_point = L(0) < at.nx * at.nx + at.ny * at.ny + at.nz * at.nz;
     return bits_of(is_point & (L(0) < w.falloff) & (L(0) < w.n_dot_n));
-}
-
-// K functions of the normals: spherical harmonics, as in over/sh.h, or the three coordinates of the bend.
-template <class Real, int K> struct NormalBasis {
-    using L = Points<Real>;
-    L value[K];
-
-    NormalBasis(const PointLanes<Real>& at, const PointBlock<Real>& block)
-    {
-        if constexpr (K == 3) {
-            for (int axis = 0; axis < 3; ++axis)
-                value[axis] = L::load(block.bend[axis]);
-            return;
-        }
-        const L x = at.nx, y = at.ny, z = at.nz;
-        const auto c = [](double v) { return L(Real(v)); };
-        value[0] = c(SH_C0);
-        if constexpr (K >= 4)
-            value[1] = c(-SH_C1) * y, value[2] = c(SH_C1) * z, value[3] = c(-SH_C1) * x;
-        if constexpr (K >= 9) {
-            value[4] = c(SH_C2_0) * x * y, value[5] = c(-SH_C2_0) * y * z;
-            value[6] = c(SH_C2_1) * (L(2) * z * z - x * x - y * y);
-            value[7] = c(-SH_C2_0) * x * z, value[8] = c(SH_C2_2) * (x * x - y * y);
-        }
-    }
-
-    // One channel of the colour of a Gaussian with the coefficients `sh` (K, 3).
-    ALWAYS_INLINE L colour(const Real* sh, int channel) const
-    {
-        L sum = value[0] * L(sh[channel]);
-        for (int k = 1; k < K; ++k)
-            sum = fma(value[k], L(sh[3 * k + channel]), sum);
-        return sum;
-    }
-};
-
-// Loads every `stride`-th number, starting at `offset`.
-template <class Real> ALWAYS_INLINE Points<Real> gather(const Real* from, int stride, int offset)
-{
-    alignas(64) Real lanes[FIELD_LANES];
-    for (int i = 0; i < FIELD_LANES; ++i)
-        lanes[i] = from[i * stride + offset];
-    return Points<Real>::load(lanes);
-}
-
-template <class Real> ALWAYS_INLINE void scatter(Points<Real> values, Real* to, int stride, int offset)
-{
-    alignas(64) Real lanes[FIELD_LANES];
-    values.store(lanes);
-    for (int i = 0; i < FIELD_LANES; ++i)
-        to[i * stride + offset] = lanes[i];
 }
 
 constexpr size_t GAUSSIANS_AHEAD = 8;
@@ -191,12 +82,6 @@ template <class Real> void read(const BlockReading<Real>& in, Real* sums)
     with_coefficients(in.coefficients, [&](auto k) { read_sh<k()>(in, sums); });
 }
 
-// Adds values to the numbers from `to` on of an entry's row.
-template <class Real> ALWAYS_INLINE void add_to_row(ListEntry entry, Points<Real> values, Real* to)
-{
-    (entry.first ? values : Points<Real>::load(to) + values).store(to);
-}
-
 template <int K, class Real>
 void read_backward_sh(const BlockReading<Real>& in, const Real* light, const Real* by_light,
     const Real* inverse_weight, Real* derivatives)
@@ -250,125 +135,6 @@ void read_backward(const BlockReading<Real>& in, const Real* light, const Real* 
     with_coefficients(in.coefficients,
         [&](auto k) { read_backward_sh<k()>(in, light, by_light, inverse_weight, derivatives); });
 }
-
-// Adds the derivatives by the coefficients and slopes of a block's Gaussians, from what `value` is at each
-// point, to the Gaussians' rows: those of several Gaussians together.
-template <int K, class Real> class TransposedRows {
-    using L = Points<Real>;
-    static constexpr int TOGETHER = REGISTER_LANES<Real> < FIELD_LANES ? 2 : 4, STRIDE = field_stride(3 * K),
-                         SETS = STRIDE / FIELD_LANES;
-    static_assert(STRIDE == field_stride(3 * K + 2));
-
-public:
-    TransposedRows(
-        const BlockReading<Real>& in, const NormalBasis<Real, K>& basis, const L* value, Real* rows)
-        : in(in)
-        , value(value)
-        , rows(rows)
-    {
-        L columns[STRIDE];
-        for (int column = 3 * K; column < STRIDE; ++column)
-            columns[column] = 0;
-        for (int k = 0; k < K; ++k)
-            for (int c = 0; c < 3; ++c)
-                columns[3 * k + c] = basis.value[k] * value[c];
-        for (int set = 0; set < SETS; ++set) {
-            transpose(columns + set * FIELD_LANES);
-            for (int lane = 0; lane < FIELD_LANES; ++lane)
-                columns[set * FIELD_LANES + lane].store(by_weight[lane][set]);
-        }
-    }
-
-    // Those of the i-th Gaussian of the list.
-    ALWAYS_INLINE void add(size_t i, L weight, L tilt, const L* e)
-    {
-        weight.store(weights[count]);
-        entries[count++] = in.list[i];
-        if (count == TOGETHER)
-            flush();
-        if (in.slopes > 0) {
-            flush();
-            add_slope(i, weight, tilt, e);
-        }
-    }
-
-    ALWAYS_INLINE void flush()
-    {
-        L total[TOGETHER][SETS] = {};
-        for (int lane = 0; lane < FIELD_LANES; ++lane)
-            for (int set = 0; set < SETS; ++set) {
-                const L row = L::load(by_weight[lane][set]);
-                for (int i = 0; i < TOGETHER; ++i)
-                    total[i][set] = fma(L(weights[i][lane]), row, total[i][set]);
-            }
-        for (int i = 0; i < count; ++i)
-            for (int set = 0; set < SETS; ++set)
-                add_to_row(entries[i], total[i][set], rows + entries[i].row * STRIDE + set * FIELD_LANES);
-        count = 0;
-    }
-
-private:
-    void add_slope(size_t i, L weight, L tilt, const L* e) const
-    {
-        const Real* const tint = in.gaussians[in.list[i].gaussian].tint;
-        L all[FIELD_LANES] = {}, by_tilt = 0;
-        for (int c = 0; c < 3; ++c) {
-            all[c] = weight * tilt * L(Real(SH_C0)) * value[c];
-            by_tilt = fma(L(tint[c]), value[c], by_tilt);
-        }
-        for (int j = 0; j < 2; ++j)
-            all[3 + j] = weight * by_tilt * e[j];
-        Real total[FIELD_LANES];
-        sums(all).store(total);
-        Real* const row = rows + in.list[i].row * STRIDE;
-        for (int c = 0; c < 3; ++c)
-            row[c] += total[c];
-        for (int j = 0; j < 2; ++j)
-            row[3 * K + j] += total[3 + j];
-    }
-
-    const BlockReading<Real>& in;
-    const L* value;
-    Real* rows;
-    int count = 0;
-    ListEntry entries[TOGETHER];
-    alignas(
-        64) Real by_weight[FIELD_LANES][SETS][FIELD_LANES]; // derivatives by coefficients, for a weight of 1
-    alignas(64) Real weights[TOGETHER][FIELD_LANES] = {};
-};
-
-template <class Real> class TransposedRows<1, Real> {
-    using L = Points<Real>;
-
-public:
-    TransposedRows(const BlockReading<Real>& in, const NormalBasis<Real, 1>&, const L* value, Real* rows)
-        : in(in)
-        , value(value)
-        , rows(rows)
-    {
-    }
-
-    ALWAYS_INLINE void add(size_t i, L weight, L tilt, const L* e)
-    {
-        const Real* const tint = in.gaussians[in.list[i].gaussian].tint;
-        const L by_colour = weight * L(Real(SH_C0)) * (L(1) + tilt);
-        L all[FIELD_LANES] = {}, by_tilt = 0;
-        for (int c = 0; c < 3; ++c) {
-            all[c] = by_colour * value[c];
-            by_tilt = fma(L(tint[c]), value[c], by_tilt);
-        }
-        for (int j = 0; j < 2; ++j)
-            all[3 + j] = weight * by_tilt * e[j];
-        add_to_row(in.list[i], sums(all), rows + size_t(in.list[i].row) * FIELD_LANES);
-    }
-
-    ALWAYS_INLINE void flush() { }
-
-private:
-    const BlockReading<Real>& in;
-    const L* value;
-    Real* rows;
-};
 
 template <int K, class Real>
 void transposed_sh(

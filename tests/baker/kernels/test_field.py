@@ -209,6 +209,23 @@ def test_the_coarse_level_fills_the_gap_below_the_floor():
         kernels.fill_gap(sums, coarse[:-1], 0.05)
 
 
+def test_errors_count_by_the_level_unless_the_light_is_much_brighter():
+    rng = np.random.default_rng(3)
+    light, residual = (rng.normal(size=(10_000, 3)).astype(np.float32) for _ in range(2))
+    level, variance = (rng.random(10_000, np.float32) for _ in range(2))
+    importance = kernels.importance(light, level, variance, 3.0)
+    bright = np.abs(light.mean(axis=1, dtype=np.float64)) / 3
+    assert 0.1 < (bright > level).mean() < 0.9
+    np.testing.assert_allclose(importance, 1 / (np.maximum(level, bright) ** 2 + variance), rtol=1e-5)
+    by_light, loss = kernels.weigh(importance, residual)
+    np.testing.assert_allclose(by_light, 2e-4 * importance[:, None] * residual, rtol=1e-6)
+    assert loss == pytest.approx((importance * np.square(residual, dtype=np.float64).sum(axis=1)).mean(), rel=1e-6)
+    with pytest.raises(ValueError, match="one value per point"):
+        kernels.importance(light, level[:-1], variance, 3.0)
+    with pytest.raises(ValueError, match="one value per point"):
+        kernels.weigh(importance[:-1], residual)
+
+
 def all_bits(dtype) -> list[bytes]:
     position, normal = points(3000, dtype)
     given = bumpy(gaussians(400, 4, sloped=True), dtype)
