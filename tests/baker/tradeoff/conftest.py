@@ -1,5 +1,8 @@
 """A ground on which methods are baked in seconds: a Cornell box with few views and paths."""
 
+from collections.abc import Callable
+from dataclasses import replace
+
 import pytest
 from repository import SCENES
 
@@ -28,7 +31,17 @@ def patched():
 
 
 @pytest.fixture(scope="session")
-def ground(patched) -> grounds.Ground:
+def ground_of(patched) -> Callable[..., grounds.Ground]:
+    """A function that makes a ground with changes of SETTINGS."""
+
+    def make(**changes) -> grounds.Ground:
+        scene, settings = read_gltf(SCENES / "cornell.glb"), replace(SETTINGS, **changes)
+        return grounds.Ground(scene, settings, MemoryCache(), Silent(), quick=True, views=4)
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def ground(ground_of) -> grounds.Ground:
     """The ground of all tests."""
-    scene = read_gltf(SCENES / "cornell.glb")
-    return grounds.Ground(scene, SETTINGS, MemoryCache(), Silent(), quick=True, views=4)
+    return ground_of()

@@ -12,6 +12,15 @@ from gsgi.baker.tradeoff import gaussians, report, study
 
 
 @pytest.fixture(scope="module")
+def ground(ground_of):
+    """With steps enough to tell a cause from chance: after 24, two fits of so few Gaussians differed by 0.01.
+
+    Of the views of seeds 0 to 5, those of seed 0 are the hardest, and fits differ most in them.
+    """
+    return ground_of(iterations=120, seed=3)
+
+
+@pytest.fixture(scope="module")
 def made(ground):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(budget, "SAMPLES_FEWEST", 1 << 14)
