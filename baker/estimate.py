@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,6 +12,9 @@ from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling
 from .evaluation import bias, group_error, held_out, moving
 from .evaluation.monitor import entries
 from .plan import Plan
+
+if TYPE_CHECKING:
+    from gsgi.baker.trace.irradiance_cache import IrradianceCache
 
 POINTS, SAMPLES = 1 << 13, PASS_SAMPLES  # half a launch of a bake; with a quarter, a path takes a tenth longer
 STEPS = 10  # of the fit: those from one listing of its samples to the next
@@ -114,8 +118,6 @@ def _seconds_per_path(plan: Plan) -> tuple[float, float, bool]:
 
     Also whether the latter are connected to lit places. Where no path ends in known light, it is not timed.
     """
-    from gsgi.baker.trace.irradiance_cache import IrradianceCache
-    from gsgi.baker.trace.known_light import known_light
     from gsgi.baker.trace.point_order import coherent
 
     seen, tracer = plan.placement.importance, plan.tracer.tracer
@@ -127,20 +129,42 @@ def _seconds_per_path(plan: Plan) -> tuple[float, float, bool]:
     sampling = Sampling(SAMPLES, plan.settings.bounces)
     lights = []
 
-    def trace(known: IrradianceCache | None, count: int = POINTS) -> None:
+    def trace(known: "IrradianceCache | None", count: int = POINTS) -> None:
         points = position[:count], normal[:count], normal[:count]
         lights.append(tracer.indirect(*points, sampling, 0, None, known).mean)
 
-    def seconds(known: IrradianceCache | None) -> float:
+    def seconds(known: "IrradianceCache | None") -> float:
         trace(known, 1)  # the first launch of a kind compiles, even with one point
         return _seconds(lambda: trace(known)) / (POINTS * SAMPLES)
 
     whole = seconds(None)
     if not plan.known_paths:
         return whole, whole, False
-    light = lights[-1]
-    known = known_light(tracer, position, normal, light, light, plan.settings.bounces, alike=True).a
+    known = _known_light(plan, position, normal, lights[-1])
     return whole, seconds(known), len(known.lit) > 0
+
+
+def _known_light(plan: Plan, position: np.ndarray, normal: np.ndarray, light: np.ndarray) -> "IrradianceCache":
+    """Known light as a bake will have it, from B, `light` (N, 3), at points (N, 3) that people see.
+
+    There is light at as many points as in the bake, for a path is the longer, the wider the cells are in which it
+    may end: they are points that rays from the others meet, and each has the mean light around the nearest of those.
+    """
+    from gsgi.baker.trace.known_light import cached, learned
+    from gsgi.baker.trace.local_light import Blocks
+    from gsgi.baker.trace.point_order import nearest
+    from gsgi.baker.views.directions import cosine_directions
+
+    rng = np.random.default_rng(plan.settings.seed)
+    again = np.arange(plan.known_points) % len(position)
+    origin = plan.triangles.lifted(position, normal)[again]
+    met = plan.triangles.seen(origin, cosine_directions(normal[again], rng))
+    blocks = Blocks.of(position, normal)
+    around = np.stack([mean[blocks.number] for mean in blocks.means(*light.T)], axis=1).astype(np.float32)
+    there = around[nearest((position, normal), (met.position, met.normal))]
+    tracer = plan.tracer.tracer
+    cells = cached(tracer, met.position, met.normal, there, there)
+    return learned(tracer, cells, position, normal, light, light, plan.settings.bounces, alike=True).a
 
 
 def _seconds_of_finding(plan: Plan) -> float:

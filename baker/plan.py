@@ -192,6 +192,11 @@ class Plan:
         """Number of paths for the light in which those of the samples end; 0 with `over`."""
         return sum(map(path_count, self._known_rounds))
 
+    @property
+    def known_points(self) -> int:
+        """Number of points at which that light is known in the end."""
+        return point_count(self._known_rounds[-1]) if self._known_rounds else 0
+
     def paths(self, samples: float) -> float:
         """Expected number of all paths that a fit with the whole budget is traced for, with so many `samples`.
 

@@ -11,10 +11,10 @@ from .lit_places import LitPlaces
 from .local_light import Blocks
 from .tracer import Sampling, Tracer
 
-# Connections pay if they divide the variance of a path by at least PAYS, for they take half as long as the rest of it.
-# That is tried at so many points with so many paths in each half, by the geometric mean over them of noise relative to
-# the light around, of which less than NOISE_LEAST does no harm.
-PAYS = 1.6
+# Connections pay if they divide the variance of a path by at least PAYS, for they take half as long as the rest of it,
+# and in some scenes four fifths. That is tried at so many points with so many paths in each half, by the geometric mean
+# over them of noise relative to the light around, of which less than NOISE_LEAST does no harm.
+PAYS = 1.8
 TRIED, TRIED_PATHS, NOISE_LEAST = 4096, 32, 0.02
 
 
@@ -26,24 +26,39 @@ def known_light(
     b: np.ndarray,
     bounces: int,
     before: KnownLight | None = None,
-    alike: bool = False,
 ) -> KnownLight:
     """Known light from both halves `a` and `b` (S, 3) of B at samples, position (S, 3) m and normal (S, 3) unit.
 
     Paths of at most so many `bounces` will end in it. They are guided, and connected to lit and to bright places if
     that pays. `before` is what the paths of the samples ended in: its places stay, and by its guide the next is
-    learned. `alike`: the lit places of both halves are the same, which are found in half the time, but noise in them is
-    not seen any more.
+    learned.
     """
     from .gathered import gather
     from .learned_guide import learn as learn_guide
 
-    light = _cached(tracer, position, normal, a, b)
-    if before:
-        light = _shining(tracer, _with(light, before.a.lit, before.b.lit), before.a.bright, bounces)
-        # What a half knows does not bias the other, whose paths it only guides.
-        guided = replace(light.a, guide=before.a.guide)
-        return _guided(light, learn_guide(gather(tracer, position, normal, guided, bounces)))
+    light = cached(tracer, position, normal, a, b)
+    if not before:
+        return learned(tracer, light, position, normal, a, b, bounces)
+    light = _shining(tracer, _with(light, before.a.lit, before.b.lit), before.a.bright, bounces)
+    # What a half knows does not bias the other, whose paths it only guides.
+    guided = replace(light.a, guide=before.a.guide)
+    return _guided(light, learn_guide(gather(tracer, position, normal, guided, bounces)))
+
+
+def learned(
+    tracer: Tracer, light: KnownLight, position: np.ndarray, normal: np.ndarray, a: np.ndarray, b: np.ndarray,
+    bounces: int, alike: bool = False,
+) -> KnownLight:  # fmt: skip
+    """The `light` with its places and its guide, which are learned at samples, as `known_light` has them.
+
+    `alike`: the lit places of both halves are the same, which are found in half the time, but noise in them is not seen
+    any more.
+    """
+    from .gathered import gather
+    from .learned_bright import chosen_by
+    from .learned_bright import learn as learn_bright
+    from .learned_guide import learn as learn_guide
+
     if tracer.lights.count:
         from .learned_places import learn
 
@@ -51,17 +66,14 @@ def known_light(
         other = _with(light, places[0], places[-1])
         if other.connected and _pays(tracer, position, normal, bounces, light, other):
             light = other
-    from .learned_bright import chosen_by
-    from .learned_bright import learn as learn_bright
-
     paths = gather(tracer, position, normal, light.a, bounces)
     guided = _guided(light, learn_guide(paths))
     parts = learn_bright(tracer, paths, a[paths.of], b[paths.of])
     if not len(parts.of):
         return guided
     shining = _shining(tracer, light, parts, bounces)
-    learned = chosen_by(tracer, shining.a.bright, position, normal)
-    both = (replace(half, bright=replace(learned, place=half.bright.place)) for half in (shining.a, shining.b))
+    choice = chosen_by(tracer, shining.a.bright, position, normal)
+    both = (replace(half, bright=replace(choice, place=half.bright.place)) for half in (shining.a, shining.b))
     shining = KnownLight(*both)
     shining = _guided(shining, learn_guide(gather(tracer, position, normal, shining.a, bounces)))
     return shining if _pays(tracer, position, normal, bounces, guided, shining) else guided
@@ -90,7 +102,7 @@ def known_light_again(
 
     They are guided as before. So paths that meet nothing changed bring the same bits.
     """
-    light = _cached(tracer, position, normal, a, b, edited.a)
+    light = cached(tracer, position, normal, a, b, edited.a)
     lit = edited.a.lit, edited.b.lit
     if edited.connected:
         from .learned_places import lit_again
@@ -110,7 +122,7 @@ def found_again(tracer: Tracer, edited: KnownLight) -> KnownLight:
     return KnownLight(*(replace(half, bright=half.bright.in_rows(row)) for half in (edited.a, edited.b)))
 
 
-def _cached(tracer: Tracer, position, normal, a, b, like: IrradianceCache | None = None) -> KnownLight:
+def cached(tracer: Tracer, position, normal, a, b, like: IrradianceCache | None = None) -> KnownLight:
     """The caches of both halves of B, but for what paths ask for where they end."""
     asked = tracer.asked_through_filters(position, normal)
     return IrradianceCache.halves(position, normal, a - asked, b - asked, tracer.blocked, like)
