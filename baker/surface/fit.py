@@ -159,7 +159,7 @@ def _tools(
     else:
         traced = joined([surface, free])
         around = traced.blocks.light(traced.indirect_a, traced.indirect_b)
-    surface = smoothed(surface)
+    surface = smoothed(surface, around.level[: len(surface)])
     samples = joined([surface, free])
     occlusion = Occlusion(surface, triangles, blend, budget) if triangles else None
     stepped = replace(blend, floor=STEPPED_FLOOR * blend.floor)

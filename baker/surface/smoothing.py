@@ -29,10 +29,15 @@ WIDER = 1, 1, 2, 4, 8, 16  # times that B is smoothed again for each wider windo
 AVERAGED = 4  # times that errors are averaged over neighbours, to some 64 of them
 TOGETHER = 1 << 15  # samples whose weights are computed at once
 LARGEST = 1e3  # squared error of a sample, relative to the light around, that counts
+UNLIKE = 8.0  # times brighter or darker is the light around samples that do not count: a wall is between, or an edge
 
 
-def smoothed(samples: SurfaceSamples) -> SurfaceSamples:
+def smoothed(samples: SurfaceSamples, seen: np.ndarray) -> SurfaceSamples:
     """The samples with less noise in both halves of B where that is much.
+
+    `seen` (S,) is the level of the light that they see around them, as `seen_light` has it. Where it is below that of
+    their blocks, these hold samples from both sides of a wall: two that took a hundred thousand times their own light
+    from there outweighed all others of a dark cell, whose wall shone.
 
     B is smoothed by local regression (Cleveland 1979), linear in the place and in the mapped normal. It is repeated for
     wider windows. At each sample the window is the one by which each half predicts the other best around it, as filters
@@ -42,13 +47,13 @@ def smoothed(samples: SurfaceSamples) -> SurfaceSamples:
     noisy = np.flatnonzero(light.noise > NOISY * light.level)
     if not len(noisy):
         return samples
-    regression, average = _matrices(samples, noisy)
+    around = np.minimum(light.level, seen)
+    regression, average = _matrices(samples, noisy, around)
     halves = samples.indirect_a, samples.indirect_b
-    level = light.level[:, None]
 
     def error(a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """The squared errors (S,) of both halves as the other one sees them, averaged around noisy samples."""
-        squared = sum(np.square(apart / level).sum(axis=1) for apart in (a - halves[1], b - halves[0]))
+        squared = sum(np.square(apart / around[:, None]).sum(axis=1) for apart in (a - halves[1], b - halves[0]))
         return _repeated(average, np.minimum(squared, LARGEST), noisy, AVERAGED)[noisy]
 
     best, window = [half[noisy] for half in halves], halves
@@ -73,8 +78,11 @@ def _repeated(matrix, values: np.ndarray, rows: np.ndarray, times: int) -> np.nd
     return values
 
 
-def _matrices(samples: SurfaceSamples, rows: np.ndarray):
-    """The weights of all samples in a regression at those in `rows` (R,), and in a mean: sparse (R, S) float32 each."""
+def _matrices(samples: SurfaceSamples, rows: np.ndarray, around: np.ndarray):
+    """The weights of all samples in a regression at those in `rows` (R,), and in a mean: sparse (R, S) float32 each.
+
+    `around` (S,) is the light around them.
+    """
     from scipy.sparse import csr_matrix
 
     near = np.repeat(rows[:, None], NEAREST + 1, axis=1)
@@ -85,7 +93,7 @@ def _matrices(samples: SurfaceSamples, rows: np.ndarray):
         near[here, : found.shape[1]] = found
     near[:, 0] = rows  # which the nearest may not be, as points can coincide
     parts = [
-        _weights(samples, rows[first : first + TOGETHER], near[first : first + TOGETHER])
+        _weights(samples, rows[first : first + TOGETHER], near[first : first + TOGETHER], around)
         for first in range(0, len(rows), TOGETHER)
     ]
     first = np.arange(0, near.size + 1, near.shape[1])
@@ -96,7 +104,9 @@ def _matrices(samples: SurfaceSamples, rows: np.ndarray):
     )
 
 
-def _weights(samples: SurfaceSamples, here: np.ndarray, near: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _weights(
+    samples: SurfaceSamples, here: np.ndarray, near: np.ndarray, around: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """The weights (R, K) of the samples `near` (R, K) those `here` (R,) in a regression there, and in a mean."""
     normal = samples.normal[here, None]
     way = (samples.position[near] - samples.position[here, None]).astype(np.float64)
@@ -104,6 +114,7 @@ def _weights(samples: SurfaceSamples, here: np.ndarray, near: np.ndarray) -> tup
     farthest = np.maximum(distance.max(axis=1, keepdims=True), np.finfo(np.float32).tiny)
     along = (samples.normal[near] * normal).sum(axis=2) > FLAT
     along &= np.abs((way * normal).sum(axis=2)) <= RISE * farthest
+    along &= (around[near] <= UNLIKE * around[here, None]) & (around[here, None] <= UNLIKE * around[near])
     weight = along * (1 - np.square(distance / (FADES * farthest)))
     columns = [np.ones_like(distance)[:, :, None], way / farthest[:, :, None]]
     if samples.bumpy:

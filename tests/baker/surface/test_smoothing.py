@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gsgi.baker.surface import smoothing
 from gsgi.baker.surface.samples import SurfaceSamples
-from gsgi.baker.surface.smoothing import NOISY, smoothed
+from gsgi.baker.surface.smoothing import NOISY
 
 COUNT = 10_000
 ONES = np.ones(3, np.float32)
@@ -23,6 +24,11 @@ def with_noise(position, normal, truth, noise: float, rng) -> tuple[SurfaceSampl
     share = noise * np.sqrt(2)  # of a half
     halves = (truth * rng.gamma(1 / share**2, share**2, (2, len(truth), 1))).astype(np.float32)
     return SurfaceSamples(position, normal, *halves, 0), truth
+
+
+def smoothed(samples: SurfaceSamples) -> SurfaceSamples:
+    """The samples, smoothed in the light around them as their blocks have it."""
+    return smoothing.smoothed(samples, samples.blocks.light(samples.indirect_a, samples.indirect_b).level)
 
 
 def error(samples: SurfaceSamples, truth: np.ndarray, which=slice(None)) -> float:
@@ -78,6 +84,19 @@ def test_light_comes_from_the_same_surface_alone():
     for one in range(4):
         assert error(after, truth, part == one) < 0.4 * error(samples, truth, part == one)
         assert after.indirect[part == one].mean() == pytest.approx(truth[part == one].mean(), rel=0.02)
+
+
+@pytest.mark.parametrize("bright", [20, 1e6])
+def test_no_light_comes_through_a_wall_on_the_same_floor(bright):
+    """Samples on both sides lie in the same blocks, but each sees only those on its own."""
+    samples, truth = plane(lambda x: np.where(x < 0, 1, bright), 0.4)
+    outside = np.abs(samples.position[:, 0]) > 0.02
+    samples, truth = samples[outside], truth[outside]
+    after = smoothing.smoothed(samples, truth[:, 0])
+    for side in (truth[:, 0] == 1, truth[:, 0] == bright):
+        assert error(after, truth, side) < 0.35 * error(samples, truth, side)
+        foot = side & (np.abs(samples.position[:, 0]) < 0.05)
+        assert error(after, truth, foot) < error(samples, truth, foot)
 
 
 def test_light_that_follows_the_normal_map_stays():
