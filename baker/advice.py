@@ -1,5 +1,6 @@
 """What to turn where a bake differs visibly from path tracing, and what that would cost."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from .evaluation.held_out import SSIM_GOOD, Evaluation, ViewEvaluation
@@ -12,11 +13,13 @@ SSIM_SHORT = 0.02  # of its ceiling: an SSIM that falls shorter
 MOTTLE_SEEN = 0.015  # blotches that are stronger are seen on a smooth wall
 MORE = 4  # times the Gaussians, as from one quality to the next, or the paths, which halves their noise
 SAMPLES_MAX = 1 << 20
+SKY = "--env 1,1,1"  # light from all sides, which glTF scenes cannot hold
 
 
 @dataclass(frozen=True)
 class Advice:
-    """The `text` in one line, about the worst `view` that falls short; `option` is what to turn first.
+    """The `text` in one line, about the worst `view` that falls short, or the noisiest if none can be judged; `option`
+    is what to turn first.
 
     `gaussians` and `bytes` are the most that the file would have with that option; None if that is not known.
     `samples` are more paths, as for `--samples`.
@@ -31,20 +34,32 @@ class Advice:
 
 
 def advise(plan: Plan, evaluation: Evaluation) -> Advice | None:
-    """Advise for a bake of `plan`; None if no view falls short."""
-    views = [view for view in (*evaluation.views, *evaluation.scene_views) if falls_short(view)]
-    if not views:
+    """Advise for a bake of `plan`; None if some view can be judged and none falls short."""
+    views = *evaluation.views, *evaluation.scene_views
+    samples = min(MORE * plan.settings.samples, SAMPLES_MAX)
+    more = f"--samples {samples} ({samples / plan.settings.samples:g} times the paths)"
+    if views and all(view.noisy for view in views):
+        return _unjudged(plan, views, samples, more)
+    if not (short := [view for view in views if falls_short(view)]):
         return None
-    view = min(views, key=lambda found: found.final.ssim)
+    view = min(short, key=lambda found: found.final.ssim)
     option, budget = _turn(plan)
     size = None if budget is None else file_bytes(plan.settings.operator, budget, plan.scene, len(plan.groups))
-    samples = min(MORE * plan.settings.samples, SAMPLES_MAX)
     turns = [f"{option} (at most {size} bytes)" if size else option] if option else []
-    turns += [f"--samples {samples} ({samples / plan.settings.samples:g} times the paths)"]
+    turns += [more]
     mottle = "" if view.mottle is None else f", mottle {view.mottle:.1%}"
     found = f"SSIM {view.final.ssim:.4f} (ceiling {view.final.ssim_ceiling:.4f}){mottle}"
     text = f"{named(view)} differs visibly from path tracing, {found}: try {' or '.join(turns)}"
     return Advice(text, view.name, option, budget, size, samples)
+
+
+def _unjudged(plan: Plan, views: Sequence[ViewEvaluation], samples: int, more: str) -> Advice:
+    """Advice where the references of all `views` are too noisy, as in rooms that get neither sky nor sun."""
+    view = min(views, key=lambda found: found.indirect.ssim_ceiling)
+    option = SKY if plan.scene.environment is None else None
+    turns = f"light the scene by a sky ({option}), or try {more}" if option else f"try {more}"
+    text = f"no view can be judged, since hardly any path finds light that reaches what they show: {turns}"
+    return Advice(text, view.name, option, None, None, samples)
 
 
 def falls_short(view: ViewEvaluation) -> bool:

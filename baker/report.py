@@ -46,7 +46,8 @@ class BakeReport:
 
     @cached_property
     def advice(self) -> Advice | None:
-        """What to turn where a view differs visibly from path tracing; None if none does, or it is unknown."""
+        """What to turn where a view differs visibly from path tracing, or none can be judged; None if all is well, or
+        unknown."""
         return advise(self.plan, self.evaluation) if self.evaluation else None
 
     @property

@@ -1,7 +1,9 @@
 """Advice where a bake differs visibly: when it is given, what it says to turn, and what that costs."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from gsgi.baker import advice
@@ -10,7 +12,7 @@ from gsgi.baker.evaluation.comparison import Comparison
 from gsgi.baker.evaluation.held_out import Evaluation, ViewEvaluation
 from gsgi.baker.plan import file_bytes
 from gsgi.baker.settings import BUDGET_MAX, Settings
-from gsgi.runtime.scene import Scene
+from gsgi.runtime.scene import Environment, Scene
 
 SCENE = Scene((), ())
 DETAIL, DRAFT, MEDIUM, HIGH = 16000, 900, 3600, 14400  # of the scene, and Gaussians of each quality for it
@@ -54,7 +56,7 @@ def detail(monkeypatch):
 )
 def test_a_view_falls_short_where_one_sees_it(found, short):
     assert falls_short(found) == short
-    assert (advised(found) is not None) == short
+    assert (advised(view(), found) is not None) == short
 
 
 def test_the_next_quality_and_its_bytes():
@@ -89,3 +91,14 @@ def test_the_largest_budget_leaves_the_samples():
 def test_a_search_is_given_a_smaller_target():
     found = advised(view(ssim=0.9), target_loss=0.01)
     assert (found.option, found.bytes) == ("--target-loss 0.005", None)
+
+
+def test_where_no_view_can_be_judged_light_may_be_missing():
+    noisy = view(ssim=0.5, ceiling=0.5, noisy=True), view(ssim=0.5, ceiling=0.4, noisy=True, name="door", of_scene=True)
+    found = advised(*noisy)
+    assert (found.view, found.option, found.samples, found.bytes) == ("door", "--env 1,1,1", 768, None)
+    assert "light the scene by a sky (--env 1,1,1), or try --samples 768 (4 times the paths)" in found.text
+    lit = replace(SCENE, environment=Environment(np.ones((1, 2, 3), np.float32)))
+    assert advised(*noisy, scene=lit).option is None
+    assert advised(*noisy, view()) is None
+    assert advised() is None
