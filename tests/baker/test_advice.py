@@ -56,6 +56,7 @@ def detail(monkeypatch):
 )
 def test_a_view_falls_short_where_one_sees_it(found, short):
     assert falls_short(found) == short
+    assert (advised(found) is not None) == (short or found.noisy)
     assert (advised(view(), found) is not None) == short
 
 

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import scenes
 from small_tasks import place_quickly
@@ -22,6 +23,7 @@ from gsgi.baker.surface.colours import LEAST, MOST
 from gsgi.baker.surface.fit import SOLVED_EVERY
 from gsgi.baker.surface.group_light import SOLUTIONS
 from gsgi.baker.trace import gathered, guide, known_light
+from gsgi.baker.trace.irradiance_cache import UNKNOWN, IrradianceCache
 from gsgi.baker.trace.tracer import PASS_SAMPLES, Tracer
 
 CHUNK = 1 << 10
@@ -99,6 +101,20 @@ def test_a_bake_whose_paths_are_connected_reports_the_fewer_that_it_traced(monke
     report = job.run(plan, Progress(), lambda data, count: None, evaluate=False).as_dict()
     assert report["samples"] == plan.connected_samples == 2 * PASS_SAMPLES
     assert report["paths"] == plan.points * 2 * PASS_SAMPLES + plan.free_paths + plan.known_paths
+
+
+def test_paths_are_timed_in_light_that_is_as_dense_as_a_bakes(closed):
+    seen = closed.placement.importance
+    few = np.random.default_rng(0).permutation(len(seen.position))[: CHUNK // 16]
+    points = seen.position[few], seen.normal[few]
+    light = np.ones((len(few), 3), np.float32)
+    timed = estimating._known_light(closed, *points, light)
+    baked = closed.known_light(Progress()).a
+    assert timed.size == pytest.approx(baked.size, rel=0.3)
+    assert len(timed.low) == pytest.approx(len(baked.low), rel=0.3)
+    assert IrradianceCache.halves(*points, light, light).a.size > 2 * baked.size
+    met = (timed.light != UNKNOWN).all(axis=1)
+    np.testing.assert_allclose(timed.light[met], 1, rtol=1e-5)
 
 
 def test_the_table_says_how_many_paths_there_are(closed):
