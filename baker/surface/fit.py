@@ -15,6 +15,7 @@ from gsgi.baker.fitting.blue_noise import CANDIDATES, levelled, spacing, thin
 from gsgi.baker.fitting.rotations import rotation_to
 from gsgi.baker.fitting.schedule import Schedule, count_after
 from gsgi.baker.fitting.task import Monitor
+from gsgi.baker.trace.local_light import LocalLight
 from gsgi.baker.trace.point_order import coherent
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime import constants
@@ -159,7 +160,7 @@ def _tools(
     else:
         traced = joined([surface, free])
         around = traced.blocks.light(traced.indirect_a, traced.indirect_b)
-    surface = smoothed(surface, around.level[: len(surface)])
+    surface = smoothed(surface, LocalLight(*(values[: len(surface)] for values in around)))
     samples = joined([surface, free])
     occlusion = Occlusion(surface, triangles, blend, budget) if triangles else None
     stepped = replace(blend, floor=STEPPED_FLOOR * blend.floor)

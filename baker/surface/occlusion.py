@@ -55,7 +55,8 @@ def seen_light(surface: SurfaceSamples, free: SurfaceSamples, triangles: Triangl
     surfaces it is not below what is `seen` around: people look into a gap from where they see the bright wall beside
     it, while blocks shrink to the gap where its samples are dense. Of the noise relative to that level and the noise of
     all blocks around, the lower counts: the latter takes in that of light behind a wall, the former that of darker
-    blocks.
+    blocks. Where light varies among neighbours, it is no less than that of those that each sees: dark samples at the
+    foot of a wall are noisy though bright ones behind it are not.
     """
     samples = joined([surface, free])
     around, varies = _around(samples)
@@ -70,6 +71,7 @@ def seen_light(surface: SurfaceSamples, free: SurfaceSamples, triangles: Triangl
     level = adapted(light, mean, black).astype(np.float32)
     noise = samples.blocks.noise(samples.indirect_a, samples.indirect_b)
     noise = np.minimum(noise, around.noise / around.level * level)
+    noise[varies] = np.maximum(noise[varies], np.sqrt(variance[varies]))
     nearby = np.maximum(nearby_light(samples.position, bright), 0)
     level[black] = np.hypot(level[black], LEAK * nearby[black])
     least = np.concatenate([surface.seen, SPACE_LEAK * nearby[len(surface) :]])

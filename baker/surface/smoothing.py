@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from gsgi.baker.neighbours import Neighbours
+from gsgi.baker.trace.local_light import LocalLight
 from gsgi.baker.trace.point_order import by_side
 
 from .samples import SurfaceSamples
@@ -32,22 +33,22 @@ LARGEST = 1e3  # squared error of a sample, relative to the light around, that c
 UNLIKE = 8.0  # times brighter or darker is the light around samples that do not count: a wall is between, or an edge
 
 
-def smoothed(samples: SurfaceSamples, seen: np.ndarray) -> SurfaceSamples:
+def smoothed(samples: SurfaceSamples, seen: LocalLight) -> SurfaceSamples:
     """The samples with less noise in both halves of B where that is much.
 
-    `seen` (S,) is the level of the light that they see around them, as `seen_light` has it. Where it is below that of
-    their blocks, these hold samples from both sides of a wall: two that took a hundred thousand times their own light
-    from there outweighed all others of a dark cell, whose wall shone.
+    `seen` is the light that they see around them, as `seen_light` has it. Where its level is below that of their
+    blocks, these hold samples from both sides of a wall: two that took a hundred thousand times their own light from
+    there outweighed all others of a dark cell, whose wall shone.
 
     B is smoothed by local regression (Cleveland 1979), linear in the place and in the mapped normal. It is repeated for
     wider windows. At each sample the window is the one by which each half predicts the other best around it, as filters
     are chosen for pictures with two buffers (Rousselle et al. 2012); none where light varies by more than its noise.
     """
     light = samples.blocks.light(samples.indirect_a, samples.indirect_b)
-    noisy = np.flatnonzero(light.noise > NOISY * light.level)
+    noisy = np.flatnonzero((light.noise > NOISY * light.level) | (seen.noise > NOISY * seen.level))
     if not len(noisy):
         return samples
-    around = np.minimum(light.level, seen)
+    around = np.minimum(light.level, seen.level)
     regression, average = _matrices(samples, noisy, around)
     halves = samples.indirect_a, samples.indirect_b
 

@@ -8,6 +8,7 @@ import pytest
 from gsgi.baker.surface import smoothing
 from gsgi.baker.surface.samples import SurfaceSamples
 from gsgi.baker.surface.smoothing import NOISY
+from gsgi.baker.trace.local_light import LocalLight
 
 COUNT = 10_000
 ONES = np.ones(3, np.float32)
@@ -28,7 +29,7 @@ def with_noise(position, normal, truth, noise: float, rng) -> tuple[SurfaceSampl
 
 def smoothed(samples: SurfaceSamples) -> SurfaceSamples:
     """The samples, smoothed in the light around them as their blocks have it."""
-    return smoothing.smoothed(samples, samples.blocks.light(samples.indirect_a, samples.indirect_b).level)
+    return smoothing.smoothed(samples, samples.blocks.light(samples.indirect_a, samples.indirect_b))
 
 
 def error(samples: SurfaceSamples, truth: np.ndarray, which=slice(None)) -> float:
@@ -92,11 +93,23 @@ def test_no_light_comes_through_a_wall_on_the_same_floor(bright):
     samples, truth = plane(lambda x: np.where(x < 0, 1, bright), 0.4)
     outside = np.abs(samples.position[:, 0]) > 0.02
     samples, truth = samples[outside], truth[outside]
-    after = smoothing.smoothed(samples, truth[:, 0])
+    after = smoothing.smoothed(samples, LocalLight(truth[:, 0], 0.4 * truth[:, 0]))
     for side in (truth[:, 0] == 1, truth[:, 0] == bright):
         assert error(after, truth, side) < 0.35 * error(samples, truth, side)
         foot = side & (np.abs(samples.position[:, 0]) < 0.05)
         assert error(after, truth, foot) < error(samples, truth, foot)
+
+
+def test_noise_beside_light_without_any_is_smoothed():
+    """At the foot of a wall, blocks have the light of the bright side, next to which the dark one has no noise."""
+    samples, truth = plane(lambda x: np.where(x < 0, 1, 1e4), 0.4)
+    dark = truth[:, 0] == 1
+    a, b = (np.where(dark[:, None], half, truth) for half in (samples.indirect_a, samples.indirect_b))
+    samples = replace(samples, indirect_a=a, indirect_b=b)
+    after = smoothing.smoothed(samples, LocalLight(truth[:, 0], np.where(dark, 0.4, 0)))
+    foot = dark & (samples.position[:, 0] > -0.05)
+    assert error(after, truth, foot) < 0.5 * error(samples, truth, foot)
+    np.testing.assert_allclose(after.indirect[~dark], truth[~dark], rtol=1e-5)
 
 
 def test_light_that_follows_the_normal_map_stays():
