@@ -148,10 +148,10 @@ def _known_light(plan: Plan, position: np.ndarray, normal: np.ndarray, light: np
     """Known light as a bake will have it, from B, `light` (N, 3), at points (N, 3) that people see.
 
     There is light at as many points as in the bake, for a path is the longer, the wider the cells are in which it
-    may end: they are points that rays from the others meet, and each has the mean light around the nearest of those.
+    may end: they are points that rays from the others meet, and each has the level of the light around the nearest.
     """
     from gsgi.baker.trace.known_light import cached, learned
-    from gsgi.baker.trace.local_light import Blocks
+    from gsgi.baker.trace.local_light import local_light
     from gsgi.baker.trace.point_order import nearest
     from gsgi.baker.views.directions import cosine_directions
 
@@ -159,11 +159,10 @@ def _known_light(plan: Plan, position: np.ndarray, normal: np.ndarray, light: np
     again = np.arange(plan.known_points) % len(position)
     origin = plan.triangles.lifted(position, normal)[again]
     met = plan.triangles.seen(origin, cosine_directions(normal[again], rng))
-    blocks = Blocks.of(position, normal)
-    around = np.stack([mean[blocks.number] for mean in blocks.means(*light.T)], axis=1).astype(np.float32)
-    there = around[nearest((position, normal), (met.position, met.normal))]
+    around = local_light(position, normal, light, light).level
+    grey = np.repeat(around[nearest((position, normal), (met.position, met.normal)), None], 3, axis=1)
     tracer = plan.tracer.tracer
-    cells = cached(tracer, met.position, met.normal, there, there)
+    cells = cached(tracer, met.position, met.normal, grey, grey)
     return learned(tracer, cells, position, normal, light, light, plan.settings.bounces, alike=True).a
 
 
