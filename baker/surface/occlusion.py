@@ -106,7 +106,7 @@ class Occlusion:
         self._field = kernels.FieldFloat(some.position[self._order], some.normal[self._order])
 
     def cut(self, gaussians: Gaussians) -> tuple[Gaussians, np.ndarray]:
-        """The Gaussians, cut where they would carry light across an occluder, and which (N,) bool were."""
+        """The Gaussians, turned and cut where they would carry light across an occluder, and which (N,) bool were."""
         if not (len(gaussians) and len(self._position)):
             return gaussians, np.zeros(len(gaussians), bool)
         home, which = self._homes(gaussians), np.arange(len(gaussians))
@@ -115,8 +115,9 @@ class Occlusion:
             which = np.unique(of[self._triangles.blocked(*ends)])
             gaussians = _turned(gaussians, self._normal[home], which)
         found = self._across(gaussians, home, which)
-        cut = _cut_flat(gaussians, found) if self._facing else _cut_round(gaussians, found)
-        return cut, np.isin(np.arange(len(gaussians)), found.of)
+        if self._facing:
+            return _cut_flat(gaussians, found), np.isin(np.arange(len(gaussians)), which)
+        return _cut_round(gaussians, found), np.isin(np.arange(len(gaussians)), found.of)
 
     def _homes(self, gaussians: Gaussians) -> np.ndarray:
         """The sample (N,) at the centre of each Gaussian: among those near it, that at which it weighs most."""
