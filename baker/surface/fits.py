@@ -60,7 +60,7 @@ class SurfaceFits:
         with self.progress.stage("fit", plan.settings.iterations, "iterations") as advance:
             coarse = self.coarse(budget, free)
             fine = self._fine_count(budget, coarse)
-            kept = surface[~in_gaps(surface)]
+            kept = self._with_unlit(surface[~in_gaps(surface)])
             some = free[: round(FREE_SHARE * len(surface))]
             if spots := plan.start and self._at_spots(plan.sampler, budget):
                 kept = joined([kept, spots])
@@ -101,7 +101,7 @@ class SurfaceFits:
         ) as advance:
             sampler.prepare(advance)
             surface, free = self._traced(sampler, layers, advance)
-            surface = surface[~in_gaps(surface)]
+            surface = self._with_unlit(surface[~in_gaps(surface)])
             if spots := self._at_spots(sampler, budget):
                 surface = joined([surface, spots])
             plan.group_entries[name] = [each.entries for each in sampler.chain], sampler.lights_key
@@ -110,6 +110,18 @@ class SurfaceFits:
             key = task_key("group", code=code, scene=plan.tracer.scene_digest, task=task)
             light, _ = plan.tracer.once(key, GroupLight, lambda: group_light(*task, plan.triangles))
         return LightGroup(name, plan.scene.groups.get(name, ()), **vars(light))
+
+    def _with_unlit(self, surface: SurfaceSamples) -> SurfaceSamples:
+        """The samples on the surfaces, and black ones beside them; none after an edit, which may have lit a space."""
+        from .unlit import beside_light
+
+        if self.plan.start:
+            return surface
+
+        def choose(position: np.ndarray, normal: np.ndarray) -> SurfaceSamples:
+            return beside_light(position, normal, surface, self.plan.triangles)
+
+        return joined([surface, self.plan.sampler.unlit("gsgi.baker.surface.unlit", choose, samples=surface)])
 
     def _without_spots(
         self, budget: int, most: int, surface: SurfaceSamples, free: SurfaceSamples, coarse: Gaussians,

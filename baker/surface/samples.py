@@ -263,6 +263,12 @@ class Sampler:
 
         return self._tracer.once(key, kind, lambda: find(Points(*self._seen.everywhere()), glance))[0]
 
+    def unlit(self, module: str, choose: Callable[..., SurfaceSamples], **task) -> SurfaceSamples:
+        """The samples that `choose` of a `module` makes of the positions and normals of all points that cameras see
+        without light. They follow from the `task`."""
+        key = self._tracer.key("unlit", module, views=self._seen.digest, task=task)
+        return self._tracer.once(key, SurfaceSamples, lambda: choose(*self._seen.unlit()))[0]
+
     def at_spots(self, points: Points, layers: int) -> SurfaceSamples:
         """Samples with so many `layers` at some points beside those of `surface`, kept as a chunk of their own."""
         key = self._tracer.key("surface", __name__, points=points, seed=ChunkSeed.of(self._seed, "spots", 0))

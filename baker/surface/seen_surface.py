@@ -116,6 +116,16 @@ class SeenSurface:
         *points, camera = (column[index] for column in (*seen[:4], seen.camera))
         return *points, camera.astype(np.int32), seen.middle(index)
 
+    def unlit(self) -> tuple[np.ndarray, np.ndarray]:
+        """The positions and normals (N, 3) float32 behind all pixels of the cameras that see no light."""
+        cameras = [camera for camera, step in zip(self._cameras, self._steps, strict=True) if step > 1]
+        if not cameras:
+            return _none()[:2]
+        surfaces = self._tracer.tracer.surfaces(cameras, SIZE, SIZE)
+        position, normal = map(np.concatenate, zip(*(surface.points()[:2] for surface in surfaces), strict=True))
+        inside = in_box(self._box, position)
+        return position[inside], normal[inside]
+
     def behind(self, camera: np.ndarray, place: np.ndarray) -> tuple[np.ndarray, ...]:
         """What is seen at places (N, 2), px, of the images of cameras (N,).
 
