@@ -16,8 +16,8 @@ from .samples import SurfaceSamples
 NEAREST = 8  # samples on the same side, of which some are lit, all of these behind a wall
 MOST = 1 / 8  # samples that are added, relative to all others
 
-# Of the light behind the wall: the level to which eyes adapt at these samples. With 1 instead, a leak of 3 % was left in
-# one of two rooms; with 0.003, as black rooms have it elsewhere, black Gaussians leaked into a lit one.
+# Of the light behind the wall: the level to which eyes adapt at these samples. With 1 instead, a leak of 3 % was left
+# in one of two rooms; with 0.003, as black rooms have it elsewhere, black Gaussians leaked into a lit one.
 ADAPTED = 0.3
 
 
