@@ -13,7 +13,8 @@ from gsgi.baker.over.rasterise import set_thread_count
 from gsgi.baker.plan import Plan, make_plan
 from gsgi.baker.progress import Progress, Silent
 from gsgi.baker.settings import Settings
-from gsgi.baker.surface import budget, chunks, samples, spots
+from gsgi.baker.surface import budget, chunks, samples, spots, unlit
+from gsgi.baker.surface.fits import SurfaceFits
 from gsgi.runtime.file import codec
 from gsgi.runtime.gaussians import SurfaceBlend
 from gsgi.runtime.gltf.reader import read_gltf
@@ -59,6 +60,18 @@ def test_light_that_varies_gets_more_gaussians_of_the_same_samples(plan):
     assert 100 <= len(files[1].gaussians) <= 128 - 16
     np.testing.assert_array_equal(files[0].coarse.position, files[1].coarse.position)
     assert "light varies more than shapes: at most 128 Gaussians instead of 64" in said
+
+
+def test_black_samples_of_dark_cameras_go_to_the_fit_and_not_to_that_of_an_edit(plan, monkeypatch):
+    """The wall between is left out: all that cameras see is chosen."""
+    dark = replace(plan, dark=frozenset(list(plan.placement.fitted)[1:]))
+    monkeypatch.setattr(unlit, "beside_light", lambda position, normal, samples, triangles: samples[: len(position)])
+    fits = SurfaceFits(dark, QUIET)
+    surface, _ = fits.samples(64)
+    assert len(surface) < len(fits._with_unlit(surface)) <= 2 * len(surface)
+    assert len(SurfaceFits(plan, QUIET)._with_unlit(surface)) == len(surface)  # no camera is dark
+    fits.plan = replace(dark, start=codec.decode(bake(plan, QUIET).data))
+    assert fits._with_unlit(surface) is surface
 
 
 def test_spots_get_gaussians_and_samples(plan, monkeypatch, tmp_path):

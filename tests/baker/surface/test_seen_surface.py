@@ -57,6 +57,19 @@ def test_everywhere_is_behind_the_middles_of_all_pixels_in_the_box(tmp_path):
     np.testing.assert_array_equal(part.everywhere()[0], points[0][points[0][:, 0] <= 0])
 
 
+def test_unlit_points_are_behind_all_pixels_of_dark_cameras_in_the_box(tmp_path):
+    tracer, box = CachedTracer(scenes.furnace(), Cache(tmp_path)), np.array([[-2.0, -2, -2], [0, 2, 2]])
+    cameras = [scenes.inside_camera(), look_at((0, 0, 0), (1, 0, 0), (0, 1, 0), 1.0, 0.01)]
+    position, normal = SeenSurface(tracer, cameras, [False, True]).unlit()
+    expected = SeenSurface(tracer, cameras[1:]).everywhere()
+    np.testing.assert_array_equal(position, expected[0])
+    np.testing.assert_array_equal(normal, expected[1])
+    boxed, _ = SeenSurface(tracer, cameras, [True, True], box=box).unlit()
+    assert 0 < len(boxed) < 2 * SIZE**2
+    assert (boxed[:, 0] <= 0).all()
+    assert not len(SeenSurface(tracer, cameras).unlit()[0])
+
+
 def test_within_a_box_all_points_lie_in_it_and_light_comes_from_around_it(tmp_path):
     box = np.array([[-2.0, -2, -2], [0, 2, 2]])
     tracer = CachedTracer(scenes.furnace(), Cache(tmp_path))
