@@ -18,16 +18,15 @@ def cut_where_better(
 
     They come in their best light, or nearly if some were cut, since each set of cuts is tried by TRIED iterations.
     A cut that raises the error by more than COST per sample is not made: it leaves a hole, which only the coarse level
-    fills, or, in that level, the Gaussian that lies everywhere. One that only turns a Gaussian must lower the error.
-    Cuts that are not made may have closed the holes of others, so those that are left are tried again.
+    fills, or, in that level, the Gaussian that lies everywhere. Cuts that are not made may have closed the holes of
+    others, so those that are left are tried again.
     """
     whole = optimiser.solve(gaussians)
     cut, which = occlusion.cut(whole)
-    allowed = np.where((cut.scale != whole.scale).any(axis=1), -COST, 0)
     which[:spared] = False
     while which.any():
         parts = optimiser.solve(_where(which, cut, whole), TRIED)
-        bad = which & ~(optimiser.gain(whole, parts) > allowed)
+        bad = which & ~(optimiser.gain(whole, parts) > -COST)
         if not bad.any():
             return parts, which
         which = which & ~bad

@@ -14,7 +14,10 @@ from gsgi.baker.views.surface_points import Triangles
 from .samples import SurfaceSamples
 
 NEAREST = 8  # samples on the same side, of which some are lit, all of these behind a wall
-MOST = 1 / 8  # samples that are added, relative to all others
+
+# Samples that are added, relative to all others. With 1/8, those in the hollows of Sponza's vaults, where a third of
+# the views are, cost 0.006 of the SSIM of a view along its upper aisle.
+MOST = 1 / 64
 
 # Of the light behind the wall: the level to which eyes adapt at these samples. With 1 instead, a leak of 3 % was left
 # in one of two rooms; with 0.003, as black rooms have it elsewhere, black Gaussians leaked into a lit one.
@@ -45,6 +48,7 @@ def beside_light(
         hidden[here] = (count > 0) & (seen == 0)
         beyond[here] = np.bincount(own, bright[near], len(here)) / np.maximum(count, 1)
     chosen = np.flatnonzero(hidden)
-    chosen = chosen[:: max(-(-len(chosen) // max(int(MOST * len(samples)), 1)), 1)]
+    if len(chosen) > (most := int(MOST * len(samples))):
+        chosen = chosen[np.arange(most) * len(chosen) // max(most, 1)]
     black, level = np.zeros((len(chosen), 3), np.float32), (ADAPTED * beyond[chosen]).astype(np.float32)
     return SurfaceSamples(position[chosen], normal[chosen], black, black, 0, seen=level)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from surface_cases import FIELDS, gaussians, samples_of
 
-from gsgi.baker.surface.cuts import COST, cut_where_better
+from gsgi.baker.surface.cuts import cut_where_better
 from gsgi.baker.surface.fit import start
 from gsgi.baker.surface.optimiser import SurfaceOptimiser
 from gsgi.baker.surface.samples import SurfaceSamples
@@ -84,27 +84,3 @@ def test_a_cut_that_keeps_light_from_where_there_is_none_is_made():
     np.testing.assert_allclose(cut.scale[first], wide.scale[first] / 100)
     spared = cut_where_better(wide, optimiser, Sampled(first), spared=int(np.flatnonzero(first)[0]) + 1)
     assert_only_lit(*spared, wide, optimiser)
-
-
-class Gains:
-    """Stands for the optimiser and the occluders of four Gaussians, of which cuts turn all and shrink the first two."""
-
-    def __init__(self, gain: list[float]):
-        self._gain = np.float32(gain)
-
-    def solve(self, some: Gaussians, iterations: int | None = None) -> Gaussians:
-        return some
-
-    def gain(self, before: Gaussians, after: Gaussians) -> np.ndarray:
-        return self._gain
-
-    def cut(self, some: Gaussians) -> tuple[Gaussians, np.ndarray]:
-        scale = some.scale * np.float32([[0.5], [0.5], [1], [1]])
-        return replace(some, scale=scale, rotation=some.rotation[:, [1, 0, 2, 3]]), np.ones(4, bool)
-
-
-def test_what_is_only_turned_must_lower_the_error():
-    whole, gains = gaussians(4), Gains([-COST / 2, -2 * COST, -COST / 2, COST / 2])
-    cut, which = cut_where_better(whole, gains, gains)
-    np.testing.assert_array_equal(which, [True, False, False, True])
-    np.testing.assert_array_equal((cut.rotation != whole.rotation).any(axis=1), which)
