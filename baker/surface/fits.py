@@ -115,7 +115,7 @@ class SurfaceFits:
         """The samples on the surfaces, and black ones beside them; none after an edit, which may have lit a space."""
         from .unlit import beside_light
 
-        if self.plan.start:
+        if self.plan.start or not self.plan.dark:
             return surface
 
         def choose(position: np.ndarray, normal: np.ndarray) -> SurfaceSamples:
