@@ -23,6 +23,12 @@ def floor(half: float = 1.0, height: float = 0.0, material: int = 0) -> Mesh:
     return quad(corners, material)
 
 
+def thin_wall() -> list[Mesh]:
+    """Both faces of a wall of 1 mm across the floor, from side to side, in the plane x = 0."""
+    faces = (-0.0005, -1.0), (0.0005, 1.0)
+    return [quad([(x, -0.1, z), (x, -0.1, -z), (x, 1, -z), (x, 1, z)]) for x, z in faces]
+
+
 def box(half: float = 1.0, material: int = 0, inward: bool = True) -> list[Mesh]:
     """The six walls of a cube of edge 2 * `half` around the origin."""
     walls = []

@@ -28,9 +28,7 @@ NOBODY = gaussians(0)
 BRIGHT, DARK = 1.0, 2e-4
 HALVES = "indirect_a", "indirect_b"
 FLOOR = scenes.floor()
-# A wall of 1 mm across the floor, from side to side, and a wall that leaves half of it open.
-WALL = [scenes.quad([(x, -0.1, z), (x, -0.1, -z), (x, 1, -z), (x, 1, z)]) for x, z in ((-0.0005, -1.0), (0.0005, 1.0))]
-TRIANGLES = Triangles(Scene((FLOOR, *WALL), (scenes.WHITE,)))
+TRIANGLES = Triangles(Scene((FLOOR, *scenes.thin_wall()), (scenes.WHITE,)))
 OPEN = Triangles(Scene((FLOOR,), (scenes.WHITE,)))
 
 

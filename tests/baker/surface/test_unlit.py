@@ -17,8 +17,7 @@ from gsgi.runtime.gaussians import SurfaceBlend
 from gsgi.runtime.scene import Scene
 
 FLOOR = scenes.floor()
-WALL = [scenes.quad([(x, -0.1, z), (x, -0.1, -z), (x, 1, -z), (x, 1, z)]) for x, z in ((-0.0005, -1.0), (0.0005, 1.0))]
-PARTED, OPEN = (Triangles(Scene((FLOOR, *walls), (scenes.WHITE,))) for walls in (WALL, []))
+PARTED, OPEN = (Triangles(Scene((FLOOR, *walls), (scenes.WHITE,))) for walls in (scenes.thin_wall(), []))
 LIT, BLACK = 4000, 250  # samples of the floor where x < 0, which is lit, and behind the wall
 BLEND = SurfaceBlend()
 
