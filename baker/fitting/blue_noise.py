@@ -42,6 +42,13 @@ def thin(position: np.ndarray, normal: np.ndarray, count: int, rng: np.random.Ge
     return np.sort(rng.permutation(best)[:count])
 
 
+def drawn(weight: np.ndarray, number: int, rng: np.random.Generator) -> np.ndarray:
+    """Indices of at most `number` different points, in their order, as likely as their `weight` (N,) says."""
+    there = np.flatnonzero(weight)
+    number = min(max(number, 0), len(there))
+    return np.sort(rng.choice(there, number, replace=False, p=weight[there] / weight.sum())) if number else there[:0]
+
+
 def levelled(position: np.ndarray) -> np.ndarray:
     """Points (N, 4) of nearly even density in place of points (N, 3) whose density differs by orders of magnitude.
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gsgi.baker.fitting.blue_noise import levelled, spacing, thin
+from gsgi.baker.fitting.blue_noise import drawn, levelled, spacing, thin
 from gsgi.baker.trace.local_light import TOGETHER, Blocks, LocalLight, free_blocks
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.file import codec
@@ -89,10 +89,7 @@ def _where_wrong(
     """
     blocks = Blocks(free_blocks(samples.position).number // TOGETHER)
     error = np.sqrt(np.maximum(*blocks.means(optimiser.error(gaussians)), 0))[blocks.number]
-    wrong = np.flatnonzero(error)
-    number = min(CANDIDATES * max(room, 0), len(wrong))
-    chosen = rng.choice(wrong, number, replace=False, p=error[wrong] / error.sum()) if number else wrong[:0]
-    centres = _apart(samples.position[np.sort(chosen)], room, rng)
+    centres = _apart(samples.position[drawn(error, CANDIDATES * room, rng)], room, rng)
     return _round(centres, WIDTH * spacing(np.concatenate([centres, gaussians.position[1:]]))[: len(centres)])
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from gsgi.baker.cache.checkpoint import Checkpoint
 from gsgi.baker.cache.records import from_arrays, to_arrays
-from gsgi.baker.fitting.blue_noise import CANDIDATES, levelled, spacing, thin
+from gsgi.baker.fitting.blue_noise import CANDIDATES, drawn, levelled, spacing, thin
 from gsgi.baker.fitting.rotations import rotation_to
 from gsgi.baker.fitting.schedule import Schedule, count_after
 from gsgi.baker.fitting.task import Monitor
@@ -255,8 +255,5 @@ def where_wrong(
     error = optimiser.error(gaussians)[: len(surface)]
     (around,) = surface.blocks.means(error)
     around = np.maximum(around, 0)[surface.blocks.number]
-    wrong = np.flatnonzero(around)
-    count = max(min(room, len(wrong) // BADLY_FITTED), 0)
-    number = min(CANDIDATES * count, len(wrong))
-    chosen = rng.choice(wrong, number, replace=False, p=around[wrong] / around.sum()) if number else wrong[:0]
-    return start(surface[np.sort(chosen)], count, rng, gaussians)
+    count = max(min(room, np.count_nonzero(around) // BADLY_FITTED), 0)
+    return start(surface[drawn(around, CANDIDATES * count, rng)], count, rng, gaussians)

@@ -12,7 +12,7 @@ from .colours import conjugate_gradients, ratio
 # How strongly relief is held to 0, relative to a Gaussian's mass; and its standard deviation over a scene, relative to
 # the light, by which it is also held to 0 the more, the fewer the samples are and the worse they are fitted: noise and
 # the edges of shadows correlate with bends by chance.
-RIDGE, SPREAD = 1e-3, 0.3
+RIDGE, SPREAD = 1e-3, 0.6
 
 ITERATIONS = 5  # of a solution, from the one before: further ones follow what relief cannot show
 
