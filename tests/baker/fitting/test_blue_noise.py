@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from gsgi.baker.fitting.blue_noise import levelled, thin
+from gsgi.baker.fitting.blue_noise import drawn, levelled, thin
 
 UP = np.array([0.0, 1.0, 0.0])
 
@@ -118,3 +118,21 @@ def test_the_same_generator_state_keeps_the_same_points():
 def test_the_unit_of_length_does_not_matter(scale):
     position, normal = plane(2000)
     np.testing.assert_array_equal(thinned(scale * position, normal, 300), thinned(position, normal, 300))
+
+
+def test_points_are_drawn_as_often_as_they_weigh():
+    weight = np.array([0.0, 1.0, 3.0, 0.0, 6.0])
+    often = np.bincount([drawn(weight, 1, np.random.default_rng(seed))[0] for seed in range(2000)], minlength=5)
+    np.testing.assert_allclose(often / 2000, weight / 10, atol=0.04)
+
+
+@pytest.mark.parametrize(("number", "found"), [(-3, 0), (0, 0), (2, 2), (3, 3), (9, 3)])
+def test_no_point_is_drawn_twice_and_none_without_weight(number, found):
+    chosen = drawn(np.array([0.0, 1.0, 3.0, 0.0, 6.0]), number, np.random.default_rng(0))
+    assert len(chosen) == found
+    assert set(chosen) <= {1, 2, 4}
+    assert (np.diff(chosen) > 0).all()
+
+
+def test_of_black_points_none_is_drawn():
+    assert len(drawn(np.zeros(4), 2, np.random.default_rng(0))) == 0
