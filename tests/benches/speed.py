@@ -32,7 +32,7 @@ NAMES = "cornell_mcguire", "modern_hall", "breakfast_room_sun", "sponza_sun"
 
 
 def speed(scene: str | None = None) -> list[dict]:
-    """Default bakes by this commit and by an old one, by turns: seconds, CPU seconds, paths, and accuracy of B."""
+    """Default bakes by this and an old commit, and drafts by this one, by turns: seconds, paths, and accuracy of B."""
     old = built()
     return [row for path in files(scene) for row in rows(path, old)]
 
@@ -46,36 +46,39 @@ def files(name: str | None) -> list[Path]:
 
 
 def rows(path: Path, old: OldCommit) -> list[dict]:
-    """A row for each commit, both measured in the same views with this commit's references and evaluation."""
+    """A row for each commit and quality, all measured in the same views, with this commit's references."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        found: dict[str, dict] = {COMMIT: {}, "this": {}}
+        bakes = (COMMIT, old.python, "medium"), ("this", sys.executable, "medium"), ("this", sys.executable, "draft")
+        found = [{"scene": path.stem, "commit": commit, "quality": quality} for commit, _, quality in bakes]
+        baked = [folder / f"{commit}-{quality}-True" / "bake.gsgi" for commit, _, quality in bakes]
         for evaluated in (False, True):
-            found[COMMIT] |= run(Job(old.python, path, folder / f"old-{evaluated}", evaluated))
-            found["this"] |= run(Job(sys.executable, path, folder / f"this-{evaluated}", evaluated))
-        plan = make_plan(lit_scene(path), Settings(), Progress(), Cache(folder / "this-True"))
+            for row, (commit, python, quality) in zip(found, bakes, strict=True):
+                row |= run(Job(python, path, folder / f"{commit}-{quality}-{evaluated}", evaluated, quality))
+        plan = make_plan(lit_scene(path), Settings(), Progress(), Cache(baked[1].parent))
         truths = references(plan)
-        file = folder / "old-True" / "bake.gsgi"
-        found[COMMIT] |= score(truths.values(), lambda truth: old_image(old, file, truth))
-        baked = codec.decode((folder / "this-True" / "bake.gsgi").read_bytes())
-        found["this"] |= score_of(baked, plan, truths)
-    return [{"scene": path.stem, "commit": commit} | row for commit, row in found.items()]
+        found[0] |= score(truths.values(), lambda truth: old_image(old, baked[0], truth))
+        for row, file in zip(found[1:], baked[1:], strict=True):
+            row |= score_of(codec.decode(file.read_bytes()), plan, truths)
+    return found
 
 
 @dataclass(frozen=True)
 class Job:
-    """A default bake of the scene in `path` by the program of `python`, into a `folder` that does not exist yet."""
+    """A bake of the scene in `path` by the program of `python`, into a `folder` that does not exist yet."""
 
     python: str
     path: Path
     folder: Path
     evaluated: bool
+    quality: str
 
     @property
     def command(self) -> list[str]:
         """What is run. The old commit evaluates nothing where nobody would see it: quietly, and without a report."""
         flags = ["--json"] if self.evaluated else [] if self.python != sys.executable else ["--no-evaluate"]
         where = ["-o", str(self.folder / "bake.gsgi"), "--cache", str(self.folder), "--quiet"]
+        where += ["--quality", self.quality]
         return [self.python, "-m", "gsgi.baker", "bake", str(self.path), *LIGHT.get(self.path.stem, []), *where, *flags]
 
 
