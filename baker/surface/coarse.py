@@ -32,6 +32,11 @@ STEPS, SOLVE_STEPS, SOLVE_ITERATIONS = 120, 4, 6
 # the places was 1.14 to 2.7 times as large in four scenes, and the median 1.01 to 1.15 times.
 START_SHARE, GROWN_AFTER = 1 / 2, 40
 
+# The light of the Gaussians is rounded in so many turns, after each of which those not rounded yet make up for what has
+# been lost. In one turn, the median error was 1.2 times as large in a hall, 1.1 in a doll's house, 1.03 in a bathroom;
+# in four, 1.05 times in the hall.
+TURNS = 12
+
 # How strongly colours are held to the mean of the light that a Gaussian sees. That of the fine level is too much for
 # light that differs so much by the normal.
 RIDGE = 3e-3
@@ -146,7 +151,12 @@ def _lit(gaussians: Gaussians, optimiser: SurfaceOptimiser, occlusion: Occlusion
     light from all other sides is smaller than a step. Surfaces that need better get Gaussians of the fine level.
     """
     cut = cut_where_better(gaussians, optimiser, occlusion, spared=1)[0] if occlusion else gaussians
-    return codec.stored_level(optimiser.solve(codec.stored_shapes(cut, fine=False)), fine=False)
+    lit = optimiser.solve(codec.stored_shapes(cut, fine=False))
+    for turn in range(1, TURNS):
+        fixed = np.arange(len(lit)) % TURNS < turn
+        rounded = np.where(fixed[:, None, None], codec.stored_level(lit, fine=False).sh, lit.sh)
+        lit = optimiser.solve(replace(lit, sh=rounded), SOLVE_ITERATIONS, fixed=fixed)
+    return codec.stored_level(lit, fine=False)
 
 
 def coarse_optimiser(samples: SurfaceSamples, gaussians: Gaussians, blend: SurfaceBlend) -> SurfaceOptimiser:

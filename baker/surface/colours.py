@@ -36,12 +36,14 @@ def solve(
     noise: np.ndarray,
     ridge: float = RIDGE,
     iterations: int = MOST,
+    fixed: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Coefficients (N, K, 3) and slopes (N, 0 or 2), float32, that fit `light` (S, 3), radiance, at a field's points.
 
     Minimises the sum of importance |B - light|^2, with `importance` (S,), starting from `gaussians`, which `field` must
     have listed. `noise` (S,) is the standard deviation of `light` relative to it. `base` (S, 4) is what other Gaussians
-    add to sum w c and sum w. The constant coefficients of the result are 0 or more.
+    add to sum w c and sum w. The constant coefficients of the result are 0 or more. The light of Gaussians that are
+    `fixed` (N,) bool stays as it is.
 
     Slopes are solved for together with coefficients, as gradients of the light along the given constant coefficients,
     in which the reading is linear; then coefficients are solved for again, with the slopes that are within bounds.
@@ -82,7 +84,10 @@ def solve(
 
         right = seen[:, few] + held[:, few] * prior[:, few]
         diagonal = unit[:, few] + held[:, few]
-        return conjugate_gradients(apply, right, start, ratio(np.ones_like(diagonal), diagonal), iterations)
+        preconditioner = ratio(np.ones_like(diagonal), diagonal)
+        if fixed is not None:
+            preconditioner[fixed] = 0
+        return conjugate_gradients(apply, right, start, preconditioner, iterations)
 
     x, slope, at = gaussians.sh.reshape(-1, size).astype(np.float64), gaussians.slope, flat
     if gaussians.sloped:

@@ -82,11 +82,14 @@ class SurfaceOptimiser:
         self._unit: np.ndarray | None = None
         self._size_cost: np.ndarray | None = None
 
-    def solve(self, gaussians: Gaussians, iterations: int | None = None, between: bool = False) -> Gaussians:
+    def solve(
+        self, gaussians: Gaussians, iterations: int | None = None, between: bool = False,
+        fixed: np.ndarray | None = None,
+    ) -> Gaussians:  # fmt: skip
         """Set colours and slopes, then relief if there is any, to the least-squares solution for the shapes.
 
         With a number of `iterations`, it takes no more for colours and slopes, and leaves relief as it is. `between`
-        steps, it reads what was listed for them.
+        steps, it reads what was listed for them. Those that are `fixed` (N,) bool keep their light.
         """
         if not between:
             self._list(gaussians)
@@ -94,7 +97,7 @@ class SurfaceOptimiser:
         base = filling(fine, self._coarse, self.blend)
         samples = self._light, self._importance(self._reading(fine).light), self._relative_noise
         most = colours.MOST if iterations is None else iterations
-        sh, slope = colours.solve(self._field, gaussians, base, *samples, self._ridge, most)
+        sh, slope = colours.solve(self._field, gaussians, base, *samples, self._ridge, most, fixed)
         solved = replace(gaussians, sh=sh, slope=slope)
         return self._with_relief(solved) if gaussians.bumpy and iterations is None else solved
 

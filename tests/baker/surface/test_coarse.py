@@ -5,6 +5,7 @@ import pytest
 from surface_cases import FIELDS, gaussians, samples_of
 
 from gsgi.baker.over.rasterise import set_thread_count
+from gsgi.baker.surface import coarse as coarse_module
 from gsgi.baker.surface.coarse import (
     SOLVE_STEPS,
     START_SHARE,
@@ -56,10 +57,10 @@ def test_light_that_is_linear_in_place_and_normal_comes_back():
         errors.append(np.sqrt(np.mean(((light - expected) / expected) ** 2)))
     # One knows no place: the rest is the deviation of x / 4 over what is there, 0.29 / 1.5.
     assert 0.1 < errors[0] < 0.3
-    # Shapes follow the light: left as they start, 30 are off by 2 % and 200 by 0.8 %. Rounding of light, 1 %, comes on
-    # top, as in the file.
-    assert errors[1] < np.hypot(0.007, 0.0105)
-    assert errors[2] < np.hypot(0.004, 0.0105)
+    # Shapes follow the light: left as they start, 30 are off by 2 % and 200 by 0.8 %. Rounding of light, as in the
+    # file, comes on top: by itself 1 %, but it is made up for.
+    assert errors[1] < 0.007
+    assert errors[2] < 0.006
 
 
 def test_noise_averages_out():
@@ -177,6 +178,15 @@ def test_files_have_the_shapes_for_which_the_light_was_solved():
     order, expected = (np.lexsort(each.position.T) for each in (read, coarse))
     for name in ("position", "rotation", "scale", "opacity"):
         np.testing.assert_array_equal(getattr(read, name)[order], getattr(coarse, name)[expected], err_msg=name)
+
+
+def test_what_is_rounded_later_makes_up_for_what_was_before(monkeypatch):
+    position, normal = free_points(4000, seed=1)
+    expected, errors = linear(position, normal), {}
+    for turns in (1, coarse_module.TURNS):
+        monkeypatch.setattr(coarse_module, "TURNS", turns)
+        errors[turns] = np.square(light_of(level(60), position, normal) / expected - 1).mean()
+    assert errors.pop(1) > 2 * min(errors.values())
 
 
 def test_few_samples_and_none():

@@ -124,6 +124,20 @@ def test_a_few_steps_from_close_by_are_enough():
     assert np.abs(found - best).mean() < 0.2 * np.abs(close.sh - best).mean()
 
 
+def test_others_make_up_for_what_is_fixed():
+    truth, field = problem(60, 1)
+    light = light_of(field.read(truth))
+    fixed = np.arange(60) % 2 == 0
+    off = replace(truth, sh=np.where(fixed[:, None, None], truth.sh * np.float32(1.1), truth.sh))
+    found, _ = solve(field, off, base(len(light)), light, np.ones(len(light)), np.zeros(len(light)), 0.0, 200, fixed)
+    np.testing.assert_array_equal(found[fixed], off.sh[fixed])
+
+    def error(sh: np.ndarray) -> float:
+        return float(np.square(light_of(field.read(replace(off, sh=sh))) - light).mean())
+
+    assert error(found) < 0.9 * error(off.sh)
+
+
 def test_gaussians_that_no_sample_sees_stay_finite_and_as_they_are():
     truth, _ = problem(20, 9)
     truth.position[::2] += np.float32(100)
