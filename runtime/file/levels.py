@@ -52,11 +52,11 @@ FINE_STEPS = {
     "light_steps": 32, "sh_steps": 24, "slope_steps": 64,
 }  # fmt: skip
 COARSE_STEPS = {
-    "position_bits": 3, "scale_steps": 20, "normal_steps": 112, "angle_bits": 2, "opacity_steps": 32,
-    "light_steps": 16, "sh_steps": 20, "slope_steps": 36,
+    "position_bits": 3, "scale_steps": 20, "normal_steps": 80, "angle_bits": 2, "opacity_steps": 16,
+    "light_steps": 16, "sh_steps": 18, "slope_steps": 36,
 }  # fmt: skip
 OVER_STEPS = COARSE_STEPS | {
-    "position_bits": 5, "scale_steps": 32, "opacity_steps": 255, "light_steps": 48, "sh_steps": 48,
+    "position_bits": 5, "scale_steps": 32, "normal_steps": 112, "opacity_steps": 255, "light_steps": 48, "sh_steps": 48,
 }  # fmt: skip
 
 DIFFERENCES = "scale_long", "scale_middle", "scale_normal", "normal_u", "normal_v", "opacity", "green", "red", "blue"

@@ -10,6 +10,7 @@ from quantisation import errors, in_stored_order
 from gsgi.runtime import constants
 from gsgi.runtime.file import codec
 from gsgi.runtime.file.header import HEADER, VERSION, section
+from gsgi.runtime.file.levels import COARSE_STEPS
 from gsgi.runtime.gaussians import Bake, Effects, Gaussians, OverBlend, SurfaceBlend
 from gsgi.runtime.sampling import sample
 
@@ -67,7 +68,8 @@ def test_the_encoder_is_deterministic():
 def test_of_negative_light_only_what_varies_is_kept():
     bake = surface_example(2, 0, 2, 1)
     bake.gaussians.sh[0, 0] = [-1, 0.5, -0.1]
-    bake.coarse.sh[0] = [[1, 0.5, -2], [-0.9, 0.3, 0.8], [0.2, -1, 0.1], [0, 0, -1]]
+    steps = COARSE_STEPS["sh_steps"]
+    bake.coarse.sh[0] = [[1, 0.5, -2], *np.float32([[-16, 5, 14], [4, -18, 2], [0, 0, -18]]) / steps]
     bake.coarse.sh[1] = -1
     data = codec.encode(bake)
     decoded, level = codec.decode(data), np.frombuffer(data, HEADER, 1)[0]["coarse"]
@@ -75,7 +77,7 @@ def test_of_negative_light_only_what_varies_is_kept():
     for given, read in ((fine, decoded.gaussians), (coarse, decoded.coarse)):
         np.testing.assert_allclose(read.sh[:, 0], np.maximum(given.sh[:, 0], 0), rtol=2 ** (0.5 / 16) - 1)
     lit = coarse.sh[:, 0, 0] == 1
-    np.testing.assert_allclose(decoded.coarse.sh[lit, 1:], coarse.sh[lit, 1:], atol=1.03 * 0.5 / level["sh_steps"])
+    np.testing.assert_allclose(decoded.coarse.sh[lit, 1:], coarse.sh[lit, 1:], atol=1.03 * 0.5 / steps)
     assert not decoded.coarse.sh[~lit].any()
 
 
