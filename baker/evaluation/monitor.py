@@ -9,7 +9,7 @@ from gsgi.runtime.gaussians import Bake, Gaussians
 from .held_out import HeldOutLoss
 from .preview import Preview
 
-ENTRIES = 25  # in the history, approximately; evenly spaced over the iterations
+ENTRIES = 10  # in the history, approximately; evenly spaced over the iterations
 MEMORY = 0.98  # decay of the running mean of the loss, per iteration
 
 

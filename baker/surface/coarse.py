@@ -13,9 +13,10 @@ from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
 from .budget import COARSE_DEGREE
 from .cuts import cut_where_better
 from .occlusion import Occlusion
-from .optimiser import SurfaceOptimiser
+from .optimiser import LIST_STEPS, SurfaceOptimiser
 from .samples import SurfaceSamples
 from .state import SurfaceState
+from .turns import Turns
 
 CANDIDATES = 16  # points in free space per Gaussian, from which an evenly spread subset is chosen
 WIDTH = 0.6  # standard deviation, relative to the mean distance to the three nearest
@@ -26,6 +27,11 @@ WIDTH = 0.6  # standard deviation, relative to the mean distance to the three ne
 RATES = {"place": 0.06, "turn": 0.04, "log_scale": 0.06, "logit_opacity": 0.05, "colour": 0.0, "slope": 0.0}
 RATE_END = 0.1
 STEPS, SOLVE_STEPS, SOLVE_ITERATIONS = 120, 4, 6
+
+# From these shares of the steps on, every how many-th sample counts, in turns of so many steps (see Turns). In half of
+# the places of a hall, things that move were off by 1.05 times as much, and beside a sealed room by 0.95 times, for two
+# thirds of the time; in the hall by 1.1 times with a quarter throughout.
+PARTS, TURN_STEPS = {0.0: 4, 1 / 3: 2, 2 / 3: 1}, 2 * LIST_STEPS
 
 # Share of the Gaussians at the start, and the steps after which the others follow where the light is wrong: in a small
 # room among large ones, in a niche, around a lamp. With all of them spread evenly at the start, the error of a tenth of
@@ -63,13 +69,15 @@ def coarse_level(
     the cuts leave, and at the end.
     """
     count = supported(samples, count, blend, seed)
-    optimiser, state = coarse_start(samples, max(round(START_SHARE * count), 1), blend, seed)
-    occlusion = Occlusion(samples, triangles, optimiser.blend, count) if triangles else None
-    state = _stepped(optimiser, _cut(state, optimiser, occlusion), 0, GROWN_AFTER)
-    room = min(count, 1 + len(samples)) - len(state)
-    more = _where_wrong(samples, room, optimiser, state.gaussians, np.random.default_rng([seed, 1]))
-    state = _stepped(optimiser, _cut(state.joined(more), optimiser, occlusion), GROWN_AFTER, STEPS)
-    return _lit(state.gaussians, optimiser, occlusion)
+    first = _evenly_apart(samples.position, max(round(START_SHARE * count), 1), np.random.default_rng(seed))
+    around = _around(samples)
+    turns = Turns(PARTS, STEPS, TURN_STEPS, lambda part: coarse_optimiser(samples[part], first, blend, around.at(part)))
+    occlusion = Occlusion(samples, triangles, turns.at(0).blend, count) if triangles else None
+    state = _stepped(turns, _cut(SurfaceState.fresh(first), turns.at(0), occlusion), 0, GROWN_AFTER)
+    room, some, optimiser = min(count, 1 + len(samples)) - len(state), turns.part(GROWN_AFTER), turns.at(GROWN_AFTER)
+    more = _where_wrong(samples[some], room, optimiser, state.gaussians, np.random.default_rng([seed, 1]))
+    state = _stepped(turns, _cut(state.joined(more), optimiser, occlusion), GROWN_AFTER, STEPS)
+    return _lit(state.gaussians, turns.whole, occlusion)
 
 
 def _cut(state: SurfaceState, optimiser: SurfaceOptimiser, occlusion: Occlusion | None) -> SurfaceState:
@@ -77,10 +85,10 @@ def _cut(state: SurfaceState, optimiser: SurfaceOptimiser, occlusion: Occlusion 
     return state.cut(*cut_where_better(state.gaussians, optimiser, occlusion, spared=1)) if occlusion else state
 
 
-def _stepped(optimiser: SurfaceOptimiser, state: SurfaceState, first: int, end: int) -> SurfaceState:
+def _stepped(turns: Turns, state: SurfaceState, first: int, end: int) -> SurfaceState:
     """The state after the steps from `first` on, before the step `end`."""
     for step in range(first, end, SOLVE_STEPS):
-        state = coarse_steps(optimiser, state, step)
+        state = coarse_steps(turns.at(step), state, step)
     return state
 
 
@@ -108,7 +116,9 @@ def supported(samples: SurfaceSamples, count: int, blend: SurfaceBlend, seed: in
     def error(count: int) -> float:
         """That of so many Gaussians at the samples that are held back, free of noise."""
         optimiser, state = coarse_start(samples[~held], count, blend, seed)
-        level = optimiser.solve(_stepped(optimiser, state, 0, TRIED).gaussians)
+        for step in range(0, TRIED, SOLVE_STEPS):
+            state = coarse_steps(optimiser, state, step)
+        level = optimiser.solve(state.gaussians)
         return float(coarse_optimiser(samples[held], level, blend).error(level).mean())
 
     least, fewest = error(count), max(FEWEST * count, 1)
@@ -120,14 +130,14 @@ def supported(samples: SurfaceSamples, count: int, blend: SurfaceBlend, seed: in
 def coarse_start(
     samples: SurfaceSamples, count: int, blend: SurfaceBlend, seed: int
 ) -> tuple[SurfaceOptimiser, SurfaceState]:
-    """What the fit of `coarse_level` begins with."""
+    """What a fit of so many Gaussians to all samples begins with."""
     gaussians = _evenly_apart(samples.position, count, np.random.default_rng(seed))
     return coarse_optimiser(samples, gaussians, blend), SurfaceState.fresh(gaussians)
 
 
 def coarse_steps(optimiser: SurfaceOptimiser, state: SurfaceState, first: int) -> SurfaceState:
     """Solve for the colours, then take SOLVE_STEPS steps, of which the first has the number `first`."""
-    between = first not in (0, GROWN_AFTER)
+    between = first % TURN_STEPS != 0
     state = replace(state, gaussians=optimiser.solve(state.gaussians, SOLVE_ITERATIONS, between))
     for step in range(first, first + SOLVE_STEPS):
         before, falling = state.gaussians, RATE_END ** (step / STEPS)
@@ -159,10 +169,12 @@ def _lit(gaussians: Gaussians, optimiser: SurfaceOptimiser, occlusion: Occlusion
     return codec.stored_level(lit, fine=False)
 
 
-def coarse_optimiser(samples: SurfaceSamples, gaussians: Gaussians, blend: SurfaceBlend) -> SurfaceOptimiser:
-    """The optimiser of coarse Gaussians against `samples` in free space."""
+def coarse_optimiser(
+    samples: SurfaceSamples, gaussians: Gaussians, blend: SurfaceBlend, around: LocalLight | None = None
+) -> SurfaceOptimiser:
+    """The optimiser of coarse Gaussians against `samples` in free space; by default the light around them is theirs."""
     nothing = SurfaceState.fresh(gaussians).keep(np.zeros(len(gaussians), bool)).gaussians
-    return SurfaceOptimiser(samples, nothing, replace(blend, sharpness=0, floor=0.0), _around(samples), RIDGE)
+    return SurfaceOptimiser(samples, nothing, replace(blend, sharpness=0, floor=0.0), around or _around(samples), RIDGE)
 
 
 def _around(samples: SurfaceSamples) -> LocalLight:

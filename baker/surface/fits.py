@@ -29,6 +29,7 @@ FREE_SHARE = 1 / 16  # free samples per surface sample; they keep fine Gaussians
 FINE_TIMED, COARSE_TIMED = 4, 8
 
 COARSE_GROWS = 0.45  # a sample of n coarse Gaussians takes n^COARSE_GROWS as long: measured for 290 to 1,024
+TURN_TIME = 0.5  # of a turn in which light is rounded, relative to a solution with the steps to the next one
 CHANGES = 1.3  # a fit of the fine level with the changes and cuts of its Gaussians, relative to steps and solutions
 
 FIT_PACKAGES = ("numpy", "scipy", "open3d")  # a fit depends on their versions
@@ -231,27 +232,33 @@ def times_on_grey_light(plan: "Plan", timed: "Plan", steps: int) -> list[float]:
     A part takes as long as it has samples: a sample reaches about as many Gaussians with any budget, except in the
     coarse level.
     """
-    from .coarse import SOLVE_STEPS, STEPS
+    from . import coarse, fit
     from .colours import LEAST, MOST
-    from .fit import GROWTH, SOLVED_EVERY
+    from .turns import mean_part
 
-    solved = 3 * (len(GROWTH) + 2)  # before the cuts each time, with all of them, and with those that are made
-    solved += LEAST / MOST * plan.settings.iterations / SOLVED_EVERY  # which are nearly right already
-    coarse, timed_coarse = (coarse_count(each.settings.budget) for each in (plan, timed))
-    free = plan.free_points / timed.free_points * max(coarse / timed_coarse, 1.0) ** COARSE_GROWS
+    iterations = plan.settings.iterations
+    solved = 3 * (len(fit.GROWTH) + 2)  # before the cuts each time, with all of them, and with those that are made
+    solved += LEAST / MOST * mean_part(fit.PARTS) * iterations / fit.SOLVED_EVERY  # nearly right already
     samples = FINE_TIMED * CHANGES * plan.points / timed.points
-    return [samples * plan.settings.iterations / steps, samples * solved, COARSE_TIMED * free * STEPS / SOLVE_STEPS]
+    stepped = mean_part(coarse.PARTS) * coarse.STEPS / coarse.SOLVE_STEPS + TURN_TIME * coarse.TURNS
+    free = _free_times(plan, timed) * stepped
+    return [samples * mean_part(fit.PARTS) * iterations / steps, samples * solved, free]
 
 
 def group_times_on_grey_light(plan: "Plan", timed: "Plan") -> list[float]:
     """The same for the light of one light group on the Gaussians of this plan's fit, without its tracing."""
-    from .coarse import SOLVE_ITERATIONS, SOLVE_STEPS, STEPS
+    from .coarse import SOLVE_ITERATIONS, SOLVE_STEPS
     from .colours import MOST
     from .group_light import SOLUTIONS
 
-    _, _, coarse = times_on_grey_light(plan, timed, 1)
     solved = FINE_TIMED * CHANGES * plan.points / timed.points * SOLUTIONS
-    return [0.0, solved, coarse * MOST / (STEPS / SOLVE_STEPS * SOLVE_ITERATIONS + MOST)]
+    return [0.0, solved, _free_times(plan, timed) * MOST / (SOLVE_ITERATIONS + SOLVE_STEPS)]
+
+
+def _free_times(plan: "Plan", timed: "Plan") -> float:
+    """How many times as long a solution of the coarse level with the steps to the next one takes, with all samples."""
+    counts = [coarse_count(each.settings.budget) for each in (plan, timed)]
+    return COARSE_TIMED * plan.free_points / timed.free_points * max(counts[0] / counts[1], 1.0) ** COARSE_GROWS
 
 
 def grey_bake(plan: "Plan") -> Bake:

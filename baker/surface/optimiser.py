@@ -1,4 +1,4 @@
-"""Steps Gaussians of the `surface` operator against all samples at once."""
+"""Steps Gaussians of the `surface` operator against many samples at once."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -23,7 +23,7 @@ from .state import PARAMETERS, SurfaceState
 # stay as they are, EXACT is enough: it covers rounding.
 LIST_STEPS, MARGIN, EXACT = 10, 1.1, 1.001
 
-# Adam (Kingma and Ba 2015). Each step uses all samples, so that the second moment needs only a short memory.
+# Adam (Kingma and Ba 2015). Each step uses many samples, so that the second moment needs only a short memory.
 BETA_1, BETA_2, EPSILON = 0.9, 0.98, 1e-20
 
 MODEL = 0.1  # error of the best fit, relative to the light around a sample: noise below it costs no weight
@@ -66,7 +66,7 @@ class SurfaceOptimiser:
         facing = samples.normal if blend.sharpness else None  # else Gaussians reach points with all normals
         self._order = order = coherent(samples.position, facing)
         around = around or samples.blocks.light(samples.indirect_a, samples.indirect_b)
-        samples, around = samples[order], LocalLight(*(values[order] for values in around))
+        samples, around = samples[order], around.at(order)
         self._bent = samples.indirect_a, samples.indirect_b, samples.indirect
         self._a, self._b, self._light = self._bent
         self._bend = samples.bend if samples.bumpy else None
@@ -99,7 +99,11 @@ class SurfaceOptimiser:
         most = colours.MOST if iterations is None else iterations
         sh, slope = colours.solve(self._field, gaussians, base, *samples, self._ridge, most, fixed)
         solved = replace(gaussians, sh=sh, slope=slope)
-        return self._with_relief(solved) if gaussians.bumpy and iterations is None else solved
+        return self._with_relief(solved) if self._bent_by(gaussians) and iterations is None else solved
+
+    def _bent_by(self, gaussians: Gaussians) -> bool:
+        """Whether relief adds light anywhere: of samples of which a part is bumpy, another may be flat."""
+        return gaussians.bumpy and self._bend is not None
 
     def _with_relief(self, gaussians: Gaussians) -> Gaussians:
         reading = self._read(gaussians)
@@ -202,7 +206,7 @@ class SurfaceOptimiser:
     def _list(self, gaussians: Gaussians, margin: float = EXACT) -> None:
         self._reach(gaussians, margin)
         self._listed, self._noise = len(gaussians), None
-        if gaussians.bumpy:
+        if self._bent_by(gaussians):
             added = self._field.read(gaussians, relief=True)[:, :3] * self._read(gaussians).inverse[:, None]
             self._a, self._b, self._light = (light - added for light in self._bent)
 

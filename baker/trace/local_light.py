@@ -30,6 +30,10 @@ class LocalLight(NamedTuple):
     level: np.ndarray
     noise: np.ndarray
 
+    def at(self, index) -> "LocalLight":
+        """That of the points at `index`: a slice, a mask (S,) bool or indices (M,) int."""
+        return LocalLight(self.level[index], self.noise[index])
+
 
 @dataclass(frozen=True)
 class Blocks:

@@ -20,8 +20,9 @@ from gsgi.baker.settings import OPERATORS, Settings
 from gsgi.baker.surface import budget, chunks, fits
 from gsgi.baker.surface.budget import COARSE_SHARE, FREE_PER_GAUSSIAN
 from gsgi.baker.surface.colours import LEAST, MOST
-from gsgi.baker.surface.fit import SOLVED_EVERY
+from gsgi.baker.surface.fit import PARTS, SOLVED_EVERY
 from gsgi.baker.surface.group_light import SOLUTIONS
+from gsgi.baker.surface.turns import mean_part
 from gsgi.baker.trace import gathered, guide, known_light
 from gsgi.baker.trace.irradiance_cache import UNKNOWN, IrradianceCache
 from gsgi.baker.trace.tracer import PASS_SAMPLES, Tracer
@@ -141,12 +142,15 @@ def test_all_parts_of_a_fit_are_timed(closed, monkeypatch, operator, parts):
     fit = estimate(plan)["fit"]
     assert len(runs) == parts
     steps = SETTINGS.iterations / (3 if operator == "over" else estimating.STEPS)
-    # The colours are solved for three times at each of six cuts, and soon again every few steps; of the
-    # fine level, one sample in 4 is timed, and of the coarse one, one in 8, for a thirtieth of its steps.
-    solved = 18 + LEAST / MOST * SETTINGS.iterations / SOLVED_EVERY
+    # The fine level knows half of the samples for half of the steps. Its colours are solved for three times at each of
+    # six cuts, and soon again every few steps. The coarse level knows a quarter, half, and all of them for a third of
+    # its thirty solutions each, and is rounded in twelve turns. One sample in 4 is timed of the fine level, and one in
+    # 8 of the coarse one.
+    part = 0.5 / 2 + 0.5 if operator == "surface" else 1
+    solved = 18 + LEAST / MOST * part * SETTINGS.iterations / SOLVED_EVERY
     changes = 4 * fits.CHANGES if operator == "surface" else 1
-    others = 0 if operator == "over" else changes * 100 * solved + 1000 * 8 * 30
-    assert fit == pytest.approx(changes * 10 * steps + others)
+    others = 0 if operator == "over" else changes * 100 * solved + 1000 * 8 * (17.5 + 12 * fits.TURN_TIME)
+    assert fit == pytest.approx(changes * 10 * steps * part + others)
 
 
 def test_what_was_timed_for_one_bake_tells_of_others(closed):
@@ -154,7 +158,7 @@ def test_what_was_timed_for_one_bake_tells_of_others(closed):
     longer = replace(closed, settings=replace(closed.settings, iterations=8))
     before, after = rates.seconds(closed), rates.seconds(longer)
     assert before.keys() == after.keys()
-    steps, looks = 4 * fits.CHANGES * 2.0 / estimating.STEPS, len(closed.placement.held_out)
+    steps, looks = 4 * fits.CHANGES * 2.0 * mean_part(PARTS) / estimating.STEPS, len(closed.placement.held_out)
     assert before["fit"] == pytest.approx(4 * steps + looks * (3 + 4 * 5))
     assert after["fit"] == pytest.approx(8 * steps + looks * (3 + 8 * 5))
     own = len(held_out.scene_cameras(closed))  # those held out have been prepared for the fit

@@ -6,14 +6,17 @@ import numpy as np
 import pytest
 from bumpy import bumpy_room
 from hard_cases.small_bakes import around, small_bake
+from surface_cases import gaussians, samples_of
 
 from gsgi.baker.cache.store import Cache
 from gsgi.baker.effects import without
 from gsgi.baker.native import kernels
 from gsgi.baker.surface import relief
 from gsgi.baker.surface.lookup import inverse_weight, look_up
+from gsgi.baker.surface.optimiser import SurfaceOptimiser
 from gsgi.baker.surface.samples import Sampler
 from gsgi.baker.surface.seen_surface import SeenSurface
+from gsgi.baker.surface.state import PARAMETERS, SurfaceState
 from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.baker.trace.reference import Reference, trace
 from gsgi.baker.trace.tracer import Sampling, Tracer
@@ -108,14 +111,32 @@ def test_black_gaussians_stay_flat():
     bend = rng.uniform(-0.3, 0.3, (2000, 3)).astype(np.float32)
     n, black = 30, np.arange(30) % 3 == 0
     light = np.where(black, 0, 1).astype(np.float32)[:, None, None]
-    gaussians = Gaussians(
+    some = Gaussians(
         position[:n], np.tile(np.float32([0, 0, 0, 1]), (n, 1)), np.full((n, 3), 0.3, np.float32),
         np.full(n, 0.5, np.float32), np.repeat(light, 3, axis=2), relief=np.full((n, 3, 3), 0.1, np.float32),
     )  # fmt: skip
     field, blend = kernels.FieldFloat(position, normal, bend), SurfaceBlend()
-    field.list(gaussians, blend.cutoff, blend.sharpness, 1.0)
-    inverse = inverse_weight(field.read(gaussians))
+    field.list(some, blend.cutoff, blend.sharpness, 1.0)
+    inverse = inverse_weight(field.read(some))
     residual = np.repeat(bend[:, :1], 3, axis=1)
-    found = relief.solve(field, gaussians, bend, residual, inverse, np.ones(2000, np.float32))
+    found = relief.solve(field, some, bend, residual, inverse, np.ones(2000, np.float32))
     assert (found[black] == 0).all()
     assert found[~black, 0].mean() > 0.2
+
+
+def test_samples_that_are_flat_leave_relief_as_it_is():
+    """Of bumpy samples, the part that a step looks at may be flat."""
+    rng = np.random.default_rng(4)
+    position = rng.uniform(0, 1, (500, 3)).astype(np.float32) * np.float32([1, 1, 0])
+    flat = samples_of(np.ones((500, 3)), position, np.tile(np.float32([0, 0, 1]), (500, 1)))
+    bumps = rng.normal(size=(1, 3, 3)).astype(np.float32)
+    one = Gaussians(
+        np.float32([[0.5, 0.5, 0]]), np.float32([[0, 0, 0, 1]]), np.full((1, 3), 0.5, np.float32),
+        np.full(1, 0.5, np.float32), np.zeros((1, 1, 3), np.float32), np.zeros((1, 2), np.float32), bumps,
+    )  # fmt: skip
+    optimiser = SurfaceOptimiser(flat, gaussians(0, 9), SurfaceBlend())
+    solved = optimiser.solve(one)
+    stepped, loss = optimiser.step(SurfaceState.fresh(solved), dict.fromkeys(PARAMETERS, 0.01), 1)
+    np.testing.assert_array_equal(solved.relief, bumps)
+    np.testing.assert_array_equal(stepped.gaussians.relief, bumps)
+    assert 0 <= loss < 1e-3  # the light without it fits
