@@ -14,6 +14,7 @@ from .budget import COARSE_DEGREE
 from .cuts import cut_where_better
 from .occlusion import Occlusion
 from .optimiser import LIST_STEPS, SurfaceOptimiser
+from .rounding import rounded_in_turns
 from .samples import SurfaceSamples
 from .state import SurfaceState
 from .turns import Turns
@@ -37,11 +38,6 @@ PARTS, TURN_STEPS = {0.0: 4, 1 / 3: 2, 2 / 3: 1}, 2 * LIST_STEPS
 # room among large ones, in a niche, around a lamp. With all of them spread evenly at the start, the error of a tenth of
 # the places was 1.14 to 2.7 times as large in four scenes, and the median 1.01 to 1.15 times.
 START_SHARE, GROWN_AFTER = 1 / 2, 40
-
-# The light of the Gaussians is rounded in so many turns, after each of which those not rounded yet make up for what has
-# been lost. In one turn, the median error was 1.2 times as large in a hall, 1.1 in a doll's house, 1.03 in a bathroom;
-# in four, 1.05 times in the hall.
-TURNS = 12
 
 # How strongly colours are held to the mean of the light that a Gaussian sees. That of the fine level is too much for
 # light that differs so much by the normal.
@@ -162,11 +158,7 @@ def _lit(gaussians: Gaussians, optimiser: SurfaceOptimiser, occlusion: Occlusion
     """
     cut = cut_where_better(gaussians, optimiser, occlusion, spared=1)[0] if occlusion else gaussians
     lit = optimiser.solve(codec.stored_shapes(cut, fine=False))
-    for turn in range(1, TURNS):
-        fixed = np.arange(len(lit)) % TURNS < turn
-        rounded = np.where(fixed[:, None, None], codec.stored_level(lit, fine=False).sh, lit.sh)
-        lit = optimiser.solve(replace(lit, sh=rounded), SOLVE_ITERATIONS, fixed=fixed)
-    return codec.stored_level(lit, fine=False)
+    return rounded_in_turns(lit, optimiser, lambda level: codec.stored_level(level, fine=False))
 
 
 def coarse_optimiser(

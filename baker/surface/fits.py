@@ -29,7 +29,8 @@ FREE_SHARE = 1 / 16  # free samples per surface sample; they keep fine Gaussians
 FINE_TIMED, COARSE_TIMED = 4, 8
 
 COARSE_GROWS = 0.45  # a sample of n coarse Gaussians takes n^COARSE_GROWS as long: measured for 290 to 1,024
-TURN_TIME = 0.5  # of a turn in which light is rounded, relative to a solution with the steps to the next one
+# That of a turn in which light of the coarse level is rounded, relative to a solution with the steps to the next one.
+TURN_TIME = 0.5
 CHANGES = 1.3  # a fit of the fine level with the changes and cuts of its Gaussians, relative to steps and solutions
 
 FIT_PACKAGES = ("numpy", "scipy", "open3d")  # a fit depends on their versions
@@ -234,13 +235,14 @@ def times_on_grey_light(plan: "Plan", timed: "Plan", steps: int) -> list[float]:
     """
     from . import coarse, fit
     from .colours import LEAST, MOST
+    from .rounding import TURNS
     from .turns import mean_part
 
     iterations = plan.settings.iterations
     solved = 3 * (len(fit.GROWTH) + 2)  # before the cuts each time, with all of them, and with those that are made
     solved += LEAST / MOST * mean_part(fit.PARTS) * iterations / fit.SOLVED_EVERY  # nearly right already
     samples = FINE_TIMED * CHANGES * plan.points / timed.points
-    stepped = mean_part(coarse.PARTS) * coarse.STEPS / coarse.SOLVE_STEPS + TURN_TIME * coarse.TURNS
+    stepped = mean_part(coarse.PARTS) * coarse.STEPS / coarse.SOLVE_STEPS + TURN_TIME * TURNS
     free = _free_times(plan, timed) * stepped
     return [samples * mean_part(fit.PARTS) * iterations / steps, samples * solved, free]
 
@@ -250,9 +252,11 @@ def group_times_on_grey_light(plan: "Plan", timed: "Plan") -> list[float]:
     from .coarse import SOLVE_ITERATIONS, SOLVE_STEPS
     from .colours import MOST
     from .group_light import SOLUTIONS
+    from .rounding import ITERATIONS, TURNS
 
-    solved = FINE_TIMED * CHANGES * plan.points / timed.points * SOLUTIONS
-    return [0.0, solved, _free_times(plan, timed) * MOST / (SOLVE_ITERATIONS + SOLVE_STEPS)]
+    solved = FINE_TIMED * CHANGES * plan.points / timed.points * (SOLUTIONS + TURNS * ITERATIONS / MOST)
+    free = _free_times(plan, timed) * (MOST / (SOLVE_ITERATIONS + SOLVE_STEPS) + TURN_TIME * TURNS)
+    return [0.0, solved, free]
 
 
 def _free_times(plan: "Plan", timed: "Plan") -> float:

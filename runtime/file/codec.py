@@ -8,7 +8,7 @@ import numpy as np
 from gsgi.runtime.errors import FormatError
 from gsgi.runtime.gaussians import BASES, Bake, Effects, Gaussians, SurfaceBlend
 
-from .codes import dequantise, quantise
+from .codes import dequantise, light_of, quantise
 from .header import (
     GAUSSIAN_COUNT_MAX,
     GROUP_TAG,
@@ -29,7 +29,7 @@ from .header import (
     version,
 )
 from .levels import COARSE_STEPS, FINE_STEPS, LEVEL, OVER_STEPS, decode_level, encode_level
-from .light_groups import COARSE_BYTES, GROUP_BYTES, decode_groups, encode_group
+from .light_groups import COARSE_BYTES, GROUP_BYTES, GROUP_STEPS, decode_groups, encode_group
 from .relief import RELIEF_BYTES, decode_relief, encode_relief
 
 __all__ = ["OPERATOR_NAMES", "decode", "encode", "file_bytes", "stored_level", "stored_shapes", "version"]
@@ -112,10 +112,24 @@ def stored_shapes(gaussians: Gaussians, fine: bool = True) -> Gaussians:
 
 def stored_level(gaussians: Gaussians, fine: bool = True) -> Gaussians:
     """The same with the light that readers have, too, but without relief."""
-    level = np.zeros((), LEVEL)
-    for name, value in (FINE_STEPS if fine else COARSE_STEPS).items():
-        level[name] = value
+    level = _level(FINE_STEPS if fine else COARSE_STEPS)
     return dequantise(quantise(gaussians, level, facing=fine), level)
+
+
+def stored_group(gaussians: Gaussians, fine: bool = True) -> Gaussians:
+    """Gaussians with shapes of a file, in whose order they are, and the light of a group as readers have it."""
+    level = _level((FINE_STEPS if fine else COARSE_STEPS) | GROUP_STEPS)
+    codes = quantise(gaussians, level, facing=fine, of_group=True)
+    sh, slope = light_of(codes.light, codes.sh, codes.slope, level, of_group=True)
+    return replace(gaussians, sh=sh, slope=slope)
+
+
+def _level(steps: dict[str, int]) -> np.ndarray:
+    """A LEVEL record with these steps."""
+    level = np.zeros((), LEVEL)
+    for name, value in steps.items():
+        level[name] = value
+    return level
 
 
 def decode(data: bytes) -> Bake:

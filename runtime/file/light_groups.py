@@ -15,8 +15,8 @@ GROUP = np.dtype(
 )
 GROUP_BYTES, COARSE_BYTES = 4.0, 11.0  # that a group hardly exceeds, per Gaussian of the fine and of the coarse level
 
-# Coarser than those of a level, since the light of a group is seen beside that of others.
-GROUP_STEPS = {"light_steps": 9, "sh_steps": 8, "slope_steps": 16}
+# Coarser than those of a level, since the light of a group is seen beside that of others, and a bake makes up for them.
+GROUP_STEPS = {"light_steps": 7, "sh_steps": 6, "slope_steps": 13}
 
 
 def encode_group(group: LightGroup, bake: Bake, levels: list[np.ndarray], orders: list[np.ndarray]) -> bytes:

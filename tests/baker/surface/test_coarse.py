@@ -5,7 +5,7 @@ import pytest
 from surface_cases import FIELDS, gaussians, samples_of
 
 from gsgi.baker.over.rasterise import set_thread_count
-from gsgi.baker.surface import coarse as coarse_module
+from gsgi.baker.surface import rounding
 from gsgi.baker.surface.coarse import (
     SOLVE_STEPS,
     START_SHARE,
@@ -183,8 +183,8 @@ def test_files_have_the_shapes_for_which_the_light_was_solved():
 def test_what_is_rounded_later_makes_up_for_what_was_before(monkeypatch):
     position, normal = free_points(4000, seed=1)
     expected, errors = linear(position, normal), {}
-    for turns in (1, coarse_module.TURNS):
-        monkeypatch.setattr(coarse_module, "TURNS", turns)
+    for turns in (1, rounding.TURNS):
+        monkeypatch.setattr(rounding, "TURNS", turns)
         errors[turns] = np.square(light_of(level(60), position, normal) / expected - 1).mean()
     assert errors.pop(1) > 2 * min(errors.values())
 

@@ -6,11 +6,17 @@ import numpy as np
 import pytest
 import scenes
 from hard_cases.small_bakes import around, small_bake
+from surface_cases import samples_of
 
 import gsgi
 from gsgi.baker.evaluation.metrics import ssim
+from gsgi.baker.surface import rounding
+from gsgi.baker.surface.group_light import group_light
+from gsgi.baker.surface.lookup import look_up
 from gsgi.baker.trace.tracer import Sampling, Tracer
+from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.display import tone_map
+from gsgi.runtime.file import codec
 from gsgi.runtime.light_groups import dimmed, factors_of
 from gsgi.runtime.scene import Environment, Light, Material, Scene
 
@@ -100,3 +106,20 @@ def test_weights_of_one_are_the_bake_without_groups(bake, plain, seen):
         images = (surface.image(gsgi.sample(bake, *points, weights)) for weights in ({}, {"dim": 1 + 1e-9}))
         similar.append(ssim(*(tone_map(image, 1.0) for image in images)))
     assert np.mean(similar) > 1 - 0.002
+
+
+def test_light_is_rounded_as_the_file_has_it_and_each_turn_makes_up_for_the_one_before(bake, seen, monkeypatch):
+    """Of samples without noise: light that varies smoothly over the walls."""
+    position, normal = seen
+    light = (3 + np.sin(4 * position[:, :1]) + position[:, 1:2]) * np.float32([1, 0.8, 0.6])
+    surface, nothing = samples_of(light, position, normal), samples_of(light[:0], position[:0], normal[:0])
+    free = samples_of(light[::4], position[::4] * np.float32(0.9), normal[::4])
+    triangles, errors = Triangles(room()), {}
+    for turns in (1, rounding.TURNS):
+        monkeypatch.setattr(rounding, "TURNS", turns)
+        found = group_light(surface, free, nothing, bake.gaussians, bake.coarse, bake.blend, triangles)
+        fine = replace(bake.gaussians, sh=found.sh, slope=found.slope)
+        np.testing.assert_array_equal(codec.stored_group(fine).sh, found.sh)
+        read = look_up(fine, replace(bake.coarse, sh=found.coarse_sh), bake.blend, position, normal)[0]
+        errors[turns] = np.square(read / light - 1).mean()
+    assert errors[max(errors)] < 0.9 * errors[1]

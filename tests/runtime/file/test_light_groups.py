@@ -46,6 +46,25 @@ def content(**changes) -> bytearray:
 FINE, COARSE = surface_example().gaussians, surface_example().coarse
 
 
+def test_rounded_light_is_that_of_the_file_and_stays():
+    made = bake()
+    order, coarse_order = (np.lexsort(level.position.T) for level in (made.gaussians, made.coarse))
+    group = made.groups[1]
+    fine = codec.stored_group(replace(made.gaussians, sh=group.sh, slope=group.slope))
+    coarse = codec.stored_group(replace(made.coarse, sh=group.coarse_sh), fine=False)
+    rounded = replace(group, sh=fine.sh, slope=fine.slope, coarse_sh=coarse.sh)
+    again = codec.stored_group(fine)
+    np.testing.assert_array_equal(again.sh, fine.sh)
+    np.testing.assert_array_equal(again.slope, fine.slope)
+    np.testing.assert_array_equal(codec.stored_group(coarse, fine=False).sh, coarse.sh)
+    for written in (group, rounded):
+        read = codec.decode(codec.encode(replace(made, groups=(written,))))
+        found, coarse_found = (np.lexsort(level.position.T) for level in (read.gaussians, read.coarse))
+        np.testing.assert_array_equal(read.groups[0].sh[found], fine.sh[order])
+        np.testing.assert_array_equal(read.groups[0].slope[found], fine.slope[order])
+        np.testing.assert_array_equal(read.groups[0].coarse_sh[coarse_found], coarse.sh[coarse_order])
+
+
 def test_light_names_and_patterns_come_back():
     """Light to half a step of its own: black stays black, and light a thousand times fainter is as exact."""
     made = bake()
@@ -60,7 +79,7 @@ def test_light_names_and_patterns_come_back():
         alone = {group.name: float(group.name == name) for group in made.groups}
         before, after = (gsgi.sample(one, position, normal, alone) for one in (made, read))
         error = np.sqrt(np.square(after - before).mean() / np.square(before).mean())
-        assert error < 0.07, (name, error)  # light to 4 %, eight further coefficients to 1/16 of it
+        assert error < 0.08, (name, error)  # light to 5 %, eight further coefficients to 1/12 of it
         assert before.any()
     assert not read.groups[1].coarse_sh.any()
 
