@@ -116,6 +116,7 @@ def fit_surface(
             limit = count_after(round(START_SHARE * schedule.budget), schedule.budget, changes[iteration])
             rng = np.random.default_rng([schedule.seed, iteration])
             state = changed(state, limit, turns.whole, surface, rng, occlusion)
+            optimiser.exchanged()
         elif iteration % SOLVED_EVERY == 0 and iteration > 0:
             state = replace(state, gaussians=optimiser.solve(state.gaussians))
         state = _stepped(state, optimiser, RATE_END ** (iteration / schedule.iterations), iteration, monitor)

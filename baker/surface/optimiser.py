@@ -82,6 +82,10 @@ class SurfaceOptimiser:
         self._unit: np.ndarray | None = None
         self._size_cost: np.ndarray | None = None
 
+    def exchanged(self) -> None:
+        """List anew before the next step: its Gaussians have changed otherwise than by steps of this optimiser."""
+        self._listed = -1
+
     def solve(
         self, gaussians: Gaussians, iterations: int | None = None, between: bool = False,
         fixed: np.ndarray | None = None,

@@ -32,7 +32,9 @@ from .levels import COARSE_STEPS, FINE_STEPS, LEVEL, OVER_STEPS, decode_level, e
 from .light_groups import COARSE_BYTES, GROUP_BYTES, GROUP_STEPS, decode_groups, encode_group
 from .relief import RELIEF_BYTES, decode_relief, encode_relief
 
-__all__ = ["OPERATOR_NAMES", "decode", "encode", "file_bytes", "stored_level", "stored_shapes", "version"]
+__all__ = [
+    "OPERATOR_NAMES", "decode", "encode", "file_bytes", "stored_group", "stored_level", "stored_shapes", "version",
+]  # fmt: skip
 
 
 # Of a level, of a Gaussian with constant light, of its two slopes and of an SH coefficient of three channels. Default

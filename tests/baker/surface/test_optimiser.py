@@ -234,6 +234,22 @@ def test_a_step_after_a_multiple_of_ten_does_not_know_what_came_before():
             np.testing.assert_array_equal(getattr(state.gaussians, name), getattr(states[step].gaussians, name))
 
 
+def test_gaussians_that_others_have_exchanged_are_listed_anew():
+    """As many as before, but elsewhere: what was listed for the others says nothing of them."""
+    position, normal = wall()
+    samples = samples_of(np.ones((len(position), 3)) * position[:, :1] ** 2, position, normal)
+    optimiser, fresh = (SurfaceOptimiser(samples, gaussians(0, 9), SurfaceBlend()) for _ in range(2))
+    optimiser.step(SurfaceState.fresh(tiles(8)), dict.fromkeys(PARAMETERS, 0.1), 1)
+    others = SurfaceState.fresh(Gaussians(*(column[::-1].copy() for column in vars(tiles(8)).values())))
+    optimiser.exchanged()
+    (found, loss), (expected, expected_loss) = (
+        each.step(others, dict.fromkeys(PARAMETERS, 0.1), 2) for each in (optimiser, fresh)
+    )
+    assert loss == expected_loss
+    for name in FIELDS:
+        np.testing.assert_array_equal(getattr(found.gaussians, name), getattr(expected.gaussians, name))
+
+
 def test_what_is_not_finite_is_named():
     position, normal = wall()
     light = np.ones((len(position), 3), np.float32)
