@@ -1,5 +1,6 @@
 """The coarse level: Gaussians throughout free space, so that every point has light, also one on a moving object."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -69,10 +70,10 @@ def coarse_level(
     around = _around(samples)
     turns = Turns(PARTS, STEPS, TURN_STEPS, lambda part: coarse_optimiser(samples[part], first, blend, around.at(part)))
     occlusion = Occlusion(samples, triangles, turns.at(0).blend, count) if triangles else None
-    state = _stepped(turns, _cut(SurfaceState.fresh(first), turns.at(0), occlusion), 0, GROWN_AFTER)
+    state = _stepped(turns.at, _cut(SurfaceState.fresh(first), turns.at(0), occlusion), 0, GROWN_AFTER)
     room, some, optimiser = min(count, 1 + len(samples)) - len(state), turns.part(GROWN_AFTER), turns.at(GROWN_AFTER)
     more = _where_wrong(samples[some], room, optimiser, state.gaussians, np.random.default_rng([seed, 1]))
-    state = _stepped(turns, _cut(state.joined(more), optimiser, occlusion), GROWN_AFTER, STEPS)
+    state = _stepped(turns.at, _cut(state.joined(more), optimiser, occlusion), GROWN_AFTER, STEPS)
     return _lit(state.gaussians, turns.whole, occlusion)
 
 
@@ -81,10 +82,10 @@ def _cut(state: SurfaceState, optimiser: SurfaceOptimiser, occlusion: Occlusion 
     return state.cut(*cut_where_better(state.gaussians, optimiser, occlusion, spared=1)) if occlusion else state
 
 
-def _stepped(turns: Turns, state: SurfaceState, first: int, end: int) -> SurfaceState:
-    """The state after the steps from `first` on, before the step `end`."""
+def _stepped(at: Callable[[int], SurfaceOptimiser], state: SurfaceState, first: int, end: int) -> SurfaceState:
+    """The state after the steps from `first` on, before the step `end`, each by the optimiser `at` it."""
     for step in range(first, end, SOLVE_STEPS):
-        state = coarse_steps(turns.at(step), state, step)
+        state = coarse_steps(at(step), state, step)
     return state
 
 
@@ -112,9 +113,7 @@ def supported(samples: SurfaceSamples, count: int, blend: SurfaceBlend, seed: in
     def error(count: int) -> float:
         """That of so many Gaussians at the samples that are held back, free of noise."""
         optimiser, state = coarse_start(samples[~held], count, blend, seed)
-        for step in range(0, TRIED, SOLVE_STEPS):
-            state = coarse_steps(optimiser, state, step)
-        level = optimiser.solve(state.gaussians)
+        level = optimiser.solve(_stepped(lambda _: optimiser, state, 0, TRIED).gaussians)
         return float(coarse_optimiser(samples[held], level, blend).error(level).mean())
 
     least, fewest = error(count), max(FEWEST * count, 1)
