@@ -56,7 +56,7 @@ class Rates:
     @staticmethod
     def timed(plan: Plan) -> "Rates":
         """Time the parts of a plan's bake."""
-        parts = _fits(plan).parts_on_grey_light(plan, STEPS)
+        parts = _grey_fit(plan).parts(plan, STEPS)
         fit = tuple(_seconds(run) for run in parts)
         whole, gathering, connected = _seconds_per_path(plan)
         views = _seconds_per_view(plan)  # loads what finds surfaces too
@@ -94,23 +94,23 @@ class Rates:
 
     def fits(self, plan: Plan) -> list[float]:
         """The seconds of the fit of the fine level, and with `surface` of the coarse one, without looks at views."""
-        times = _fits(plan).times_on_grey_light(plan, self.of, STEPS)
+        times = _grey_fit(plan).times(plan, self.of, STEPS)
         steps, *rest = (part * often for part, often in zip(self.fit, times, strict=True))
         return [steps + sum(rest[:-1]), *rest[-1:]]
 
     def solved(self, plan: Plan) -> float:
         """The seconds of solving for the light of a light group."""
-        times = _fits(plan).group_times_on_grey_light(plan, self.of)
+        times = _grey_fit(plan).group_times(plan, self.of)
         return sum(part * often for part, often in zip(self.fit, times, strict=True))
 
 
-def _fits(plan: Plan):
-    """The module of the fits of the plan's operator."""
+def _grey_fit(plan: Plan):
+    """The module that times fits with the plan's operator."""
     if plan.settings.operator == "surface":
-        from .surface import fits
+        from .surface import grey_fit
     else:
-        from .over import fits
-    return fits
+        from .over import grey_fit
+    return grey_fit
 
 
 def _seconds_per_path(plan: Plan) -> tuple[float, float, bool]:
@@ -184,7 +184,7 @@ def _seconds_per_view(plan: Plan) -> tuple[float, float, float, float]:
     from gsgi.baker.trace.reference import Reference
     from gsgi.baker.trace.visible import Surface
 
-    from .surface.fits import grey_bake
+    from .surface import grey_fit
 
     tracer, views = plan.tracer.tracer, plan.placement.held_out
     cameras = views | held_out.scene_cameras(plan)
@@ -202,7 +202,7 @@ def _seconds_per_view(plan: Plan) -> tuple[float, float, float, float]:
     def evaluate(references: dict[str, Reference]) -> None:
         held_out.evaluate(references, views, baked, {}, plan.triangles)
 
-    baked = grey_bake(plan)
+    baked = grey_fit.bake(plan)
     evaluate(truth(small[name]))  # the first call loads the denoiser and the metrics
     truths, losses = truth(surface), []
     prepared = _seconds(lambda: losses.append(held_out.HeldOutLoss(truths, views, 1.0)))

@@ -17,7 +17,7 @@ from gsgi.baker.plan import Plan, make_plan
 from gsgi.baker.plan_table import decisions
 from gsgi.baker.progress import Progress
 from gsgi.baker.settings import OPERATORS, Settings
-from gsgi.baker.surface import budget, chunks, fits
+from gsgi.baker.surface import budget, chunks, grey_fit
 from gsgi.baker.surface.budget import COARSE_SHARE, FREE_PER_GAUSSIAN
 from gsgi.baker.surface.colours import LEAST, MOST
 from gsgi.baker.surface.fit import PARTS, SOLVED_EVERY
@@ -148,8 +148,8 @@ def test_all_parts_of_a_fit_are_timed(closed, monkeypatch, operator, parts):
     # 8 of the coarse one.
     part = 0.5 / 2 + 0.5 if operator == "surface" else 1
     solved = 18 + LEAST / MOST * part * SETTINGS.iterations / SOLVED_EVERY
-    changes = 4 * fits.CHANGES if operator == "surface" else 1
-    others = 0 if operator == "over" else changes * 100 * solved + 1000 * 8 * (17.5 + 12 * fits.TURN_TIME)
+    changes = 4 * grey_fit.CHANGES if operator == "surface" else 1
+    others = 0 if operator == "over" else changes * 100 * solved + 1000 * 8 * (17.5 + 12 * grey_fit.TURN_TIME)
     assert fit == pytest.approx(changes * 10 * steps * part + others)
 
 
@@ -158,7 +158,7 @@ def test_what_was_timed_for_one_bake_tells_of_others(closed):
     longer = replace(closed, settings=replace(closed.settings, iterations=8))
     before, after = rates.seconds(closed), rates.seconds(longer)
     assert before.keys() == after.keys()
-    steps, looks = 4 * fits.CHANGES * 2.0 * mean_part(PARTS) / estimating.STEPS, len(closed.placement.held_out)
+    steps, looks = 4 * grey_fit.CHANGES * 2.0 * mean_part(PARTS) / estimating.STEPS, len(closed.placement.held_out)
     assert before["fit"] == pytest.approx(4 * steps + looks * (3 + 4 * 5))
     assert after["fit"] == pytest.approx(8 * steps + looks * (3 + 8 * 5))
     own = len(held_out.scene_cameras(closed))  # those held out have been prepared for the fit
@@ -182,5 +182,5 @@ def test_light_groups_cost_their_paths_and_solutions(closed, traced):
     assert "light group walls" in report.seconds
     solved = Rates(closed, 0.0, 0.0, 0.0, (9.0, 1.0, 0.0), 0.0, 0.0, 0.0).seconds(plan, evaluate=False)
     solutions = SOLUTIONS + 12 * 6 / MOST  # and twelve turns of six iterations, in which the light is rounded
-    assert solved["light group walls"] == pytest.approx(fits.FINE_TIMED * fits.CHANGES * solutions)
+    assert solved["light group walls"] == pytest.approx(grey_fit.FINE_TIMED * grey_fit.CHANGES * solutions)
     assert {row.what: row for row in decisions(plan)}["light groups"].why.startswith("walls: ")
