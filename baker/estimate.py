@@ -37,9 +37,9 @@ class Rates:
     """What parts of a bake take on this machine, in seconds.
 
     `whole` is a path, and `gathering` one that ends in known light, `connected` to lit places or not. `found` is what a
-    view to fit shows. `fit` are the parts of the fit of the plan `of` which was timed. A view is `prepared` once and
-    `evaluated`; those held out are `looked` at several times during the fit, before which they are prepared. Of the
-    pixels of all these, the share `shown` shows a surface with B.
+    view to fit shows. `fit` are the parts of the fit of the plan `of` which was timed. A view is `prepared` once its
+    reference is traced, and `evaluated`; those held out are `looked` at several times during the fit. Of the pixels of
+    all these, the share `shown` shows a surface with B.
     """
 
     of: Plan
@@ -80,14 +80,14 @@ class Rates:
         if not evaluate:
             return stages
         each, compared = (self.gathering, self.whole) if held_out.gathers(plan) else (self.whole, 0.0)
-        views, own = held_out.points(plan) / (2 * held_out.SIZE**2), len(held_out.scene_cameras(plan))
-        looks = self.prepared + entries(plan.settings.iterations) * self.looked
+        views = held_out.points(plan) / (2 * held_out.SIZE**2)
+        looks = entries(plan.settings.iterations) * len(plan.placement.held_out)
         return stages | {
-            "fit": fit + looks * len(plan.placement.held_out),
+            "fit": fit + looks * self.looked,
             "references": each * self.shown * held_out.points(plan) * held_out.samples(plan) / 2
-            + compared * bias.PATHS,
+            + compared * bias.PATHS
+            + views * self.prepared,
             "evaluation": views * self.evaluated
-            + own * self.prepared
             + each * moving.paths(plan)
             + self.whole * len(plan.groups) * group_error.PATHS,
         }
@@ -177,7 +177,7 @@ def _seconds_of_finding(plan: Plan) -> float:
 
 
 def _seconds_per_view(plan: Plan) -> tuple[float, float, float, float]:
-    """Seconds that a view takes before, during and after the fit, with the scene's surfaces in grey light.
+    """Seconds that a view takes once it is traced, during and after the fit, with the scene's surfaces in grey light.
 
     Also the share of the pixels of all views that are evaluated which show a surface with B.
     """

@@ -75,6 +75,8 @@ def trace_references(
     with progress.stage("references", held_out.points(plan), "points") as advance:
         references = held_out.references(plan, known, advance)
         of_scene = held_out.scene_references(plan, known, advance)
+        for truth in (*references.values(), *of_scene.values()):
+            truth.denoise()
         measured = known is not None and plan.start is None  # the bias of an earlier bake is not that of an edit
         found = bias.measure(plan.tracer, references | of_scene, plan.settings.seed) if measured else None
     return references, of_scene, found

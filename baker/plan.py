@@ -257,6 +257,8 @@ class Plan:
         if not self.sampler.prepared:
             with progress.stage("known light", self.known_paths, "paths") as advance:
                 self.sampler.prepare(advance)
+                self.gaussians(self.settings.budget)  # by how the light varies: takes a while, and is kept
+                return self.sampler.known_light
         return self.sampler.known_light
 
     def gaussians(self, budget: int) -> int:

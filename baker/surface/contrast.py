@@ -12,6 +12,7 @@ from gsgi.baker.trace.point_order import by_side, nearest
 NEIGHBOURS = 8  # of a sample on the same side
 MOST = 1.0  # relative to the light around; where it varies more, noise or a light source decides
 AROUND = 64  # neighbours that tell how much of the contrast at a sample is surely no noise
+SOME = 4  # one sample in so many tells the mean of what is sure
 
 
 @dataclass(frozen=True)
@@ -43,11 +44,10 @@ def sure_contrast(position: np.ndarray, normal: np.ndarray, a: np.ndarray, b: np
 
     Noise has none on average, but not at each point, and a root of what is left of it is above 0.
     """
-    squared, contrast = _squared(position, normal, a, b), np.zeros(len(position), np.float32)
-    for here, near in _neighbours(position, normal, AROUND):
-        found = squared[near]
-        contrast[here] = _root(found.mean(axis=1) - found.std(axis=1) / np.sqrt(found.shape[1]))
-    return float(contrast.mean())
+    squared = _squared(position, normal, a, b)
+    found = [squared[near] for _, near in _neighbours(position, normal, AROUND, SOME)]
+    sure = [_root(each.mean(axis=1) - each.std(axis=1) / np.sqrt(each.shape[1])) for each in found]
+    return float(np.concatenate(sure).mean())
 
 
 def _squared(position: np.ndarray, normal: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -60,10 +60,14 @@ def _squared(position: np.ndarray, normal: np.ndarray, a: np.ndarray, b: np.ndar
     return squared
 
 
-def _neighbours(position: np.ndarray, normal: np.ndarray, count: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Of each side: the indices (N,) of its points, and those (N, 1 + count) of each with its nearest on that side."""
+def _neighbours(
+    position: np.ndarray, normal: np.ndarray, count: int, step: int = 1
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Of each side: the indices (N,) of every `step`-th of its points, and those (N, 1 + count) of each of these with
+    its nearest on that side."""
     for _, here in by_side(normal):
-        yield here, here[Neighbours(position[here]).nearest(position[here], count + 1)[1]]
+        some = here[::step]
+        yield some, here[Neighbours(position[here]).nearest(position[some], count + 1)[1]]
 
 
 def _root(squared: np.ndarray) -> np.ndarray:

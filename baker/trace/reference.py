@@ -62,6 +62,10 @@ class Reference:
         first = self._first_halves[self._by_slopes] if bent else self._denoised(self.indirect_a)
         return first, self._denoised(self.indirect_b)
 
+    def denoise(self) -> None:
+        """Denoise now, not when `clean` and `clean_halves` are first asked for."""
+        _ = self.clean, self.clean_halves
+
     def _denoised(self, indirect: np.ndarray) -> np.ndarray:
         return self._denoised_by(self._by_slopes, indirect) if denoise.available() else indirect
 

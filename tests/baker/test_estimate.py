@@ -81,6 +81,8 @@ def guiding(monkeypatch) -> list[int]:
 def test_a_bake_traces_the_paths_that_were_announced(closed, traced, guiding, monkeypatch, operator):
     plan = replace(closed, settings=replace(closed.settings, operator=operator))
     monkeypatch.setattr(estimating, "_seconds_per_path", lambda plan: (1.0, 1.0, False))
+    *_, shown = estimating._seconds_per_view(plan)
+    monkeypatch.setattr(estimating, "_seconds_per_view", lambda plan: (0.0, 0.0, 0.0, shown))
     monkeypatch.setattr(estimating, "_seconds_of_finding", lambda plan: 0.0)
     announced = estimate(plan)
     report = job.run(plan, Progress(), lambda data, count: None).as_dict()
@@ -159,13 +161,13 @@ def test_what_was_timed_for_one_bake_tells_of_others(closed):
     before, after = rates.seconds(closed), rates.seconds(longer)
     assert before.keys() == after.keys()
     steps, looks = 4 * grey_fit.CHANGES * 2.0 * mean_part(PARTS) / estimating.STEPS, len(closed.placement.held_out)
-    assert before["fit"] == pytest.approx(4 * steps + looks * (3 + 4 * 5))
-    assert after["fit"] == pytest.approx(8 * steps + looks * (3 + 8 * 5))
-    own = len(held_out.scene_cameras(closed))  # those held out have been prepared for the fit
-    assert before["evaluation"] == pytest.approx(7 * (looks + own) + 3 * own + moving.PATHS)
+    assert before["fit"] == pytest.approx(4 * steps + looks * 4 * 5)
+    assert after["fit"] == pytest.approx(8 * steps + looks * 8 * 5)
+    views = looks + len(held_out.scene_cameras(closed))
+    assert before["evaluation"] == pytest.approx(7 * views + moving.PATHS)
     unseen = replace(rates, shown=0.25).seconds(closed)
-    whole = 1.0 * bias.PATHS if held_out.gathers(closed) else 0.0
-    assert unseen["references"] - whole == pytest.approx((before["references"] - whole) / 4)
+    prepared = 3 * views + (1.0 * bias.PATHS if held_out.gathers(closed) else 0.0)
+    assert unseen["references"] - prepared == pytest.approx((before["references"] - prepared) / 4)
     finding = replace(rates, found=11.0).seconds(closed)
     for stage, works in (("known light", estimating.BEFORE_KNOWN), ("irradiance", estimating.BEFORE_SAMPLES)):
         assert finding[stage] - before[stage] == pytest.approx(works * 11 * len(closed.placement.fitted))
