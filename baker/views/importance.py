@@ -30,6 +30,7 @@ GIVEN_ASPECT = 16 / 9  # of those pictures, width to height
 DRAWS = 64  # most times to look around; many looks into the open meet nothing
 
 POINTS, NEIGHBOURS = 1 << 14, 16  # of a field; as many neighbours as tell the density
+SMALLEST = 1e-6  # m, radius around them: points can coincide
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,7 @@ class ImportanceField:
             if number:
                 position = points.position[here]
                 distance, _ = Neighbours(position).nearest(position, number + 1)
-                radius = np.maximum(distance[:, -1], np.finfo(np.float32).tiny)
+                radius = np.maximum(distance[:, -1], SMALLEST)
                 density[here] = number / (count * np.pi * radius**2)
         return ImportanceField(points.position, points.normal, density, np.ones(count, np.float32), spaces)
 
@@ -117,10 +118,11 @@ class Importance:
             # An eye in the open, half of whose looks meet nothing, shall not look more often than one in a room.
             at = at[self._triangles.hits(self._eyes[eye[at]], direction[at]).triangle >= 0]
             direction[at] = _about(self._things[eye[at]] - self._eyes[eye[at]], direction[at], rng)
+            origin = self._eyes[eye]
             if self._given:
                 number = eye - (len(self._eyes) - len(self._given))
-                direction[number >= 0] = _into_pictures(self._given, number[number >= 0], rng)
-            points = self._triangles.seen(self._eyes[eye], direction)
+                origin[number >= 0], direction[number >= 0] = _into_pictures(self._given, number[number >= 0], rng)
+            points = self._triangles.seen(origin, direction)
             parts.append(points)
             found += len(points)
             if found >= count:
@@ -155,10 +157,15 @@ def _about(way: np.ndarray, direction: np.ndarray, rng: np.random.Generator) -> 
     return about / np.linalg.norm(about, axis=1, keepdims=True)
 
 
-def _into_pictures(cameras: list[Camera], number: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Unit directions (N, 3) through random places of the pictures of the cameras with these numbers (N,)."""
-    pose = np.array([camera.world_from_view[:3, :3] for camera in cameras])[number]
+def _into_pictures(cameras: list[Camera], number: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
+    """Rays through random places of the pictures of the cameras with these numbers (N,): origin and unit direction.
+
+    Like pixels, they begin at the near plane: a camera may stand on a floor, of which it shows nothing.
+    """
+    pose = np.array([camera.world_from_view for camera in cameras])[number]
     half = np.tan([camera.yfov / 2 for camera in cameras])[number]
     across = rng.uniform(-1, 1, (len(number), 2)) * half[:, None] * (GIVEN_ASPECT, 1)
-    direction = np.einsum("nij,nj->ni", pose, np.concatenate([across, np.full((len(number), 1), -1.0)], axis=1))
-    return direction / np.linalg.norm(direction, axis=1, keepdims=True)
+    local = np.concatenate([across, np.full((len(number), 1), -1.0)], axis=1)
+    direction = np.einsum("nij,nj->ni", pose[:, :3, :3], local)
+    origin = pose[:, :3, 3] + np.array([camera.znear for camera in cameras])[number, None] * direction
+    return origin, direction / np.linalg.norm(direction, axis=1, keepdims=True)

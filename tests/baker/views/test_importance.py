@@ -84,6 +84,18 @@ def test_cameras_count_by_what_their_pictures_show():
     assert in_picture.mean() > 1 / 4
 
 
+def test_a_camera_on_the_floor_does_not_look_at_the_place_where_it_stands():
+    camera = look_at(np.array([0.3, -1.0, 0.2]), np.array([0.0, -1.0, -1.0]), np.array([0.0, 1.0, 0.0]), 1.0, 0.01)
+    points = drawn(*scenes.box(), cameras=(camera,))
+    assert np.linalg.norm(points.position - camera.position, axis=1).min() > camera.znear
+    assert 1 / ImportanceField.of(points).density.max() > 1e-3  # m^2, of 24
+
+
+def test_points_that_coincide_have_a_finite_density():
+    same = drawn(*scenes.box())[np.zeros(64, int)]
+    assert np.isfinite(ImportanceField.of(same).density).all()
+
+
 def test_the_density_of_a_field_is_that_of_its_points():
     triangles = Triangles(scenes.furnace())
     field = ImportanceField.of(triangles.draw(POINTS, np.random.default_rng(0)))
