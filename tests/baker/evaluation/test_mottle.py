@@ -54,6 +54,12 @@ def test_a_darker_wall_has_the_same_mottle():
     assert mottle(np.float32(1e-3) * wavy(0.16), dark) == pytest.approx(mottle(wavy(0.16), reference()), rel=1e-4)
 
 
+def test_a_spot_as_bright_as_the_sun_does_not_drown_all_else():
+    spot = WALL.copy()
+    spot[40:48, 40:48] *= 1e6
+    assert mottle(spot, reference()) < 0.1
+
+
 def test_errors_at_edges_and_where_no_b_is_seen_do_not_count():
     stripes = np.where(X[..., None] < 0.5, WALL, np.float32(0.2) * WALL).astype(np.float32)
     valid = Y < 0.75
