@@ -18,8 +18,8 @@ CLEARANCE_PERSON = 0.4
 LOOKS = 128  # rays that a viewpoint casts to look around
 AT_ONCE = 256  # viewpoints that look around together
 BACKS_MAX = 0.1  # share of hits on backs of single-sided surfaces; with more, the viewpoint is behind them
-BACKS_GIVEN = 0.5  # the same where a given camera sees more backs, but not more than this: some walls are inside out
 DOUBLE_BACKS_MAX = 0.25  # the same for double-sided surfaces
+BACKS_GIVEN = 0.5  # where a given camera sees no more backs than this, others may see as many: some are inside out
 OPEN = 0.5  # above this share of rays without a hit, a scene lies in the open
 AROUND, ENCLOSED = 16, 0.75  # rays from a front, and the share of them that meet something in a room
 INDOORS = 0.25  # share of the fronts: with less in rooms, a scene lies in the open too
@@ -71,10 +71,11 @@ class FreeSpace:
     many of their backs is inside a body or outside a room. There are two exceptions: the scene and the viewpoint lie in
     the open (a leaf is seen from both sides), or the winding means nothing, as one of the given cameras sees that many
     backs, or most places in rooms see some: there are walls that are wound outwards, like those of a cube. A given
-    camera that sees some backs of single-sided surfaces tells that people are where others do. Unless the scene lies in
-    the open, free viewpoints have ground below them, because the outer walls of a building without surroundings face
-    nothing; in the open they are not under the ground, if there is any. But a given camera there tells that people look
-    at these walls, or from below. A roof is no ground if there is hardly any other ground outside, and no court.
+    camera that sees some backs of single-sided surfaces tells that people are where others see as many. Unless the
+    scene lies in the open, free viewpoints have ground below them, because the outer walls of a building without
+    surroundings face nothing; in the open they are not under the ground, if there is any. But a given camera there
+    tells that people look at these walls, or from below. A roof is no ground if there is hardly any other ground
+    outside, and no court.
 
     A scene lies in the open if most of its surface, on both sides, faces the sky, or if its fronts are nowhere
     enclosed: a statue is a closed body, whose inside only faces itself.
@@ -92,8 +93,7 @@ class FreeSpace:
         position = np.array([camera.position for camera in given]).reshape(-1, 3)
         own = look_around(triangles, position)
         self._winding &= bool((own.double_backs <= DOUBLE_BACKS_MAX).all())
-        inside_out = bool(((own.backs > BACKS_MAX) & (own.backs <= BACKS_GIVEN)).any())
-        self._backs_max = BACKS_GIVEN if inside_out else BACKS_MAX
+        self._backs_max = float(own.backs[own.backs <= BACKS_GIVEN].max(initial=BACKS_MAX))
         self._open = bool(missed.mean() > OPEN) or (self._winding and self._nowhere_enclosed(points, apart))
         self._grounded = not self._open and bool((own.below < VOID).all())
         self._on_ground = self._open and self._stands(lifted[both.normal[:, 1] > BELOW]) and not own.under.any()

@@ -45,7 +45,7 @@ def test_a_camera_among_things_that_are_inside_out_tells_that_people_are_there()
         for mesh in crate
     ]
     triangles = Triangles(Scene((*scenes.box(), *crates), (scenes.WHITE,)))
-    points, place = triangles.draw(200, np.random.default_rng(0)), np.array([[0.1, 0.0, 0.1], [1.5, 0.0, 0.0]])
+    points, place = triangles.draw(200, np.random.default_rng(0)), np.array([[0.3, 0.2, 0.6], [1.5, 0.0, 0.0]])
     cameras = [], [scenes.inside_camera()]
     alone, given = (FreeSpace(triangles, own, points, np.random.default_rng(1)) for own in cameras)
     assert alone.faces_fronts(place).tolist() == [False, False]
