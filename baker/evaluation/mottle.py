@@ -12,7 +12,7 @@ from gsgi.runtime.display import auto_exposure, luminance
 SIZES = 0.02, 0.20  # of blotches, which are half waves: the band that counts, as shares of the view's longer edge
 STEEPEST = 0.1  # change of ln B over the smallest blotch; where the reference changes faster, it is not smooth
 FEWEST = 0.02  # share of the view that must be smooth
-MOST = 2.0  # times the reference's light: a spot that is brighter counts as that, since one more stop tells nothing
+MOST = 1.0  # of the reference's light: a blotch that is off by more counts as that, since one more stop tells nothing
 BLACK = 1 / (255 * 12.92)  # exposed light below one step of an 8-bit sRGB picture
 
 
@@ -20,17 +20,17 @@ def mottle(image: np.ndarray, reference: Reference) -> float | None:
     """RMS relative error of the luminance of B (H, W, 3), within the band SIZES and where the reference is smooth.
 
     It is free of the reference's noise, as the mean product of the errors against its two independent halves, and at
-    most about 1. None if less than FEWEST of the view is smooth.
+    most MOST. None if less than FEWEST of the view is smooth.
     """
     fine, coarse = (size * max(reference.valid.shape) for size in SIZES)
     level = _blur(luminance(reference.clean), reference.valid, fine)
     smooth = _smooth(level, reference, fine)
     if smooth.mean() < FEWEST:
         return None
-    shown = np.minimum(luminance(image), MOST * level)
-    halves = luminance(reference.indirect_a), luminance(reference.indirect_b)
-    errors = [np.divide(shown - half, level, where=smooth, out=np.zeros_like(level)) for half in halves]
-    a, b = (_blur(error, smooth, fine / 2.5) - _blur(error, smooth, coarse / 2.5) for error in errors)
+    halves = reference.indirect_a, reference.indirect_b
+    errors = [np.divide(luminance(image - half), level, where=smooth, out=np.zeros_like(level)) for half in halves]
+    bands = (_blur(error, smooth, fine / 2.5) - _blur(error, smooth, coarse / 2.5) for error in errors)
+    a, b = (np.clip(band, -MOST, MOST) for band in bands)
     return float(np.sqrt(max(np.mean((a * b)[smooth]), 0)))
 
 

@@ -57,7 +57,7 @@ def test_a_darker_wall_has_the_same_mottle():
 def test_a_spot_as_bright_as_the_sun_does_not_drown_all_else():
     spot = WALL.copy()
     spot[40:48, 40:48] *= 1e6
-    assert mottle(spot, reference()) < 0.1
+    assert 0.05 < mottle(spot, reference()) < 1
 
 
 def test_errors_at_edges_and_where_no_b_is_seen_do_not_count():
