@@ -254,12 +254,11 @@ class Plan:
         """The light in which paths end, traced when it is first needed; None with `over`, and without bounces."""
         if not self.known_paths:
             return None
-        if not self.sampler.prepared:
-            with progress.stage("known light", self.known_paths, "paths") as advance:
-                self.sampler.prepare(advance)
-                self.gaussians(self.settings.budget)  # by how the light varies: takes a while, and is kept
-                return self.sampler.known_light
-        return self.sampler.known_light
+        if self.sampler.prepared:
+            return self.sampler.known_light
+        with progress.stage("known light", self.known_paths, "paths") as advance:
+            self.sampler.prepare(advance)
+            return self.sampler.known_light
 
     def gaussians(self, budget: int) -> int:
         """Most Gaussians of a fit with this budget, once the light in which paths end is known."""

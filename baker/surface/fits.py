@@ -46,10 +46,10 @@ class SurfaceFits:
 
         plan = self.plan
         surface, free = self.samples(budget)
-        if (more := plan.gaussians(budget)) > budget:
-            self.progress.say(f"light varies more than shapes: at most {more} Gaussians instead of {budget}")
         start = time.perf_counter()
         with self.progress.stage("fit", plan.settings.iterations, "iterations") as advance:
+            if (more := plan.gaussians(budget)) > budget:
+                self.progress.say(f"light varies more than shapes: at most {more} Gaussians instead of {budget}")
             coarse = self.coarse(budget, free)
             fine = self._fine_count(budget, coarse)
             kept = self._with_unlit(surface[~in_gaps(surface)])
