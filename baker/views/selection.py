@@ -130,8 +130,14 @@ def poses() -> np.ndarray:
 
 def _in_views(direction: np.ndarray, footprint: np.ndarray, lens: Lens) -> np.ndarray:
     """Whether (P, DIRECTIONS) bool views contain directions (P, 3) and see the side there at the limit or finer."""
+    x, y, z = np.ascontiguousarray(direction.T)[..., None]
+
+    def along(axis: np.ndarray) -> np.ndarray:
+        """Cosines (P, DIRECTIONS) to axes (3, DIRECTIONS): sums, since BLAS waits for cores that other work keeps."""
+        return x * axis[0] + y * axis[1] + z * axis[2]
+
     right, up, back = np.ascontiguousarray(poses().astype(np.float32).transpose(2, 1, 0))
-    depth, across, other = direction @ -back, direction @ right, direction @ up
+    depth, across, other = along(-back), along(right), along(up)
     np.maximum(np.abs(across, out=across), np.abs(other, out=other), out=across)
     deepest = (lens.limit / (footprint * lens.pixel)) ** (2 / 3)  # texel() <= limit, solved for the cosine to the axis
     seen = depth <= deepest[:, None].astype(np.float32)
