@@ -19,7 +19,7 @@ class Encoding(NamedTuple):
     "reversed": the depth buffer of a reversed projection (0 <= z <= w), 0 = no surface.
     normal: "octahedral" in xy; "octahedral unsigned": the same, mapped from -1..1 to 0..1; "signed": xyz; "unsigned":
     xyz, mapped from -1..1 to 0..1. It points towards the camera, may have any length, and is the normal before any
-    normal map, because B ignores normal maps.
+    normal map: what the map makes of it is a texture of its own, `mapped`.
     normal_space: "world" or "view".
     albedo: the diffuse part of the reflectance, "linear" or "srgb". "srgb" means sRGB values in a texture whose format
     does not say so.
