@@ -240,6 +240,8 @@ class DeferredRenderer:
             self.background.dim(factor_on(scene.environment, patterns, factors))
 
     def _release_targets(self) -> None:
+        # moderngl binds the last one again after it makes a framebuffer: an error, were that one of the targets.
+        self._ctx.detect_framebuffer(0).use()
         for part in (self._display, self.background, self.primary, self.composite, self.blended, self.gbuffer):
             if part is not None:
                 part.release()

@@ -85,6 +85,7 @@ def test_every_point_of_a_frame_equals_the_pass(gl):
     clip_from_world = CAMERA.clip_from_view(SIZE[0] / SIZE[1]) @ CAMERA.view_from_world
     shader.set_uniforms(program, clip_from_world=clip_from_world)
     target = gl.framebuffer(gl.texture(SIZE, 4, dtype="f4"), gl.depth_renderbuffer(SIZE))
+    target.use()
     target.clear()
     gl.enable_only(gl.DEPTH_TEST)
     gl.depth_func = "<"

@@ -186,6 +186,17 @@ def test_without_a_frame_there_is_nothing_to_read(gl):
     renderer.release()
 
 
+def test_no_opengl_error_is_left_by_another_size_and_another_renderer(gl):
+    _ = gl.error  # reading it clears what another test left
+    for _ in range(2):
+        renderer = DeferredRenderer(gl, full_scene(), bake(), WIDTH, HEIGHT)
+        renderer.render(scenes.inside_camera())
+        renderer.resize(WIDTH // 2, HEIGHT)
+        renderer.render(scenes.inside_camera())
+        renderer.release()
+        assert gl.error == "GL_NO_ERROR"
+
+
 def test_release_frees_everything_and_ends_its_use(gl):
     render(gl, full_scene(), surface_bake())
     before = alive(gl)
