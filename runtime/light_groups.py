@@ -8,7 +8,7 @@ from glob import escape
 import numpy as np
 
 from .errors import SceneError
-from .gaussians import Bake
+from .gaussians import Bake, LightGroup
 from .scene import MAX_LIGHT, Environment, Light, Material, Scene
 
 BASE = "base"  # the group of all lights that no pattern matches
@@ -178,20 +178,24 @@ def factors_of(bake: Bake, weights: Weights) -> dict[str, tuple[float, float, fl
 def weighted(bake: Bake, weights: Weights) -> Bake:
     """The bake with the light of each group multiplied by its weight; other fields are kept.
 
-    Colours of both levels are sums over the groups. A Gaussian's slopes become those that change the sum as the
-    groups' own slopes do, as far as one pair for all channels can (least squares). Relief follows the colours. With
-    weights of 1 the bake is returned as it is. Raises ValueError as `factors_of` does.
+    Colours of both levels are the bake's own, multiplied by the least of the weights, and those of each group,
+    multiplied by what its weight is above that: the groups alone do not add up to the bake exactly, and light must not
+    jump when a weight leaves 1. A Gaussian's slopes become those that change the sum as the slopes of its parts do, as
+    far as one pair for all channels can (least squares). Relief follows the colours. With weights of 1 the bake is
+    returned as it is. Raises ValueError as `factors_of` does.
     """
     factors = factors_of(bake, weights)
-    if set(factors.values()) <= {(1.0, 1.0, 1.0)}:
+    factor = np.float32([factors[group.name] for group in bake.groups])
+    if (factor == 1).all():
         return bake
-    sh, coarse = np.zeros_like(bake.gaussians.sh), np.zeros_like(bake.coarse.sh)
-    gradient = np.zeros((*bake.gaussians.slope.shape, 3), np.float32)
-    for group in bake.groups:
-        factor = np.float32(factors[group.name])
-        sh += factor * group.sh
-        coarse += factor * group.coarse_sh
-        gradient += group.slope[:, :, None] * (factor * group.sh[:, :1])
+    least = factor.min(axis=0)
+    whole = LightGroup(BASE, (), bake.gaussians.sh, bake.gaussians.slope, bake.coarse.sh)
+    sh, coarse = np.zeros_like(whole.sh), np.zeros_like(whole.coarse_sh)
+    gradient = np.zeros((*whole.slope.shape, 3), np.float32)
+    for part, times in zip((whole, *bake.groups), (least, *(factor - least)), strict=True):
+        sh += times * part.sh
+        coarse += times * part.coarse_sh
+        gradient += part.slope[:, :, None] * (times * part.sh[:, :1])
     constant = sh[:, :1]
     square = np.square(constant).sum(axis=2)
     along = (gradient * constant).sum(axis=2)

@@ -113,7 +113,7 @@ function quotients(codes, steps) {
 
 /** 2^(code / steps), rounded to float32, of the codes from `low` to `high`. */
 function powers(steps, low, high) {
-    return Float32Array.from({ length: high - low + 1 }, (_, i) => {
+    return new Float32Array(high - low + 1).map((_, i) => {
         const octave = floor((low + i) / steps);
         return 2 ** ((low + i - octave * steps) / steps) * 2 ** octave;
     });

@@ -1,7 +1,6 @@
 /** Weights of light groups: the sum of the parts of a bake's light, as runtime/file/FORMAT.md has it. */
 
 export const BASE = "base"; // the group of all lights in no other
-const WEIGHT_MAX = 1e15;
 const f = Math.fround;
 
 /** The names that weights of a bake may have, "base" first: that of all lights in no other group. */
@@ -22,32 +21,34 @@ export function weighted(bake, weights) {
     for (const [name, weight] of Object.entries(weights)) {
         const three = (weight?.[Symbol.iterator] ? [...weight] : [weight, weight, weight]).map(f);
         if (!factors.has(name)) throw new RangeError(`the bake has no light group "${name}": it has ${names.join(", ") || "none"}`);
-        if (three.length !== 3 || !three.every((each) => each >= 0 && each <= WEIGHT_MAX))
-            throw new RangeError(`the weight of "${name}" must be one or three numbers from 0 to ${WEIGHT_MAX}`);
+        if (three.length !== 3 || !three.every((each) => each >= 0 && each <= 1e15))
+            throw new RangeError(`the weight of "${name}" must be one or three numbers from 0 to 1e15`);
         factors.set(name, three);
     }
-    if ([...factors.values()].flat().every((each) => each === 1)) return bake;
-    const parts = (level) => bake.groups.map((group) => ({ ...group[level], factor: factors.get(group.name) }));
-    return { ...bake, fine: sum(bake.fine, parts("fine")), coarse: sum(bake.coarse, parts("coarse")) };
+    const own = bake.groups.map(({ name }) => factors.get(name));
+    if (own.flat().every((each) => each === 1)) return bake;
+    // The groups alone do not add up to the bake exactly: light must not jump when a weight leaves 1.
+    const least = [0, 1, 2].map((c) => Math.min(...own.map((factor) => factor[c])));
+    const all = [least, ...own.map((factor) => factor.map((each, c) => f(each - least[c])))];
+    const sumOf = (level) => sum([bake, ...bake.groups].map((part) => part[level]), all);
+    return { ...bake, fine: sumOf("fine"), coarse: sumOf("coarse") };
 }
 
-/** A level whose colours are the sum of those of `parts`, each multiplied by its `factor`. */
-function sum(level, parts) {
-    const sh = new Float32Array(level.sh.length), stride = 3 * (level.shDegree + 1) ** 2;
-    for (const part of parts) part.sh.forEach((value, i) => { sh[i] += f(part.factor[i % 3] * value); });
-    const relief = level.relief && level.relief.map((value, i) => { // follows the colours
+/** A level, the first of `parts`, whose colours are the sum of those of all, each multiplied by its of `factors`. */
+function sum(parts, factors) {
+    const [level] = parts, sh = new Float32Array(level.sh.length), stride = sh.length / level.count;
+    parts.forEach((part, p) => part.sh.forEach((value, i) => { sh[i] += f(factors[p][i % 3] * value); }));
+    const relief = level.relief?.map((value, i) => { // follows the colours
         const at = (i / 9 | 0) * stride + i % 3, before = level.sh[at];
         return value * (before > 0 ? f(sh[at] / before) : 0);
     });
-    if (!level.slope) return { ...level, sh, relief };
     // Slopes that change the sum as those of the parts do theirs, as far as one pair for all channels can: least squares.
     const dot = (a, b) => a.map((x, c) => x * b[c]).reduce((sum, product) => f(sum + product));
-    const slope = level.slope.map((_, i) => {
+    const slope = level.slope?.map((_, i) => {
         const first = (i >> 1) * stride, constant = sh.subarray(first, first + 3), gradient = new Float32Array(3);
-        for (const part of parts)
-            for (let c = 0; c < 3; ++c) gradient[c] += f(part.slope[i] * f(part.factor[c] * part.sh[first + c]));
-        const square = dot(constant, constant);
-        return square > 0 ? dot(gradient, constant) / square : 0;
+        parts.forEach((part, p) =>
+            factors[p].forEach((factor, c) => { gradient[c] += f(part.slope[i] * f(factor * part.sh[first + c])); }));
+        return dot(gradient, constant) / dot(constant, constant) || 0; // both are 0 where there is no light
     });
     return { ...level, sh, slope, relief };
 }

@@ -134,11 +134,24 @@ def test_weights_of_one_are_the_bake_itself():
     np.testing.assert_array_equal(gsgi.sample(made, position, normal, {}), gsgi.sample(made, position, normal))
 
 
+def test_light_does_not_jump_when_a_weight_leaves_one():
+    """The groups of this bake add up to far more than its own light."""
+    made, (position, normal) = bake(), points(500)
+    whole = gsgi.sample(made, position, normal)
+    assert whole.any(axis=1).mean() > 0.5
+    for weights in ({"lamps": 0.99999}, {"sky": 1.00001, BASE: (1, 1, 0.99999)}):
+        np.testing.assert_allclose(gsgi.sample(made, position, normal, weights), whole, rtol=1e-3, atol=1e-4)
+    half = dict.fromkeys((BASE, "lamps", "sky"), 0.5)
+    np.testing.assert_allclose(gsgi.sample(made, position, normal, half), 0.5 * whole, rtol=1e-5, atol=1e-6)
+
+
 def test_light_is_linear_in_the_weights():
-    """Without slopes, it is the sum of what each group gives alone."""
+    """Without slopes, where the groups add up to the bake, it is the sum of what each group gives alone."""
     bright, (position, normal) = bake(sloped=False), points(500)
     for group in bright.groups:
         group.coarse_sh[:, 1:] *= 0.1 * group.coarse_sh[:, :1]  # so small that no light is below 0
+    bright.gaussians.sh[:] = sum(group.sh for group in bright.groups)
+    bright.coarse.sh[:] = sum(group.coarse_sh for group in bright.groups)
     alone = {
         name: gsgi.sample(bright, position, normal, {other: float(other == name) for other in (BASE, "lamps", "sky")})
         for name in (BASE, "lamps", "sky")
@@ -155,7 +168,8 @@ def test_slopes_of_one_group_stay_and_those_of_equal_light_are_averaged():
     off = {BASE: 0, "sky": 0}
     np.testing.assert_allclose(weighted(made, off | {"lamps": 2}).gaussians.slope, lamps.slope, rtol=1e-4, atol=1e-6)
     same = LightGroup("sky", (), lamps.sh, -lamps.slope, lamps.coarse_sh)
-    equal = replace(made, groups=(lamps, same))
+    whole = replace(made.gaussians, sh=2 * lamps.sh, slope=np.zeros_like(lamps.slope))
+    equal = replace(made, gaussians=whole, groups=(lamps, same))
     np.testing.assert_allclose(weighted(equal, {"sky": 3}).gaussians.slope, -lamps.slope / 2, rtol=1e-4, atol=1e-6)
     assert not weighted(made, {"lamps": 0} | off).gaussians.slope.any()
 

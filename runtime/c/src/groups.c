@@ -204,29 +204,46 @@ const char* gsgi_bake_group_name(const gsgi_bake* bake, uint32_t index) {
     return index < bake->info.group_count ? bake->groups[index].name : NULL;
 }
 
-/* The weighted sum of the SH coefficients of Gaussian `i`. */
-static void sum_sh(const gsgi_bake* bake, const float* weights, int l, size_t i, float* sh) {
-    const uint32_t floats = bake->own.sh[l].floats;
-    for (uint32_t k = 0; k < floats; ++k) sh[k] = 0.0f;
-    for (uint32_t g = 0; g < bake->info.group_count; ++g) {
-        const float *of_group = bake->groups[g].sh[l].texels + i * floats, *weight = weights + 3 * g;
-        for (uint32_t k = 0; k < floats; ++k) sh[k] += weight[k % 3] * of_group[k];
+/* Part of the light, and the factor on it. */
+typedef struct {
+    const gsgi__group* light;
+    float factor[3];
+} part;
+
+/* Fill `parts`, return how many: the bake's own light, times the least of the weights, then that of the groups, times
+ * what their weights are above that. */
+static uint32_t weigh_parts(const gsgi_bake* bake, const float* weights, part* parts) {
+    const uint32_t count = bake->info.group_count;
+    for (int c = 0; c < 3; ++c) {
+        float least = weights[c];
+        for (uint32_t g = 1; g < count; ++g)
+            if (weights[3 * g + c] < least) least = weights[3 * g + c];
+        parts[0].factor[c] = least;
+        for (uint32_t g = 0; g < count; ++g) parts[g + 1].factor[c] = weights[3 * g + c] - least;
     }
+    for (uint32_t p = 0; p <= count; ++p) parts[p].light = p == 0 ? &bake->own : &bake->groups[p - 1];
+    return count + 1;
 }
 
-/* The slopes that change the sum `sh` as those of the groups change theirs, as far as one pair for all channels can:
+/* The sum of the SH coefficients of Gaussian `i` over the parts. */
+static void sum_sh(const part* parts, uint32_t count, int l, size_t i, float* sh) {
+    const uint32_t floats = parts->light->sh[l].floats;
+    for (uint32_t k = 0; k < floats; ++k) sh[k] = 0.0f;
+    for (const part* each = parts; each < parts + count; ++each)
+        for (uint32_t k = 0; k < floats; ++k) sh[k] += each->factor[k % 3] * each->light->sh[l].texels[i * floats + k];
+}
+
+/* The slopes that change the sum `sh` as those of the parts change theirs, as far as one pair for all channels can:
  * least squares. */
-static void sum_slopes(const gsgi_bake* bake, const float* weights, size_t i, const float* sh, float* slope) {
-    const uint32_t floats = bake->own.sh[GSGI_FINE].floats;
+static void sum_slopes(const part* parts, uint32_t count, size_t i, const float* sh, float* slope) {
+    const uint32_t floats = parts->light->sh[GSGI_FINE].floats;
     const float square = sh[0] * sh[0] + sh[1] * sh[1] + sh[2] * sh[2];
     float gradient[2][3] = {{0.0f, 0.0f, 0.0f}, {0.0f, 0.0f, 0.0f}};
-    for (uint32_t g = 0; g < bake->info.group_count; ++g) {
-        const gsgi__group* group = &bake->groups[g];
+    for (const part* each = parts; each < parts + count; ++each)
         for (int c = 0; c < 3; ++c) {
-            const float light = weights[3 * g + c] * group->sh[GSGI_FINE].texels[i * floats + c];
-            for (int k = 0; k < 2; ++k) gradient[k][c] += group->slope.texels[2 * i + k] * light;
+            const float light = each->factor[c] * each->light->sh[GSGI_FINE].texels[i * floats + c];
+            for (int k = 0; k < 2; ++k) gradient[k][c] += each->light->slope.texels[2 * i + k] * light;
         }
-    }
     for (int k = 0; k < 2; ++k) {
         const float along = gradient[k][0] * sh[0] + gradient[k][1] * sh[1] + gradient[k][2] * sh[2];
         slope[k] = square > 0.0f ? along / square : 0.0f;
@@ -244,12 +261,14 @@ static void scale_relief(const gsgi_bake* bake, size_t i, const float* sh, float
 }
 
 static void sum_groups(gsgi_bake* bake, const float* weights) {
+    part parts[GROUPS_MOST + 1];
+    const uint32_t count = weigh_parts(bake, weights, parts);
     for (int l = 0; l < 2; ++l) {
         const gsgi__level* level = &bake->levels[l];
         for (size_t i = 0; i < level->count; ++i) {
             float* sh = level->sh.texels + i * level->sh.floats;
-            sum_sh(bake, weights, l, i, sh);
-            if (level->sloped) sum_slopes(bake, weights, i, sh, level->slope.texels + 4 * i);
+            sum_sh(parts, count, l, i, sh);
+            if (level->sloped) sum_slopes(parts, count, i, sh, level->slope.texels + 4 * i);
             if (level->relief.texels) scale_relief(bake, i, sh, level->relief.texels + i * level->relief.floats);
         }
     }
