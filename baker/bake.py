@@ -4,18 +4,26 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from gsgi.runtime.file import codec
+from gsgi.runtime.file.colours import LOG2_MAX
 from gsgi.runtime.gaussians import Bake, Gaussians, LightGroup, OverBlend
 
 from . import budget_search
 from .budget_search import Attempt
 from .plan import Plan
 from .progress import Progress
+from .trace.pilot import Pilot
 
 if TYPE_CHECKING:
     from .evaluation.monitor import FitMonitor
     from .evaluation.preview import Preview
     from .trace.reference import Reference
+
+
+FEW = 0.001  # share of the pilot's points that may be brighter than what a file holds: paths by chance
+FAINT = 1e-5  # mean B below which the steps of half floats show
 
 
 @dataclass(frozen=True)
@@ -43,8 +51,8 @@ def bake(
     and new results are stored there. `references` are those of the held-out views, by name: the target loss and the
     losses that the progress shows are measured on them. `preview` draws the fit beside them while it runs.
     """
-    if not plan.pilot.mean:
-        progress.warn("no indirect light reaches what the views see: the file will hold darkness")
+    if unfit := unfit_light(plan.pilot):
+        progress.warn(unfit)
     return Baker(plan, progress, references, preview).best()
 
 
@@ -113,6 +121,19 @@ class Baker:
         plan = self.plan
         made = plan.effects | self.fits.effects, plan.settings.bounces, self.scene
         return Bake(gaussians, plan.blend, self.fits.tone_scale, *made, coarse)
+
+
+def unfit_light(pilot: Pilot) -> str:
+    """A warning of light that neither a file nor the half floats of render targets hold, "" for other light."""
+    if not pilot.mean:
+        return "no indirect light reaches what the views see: the file will hold darkness"
+    bright, limit = np.quantile(pilot.light, 1 - FEW), 2.0**LOG2_MAX
+    scale = f"scale the lights by about {10.0 ** -np.round(np.log10(pilot.mean)):g}"
+    if bright >= limit:
+        return f"indirect light is up to {bright:.2g}, and files hold less than {limit:g}: it will be cut off: {scale}"
+    if pilot.mean < FAINT:
+        return f"indirect light is {pilot.mean:.2g} on average, and half floats have steps of 6e-08: {scale}"
+    return ""
 
 
 def _fits(plan: Plan, progress: Progress):

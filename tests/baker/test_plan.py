@@ -1,5 +1,6 @@
 """The plan: what a scene calls for, and that a bake follows it."""
 
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -10,7 +11,7 @@ from small_tasks import place_quickly
 
 from gsgi.baker import memory
 from gsgi.baker import plan as planning
-from gsgi.baker.bake import bake
+from gsgi.baker.bake import bake, unfit_light
 from gsgi.baker.cache.store import Cache
 from gsgi.baker.over.rasterise import rasterise
 from gsgi.baker.plan import PIXELS, PIXELS_PER_GAUSSIAN, SIZE_MAX, SIZE_MIN, Plan, make_plan
@@ -33,6 +34,7 @@ from gsgi.runtime.errors import GsgiError, SceneError
 from gsgi.runtime.file import codec
 from gsgi.runtime.file.fingerprint import fingerprint
 from gsgi.runtime.gaussians import Effects
+from gsgi.runtime.lighting import Lighting, light
 from gsgi.runtime.scene import Environment, Light, Material, Scene
 
 SMALL = Settings(budget=64, views=4, size=32, samples=32, iterations=2)
@@ -230,6 +232,22 @@ def test_noisier_light_takes_more_paths_up_to_the_most():
     assert counts == [64, 64, 256, SAMPLES["surface"]]
     still = replace(plan.settings, error=0.0)
     assert replace(plan, settings=still).samples == SAMPLES["surface"]
+
+
+@pytest.mark.parametrize(
+    ("factor", "says"),
+    [(0.0, "^no indirect light"), (1e-8, "on average, and half floats"), (1.0, ""), (1e7, "light is up to")],
+)
+def test_light_that_files_do_not_hold_is_warned_of(factor, says):
+    """With the factor that the warning names, nothing is left to warn of."""
+    plan = planned(light(room(), Lighting(light_scale=factor or 1.0)))
+    pilot = plan.pilot if factor else replace(plan.pilot, mean=0.0)
+    warning = unfit_light(pilot)
+    assert re.search(says, warning)
+    assert bool(warning) == bool(says)
+    if "about" in warning:
+        by = float(warning.split()[-1])
+        assert not unfit_light(replace(pilot, mean=by * pilot.mean, light=by * pilot.light))
 
 
 def test_brighter_walls_call_for_more_bounces():
