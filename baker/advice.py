@@ -34,7 +34,11 @@ class Advice:
 
 
 def advise(plan: Plan, evaluation: Evaluation) -> Advice | None:
-    """Advise for a bake of `plan`; None if some view can be judged and none falls short."""
+    """Advise for a bake of `plan`; None if some view can be judged and none falls short.
+
+    It names first what falls short: the SSIM, in the view where it is lowest, or, where none does, the mottle, in the
+    view that has most.
+    """
     views = *evaluation.views, *evaluation.scene_views
     samples = min(MORE * plan.settings.samples, SAMPLES_MAX)
     more = f"--samples {samples} ({samples / plan.settings.samples:g} times the paths)"
@@ -42,14 +46,16 @@ def advise(plan: Plan, evaluation: Evaluation) -> Advice | None:
         return _unjudged(plan, views, samples, more)
     if not (short := [view for view in views if falls_short(view)]):
         return None
-    view = min(short, key=lambda found: found.final.ssim)
+    unlike = [view for view in short if _is_unlike(view)]
+    view = min(unlike, key=lambda found: found.final.ssim) if unlike else max(short, key=lambda found: found.mottle)
     option, budget = _turn(plan)
     size = None if budget is None else file_bytes(plan.settings.operator, budget, plan.scene, len(plan.groups))
     turns = [f"{option} (at most {size} bytes)" if size else option] if option else []
     turns += [more]
-    mottle = "" if view.mottle is None else f", mottle {view.mottle:.1%}"
-    found = f"SSIM {view.final.ssim:.4f} (ceiling {view.final.ssim_ceiling:.4f}){mottle}"
-    text = f"{named(view)} differs visibly from path tracing, {found}: try {' or '.join(turns)}"
+    found = [f"SSIM {view.final.ssim:.4f} (ceiling {view.final.ssim_ceiling:.4f})"]
+    if view.mottle is not None:
+        found.insert(1 if unlike else 0, f"mottle {view.mottle:.1%}")
+    text = f"{named(view)} differs visibly from path tracing, {', '.join(found)}: try {' or '.join(turns)}"
     return Advice(text, view.name, option, budget, size, samples)
 
 
@@ -64,10 +70,13 @@ def _unjudged(plan: Plan, views: Sequence[ViewEvaluation], samples: int, more: s
 
 def falls_short(view: ViewEvaluation) -> bool:
     """Whether one sees that a view differs from its reference, as far as the reference can tell."""
-    if view.noisy:
-        return False
+    return not view.noisy and (_is_unlike(view) or (view.mottle or 0) > MOTTLE_SEEN)
+
+
+def _is_unlike(view: ViewEvaluation) -> bool:
+    """Whether the structure of a view differs from that of its reference, as far as the reference can tell."""
     ssim, ceiling = view.final.ssim, view.final.ssim_ceiling
-    return ssim < min(SSIM_GOOD, ceiling) or ssim < ceiling - SSIM_SHORT or (view.mottle or 0) > MOTTLE_SEEN
+    return ssim < min(SSIM_GOOD, ceiling) or ssim < ceiling - SSIM_SHORT
 
 
 def _turn(plan: Plan) -> tuple[str | None, int | None]:

@@ -71,6 +71,13 @@ def test_the_next_quality_and_its_bytes():
     assert advised(view(ssim=0.9), quality="draft", budget=DRAFT).option == "--quality medium"
 
 
+def test_mottle_comes_first_where_it_alone_falls_short():
+    found = advised(view(mottle=0.02), view(ssim=0.994, mottle=0.03, name="placed 2"), view(ssim=0.98))
+    assert found.text.startswith(
+        "placed 2 differs visibly from path tracing, mottle 3.0%, SSIM 0.9940 (ceiling 0.9950): try --quality high"
+    )
+
+
 def test_the_next_quality_has_more_where_light_calls_for_more():
     found = advised(view(ssim=0.9), by_light=1.5)
     assert (found.option, found.gaussians) == ("--quality high", 1.5 * HIGH)
