@@ -155,9 +155,11 @@ def patterns_of(bake: Bake | None) -> dict[str, tuple[str, ...]]:
 def factors_of(bake: Bake, weights: Weights) -> dict[str, tuple[float, float, float]]:
     """The factor of each of the bake's groups.
 
-    Raises ValueError for an unknown name, which lists the known ones, and for a weight that is neither a number from 0
-    to 1e15 nor three.
+    Raises ValueError for an unknown name, which lists the known ones, for a weight that is neither a number from 0 to
+    1e15 nor three, and for weights without names.
     """
+    if not isinstance(weights, Mapping):
+        raise ValueError(f"weights: expected weights by the names of light groups, got {type(weights).__name__}")
     known = group_names(bake)
     factors = dict.fromkeys(known, (1.0, 1.0, 1.0))
     for name, weight in weights.items():

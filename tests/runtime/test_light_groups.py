@@ -187,6 +187,7 @@ def test_all_groups_off_is_dark():
         ({"lamps": np.nan}, "^weights: 'lamps': expected one or three numbers"),
         ({"lamps": (1, 2)}, r"^weights: 'lamps': .* got \(1, 2\)$"),
         ({"lamps": "bright"}, "^weights: 'lamps': .* got 'bright'$"),
+        ([1, 2], "^weights: expected weights by the names of light groups, got list$"),
     ],
 )
 def test_weights_that_cannot_be_are_named(weights, message):
