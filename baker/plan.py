@@ -229,7 +229,7 @@ class Plan:
     def sampler(self) -> Sampler:
         """Draws and traces the samples of `surface`."""
         dark = [name in self.dark for name in self.placement.fitted]
-        seen = SeenSurface(self.tracer, self.cameras, dark, self.placement.importance, self.triangles.box)
+        seen = SeenSurface(self.tracer, self.cameras, dark, self.placement.importance, self.triangles)
         asked = self.settings.bounces, self.settings.seed + 1, self.settings.error
         return Sampler.gathering(self.tracer, seen, *asked, self._known_rounds)
 

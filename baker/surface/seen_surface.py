@@ -13,10 +13,12 @@ from gsgi.baker.trace.visible import pixel_rays
 from gsgi.baker.views.boxes import in_box
 from gsgi.baker.views.directions import random_directions
 from gsgi.baker.views.importance import ImportanceField
+from gsgi.baker.views.surface_points import Triangles
 from gsgi.baker.views.visibility import COS_MIN
 from gsgi.runtime.camera import Camera
 
 from .contrast import Contrast
+from .cut_off import Sight
 
 SIZE = 64  # px, edge of the images that find surface points
 
@@ -38,6 +40,8 @@ CONTRAST_SHARE = 1 / 2  # instead by importance and contrast, where the light's 
 OUTSIDE_SHARE = 1 / 2  # of the points from which light comes into a box; they go by area
 FREE_DRAWS = 32  # most times to draw points in a box from lines of sight that may pass beside it
 MASS = 1 / 4, 4  # range of the share of the samples around a point of importance, relative to the mean of all points
+CUT_OFF_SHARE = 1 / 16  # most of the samples that go where hardly any of those around sees them
+CUT_OFF_TRIES, CUT_OFF_AROUND = 48, 4.0  # times that is tried around each that is there, within so many px
 FOOTPRINT_QUANTILE = 0.999  # larger pixel footprints are cut to this
 
 
@@ -54,13 +58,18 @@ class SeenSurface:
         cameras: Sequence[Camera],
         dark: Sequence[bool] = (),
         importance: ImportanceField | None = None,
-        box: np.ndarray | None = None,
+        triangles: Triangles | None = None,
     ):
-        """`dark` marks the cameras that see no light; if it is empty, all of them see light. `box` is (2, 3), m."""
-        self._tracer, self._cameras, self._importance, self._box = tracer, cameras, importance, box
+        """`dark` marks the cameras that see no light; if it is empty, all of them see light.
+
+        The box is that of the `triangles`, which tell what is cut off: some of the points that are drawn go there.
+        """
+        self._tracer, self._cameras, self._importance, self._triangles = tracer, cameras, importance, triangles
+        self._box = box = triangles.box if triangles else None
         self._steps = [DARK_STEP if is_dark else 1 for is_dark in dark or [False] * len(cameras)]
         self._outside, self._found = 0.0, []  # share of points outside the box; `_pixels`, which `around` shares
-        self.digest = digest({"cameras": cameras, "steps": self._steps, "importance": importance, "box": box})
+        known = {"cameras": cameras, "steps": self._steps, "importance": importance, "box": box}
+        self.digest = digest(known | {"cut_off": triangles is not None})
 
     @cached_property
     def around(self) -> "SeenSurface":
@@ -107,7 +116,31 @@ class SeenSurface:
         index = np.minimum(np.searchsorted(below, at, side="right"), len(seen.position) - 1)
         camera, place = seen.camera[index].astype(np.int32), seen.middle(index) + rng.uniform(-0.5, 0.5, (count, 2))
         *points, _ = self.behind(camera, place)
-        return *points, camera, place
+        drawn = *points, camera, place
+        if self._triangles:
+            self._move_to_cut_off(drawn, rng)
+        return drawn
+
+    def _move_to_cut_off(self, drawn: tuple[np.ndarray, ...], rng: np.random.Generator) -> None:
+        """Move some of the points `drawn`, in the form of `surface`, to places that are cut off.
+
+        These are looked for around the points that lie in such places, in the images of their cameras.
+        """
+        position, normal, *_, camera, place = drawn
+        sight = Sight(position, normal, self._triangles)
+        around = np.repeat(np.flatnonzero(sight.cut_off(position, normal, themselves=True)), CUT_OFF_TRIES)
+        found = place[around] + rng.uniform(-CUT_OFF_AROUND, CUT_OFF_AROUND, (len(around), 2))
+        inside = ((found >= 0) & (found < SIZE)).all(axis=1)
+        if not inside.any():
+            return
+        camera, place = camera[around[inside]], found[inside]
+        *points, diffuse = self.behind(camera, place)
+        some = np.flatnonzero(diffuse & self.holds(points[0]))
+        some = some[sight.cut_off(points[0][some], points[1][some])]
+        some = rng.permutation(some)[: round(CUT_OFF_SHARE * len(position))]
+        moved = rng.permutation(len(position))[: len(some)]
+        for column, values in zip(drawn, (*points, camera, place), strict=True):
+            column[moved] = values[some]
 
     def everywhere(self) -> tuple[np.ndarray, ...]:
         """The points behind the middles of all pixels that may be drawn from, in the form of `surface`."""

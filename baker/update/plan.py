@@ -78,7 +78,7 @@ def plan_again(
     plan = Plan(scene, record.settings, triangles, tracer, *made)
     vars(plan)["parts"] = now
     dark = [name in plan.dark for name in plan.placement.fitted]
-    seen = SeenSurface(tracer, plan.cameras, dark, plan.placement.importance, triangles.box)
+    seen = SeenSurface(tracer, plan.cameras, dark, plan.placement.importance, triangles)
     asked, anew = (plan.settings.bounces, plan.settings.seed + 1), met_anew(record.parts, now)
     vars(plan)["sampler"] = UpdatedSampler.gathering(tracer, seen, *asked, record.samplers, tally, anew)
     return plan

@@ -5,14 +5,19 @@ import pytest
 import scenes
 
 from gsgi.baker.cache.store import Cache
-from gsgi.baker.surface.seen_surface import AREA_SHARE, DARK_STEP, FREE_STEP, SIZE, SeenSurface
+from gsgi.baker.surface.seen_surface import AREA_SHARE, CUT_OFF_SHARE, DARK_STEP, FREE_STEP, SIZE, SeenSurface
 from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.baker.views.importance import ImportanceField
-from gsgi.baker.views.surface_points import SurfacePoints
+from gsgi.baker.views.surface_points import SurfacePoints, Triangles
 from gsgi.runtime.camera import Camera, look_at
 from gsgi.runtime.scene import Scene
 
 COUNT = 1 << 15
+
+
+def half() -> Triangles:
+    """Those of the furnace at x <= 0."""
+    return Triangles(scenes.furnace()).within(np.array([[-2.0, -2, -2], [0, 2, 2]]))
 
 
 def test_points_lie_anywhere_behind_their_pixels_and_no_two_are_the_same(tmp_path):
@@ -46,10 +51,28 @@ def test_a_place_that_shows_no_surface_gets_the_middle_of_its_pixel(tmp_path):
     assert np.abs(position[:, 1]).max() < 1e-6
 
 
+def test_more_points_go_where_hardly_any_of_those_around_sees_them(tmp_path):
+    """On a wall beneath a board, between fins, which a plate hides but for a slit; the wall goes on above the board."""
+    wall = scenes.quad([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)])
+    board = scenes.quad([(-1, 0, 0), (-1, 0, 0.4), (1, 0, 0.4), (1, 0, 0)])
+    plate = scenes.quad([(-1, -1, 0.3), (1, -1, 0.3), (1, -0.06, 0.3), (-1, -0.06, 0.3)])
+    fins = [scenes.quad([(x, -1, 0), (x, -1, 0.3), (x, 0, 0.3), (x, 0, 0)]) for x in np.linspace(-1, 1, 41)]
+    scene = Scene((wall, board, plate, *fins), (scenes.WHITE,))
+    camera = look_at(np.array([0.0, 0, 2]), np.zeros(3), np.array([0.0, 1, 0]), 1.0, 0.01)
+    tracer, counts = CachedTracer(scene, Cache(tmp_path)), []
+    for triangles in (None, Triangles(scene)):
+        seen = SeenSurface(tracer, [camera], triangles=triangles)
+        *points, cameras, place = seen.surface(2048, np.random.default_rng(0), seen.shares())
+        assert len(points[0]) == 2048
+        counts.append(((points[0][:, 2] == 0) & (points[0][:, 1] < 0)).sum())
+        for found, expected in zip(points, seen.behind(cameras, place), strict=False):
+            np.testing.assert_array_equal(found, expected)
+    assert 0 < 2 * counts[0] < counts[1] <= 2048 * CUT_OFF_SHARE + counts[0]
+
+
 def test_everywhere_is_behind_the_middles_of_all_pixels_in_the_box(tmp_path):
-    box = np.array([[-2.0, -2, -2], [0, 2, 2]])
     tracer = CachedTracer(scenes.furnace(), Cache(tmp_path))
-    whole, part = (SeenSurface(tracer, [scenes.inside_camera()], box=each) for each in (None, box))
+    whole, part = (SeenSurface(tracer, [scenes.inside_camera()], triangles=each) for each in (None, half()))
     *points, camera, place = whole.everywhere()
     assert len(points[0]) == SIZE**2
     for found, expected in zip(points, whole.behind(camera, place), strict=False):
@@ -58,22 +81,21 @@ def test_everywhere_is_behind_the_middles_of_all_pixels_in_the_box(tmp_path):
 
 
 def test_unlit_points_are_behind_all_pixels_of_dark_cameras_in_the_box(tmp_path):
-    tracer, box = CachedTracer(scenes.furnace(), Cache(tmp_path)), np.array([[-2.0, -2, -2], [0, 2, 2]])
+    tracer = CachedTracer(scenes.furnace(), Cache(tmp_path))
     cameras = [scenes.inside_camera(), look_at((0, 0, 0), (1, 0, 0), (0, 1, 0), 1.0, 0.01)]
     position, normal = SeenSurface(tracer, cameras, [False, True]).unlit()
     expected = SeenSurface(tracer, cameras[1:]).everywhere()
     np.testing.assert_array_equal(position, expected[0])
     np.testing.assert_array_equal(normal, expected[1])
-    boxed, _ = SeenSurface(tracer, cameras, [True, True], box=box).unlit()
+    boxed, _ = SeenSurface(tracer, cameras, [True, True], triangles=half()).unlit()
     assert 0 < len(boxed) < 2 * SIZE**2
     assert (boxed[:, 0] <= 0).all()
     assert not len(SeenSurface(tracer, cameras).unlit()[0])
 
 
 def test_within_a_box_all_points_lie_in_it_and_light_comes_from_around_it(tmp_path):
-    box = np.array([[-2.0, -2, -2], [0, 2, 2]])
     tracer = CachedTracer(scenes.furnace(), Cache(tmp_path))
-    seen = SeenSurface(tracer, [scenes.inside_camera()], box=box)
+    seen = SeenSurface(tracer, [scenes.inside_camera()], triangles=half())
     rng = np.random.default_rng(0)
     for position in (seen.surface(4096, rng, seen.shares())[0], seen.free(4096, rng)[0]):
         assert len(position) == 4096
