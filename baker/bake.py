@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gsgi.runtime.file import codec
-from gsgi.runtime.file.colours import LOG2_MAX
 from gsgi.runtime.gaussians import Bake, Gaussians, LightGroup, OverBlend
 
 from . import budget_search
@@ -127,10 +126,11 @@ def unfit_light(pilot: Pilot) -> str:
     """A warning of light that neither a file nor the half floats of render targets hold, "" for other light."""
     if not pilot.mean:
         return "no indirect light reaches what the views see: the file will hold darkness"
-    bright, limit = np.quantile(pilot.light, 1 - FEW), 2.0**LOG2_MAX
+    bright = np.quantile(pilot.light, 1 - FEW)
     scale = f"scale the lights by about {10.0 ** -np.round(np.log10(pilot.mean)):g}"
-    if bright >= limit:
-        return f"indirect light is up to {bright:.2g}, and files hold less than {limit:g}: it will be cut off: {scale}"
+    if bright >= codec.LIGHT_MAX:
+        held = f"files hold less than {codec.LIGHT_MAX:g}: it will be cut off"
+        return f"indirect light is up to {bright:.2g}, and {held}: {scale}"
     if pilot.mean < FAINT:
         return f"indirect light is {pilot.mean:.2g} on average, and half floats have steps of 6e-08: {scale}"
     return ""

@@ -9,6 +9,7 @@ from gsgi.runtime.errors import FormatError
 from gsgi.runtime.gaussians import BASES, Bake, Effects, Gaussians, SurfaceBlend
 
 from .codes import dequantise, light_of, quantise
+from .colours import LOG2_MAX
 from .header import (
     GAUSSIAN_COUNT_MAX,
     GROUP_TAG,
@@ -33,9 +34,11 @@ from .light_groups import COARSE_BYTES, GROUP_BYTES, GROUP_STEPS, decode_groups,
 from .relief import RELIEF_BYTES, decode_relief, encode_relief
 
 __all__ = [
-    "OPERATOR_NAMES", "decode", "encode", "file_bytes", "stored_group", "stored_level", "stored_shapes", "version",
+    "LIGHT_MAX", "OPERATOR_NAMES", "decode", "encode", "file_bytes", "stored_group", "stored_level", "stored_shapes",
+    "version",
 ]  # fmt: skip
 
+LIGHT_MAX = 2.0**LOG2_MAX  # light in a file is less
 
 # Of a level, of a Gaussian with constant light, of its two slopes and of an SH coefficient of three channels. Default
 # bakes of real scenes take less (`./dev bench format`).

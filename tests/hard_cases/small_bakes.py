@@ -39,7 +39,7 @@ def small_bake(
     once = np.ones(len(position), np.float32)
     importance = ImportanceField(position, normal, once, once)
     placement = SimpleNamespace(fitted=dict(enumerate(cameras)), held_out={}, importance=importance)
-    pilot = SimpleNamespace(mean=1.0)
+    pilot = SimpleNamespace(mean=1.0, light=np.ones(1))
     plan = Plan(scene, settings, Triangles(scene), tracer, placement, pilot, None, frozenset())
     with (
         patch.object(budget, "SAMPLES_FEWEST", SAMPLES),
