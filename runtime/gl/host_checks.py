@@ -17,8 +17,9 @@ Viewport = tuple[int, int, int, int]  # x, y of the corner in which the rows beg
 _TEXTURE_2D, _TEXTURE_BINDING, _READ_FRAMEBUFFER, _COLOR_ATTACHMENT, _TEXTURE = 0x0DE1, 0x8069, 0x8CA8, 0x8CE0, 0x1702
 _WIDTH, _HEIGHT, _INTERNAL_FORMAT, _DEPTH_SIZE, _RED_TYPE = 0x1000, 0x1001, 0x1003, 0x884A, 0x8C10
 _SIZES = range(0x805C, 0x8060)  # red to alpha
-_OBJECT_TYPE, _OBJECT_NAME = 0x8CD0, 0x8CD1
-_KINDS = {0x1406: "float", 0x8C17: "unsigned", 0x8F9C: "signed", 0x1404: "integer", 0x1405: "integer"}
+_OBJECT_TYPE, _OBJECT_NAME, _ENCODING, _COMPONENT_TYPE = 0x8CD0, 0x8CD1, 0x8210, 0x8211
+_FLOAT = 0x1406
+_KINDS = {_FLOAT: "float", 0x8C17: "unsigned", 0x8F9C: "signed", 0x1404: "integer", 0x1405: "integer"}
 _SRGB = range(0x8C40, 0x8C44)
 _NORMAL_CHANNELS = {"octahedral": 2, "octahedral unsigned": 2, "signed": 3, "unsigned": 3}
 _DEPTH_BITS = 16
@@ -125,11 +126,29 @@ def check_target(gl: Functions, target: moderngl.Framebuffer, read: Collection[i
         raise ValueError("target: has no colour attachment")
     if target.size != size:
         raise ValueError(f"target: {_px(target.size)}, needed are the {_px(size)} of the textures of draw()")
-    if target.glo and not _attached(gl, target).isdisjoint(read):
+    if target.samples:
+        raise ValueError(f"target: has {target.samples} samples per pixel, one is needed: add light after resolving")
+    if not target.glo:
+        return
+    if not _attached(gl, target).isdisjoint(read):
         raise ValueError(
             "target: albedo is one of its attachments, and cannot be read while it is drawn to: make a framebuffer of "
             "the radiance alone"
         )
+    _check_radiance(gl)
+
+
+def _check_radiance(gl: Functions) -> None:
+    """Raise ValueError unless the first colour attachment of the framebuffer bound for reading holds floats."""
+
+    def asked(what: int) -> int:
+        where = "GetFramebufferAttachmentParameteriv", _READ_FRAMEBUFFER, _COLOR_ATTACHMENT
+        return gl.integers(*where, what)[0]
+
+    if not asked(_OBJECT_TYPE) or asked(_COMPONENT_TYPE) == _FLOAT:
+        return
+    kind = "sRGB" if asked(_ENCODING) in _SRGB else _KINDS.get(asked(_COMPONENT_TYPE), "integer")
+    raise ValueError(f"target: its first attachment is {kind}; linear radiance needs floats, such as RGBA16F")
 
 
 def _attached(gl: Functions, target: moderngl.Framebuffer) -> set[int]:

@@ -150,6 +150,10 @@ def test_what_light_cannot_be_added_to_or_with_is_named(gl, ready):
         (gl.framebuffer(made(gl, size=HALF)), "target: 48 x 32 px, needed are the 96 x 64 px"),
         (gl.framebuffer(depth_attachment=gl.depth_texture(SIZE)), "target: has no colour attachment"),
         (made(gl), "target: a moderngl.Framebuffer is needed, got Texture"),
+        (gl.framebuffer(gl.renderbuffer(SIZE, samples=4, dtype="f2")), "target: has 4 samples per pixel"),
+        (gl.framebuffer(gl.renderbuffer(SIZE)), "target: its first attachment is unsigned; linear radiance needs"),
+        (gl.framebuffer(gl.texture(SIZE, 4, internal_format=0x8C43)), "target: its first attachment is sRGB"),
+        (gl.framebuffer(made(gl, 4, "u1")), "target: its first attachment is integer"),
     ):
         with pytest.raises(ValueError, match=f"^{message}"):
             light.add(other, albedo)
