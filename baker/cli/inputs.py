@@ -194,6 +194,14 @@ def choose_camera(scene: Scene, options: argparse.Namespace) -> Camera:
     return camera if options.fov is None else replace(camera, yfov=np.radians(options.fov))
 
 
+def warn_unless_seen(depth: np.ndarray, progress: Progress) -> None:
+    """Warn if nothing is seen in a picture whose depth (H, W) is 0 where there is no surface."""
+    if not depth.any():
+        progress.warn(
+            "the camera sees no surface: it is elsewhere, or looks elsewhere (+Y is up, lengths are in metres)"
+        )
+
+
 def _camera_at(eye: np.ndarray, target: np.ndarray, diagonal: float) -> Camera:
     """A camera at `eye` (3,) that looks at `target` (3,), upright; straight down, -Z is on top, straight up, +Z."""
     from gsgi.baker.views.camera_path import ACROSS_MIN, near_plane

@@ -76,7 +76,8 @@ class Document:
             raise buffer.refuse("a uri, or the first buffer of a GLB with a BIN chunk", "neither", Code.MISSING)
         data = self.uri(buffer.get("uri")) if "uri" in buffer else self.binary
         if length > len(data):
-            raise buffer.refuse(f"{length} bytes", f"{len(data)}", Code.BOUNDS)
+            source = buffer.get("uri").string() if "uri" in buffer else "the BIN chunk"
+            raise buffer.refuse(f"{length} bytes in {source:.60}", f"{len(data)}", Code.BOUNDS)
         return memoryview(data)[:length]
 
 

@@ -78,7 +78,7 @@ def read_document(document: Document, transparency: str) -> Scene:
     if not scene.meshes:
         # All surfaces may have been left out. The error says why, since the scene's warnings are lost.
         why = next((f": {problem.message}" for problem in document.problems if problem.code in LEFT_OUT), "")
-        got = f"none that can be seen{why}" if why else "none"
+        got = f"none that can be seen{why}" if why else "none with an area"
         raise SceneError(f"{document.path}: expected a scene with triangles, got {got}", Code.NO_TRIANGLES)
     warn_of_metal(document, scene)
     warn_of_size(document, scene)

@@ -52,7 +52,7 @@ def run(options: argparse.Namespace) -> None:
     blends = scene.blended and options.layer == "final"
     progress.say(check_picture(options.size, PER_BLENDED_PIXEL if blends else PER_TRACED_PIXEL))
     with progress.stage("trace", _points(options.layer, scene, options.size), "points") as advance:
-        layer = _traced(options, scene, camera, advance)
+        layer = _traced(options, scene, camera, progress, advance)
     write_layer(options.output, options.layer, layer, options.exposure)
     console.close(wrote(options, progress))
 
@@ -65,8 +65,9 @@ def _points(layer: str, scene, size: tuple[int, int]) -> int:
     return 2 * surfaces.get(layer, 0) * size[0] * size[1]
 
 
-def _traced(options: argparse.Namespace, scene, camera, advance):
+def _traced(options: argparse.Namespace, scene, camera, progress, advance):
     """Trace what the layer needs, and no more: (H, W, 3) float32, depth (H, W)."""
+    from gsgi.baker.cli.inputs import warn_unless_seen
     from gsgi.baker.trace import reference
     from gsgi.baker.trace.blended import BlendedView
     from gsgi.baker.trace.tracer import Tracer
@@ -74,6 +75,7 @@ def _traced(options: argparse.Namespace, scene, camera, advance):
     tracer = Tracer(scene)
     view = BlendedView(tracer, scene, camera, *options.size)
     surface, paths = view.solid, (options.samples, options.seed)
+    warn_unless_seen(surface.depth, progress)
     if options.layer == "final":
         return view.final(*paths, options.denoise, advance)
     if options.layer == "indirect":

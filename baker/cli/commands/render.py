@@ -37,7 +37,7 @@ def run(options: argparse.Namespace) -> None:
     """Draw and write the layer."""
     from gsgi.baker.cli.baked_light import read_light, read_weights
     from gsgi.baker.cli.console import Console
-    from gsgi.baker.cli.inputs import choose_camera, read_scene, wrote
+    from gsgi.baker.cli.inputs import choose_camera, read_scene, warn_unless_seen, wrote
     from gsgi.baker.evaluation.pictures import write_layer
     from gsgi.baker.memory import PER_DRAWN_PIXEL, check_picture
     from gsgi.baker.progress import Progress
@@ -67,8 +67,9 @@ def run(options: argparse.Namespace) -> None:
     progress.say(memory)
     frame = scene, baked, camera, *options.size, options.backend, options.device
     with progress.stage("draw"):
-        layer = draw(*frame, progress.say, [options.layer], weights)[options.layer]
-    write_layer(options.output, options.layer, layer, options.exposure)
+        layers = draw(*frame, progress.say, [options.layer, "depth"], weights)
+    warn_unless_seen(layers["depth"], progress)
+    write_layer(options.output, options.layer, layers[options.layer], options.exposure)
     console.close(wrote(options, progress))
     if options.profile:
         print_costs(*costs(*frame))

@@ -402,6 +402,14 @@ def test_a_reference_traces_no_more_than_its_layer_needs(monkeypatch, capsys, tm
     assert read_image(tmp_path / "x.exr").any()
 
 
+@pytest.mark.parametrize("command", [["render"], ["reference", "--samples", "2"]])
+def test_a_camera_that_sees_nothing_is_said(capsys, tmp_path, gl, command):
+    where = ["-o", str(tmp_path / "x.png"), "--size", "16x16", "--eye", "0,1,3", "--target"]
+    for target, warnings in (("0,1,9", 1), ("0,1,0", 0)):
+        assert main.run([*command, CORNELL, *where, target, "-q"]) == 0
+        assert capsys.readouterr().err.count("the camera sees no surface: ") == warnings
+
+
 def test_render_and_reference_write_the_normal_that_a_map_bends(tmp_path, gl):
     document, data = quad_scene()
     document["materials"][0]["normalTexture"] = {"index": 0}

@@ -131,7 +131,7 @@ def test_modes(read, mode, index, expected):
 def test_too_few_indices_draw_nothing(read, mode, count):
     document, data = quad_scene()
     document["accessors"][3]["count"] = count
-    with pytest.raises(SceneError, match="expected a scene with triangles, got none"):
+    with pytest.raises(SceneError, match="expected a scene with triangles, got none with an area"):
         read(put(document, f"{PRIMITIVE}/mode", mode), data)
 
 

@@ -147,7 +147,7 @@ def test_scenes_without_triangles(tmp_path):
     document["materials"].append({"alphaMode": "BLEND"})  # which nothing uses
     path = write(tmp_path / "a.glb", put(document, "/scenes/0/nodes", []), data)
     assert found(path) == {"": Code.NO_TRIANGLES}
-    assert validate(path)[0].message == "expected a scene with triangles, got none"
+    assert validate(path)[0].message == "expected a scene with triangles, got none with an area"
 
 
 def test_only_what_is_used_is_warned_of(tmp_path):
