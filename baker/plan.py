@@ -143,6 +143,12 @@ class Plan:
         return self.pilot.samples(self.sampling)
 
     @property
+    def fit_steps(self) -> int:
+        """Number of steps of the fit; after an edit, a share of all."""
+        most = self.settings.iterations
+        return max(round(surface_budget.EDITED_STEPS * most), 1) if self.start else most
+
+    @property
     def connected_samples(self) -> float:
         """The same with `surface` where paths are connected to lit places."""
         error = self.settings.error / surface_budget.CONNECTED_NOISE

@@ -98,7 +98,7 @@ def _surface_rows(plan: Plan) -> list[tuple[str, str, str]]:
             f"{until}: about {plan.samples:.0f} per sample{fewer}",
         ),
         ("free space", f"{plan.free_paths / 1e6:.1f} M", "paths from points in free space, for the coarse level"),
-        ("fit", f"{s.iterations} steps", f"each step uses all samples{_search(plan)}"),
+        ("fit", f"{plan.fit_steps} steps", f"with half of the samples at first, then with all{_search(plan)}"),
         *_group_rows(plan),
     ]
 
@@ -126,6 +126,6 @@ def summary(plan: Plan) -> str:
         traced = f"{plan.points} surface points in {views} views, about {plan.samples:.0f} paths each"
     gaussians = _range(s.budget, plan.most_gaussians)
     return (
-        f"plan: {s.operator}, {s.bounces} bounces, {traced}, {gaussians} Gaussians, {s.iterations} fit steps, "
+        f"plan: {s.operator}, {s.bounces} bounces, {traced}, {gaussians} Gaussians, {plan.fit_steps} fit steps, "
         f"{plan.memory / 1e9:.1f} GB"
     )

@@ -65,10 +65,6 @@ SPACING_MIN = 1e-6  # m; points can coincide
 # one room, but blurred a hall.
 STEPPED_FLOOR = 1.5
 
-# Steps after an edit, as a share of all, at the last rates. Twice as many and larger ones changed the SSIM of frames by
-# 0.0003 at most, after a chair or all furniture of a house had moved.
-AGAIN = 0.05
-
 BADLY_FITTED = 4  # least samples with errors for each Gaussian that is added among them
 
 
@@ -138,15 +134,15 @@ def fit_again(
 ) -> Gaussians:
     """Fit the fine level of a scene after an edit: the Gaussians `before` it, as the samples now want them.
 
-    Those that hardly any sample sees now make room for others where the light is badly fitted. A share AGAIN of the
-    schedule's steps follows, then a cut at occluders. It takes too little time for a checkpoint. The rest is as in
+    Those that hardly any sample sees now make room for others where the light is badly fitted. The schedule's steps
+    follow, at the last rates, then a cut at occluders. It takes too little time for a checkpoint. The rest is as in
     `fit_surface`.
     """
     surface, samples, against, occlusion = _tools(surface, free, coarse, blend, schedule.budget, triangles)
     optimiser = against(slice(None))
     state = SurfaceState.fresh(optimiser.solve(as_bumpy_as(samples, before)))
     state = changed(state, schedule.budget, optimiser, surface, np.random.default_rng(schedule.seed))
-    for iteration in range(round(AGAIN * schedule.iterations)):
+    for iteration in range(schedule.iterations):
         state = _stepped(state, optimiser, RATE_END, iteration, monitor)
     return finished(state.gaussians, optimiser, occlusion, blend)
 

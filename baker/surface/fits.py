@@ -47,7 +47,7 @@ class SurfaceFits:
         plan = self.plan
         surface, free = self.samples(budget)
         start = time.perf_counter()
-        with self.progress.stage("fit", plan.settings.iterations, "iterations") as advance:
+        with self.progress.stage("fit", plan.fit_steps, "iterations") as advance:
             if (more := plan.gaussians(budget)) > budget:
                 self.progress.say(f"light varies more than shapes: at most {more} Gaussians instead of {budget}")
             coarse = self.coarse(budget, free)
@@ -174,8 +174,8 @@ class SurfaceFits:
     ) -> tuple[Gaussians, tuple]:
         from .fit import fit_again, fit_surface
 
-        plan, settings = self.plan, self.plan.settings
-        schedule = Schedule(budget, settings.iterations, settings.seed)
+        plan = self.plan
+        schedule = Schedule(budget, plan.fit_steps, plan.settings.seed)
         make, task = fit_surface, (surface, free, coarse, plan.blend, schedule)
         if plan.start:
             make, task = fit_again, (*task, plan.start.gaussians)
@@ -188,5 +188,5 @@ class SurfaceFits:
             lambda *tools: make(*task, *tools, plan.triangles),
         )
         if history is None:
-            advance(settings.iterations, "from the cache")
+            advance(plan.fit_steps, "from the cache")
         return gaussians, history or ()

@@ -48,6 +48,7 @@ def test_an_update_says_what_has_changed_and_what_it_kept(folder, capsys):
     first = updated(folder, scene, "new.gsgi", "--json")
     out, err = capsys.readouterr()
     assert "changed: material" in err
+    assert ", 1 fit steps" in err  # a twentieth
     for kind in ("known light", "samples", "references"):
         assert f"{kind}, " in err
     kept = json.loads(out)["kept"]
