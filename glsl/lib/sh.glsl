@@ -10,19 +10,21 @@ void sh_basis(vec3 d, out float basis[SH_COUNT]) {
     // Kerbl et al. 2023
     basis[0] = SH_C0;
 #if SH_DEGREE > 0
-    basis[1] = -SH_C1 * d.y;
-    basis[2] = SH_C1 * d.z;
-    basis[3] = -SH_C1 * d.x;
+    vec3 first = SH_C1 * d;
+    basis[1] = -first.y;
+    basis[2] = first.z;
+    basis[3] = -first.x;
 #endif
 #if SH_DEGREE > 1
-    float xx = d.x * d.x, yy = d.y * d.y, zz = d.z * d.z;
-    basis[4] = SH_C2_0 * d.x * d.y;
-    basis[5] = -SH_C2_0 * d.y * d.z;
-    basis[6] = SH_C2_1 * (2.0 * zz - xx - yy);
-    basis[7] = -SH_C2_0 * d.x * d.z;
-    basis[8] = SH_C2_2 * (xx - yy);
+    vec3 second = SH_C2_0 * d, squares = d * d;
+    basis[4] = second.x * d.y;
+    basis[5] = -second.y * d.z;
+    basis[6] = SH_C2_1 * (2.0 * squares.z - squares.x - squares.y);
+    basis[7] = -second.x * d.z;
+    basis[8] = SH_C2_2 * (squares.x - squares.y);
 #endif
 #if SH_DEGREE > 2
+    float xx = squares.x, yy = squares.y, zz = squares.z;
     basis[9] = -SH_C3_0 * d.y * (3.0 * xx - yy);
     basis[10] = SH_C3_1 * d.x * d.y * d.z;
     basis[11] = -SH_C3_2 * d.y * (4.0 * zz - xx - yy);

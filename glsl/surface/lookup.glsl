@@ -96,8 +96,9 @@ vec4 read_level(
     return sums;
 }
 
-// sum w c and sum w of both levels, combined, at a point in world space (m) with a normal of any length. `mapped`: the
-// normal as a normal map bends it, of any length; 0: no map does. `free`: of the coarse level alone.
+// sum w c and sum w of both levels, combined, at a point in world space (m) with a normal of any length but 0, where all
+// is dark. `mapped`: the normal as a normal map bends it, of any length; 0: no map does. `free`: of the coarse level
+// alone.
 vec4 look_up(
     highp sampler2D gaussians, highp usampler2D cells, highp usampler2D lists, vec3 position, vec3 normal, vec3 mapped,
     bool free) {
@@ -105,7 +106,8 @@ vec4 look_up(
     float weight_floor = free ? 1.0 : fetch_data(gaussians, FLOOR_TEXEL).x;
     Reader reader;
     reader.x = position - origin.xyz;
-    reader.n = dot(normal, normal) > 0.0 ? normalize(normal) : vec3(0.0);
+    if (!(dot(normal, normal) > 0.0)) return vec4(0.0);
+    reader.n = normalize(normal);
     vec3 bent = dot(mapped, mapped) > 0.0 ? normalize(mapped) : reader.n;
     reader.bend = bent - reader.n;
     reader.cutoff = origin.w;

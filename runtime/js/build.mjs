@@ -117,7 +117,7 @@ function shortened(source) {
     const flat = locals
         .replace(STRUCT, (text) => text.replace(/(?<= )\w+(?=;|\[)/g, (name) => members.get(name) ?? name))
         .replace(/(?<=\.)\w{3,}\b/g, (name) => members.get(name) ?? name);
-    const seen = [...COUNTS, ...TEXTURES, "indirect"].map((name) => `gsgi_${name}`); // what hosts name
+    const seen = [...COUNTS, ...TEXTURES, "indirect", "indirect_free"].map((name) => `gsgi_${name}`); // what hosts name
     const ours = shortNames(found(/(gsgi_\w+)/g, flat).filter((name) => !seen.includes(name)), flat);
     COUNTS.forEach((name, i) => ours.set(`gsgi_${name}`, i)); // lookupSource() puts the counts in the place of numbers
     return flat.replace(/gsgi_\w+/g, (name) => ours.has(name) ? `gsgi_${ours.get(name)}` : name);
@@ -136,7 +136,7 @@ function rounded(source) {
 
 function shaders() {
     const whole = bare(expanded("surface/gsgi_indirect.glsl"));
-    const ours = prefixed(needed(bound(resolved(whole)), ["gsgi_indirect"]));
+    const ours = prefixed(needed(bound(resolved(whole)), ["gsgi_indirect", "gsgi_indirect_free"]));
     // A $, which no name has, stands for the prefix.
     const lookup = merged(packed(shortened(inlined(rounded(ours))))).replaceAll("gsgi_", "$");
     const value = (name) => new RegExp(`#define ${name} +(\\S+)`).exec(whole)[1];

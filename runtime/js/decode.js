@@ -20,7 +20,7 @@ export function decode(data) {
     const bytes = new Uint8Array(data.buffer ?? data, data.byteOffset, data.byteLength);
     const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength), surface = bytes[12] === 1;
     const u16 = (byte) => view.getUint16(byte, true), u32 = (byte) => view.getUint32(byte, true);
-    expect(bytes.length >= HEADER_BYTES && u32(0) === MAGIC, 0);
+    expect(bytes.length >= HEADER_BYTES && u32(0) === MAGIC, 0, "no .gsgi file");
     expect(u16(4) === VERSION, 4, `not version ${VERSION}`);
     expect(u16(6) === HEADER_BYTES && bytes[12] < 2 && !(u16(14) & ~EFFECT_BITS) && !u16(18), 6);
     const levels = [readLevel(bytes, view, FINE)];

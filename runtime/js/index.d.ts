@@ -81,8 +81,9 @@ export function shCounts(bake: SurfaceBake): [fine: number, coarse: number, reli
 
 /**
  * GLSL ES 3.00 of `vec3 PREFIXindirect(vec3 position, vec3 normal)` for bakes with these counts, and of the same with
- * `vec3 mapped` behind: the normal as a normal map bends it, which the light follows where the file says how. Its uniforms are PREFIXgaussians (sampler2D), PREFIXcells and PREFIXlists (usampler2D). The prefix is "gsgi_" unless
- * it is given.
+ * `vec3 mapped` behind: the normal as a normal map bends it, which the light follows where the file says how.
+ * `PREFIXindirect_free(position, normal)` is for what was not in the scene when it was baked, and moves. Its uniforms
+ * are PREFIXgaussians (sampler2D), PREFIXcells and PREFIXlists (usampler2D). The prefix is "gsgi_" unless it is given.
  */
 export function lookupSource(shCounts: [fine: number, coarse: number, relief?: number], prefix?: string): string;
 

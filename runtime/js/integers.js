@@ -67,7 +67,7 @@ export function openStreams(bytes, begin, end) {
         },
 
         /** Codes (n, 3) of colours, from -most to most: red and blue are stored less green, or not at all if `grey`. */
-        readColours(n, most, grey) {
+        colours(n, most, grey) {
             const green = read(n), others = grey || read(2 * n);
             return new Int32Array(3 * n).map((_, i) => {
                 const from = i / 3 | 0, channel = i % 3;

@@ -78,7 +78,7 @@ export function readLight(streams, { count, degree, basis }, [lightSteps, shStep
     });
     for (let band = 1; band <= degree; ++band) {
         const size = 3 * (2 * band + 1);
-        streams.readColours(size / 3 * count, SH_CODE_MAX, ofGroup && band > 1).forEach((code, i) => {
+        streams.colours(size / 3 * count, SH_CODE_MAX, ofGroup && band > 1).forEach((code, i) => {
             const first = 3 * k * floor(i / size);
             const unit = ofGroup ? sh[first + i % 3] : max(...sh.subarray(first, first + 3));
             sh[first + 3 * band * band + i % size] = Math.fround(code / shSteps) * unit;

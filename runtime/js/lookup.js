@@ -16,7 +16,8 @@ export function texelCount({ shDegree, relief }) {
 
 /**
  * GLSL of `vec3 PREFIXindirect(vec3 position, vec3 normal)` for bakes with these counts, and of the same with
- * `vec3 mapped` behind, the normal as a normal map bends it.
+ * `vec3 mapped` behind, the normal as a normal map bends it. `PREFIXindirect_free(position, normal)` is for what was not
+ * in the scene when it was baked, and moves: close to a baked surface the other has the light of that surface.
  *
  * Position (m) and normals, of any length, are in the world space of the bake. All names begin with `prefix`, so that
  * several bakes can be read in one shader. The uniforms are PREFIXgaussians, a sampler2D, PREFIXcells and PREFIXlists,

@@ -7,7 +7,7 @@ import { SH_C0 } from "./level.js";
 export function decodeRelief(bytes, [begin, end], { count, shDegree, sh }) {
     const steps = begin < end && bytes[begin], stride = 3 * (shDegree + 1) ** 2;
     expect(steps, begin);
-    const streams = openStreams(bytes, begin + 1, end), codes = streams.readColours(3 * count, RELIEF_CODE_MAX);
+    const streams = openStreams(bytes, begin + 1, end), codes = streams.colours(3 * count, RELIEF_CODE_MAX);
     streams.finish();
     return Float32Array.from(codes, (code, i) => {
         const first = stride * (i / 9 | 0);

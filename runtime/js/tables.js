@@ -16,7 +16,7 @@ const { hypot, max, min } = Math;
  * Gaussians than textures of `maxSize` rows hold.
  */
 export function lookupTables(bake, maxSize = 2048) {
-    if (bake.operator !== "surface") throw new RangeError('only light of "surface" can be looked up');
+    if (bake.operator !== "surface") throw new RangeError('this needs light of "surface"');
     const { sharpness, cutoff, floor } = bake.blend, origin = originOf(bake).map(Math.fround);
     const radius = Math.sqrt(-2 * Math.log(cutoff));
     const header = [], texels = Array(4 * HEADER_TEXELS), cells = [], lists = [0]; // no list begins at 0

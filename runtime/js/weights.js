@@ -20,7 +20,7 @@ export function weighted(bake, weights) {
     const names = groupNames(bake), factors = new Map(names.map((name) => [name, [1, 1, 1]]));
     for (const [name, weight] of Object.entries(weights)) {
         const three = (weight?.[Symbol.iterator] ? [...weight] : [weight, weight, weight]).map(f);
-        if (!factors.has(name)) throw new RangeError(`the bake has no light group "${name}": it has ${names.join(", ") || "none"}`);
+        if (!factors.has(name)) throw new RangeError(`no light group "${name}": there is ${names.join(", ") || "none"}`);
         if (three.length !== 3 || !three.every((each) => each >= 0 && each <= 1e15))
             throw new RangeError(`the weight of "${name}" must be one or three numbers from 0 to 1e15`);
         factors.set(name, three);

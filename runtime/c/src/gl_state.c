@@ -39,8 +39,8 @@ static const GLenum unpack[8] = {GL_UNPACK_SWAP_BYTES,   GL_UNPACK_LSB_FIRST,   
                                  GL_UNPACK_IMAGE_HEIGHT, GL_UNPACK_ALIGNMENT};
 #define UNPACK_ALIGNMENT 7
 
-static bool has(const gsgi__gl* gl, where where) {
-    switch (where) {
+static bool has(const gsgi__gl* gl, where contexts) {
+    switch (contexts) {
         case ANYWHERE:
             return true;
         case DESKTOP:

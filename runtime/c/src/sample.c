@@ -33,7 +33,7 @@ static void sh_basis(const float d[3], float basis[9]) {
 static void add_gaussian(const gsgi__level* level, const gsgi__kernel* kernel, size_t i, const gsgi_info* info,
                          uint32_t sharpness, const point* at, float sums[4]) {
     const float *n = at->n, *basis = at->basis;
-    float offset[3], e[3], light[3] = {0.0f, 0.0f, 0.0f}, squares = 0.0f;
+    float offset[3], e[3], light[3], squares = 0.0f;
     for (int k = 0; k < 3; ++k) offset[k] = at->place[k] - kernel->center[k];
     for (int j = 0; j < 3; ++j) {
         const float* axis = kernel->whiten[j];
@@ -53,12 +53,14 @@ static void add_gaussian(const gsgi__level* level, const gsgi__kernel* kernel, s
     const float* sh = level->sh.texels + i * level->sh.floats;
     const float limit = (float)(HALF_MAX / SH_C0);
     const uint32_t coefficients = (level->sh_degree + 1) * (level->sh_degree + 1);
-    for (uint32_t k = 0; k < coefficients; ++k)
+    float constant[3];
+    for (int c = 0; c < 3; ++c) light[c] = basis[0] * (constant[c] = clamped(sh[c], -limit, limit));
+    for (uint32_t k = 1; k < coefficients; ++k)
         for (int c = 0; c < 3; ++c) light[c] += basis[k] * clamped(sh[3 * k + c], -limit, limit);
     if (level->sloped) {
         const float* slope = level->slope.texels + 4 * i;
         const float along[2] = {clamped(slope[0], -1.0f, 1.0f), clamped(slope[1], -1.0f, 1.0f)};
-        for (int c = 0; c < 3; ++c) light[c] += (along[0] * e[0] + along[1] * e[1]) * basis[0] * sh[c];
+        for (int c = 0; c < 3; ++c) light[c] += (along[0] * e[0] + along[1] * e[1]) * basis[0] * constant[c];
     }
     const gsgi__texels* relief = &level->relief;
     for (uint32_t k = 0; k < relief->floats; k += 4)

@@ -136,10 +136,12 @@ def test_the_look_up_reads_the_light_that_python_reads(gl, context, library, nam
 def test_light_at_points_is_that_of_python(library, sampling):
     decoded, opened = codec.decode(ROOM), library.opened(ROOM, sampling)
     position, normal = points(500)
-    for weights in (WEIGHTS, {"base": 0}, {}):
+    beyond_halves = {"base": 1e5, "lamps": 1e6}
+    for weights in (WEIGHTS, {"base": 0}, beyond_halves, {}):
         assert library.weigh(opened, factors_of(decoded, weights)) == OK
         expected = sample(decoded, position, normal, weights)
-        np.testing.assert_allclose(library.sample(opened, position, normal), expected, rtol=1e-4, atol=1e-5)
+        atol = 1e-1 if weights is beyond_halves else 1e-5
+        np.testing.assert_allclose(library.sample(opened, position, normal), expected, rtol=1e-4, atol=atol)
         assert (expected > 0.01).mean() > 0.1
     library.close(opened)
 

@@ -40,8 +40,7 @@ def test_a_program_finds_the_installed_library(shared_build, tmp_path, shared):
     if shutil.which("pkg-config") is None:
         pytest.skip("pkg-config is not installed")
     environment = os.environ | {"PKG_CONFIG_PATH": str(prefix / "lib" / "pkgconfig")}
-    static = [] if shared else ["--static"]
-    find = ["pkg-config", "--cflags", "--libs", *static, "gsgi"]
+    find = ["pkg-config", "--cflags", "--libs", "gsgi"]
     flags = shlex.split(subprocess.run(find, env=environment, check=True, capture_output=True, text=True).stdout)
     subprocess.run(["cc", "program.c", *flags, "-o", "by_pkg_config"], cwd=program, check=True)
     libraries = os.environ | {"LD_LIBRARY_PATH": str(prefix / "lib")}

@@ -64,6 +64,17 @@ def test_light_follows_normal_maps(gl, degree, sloped):
     assert np.abs(light - unbent).mean() > 0.02
 
 
+@pytest.mark.parametrize("free", [False, True])
+def test_normals_that_point_nowhere_get_no_light(gl, free):
+    bake = Bake(gaussians(60, 4), SurfaceBlend(floor=0.5), coarse=gaussians(20, 9, seed=7))
+    position, _ = points(90)
+    for nowhere in (0, np.nan):
+        normal = np.full_like(position, nowhere)
+        np.testing.assert_array_equal(read(gl, bake, position, normal, free=free), 0)
+        np.testing.assert_array_equal(gsgi.sample(bake, position, normal, free=free), 0)
+    assert read(gl, bake, position, position, free=free).any()
+
+
 def test_without_relief_no_texel_is_added():
     fine, coarse = gaussians(60, 4), gaussians(20, 9)
     bake = Bake(fine, SurfaceBlend(), coarse=coarse)

@@ -47,12 +47,12 @@ test("a file of another version says so", () => {
 test("weights that cannot be are refused", () => {
     const bake = decode(readFileSync(`${folder}/light_groups.gsgi`));
     assert.deepEqual(groupNames(bake), ["base", "lamps", "sky"]);
-    assert.throws(() => weighted(bake, { lamp: 1 }), /RangeError: the bake has no light group "lamp": it has base, lamps, sky$/);
+    assert.throws(() => weighted(bake, { lamp: 1 }), /RangeError: no light group "lamp": there is base, lamps, sky$/);
     for (const weight of [-1, NaN, 2e15, [1, 1], [1, 1, -1], "x", undefined])
         assert.throws(() => weighted(bake, { lamps: weight }), /RangeError: the weight of "lamps"/);
     const plain = decode(readFileSync(`${folder}/empty.gsgi`));
     assert.deepEqual(groupNames(plain), []);
-    assert.throws(() => weighted(plain, { base: 0.5 }), /it has none/);
+    assert.throws(() => weighted(plain, { base: 0.5 }), /there is none$/);
 });
 
 test("every prefix is refused", () => {
@@ -60,6 +60,11 @@ test("every prefix is refused", () => {
     for (let length = 0; length < whole.length; ++length)
         assert.throws(() => decode(whole.subarray(0, length)), FormatError);
     assert.throws(() => decode(Buffer.concat([whole, Buffer.of(0)])), FormatError);
+});
+
+test("what is no file of ours is said to be none", () => {
+    const page = new TextEncoder().encode(`<!doctype html>${" ".repeat(99)}`);
+    assert.throws(() => decode(page), /^FormatError: byte 0: no .gsgi file$/);
 });
 
 test("a prefix of millions of bits is refused", () => {

@@ -97,7 +97,7 @@ def test_light_groups_are_weighed(found):
     np.testing.assert_allclose(red, EVEN * [1, 0, 0], rtol=half_step)
     np.testing.assert_allclose(cloned, EVEN + OTHER / 4, rtol=half_step)
     assert found["weights"] == [{"base": 0.25, "lamps": 1}] * 2
-    assert found["unknown"] == 'RangeError: the bake has no light group "lamp": it has base, lamps'
+    assert found["unknown"] == 'RangeError: no light group "lamp": there is base, lamps'
 
 
 @pytest.mark.parametrize(("number", "side"), [(0, 1), (1, -1)])
