@@ -1,6 +1,6 @@
 """Screenshot tests: check that a scene still looks the same. Copy this file into your tests and point SCENE at yours.
 
-    pip install 'gsgi[test]'
+    pip install '.[test]'    # in a copy of gsgi
     pytest --gsgi-update 05_screenshot_test.py    # draw the golden images; look at them and commit them
     pytest 05_screenshot_test.py                  # compare; a failure says by how much and writes gsgi-report/
 

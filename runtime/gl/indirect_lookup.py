@@ -35,7 +35,7 @@ class IndirectLookup:
     def __init__(self, ctx: moderngl.Context, bake: Bake):
         check_operator(bake)
         self.ctx, self.sh_counts, self.source = ctx, sh_counts(bake), lookup_source(bake)
-        self._bake, self._weights = bake, factors_of(bake, {})
+        self._bake, self._weights, self._released = bake, factors_of(bake, {}), False
         state = HostState(ctx)
         with state.kept():
             self.textures = LookupTextures(ctx, lookup_tables(bake))
@@ -48,6 +48,7 @@ class IndirectLookup:
 
     @weights.setter
     def weights(self, weights: Weights) -> None:
+        self._check_not_released()
         factors = factors_of(self._bake, weights)
         if factors == self._weights:
             return
@@ -62,12 +63,25 @@ class IndirectLookup:
         set_uniforms(program, **self.use(unit))
 
     def use(self, unit: int) -> dict[str, int]:
-        """Bind the three textures to the units from `unit` on; return the uniforms that say so."""
+        """Bind the three textures to the units from `unit` on; return the uniforms that say so.
+
+        Raises ValueError for units that the driver does not have, and RuntimeError after release().
+        """
+        self._check_not_released()
+        last = self.ctx.info["GL_MAX_COMBINED_TEXTURE_IMAGE_UNITS"] - 3
+        if not 0 <= unit <= last:
+            raise ValueError(f"unit: expected the first of three texture units, 0 to {last}, got {unit!r}")
         return {f"gsgi_{name}": number for name, number in self.textures.use(unit).items()}
 
     def release(self) -> None:
-        """Free the GPU memory."""
-        self.textures.release()
+        """Free the GPU memory. A second call does nothing."""
+        if not self._released:
+            self.textures.release()
+        self._released = True
+
+    def _check_not_released(self) -> None:
+        if self._released:
+            raise RuntimeError("IndirectLookup: it was released")
 
 
 def lookup_source(bake: Bake) -> str:

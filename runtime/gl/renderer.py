@@ -151,9 +151,10 @@ class DeferredRenderer:
         "final" and "primary" are radiance, and hold the environment's radiance where there is no surface. The others
         are 0 there. Partly transparent surfaces are in "final" alone; without a bake "primary" is the same. "indirect":
         B; "albedo"; "normal": shading normal as bent by the normal map, world space, unit; "depth": distance along the
-        view axis, m. Raises RuntimeError before the first frame of this size.
+        view axis, m. Raises ValueError for another layer, and RuntimeError before the first frame of this size.
         """
-        assert layer in LAYERS, layer
+        if layer not in LAYERS:
+            raise ValueError(f"layer: expected one of {', '.join(LAYERS)}, got {layer!r}")
         self._check_drawn()
         depth = pixels(self.gbuffer.depth)[..., 0]
         if layer == "depth":

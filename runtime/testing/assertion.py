@@ -9,13 +9,16 @@ from pathlib import Path
 import numpy as np
 
 from gsgi.runtime.display import to_uint8
+from gsgi.runtime.errors import FileError
 from gsgi.runtime.image import read_image, write_image
 
 from .comparison import Difference, Tolerance, as_image, compare, pixel_hash, shown
 from .driver import Driver
 from .golden import Golden, golden_of
-from .message import differs, missing, other_size
+from .message import differs, missing, other_size, unreadable
 from .record import PROPERTY, UPDATE, Record
+
+ADVICE = "If this is as it should be: run again with --gsgi-update, look at the golden image, and commit it."
 
 
 @dataclass(frozen=True, repr=False)  # pytest prints fixtures, and would print this one as one long line
@@ -43,14 +46,15 @@ class ScreenshotAssertion:
         image is linear and has an .exr. Equal pixels pass at once. Other images pass if the mean FLIP error is at most
         `max_flip` and a share of at most `max_ratio` of the pixels differs by more than `max_difference`. For uint8
         that is a fraction of the whole range; for floats, of the golden value or the mean of all golden values,
-        whichever is greater. A missing golden image fails. With --gsgi-update, an image that would fail becomes the
-        golden image. Raises UsageError for an invalid image or name.
+        whichever is greater. A golden image that is missing or cannot be read fails. With --gsgi-update, an image that
+        would fail becomes the golden image. Raises UsageError for an invalid image or name, and FileError for a golden
+        image that cannot be written.
         """
         __tracebackhide__ = True
         actual = as_image(image)
         golden = golden_of(self.file, name, ".png" if actual.dtype == np.uint8 else ".exr")
         used = next((path for path in golden.candidates(self.driver.key, self.driver.family) if path.is_file()), None)
-        expected = None if used is None else _read(used)
+        expected, problem = _read(used) if used else (None, "")
         if expected is not None and pixel_hash(actual) == pixel_hash(expected):
             return self._record(golden, used, "equal")
         difference, figures = None, {}
@@ -64,12 +68,19 @@ class ScreenshotAssertion:
             return self._record(golden, self._write(actual, golden, used), "written", figures)
         if used is None:
             text = missing(name, [self._told(p) for p in golden.candidates(self.driver.key, self.driver.family)])
+        elif problem:
+            text = unreadable(name, problem)
         elif difference is None:
             text = other_size(name, self._told(used), actual, expected)
         else:
             text = differs(name, self._told(used), self.driver, actual, expected, difference, tolerance)
-        pictures = self._save(name, actual, expected, difference)
-        text = "\n".join([text, *self._places(pictures)])
+        try:
+            pictures = self._save(name, actual, expected, difference)
+        except (FileError, OSError) as error:
+            pictures, places = {}, [f"  no pictures: {error}; --gsgi-report DIR puts them elsewhere"]
+        else:
+            places = self._places(pictures)
+        text = "\n".join([text, *places, ADVICE])
         self._record(golden, used, "failed", figures, text, pictures)
         raise AssertionError(text)
 
@@ -78,8 +89,11 @@ class ScreenshotAssertion:
         assert self.update in UPDATE, self.update
         own = {"driver": self.driver.key, "family": self.driver.family}.get(self.update)
         path = golden.path(own) if own else used or golden.path()
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_image(path, _stored(actual))
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_image(path, _stored(actual))
+        except OSError as error:
+            raise FileError(f"{self._told(path)}: cannot write: {error.strerror}") from None
         return path
 
     def _save(
@@ -107,8 +121,7 @@ class ScreenshotAssertion:
 
     def _places(self, pictures: dict[str, str]) -> list[str]:
         places = pictures | {"report": self._told(self.output / "report.html")}
-        advice = "If this is as it should be: run again with --gsgi-update, look at the golden image, and commit it."
-        return [*(f"  {what:<16} {path}" for what, path in places.items()), advice]
+        return [f"  {what:<16} {path}" for what, path in places.items()]
 
     def _record(
         self, golden: Golden, used: Path | None, outcome: str, figures=None, text: str = "", pictures=None
@@ -123,10 +136,13 @@ class ScreenshotAssertion:
         return (path.relative_to(self.root) if inside else Path(os.path.abspath(path))).as_posix()
 
 
-def _read(path: Path) -> np.ndarray:
-    """A golden image, (H, W, 3) uint8 or float32."""
-    pixels = read_image(path)
-    return to_uint8(pixels) if path.suffix == ".png" else pixels
+def _read(path: Path) -> tuple[np.ndarray | None, str]:
+    """A golden image, (H, W, 3) uint8 or float32, and ""; or None, and why it cannot be read."""
+    try:
+        pixels = read_image(path)
+    except FileError as error:
+        return None, str(error)
+    return (to_uint8(pixels) if path.suffix == ".png" else pixels), ""
 
 
 def _stored(image: np.ndarray) -> np.ndarray:

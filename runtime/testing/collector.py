@@ -20,6 +20,7 @@ class Collector:
     def __init__(self, config: pytest.Config, output: Path):
         self.root, self.output = config.rootpath, output
         self.records: list[Record] = []
+        self.unreported = ""  # why there is no report of what failed
         self.finished: dict[str, bool] = {}  # test file: whether all of its tests ended and passed
         option = config.option
         # Options that select tests. Golden images of the tests left out are in use, too.
@@ -40,7 +41,15 @@ class Collector:
         self.whole = self.whole and ended and not session.shouldstop and not session.shouldfail
         if not self.records:
             return
-        failed = self._of("failed")
+        if self._fought_over():
+            session.exitstatus = pytest.ExitCode.TESTS_FAILED
+        try:
+            self._report(self._of("failed"))
+        except OSError as error:
+            self.unreported = f", and no report: {error}"
+
+    def _report(self, failed: list[Record]) -> None:
+        """Write the report of failures, if there are some, and remove what earlier runs left."""
         kept = {Path(path).name for record in failed for path in record.pictures.values()}
         for path in self.output.glob("*"):
             if path.name == REPORT or (_PICTURE.fullmatch(path.name) and path.name not in kept):
@@ -55,13 +64,22 @@ class Collector:
         terminalreporter.section("screenshots")
         for record in written:
             terminalreporter.line(f"golden image written: {record.used}")
+        for path, tests in self._fought_over().items():
+            terminalreporter.line(f"ERROR: {path} was written by each of {', '.join(tests)}: name them apart", red=True)
         if failed:
-            terminalreporter.line(f"{len(failed)} failed: {self.output / REPORT}")
+            terminalreporter.line(f"{len(failed)} failed{self.unreported or f': {self.output / REPORT}'}")
         for path in idle:
             terminalreporter.line(f"golden image that no test asked for: {path.relative_to(self.root)}")
 
     def _of(self, outcome: str) -> list[Record]:
         return [record for record in self.records if record.outcome == outcome]
+
+    def _fought_over(self) -> dict[str, list[str]]:
+        """Golden images that several comparisons have written, each over that of another, with their tests."""
+        tests: dict[str, list[str]] = {}
+        for record in self._of("written"):
+            tests.setdefault(record.used, []).append(record.test)
+        return {path: each for path, each in tests.items() if len(each) > 1}
 
     def _unused(self) -> list[Path]:
         """Golden images without a test, as far as this run can tell. Empty if the run left tests out."""

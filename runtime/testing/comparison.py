@@ -111,7 +111,9 @@ def _flip(golden: np.ndarray, actual: np.ndarray, magma: bool) -> np.ndarray:
     try:
         import flip_evaluator
     except ImportError:
-        raise UnsupportedError("comparing screenshots needs flip-evaluator: pip install 'gsgi[test]'") from None
+        raise UnsupportedError(
+            "comparing screenshots needs flip-evaluator: install gsgi with its extra, '.[test]'"
+        ) from None
     return flip_evaluator.evaluate(golden, actual, "LDR", applyMagma=magma)[0]
 
 

@@ -11,6 +11,7 @@ from gsgi.runtime.file.reader import read_bake
 from gsgi.runtime.gaussians import Bake
 from gsgi.runtime.gl.renderer import DeferredRenderer
 from gsgi.runtime.gltf.scene_file import read_scene
+from gsgi.runtime.layers import LAYERS
 from gsgi.runtime.scene import Scene
 
 
@@ -30,8 +31,15 @@ def draw(
     float32, depth (H, W). `scene` and `bake` are records or files; a scene file includes the lights of the .lights.toml
     beside it. `camera` is a Camera, or the name of one in the scene; None is the scene's first camera. The exposure is
     fixed, since one that adapts to the frame would hide that the frame became darker. Leaves `context` current. Raises
-    UsageError for a camera that the scene lacks, and the errors of the readers.
+    UsageError for an unknown layer, a camera that the scene lacks, and a size or an exposure that is none, and the
+    errors of the readers.
     """
+    if layer not in (None, *LAYERS):
+        raise UsageError(f"layer: expected one of {', '.join(LAYERS)}, got {layer!r}")
+    if not 0 < exposure < np.inf:
+        raise UsageError(f"exposure: expected a number above 0, got {exposure!r}")
+    if not (np.shape(size) == (2,) and min(size) > 0):
+        raise UsageError(f"size: expected width and height in px, got {size!r}")
     scene = scene if isinstance(scene, Scene) else read_scene(scene)
     bake = read_bake(bake) if isinstance(bake, str | Path) else bake
     camera = camera if isinstance(camera, Camera) else _camera_of(scene, camera)

@@ -31,7 +31,7 @@ class Golden(NamedTuple):
 def golden_of(test_file: Path, name: str, suffix: str) -> Golden:
     """The golden image that a test in `test_file` calls `name`. Raises UsageError for an invalid name."""
     if not _NAME.fullmatch(name):
-        raise UsageError(f"expected a screenshot's name of letters, digits and _ . + -, got {name!r}")
+        raise UsageError(f"expected a screenshot's name of letters, digits and _ . + -, . + - not first, got {name!r}")
     return Golden(folder_of(test_file), name, suffix)
 
 

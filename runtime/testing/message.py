@@ -16,6 +16,11 @@ def missing(name: str, candidates: Sequence[str]) -> str:
     return "\n".join([f"screenshot {name!r} has no golden image; looked for", *(f"  {path}" for path in candidates)])
 
 
+def unreadable(name: str, problem: str) -> str:
+    """Message for a golden image that cannot be read."""
+    return f"screenshot {name!r} has a golden image that cannot be read: {problem}"
+
+
 def other_size(name: str, golden: str, actual: np.ndarray, expected: np.ndarray) -> str:
     """Message for images of different size."""
     sizes = [f"{image.shape[1]} x {image.shape[0]}" for image in (actual, expected)]

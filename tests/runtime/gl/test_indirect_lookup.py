@@ -187,6 +187,22 @@ def test_the_header_of_the_texture_is_as_long_as_the_shader_takes_it():
     assert f"#define LEVEL_TEXELS  {(HEADER_TEXELS - 2) // 2} " in text
 
 
+def test_misuse_is_named(gl):
+    lookup = IndirectLookup(gl, Bake(one(), SurfaceBlend(), coarse=nothing()))
+    gl.error  # noqa: B018  reading it clears what earlier tests left
+    for unit in (-1, 10_000):
+        with pytest.raises(
+            ValueError, match=rf"^unit: expected the first of three texture units, 0 to \d+, got {unit}$"
+        ):
+            lookup.use(unit)
+    assert gl.error == "GL_NO_ERROR"
+    for _ in range(2):
+        lookup.release()
+    for use in (lambda: lookup.use(0), lambda: setattr(lookup, "weights", {})):
+        with pytest.raises(RuntimeError, match="IndirectLookup: it was released"):
+            use()
+
+
 def test_a_bake_of_the_other_operator_is_refused(gl):
     with pytest.raises(UnsupportedError, match="`over`"):
         IndirectLookup(gl, Bake(one(), OverBlend(near=0.1)))

@@ -56,6 +56,21 @@ def test_a_bake_adds_its_light(gsgi_render, tmp_path):
     assert not gsgi_render(scene, size=SIZE, layer="indirect").any()
 
 
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"layer": "light"}, "^layer: expected one of final, primary, .*, got 'light'$"),
+        ({"exposure": float("nan")}, "^exposure: expected a number above 0, got nan$"),
+        ({"exposure": -1}, "^exposure: "),
+        ({"size": 160}, "^size: expected width and height in px, got 160$"),
+        ({"size": (0, 120)}, "^size: "),
+    ],
+)
+def test_what_cannot_be_drawn_is_named(gsgi_render, wrong, message):
+    with pytest.raises(UsageError, match=message):
+        gsgi_render(CORNELL, **wrong)
+
+
 def test_a_scene_file_comes_with_the_light_beside_it(gsgi_render, tmp_path):
     shutil.copy(CORNELL, tmp_path / "room.glb")
     before = gsgi_render(tmp_path / "room.glb", "front", SIZE, layer="final")

@@ -292,6 +292,46 @@ def test_floats_have_an_exr_to_the_bit(project, image):
     np.testing.assert_array_equal(read_image(linear)[..., 0], changed.reshape(12, 16, -1)[..., 0])
 
 
+def test_where_pictures_cannot_be_written_the_difference_is_told(project):
+    project.golden("a.png", PICTURE)
+    project.draw(marked(PICTURE))
+    (project.path / "gsgi-report").write_text("a file where a folder should be")
+    text = project.run(failed=1)
+    assert "screenshot 'a' differs from its golden image" in text
+    assert re.search(r"  no pictures: .*exists.*; --gsgi-report DIR puts them elsewhere\n", text)
+    assert re.search(r"1 failed, and no report: .*gsgi-report", text)
+    text = project.run("--gsgi-report", "elsewhere", failed=1)
+    assert "no pictures" not in text
+
+
+def test_a_golden_that_cannot_be_written_is_named(project):
+    project.goldens.parent.mkdir()
+    project.goldens.write_text("a file where a folder should be")
+    text = project.run("--gsgi-update", failed=1)
+    assert f"{GOLDENS.as_posix()}/a.png: cannot write: " in text
+
+
+@pytest.mark.parametrize("bytes_", [b"", b"no picture", None])
+def test_a_golden_that_cannot_be_read_fails_until_an_update(project, bytes_):
+    golden = project.golden("a.png", PICTURE)
+    golden.write_bytes(golden.read_bytes()[:99] if bytes_ is None else bytes_)
+    text = project.run(failed=1)
+    assert "screenshot 'a' has a golden image that cannot be read: " in text
+    assert "again with --gsgi-update" in text
+    assert project.left() == ["a-HASH-actual.png", "report.html"]
+    project.run("--gsgi-update", passed=1)
+    project.run(passed=1)
+
+
+def test_two_tests_that_write_one_golden_are_named(project):
+    project.write(TEST + "def test_b(assert_screenshot): assert_screenshot(255 - np.load('image.npy'), 'a')\n")
+    result = project.start("--gsgi-update")
+    assert result.ret == pytest.ExitCode.TESTS_FAILED
+    result.stdout.fnmatch_lines(f"ERROR: {GOLDENS}/a.png was written by each of *::test_a, *::test_b: name them apart")
+    project.write(TEST + "def test_b(assert_screenshot): assert_screenshot(np.load('image.npy'), 'a')\n")
+    assert project.start("--gsgi-update").ret == pytest.ExitCode.OK  # one picture, which both should show
+
+
 def test_unused_goldens_are_listed_after_a_full_run(project):
     for name in ("a.png", "a@nvidia.png", "old.png", "old.exr"):
         project.golden(name, PICTURE if name.endswith("png") else RADIANCE)
@@ -357,7 +397,7 @@ def test_without_flip_it_is_said_what_to_install(project):
     project.golden("a.png", PICTURE)
     project.run(passed=1)
     project.draw(PICTURE + 1)
-    assert "pip install 'gsgi[test]'" in project.run(failed=1)
+    assert "install gsgi with its extra, '.[test]'" in project.run(failed=1)
 
 
 def test_who_compares_nothing_sees_nothing(project, monkeypatch):
