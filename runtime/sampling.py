@@ -147,10 +147,12 @@ class _Level:
 
         `bend` (N, 3) float32 is by how much normal maps change the normals.
         """
-        result = np.zeros((len(points), 4), np.float32)
+        result = np.zeros((len(points), 4 if bend is None else 7), np.float32)
         for index, octant in self._lists.descend(points):
             self._add(result, index, octant, points, normals, bend)
-        return result
+        if bend is not None:
+            result[:, :3] = bent(result[:, :3], result[:, 4:])
+        return result[:, :4]
 
     def _add(self, result, index, octant, points, normals, bend) -> None:
         """Add to `result` what the lists of `octant` (M,) give at the points `index` (M,)."""
@@ -170,7 +172,10 @@ class _Level:
             at = to
 
     def _read(self, gaussian, starts, count, points, normals, bend) -> np.ndarray:
-        """Sums (M, 4) at points (M, 3), each over `count` (M,) of the Gaussians (P,), from `starts` (M,) on."""
+        """Sums (M, 4) at points (M, 3), each over `count` (M,) of the Gaussians (P,), from `starts` (M,) on.
+
+        With a `bend` there are three more (M, 7): of relief.
+        """
         with np.errstate(over="ignore", invalid="ignore"):
             mean_x, mean_y, mean_z, *whiten = _gathered(self._shape, gaussian)
             px, py, pz = (np.repeat(column, count) for column in points.T)
@@ -199,10 +204,18 @@ class _Level:
             sums[:, some] = np.add.reduceat(rows, starts[some], axis=1)
         coefficients = sums[:-1].reshape(-1, 3, len(points))
         basis = sh_basis(normals, len(self._sh) // 3)
+        light = (basis.T[:, None] * coefficients[: basis.shape[1]]).sum(axis=0)
+        parts = [light, sums[-1:]]
         if bend is not None:
-            basis = np.concatenate([basis, bend], axis=1)
-        light = (basis.T[:, None] * coefficients).sum(axis=0)
-        return np.concatenate([light, sums[-1:]]).T
+            parts.append((bend.T[:, None] * coefficients[basis.shape[1] :]).sum(axis=0))
+        return np.concatenate(parts).T
+
+
+def bent(light: np.ndarray, relief: np.ndarray) -> np.ndarray:
+    """Sums of w c of the fine level with the `relief` in them, arrays of one shape; see surface/weight.glsl."""
+    both, half = light + relief, np.maximum(np.float32(0.5) * light, 0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(both < np.minimum(half, light), half * half / (2 * half - both), both)
 
 
 def _packed(table: np.ndarray) -> list[np.ndarray]:

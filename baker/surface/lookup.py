@@ -5,6 +5,7 @@ import numpy as np
 from gsgi.baker.native import kernels
 from gsgi.baker.trace.point_order import coherent
 from gsgi.runtime.gaussians import Gaussians, SurfaceBlend
+from gsgi.runtime.sampling import bent
 
 
 def look_up(
@@ -30,7 +31,7 @@ def look_up(
     field.list(gaussians, blend.cutoff, blend.sharpness, 1.0)
     fine = field.read(gaussians)
     if gaussians.bumpy:
-        fine[:, :3] += field.read(gaussians, relief=True)[:, :3]
+        fine[:, :3] = bent(fine[:, :3], field.read(gaussians, relief=True)[:, :3])
     result, weight = np.empty((len(position), 3), np.float32), np.empty(len(position), np.float32)
     result[order], weight[order] = light_of(fine + filling(fine, light, blend)), fine[:, 3]
     return result, weight

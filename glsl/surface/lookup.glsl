@@ -34,14 +34,15 @@ struct Reader {
     float cutoff;
     int first_texel;     // of the level's Gaussians
     int sharpness;       // 0: Gaussians face every direction
+    vec3 relief;         // sum of what normal maps change in w c, so far
 };
 
 int fetch_int(highp usampler2D data, int texel) {
     return int(texelFetch(data, ivec2(texel & (DATA_WIDTH - 1), texel >> DATA_SHIFT), 0).r);
 }
 
-// sum w c and sum w of one Gaussian. The counts: literals, else loops stay loops.
-vec4 read_gaussian(highp sampler2D gaussians, int index, int sh_count, int relief_count, Reader reader) {
+// sum w c and sum w of one Gaussian, whose relief is added to the reader's. The counts: literals, else loops stay loops.
+vec4 read_gaussian(highp sampler2D gaussians, int index, int sh_count, int relief_count, inout Reader reader) {
     int texel = reader.first_texel + index * (3 + sh_count + relief_count);
     vec4 center = fetch_data(gaussians, texel);
     vec4 first = fetch_data(gaussians, texel + 1), second = fetch_data(gaussians, texel + 2);
@@ -54,14 +55,15 @@ vec4 read_gaussian(highp sampler2D gaussians, int index, int sh_count, int relie
     vec3 light = constant.rgb * (SH_C0 * (1.0 + dot(vec2(second.w, constant.w), e.xy)));
     for (int k = 1; k < sh_count; ++k) light += reader.basis[k] * fetch_data(gaussians, texel + 3 + k).rgb;
     if (reader.bend != vec3(0.0))
-        for (int k = 0; k < relief_count; ++k) light += reader.bend[k] * fetch_data(gaussians, texel + 3 + sh_count + k).rgb;
+        for (int k = 0; k < relief_count; ++k)
+            reader.relief += w * reader.bend[k] * fetch_data(gaussians, texel + 3 + sh_count + k).rgb;
     return w * vec4(light, 1.0);
 }
 
 // sum w c and sum w of level `level` (0: fine, 1: coarse).
 vec4 read_level(
     highp sampler2D gaussians, highp usampler2D cells, highp usampler2D lists, int level, int sh_count, int relief_count,
-    Reader reader) {
+    inout Reader reader) {
     vec4 grid = fetch_data(gaussians, level * LEVEL_TEXELS), counts = fetch_data(gaussians, level * LEVEL_TEXELS + 1);
     vec4 rest = fetch_data(gaussians, level * LEVEL_TEXELS + 2);
     reader.first_texel = int(rest.x);
@@ -108,14 +110,16 @@ vec4 look_up(
     reader.x = position - origin.xyz;
     if (!(dot(normal, normal) > 0.0)) return vec4(0.0);
     reader.n = normalize(normal);
-    vec3 bent = dot(mapped, mapped) > 0.0 ? normalize(mapped) : reader.n;
-    reader.bend = bent - reader.n;
+    vec3 m = dot(mapped, mapped) > 0.0 ? normalize(mapped) : reader.n;
+    reader.bend = m - reader.n;
     reader.cutoff = origin.w;
     sh_basis(reader.n, reader.basis);
     vec4 fine = vec4(0.0), coarse = fine;
+    reader.relief = vec3(0.0);
     if (!free) fine = read_level(gaussians, cells, lists, 0, FINE_SH_COUNT, RELIEF_COUNT, reader);
+    if (RELIEF_COUNT > 0) fine.rgb = bent(fine.rgb, reader.relief);
     if (fine.a < weight_floor) {
-        if (RELIEF_COUNT > 0) sh_basis(bent, reader.basis);  // the coarse level has the light of all normals
+        if (RELIEF_COUNT > 0) sh_basis(m, reader.basis);  // the coarse level has the light of all normals
         coarse = read_level(gaussians, cells, lists, 1, COARSE_SH_COUNT, 0, reader);
     }
     return filled(fine, coarse, weight_floor);

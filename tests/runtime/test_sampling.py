@@ -12,6 +12,7 @@ import gsgi
 from gsgi.baker.surface.lookup import look_up
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime import sampling
+from gsgi.runtime.constants import SH_C0
 from gsgi.runtime.errors import UnsupportedError
 from gsgi.runtime.gaussians import Bake, OverBlend, SurfaceBlend
 
@@ -77,6 +78,26 @@ def test_light_follows_normal_maps(degree, sloped, floor):
     plain = replace(bake, gaussians=replace(bake.gaussians, relief=None))
     for found in (flat, gsgi.sample(plain, position, normal, mapped=mapped)):
         np.testing.assert_array_equal(found, gsgi.sample(plain, position, normal))
+
+
+def test_relief_turns_no_channel_off():
+    """White light, all of it from one side: turned away, a channel that changes more than others ends no sooner."""
+    slopes = np.float32([1.0, 1.5, 3.0])
+    one = replace(gaussians(1), position=np.zeros((1, 3), np.float32), rotation=np.float32([[0, 0, 0, 1]]))
+    white = replace(one, sh=np.full((1, 1, 3), 1 / SH_C0, np.float32), opacity=np.ones(1, np.float32))
+    relief = np.zeros((1, 3, 3), np.float32)
+    relief[0, 0] = slopes  # along x
+    bake = Bake(replace(white, relief=relief), SurfaceBlend(), coarse=gaussians(0, 9))
+    angle = np.linspace(-1.5, 1.5, 601)
+    mapped = np.stack([np.sin(angle), 0 * angle, np.cos(angle)], axis=1).astype(np.float32)
+    points = np.zeros((601, 3), np.float32), np.tile(np.float32([0, 0, 1]), (601, 1))
+    light = gsgi.sample(bake, *points, mapped=mapped)
+    linear = 1 + mapped[:, :1] * slopes
+    np.testing.assert_allclose(light[linear >= 0.5], linear[linear >= 0.5], rtol=1e-5)
+    assert (light[linear < 0.5] > linear[linear < 0.5]).all()
+    assert light.min() > 0.05
+    assert (np.diff(light, axis=0) > 0).all()
+    assert np.diff(light, axis=0).max() < 0.02  # no step
 
 
 def test_relief_is_dimmed_with_its_colours():

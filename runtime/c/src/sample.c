@@ -29,9 +29,14 @@ static void sh_basis(const float d[3], float basis[9]) {
     basis[8] = (float)SH_C2_2 * (xx - yy);
 }
 
-/* Add w c and w of Gaussian `i`, as glsl/surface/lookup.glsl does. `sharpness` 0: it faces every direction. */
+/* Sums over Gaussians at a point: w c, w, and what w c has more where a normal map bends the normal. */
+typedef struct totals {
+    float light[3], weight, relief[3];
+} totals;
+
+/* Add those of Gaussian `i`, as glsl/surface/lookup.glsl does. `sharpness` 0: it faces every direction. */
 static void add_gaussian(const gsgi__level* level, const gsgi__kernel* kernel, size_t i, const gsgi_info* info,
-                         uint32_t sharpness, const point* at, float sums[4]) {
+                         uint32_t sharpness, const point* at, totals* to) {
     const float *n = at->n, *basis = at->basis;
     float offset[3], e[3], light[3], squares = 0.0f;
     for (int k = 0; k < 3; ++k) offset[k] = at->place[k] - kernel->center[k];
@@ -65,31 +70,38 @@ static void add_gaussian(const gsgi__level* level, const gsgi__kernel* kernel, s
     const gsgi__texels* relief = &level->relief;
     for (uint32_t k = 0; k < relief->floats; k += 4)
         for (uint32_t c = 0; c < 3; ++c)
-            light[c] += at->bend[k / 4] *
-                        clamped(relief->texels[i * relief->floats + k + c], -(float)HALF_MAX, (float)HALF_MAX);
-    for (int c = 0; c < 3; ++c) sums[c] += w * light[c];
-    sums[3] += w;
+            to->relief[c] += w * at->bend[k / 4] *
+                             clamped(relief->texels[i * relief->floats + k + c], -(float)HALF_MAX, (float)HALF_MAX);
+    for (int c = 0; c < 3; ++c) to->light[c] += w * light[c];
+    to->weight += w;
 }
 
-/* Sums of w c and w of a level at a point. */
-static void level_sums(const gsgi_bake* bake, int l, uint32_t sharpness, const point* at, float sums[4]) {
+/* The sums over a level at a point. */
+static totals level_sums(const gsgi_bake* bake, int l, uint32_t sharpness, const point* at) {
     const gsgi__level* level = &bake->levels[l];
     const gsgi__grid* grid = &bake->grids[l];
-    memset(sums, 0, 4 * sizeof *sums);
+    totals sums = {{0.0f}, 0.0f, {0.0f}};
     if (!grid->kernels) {
         for (size_t i = 0; i < level->count; ++i) {
             gsgi__kernel kernel = gsgi__kernel_of(level->shape.texels + i * GSGI_SHAPE_FLOATS);
-            add_gaussian(level, &kernel, i, &bake->info, sharpness, at, sums);
+            add_gaussian(level, &kernel, i, &bake->info, sharpness, at, &sums);
         }
-        return;
+        return sums;
     }
     for (int k = 0; k < 3; ++k)
-        if (!(at->x[k] >= grid->low[k] && at->x[k] <= grid->high[k])) return; /* NaN too */
+        if (!(at->x[k] >= grid->low[k] && at->x[k] <= grid->high[k])) return sums; /* NaN too */
     const size_t cell = gsgi__grid_cell(grid, at->x);
     for (uint32_t listed = grid->begin[cell]; listed < grid->begin[cell + 1]; ++listed) {
         uint32_t i = grid->index[listed];
-        add_gaussian(level, &grid->kernels[i], i, &bake->info, sharpness, at, sums);
+        add_gaussian(level, &grid->kernels[i], i, &bake->info, sharpness, at, &sums);
     }
+    return sums;
+}
+
+/* One channel of w c with the relief, as bent() of glsl/surface/weight.glsl has it. */
+static float with_relief(float light, float relief) {
+    const float both = light + relief, half = fmaxf(0.5f * light, 0.0f);
+    return both < fminf(half, light) ? half * half / (2.0f * half - both) : both;
 }
 
 /* Write `given` at the length 1; false if it has none that could be 1. */
@@ -104,15 +116,17 @@ static bool unit(const float given[3], float to[3]) {
 typedef enum { SURFACE, FREE } reading;
 
 /* Sums of w c and w of both levels at a surface point; the coarse one has the light of all normals: that of `bent`. */
-static void surface_sums(const gsgi_bake* bake, point* at, const float bent[3], float sums[4]) {
-    float coarse[4];
-    level_sums(bake, GSGI_FINE, bake->info.sharpness, at, sums);
-    const float gap = fmaxf(0.0f, bake->info.weight_floor - sums[3]);
-    if (!(gap > 0.0f)) return;
+static totals surface_sums(const gsgi_bake* bake, point* at, const float bent[3]) {
+    totals sums = level_sums(bake, GSGI_FINE, bake->info.sharpness, at);
+    if (bake->info.relief)
+        for (int c = 0; c < 3; ++c) sums.light[c] = with_relief(sums.light[c], sums.relief[c]);
+    const float gap = fmaxf(0.0f, bake->info.weight_floor - sums.weight);
+    if (!(gap > 0.0f)) return sums;
     if (memcmp(bent, at->n, sizeof at->n)) sh_basis(bent, at->basis);
-    level_sums(bake, GSGI_COARSE, 0, at, coarse);
-    for (int c = 0; c < 3 && coarse[3] > 0.0f; ++c) sums[c] += gap * (coarse[c] / coarse[3]);
-    sums[3] += gap;
+    const totals coarse = level_sums(bake, GSGI_COARSE, 0, at);
+    for (int c = 0; c < 3 && coarse.weight > 0.0f; ++c) sums.light[c] += gap * (coarse.light[c] / coarse.weight);
+    sums.weight += gap;
+    return sums;
 }
 
 static gsgi_result sample(const gsgi_bake* bake, reading how, size_t count, const float* positions,
@@ -124,7 +138,7 @@ static gsgi_result sample(const gsgi_bake* bake, reading how, size_t count, cons
         return gsgi__fail(&bake->callbacks, GSGI_INVALID_ARGUMENT, "positions, normals, light: must not be NULL");
     for (size_t p = 0; p < count; ++p) {
         point at;
-        float bent[3], sums[4];
+        float bent[3];
         memset(light + 3 * p, 0, 3 * sizeof *light);
         if (!unit(normals + 3 * p, at.n)) continue;
         memcpy(bent, at.n, sizeof bent);
@@ -135,12 +149,9 @@ static gsgi_result sample(const gsgi_bake* bake, reading how, size_t count, cons
             at.bend[k] = bent[k] - at.n[k];
         }
         sh_basis(at.n, at.basis);
-        if (how == SURFACE)
-            surface_sums(bake, &at, bent, sums);
-        else
-            level_sums(bake, GSGI_COARSE, 0, &at, sums);
+        const totals sums = how == SURFACE ? surface_sums(bake, &at, bent) : level_sums(bake, GSGI_COARSE, 0, &at);
         for (int c = 0; c < 3; ++c) {
-            float b = sums[3] > 0.0f ? sums[c] / sums[3] : 0.0f;
+            float b = sums.weight > 0.0f ? sums.light[c] / sums.weight : 0.0f;
             light[3 * p + c] = b > 0.0f ? fminf(b, (float)HALF_MAX) : 0.0f; /* NaN is 0 */
         }
     }

@@ -18,7 +18,7 @@ from repository import ROOT, TESTS
 from gsgi.runtime.file import codec
 
 PACKAGE = json.loads((JS / "package.json").read_text())
-PAGE_MAX, ALL_MAX = 10_000, 20_000  # bytes, of what a page loads at once, and with what its worker loads besides
+PAGE_MAX, ALL_MAX = 10_000, 20_480  # bytes, of what a page loads at once, and with what its worker loads besides
 
 
 def tool(name: str):
