@@ -223,7 +223,7 @@ class SeenSurface:
 
     def _find(self) -> "_Pixels":
         columns = []
-        surfaces = self._tracer.tracer.surfaces(self._cameras, SIZE, SIZE)
+        surfaces = self._tracer.tracer.surfaces(self._cameras, SIZE, SIZE, by_chance=True)
         for number, (camera, step, surface) in enumerate(zip(self._cameras, self._steps, surfaces, strict=True)):
             position, normal, geometric = surface.points()
             shading = surface.shading_points()[1]

@@ -84,8 +84,11 @@ class _Reached(NamedTuple):
     part: "mi.UInt32"
 
 
-def first_hits(tracer, origin: np.ndarray, direction: np.ndarray) -> dict[str, np.ndarray]:
+def first_hits(tracer, origin: np.ndarray, direction: np.ndarray, by_chance: bool = False) -> dict[str, np.ndarray]:
     """What rays from `origin` (M, 3) along unit `direction` (M, 3) see; a direction of 0 sees nothing.
+
+    They see through what is mostly clear, or, `by_chance`, through anything that lets light pass as often as it does.
+    A ray always has the same chance.
 
     The columns are normal, shading_normal, geometric_normal, albedo, emission, valid and diffuse of `visible.Surface`;
     triangle (M,), 0 where there is none, and the distance (M,) to it, m; and background (M, 3), the environment's
@@ -93,7 +96,7 @@ def first_hits(tracer, origin: np.ndarray, direction: np.ndarray) -> dict[str, n
     """
     o, d = mi.Point3f(origin.T), mi.Vector3f(direction.T)
     aimed = dr.squared_norm(d) > 0
-    hit = closest_front(tracer, o, d, aimed)
+    hit = closest_front(tracer, o, d, aimed, _chance(o, d) if by_chance else None)
     valid = aimed & dr.isfinite(hit.t)
     ng, material, _ = side(tracer, hit, d, valid)
     albedo, emission = tracer.shading.shown(material, hit.prim, hit.b, valid)
@@ -115,6 +118,15 @@ def first_hits(tracer, origin: np.ndarray, direction: np.ndarray) -> dict[str, n
     arrays = {name: np.broadcast_to(np.array(c).T, (len(o.x), len(c))) for name, c in columns.items()}
     masks = {"valid": np.array(valid).astype(bool), "diffuse": np.array(diffuse).astype(bool)}
     return arrays | masks | {"triangle": np.array(triangle), "distance": np.array(distance)}
+
+
+def _chance(o, d):
+    """A random number in [0, 1) for each ray, which depends on the ray alone."""
+    bits = [dr.reinterpret_array(mi.UInt32, x) for x in (*o, *d)]
+    low, high = mi.UInt32(0), mi.UInt32(0)
+    for each in bits:
+        low, high = mi.sample_tea_32(low ^ each, high)
+    return mi.sample_tea_float32(low, high)
 
 
 def indirect(

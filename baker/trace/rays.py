@@ -185,18 +185,26 @@ def _ends(left, chance, layers):
 
 
 @dr.syntax
-def closest_front(tracer, o, d, active):
-    """What a camera sees: the closest surface, ignoring the backs of one-sided surfaces and what is mostly clear."""
-    hit = closest(tracer, o, d, active, CUTOFF)
+def closest_front(tracer, o, d, active, u=None):
+    """What a camera sees: the closest surface, ignoring the backs of one-sided surfaces and what is mostly clear.
+
+    With random numbers `u` in [0, 1) it sees what lets light through as often as a path meets it.
+    """
+    hit = _seen(tracer, o, d, u, active)
     t, prim, b = hit.t, hit.prim, hit.b
     passing = active & _is_back(tracer, hit, d)
     while passing:
         start = beyond(tracer, o, d, t, prim, passing)
-        next_hit = closest(tracer, o + d * start, d, passing, CUTOFF)
+        next_hit = _seen(tracer, o + d * start, d, u, passing)
         t, prim = dr.select(passing, start + next_hit.t, t), dr.select(passing, next_hit.prim, prim)
         b = dr.select(passing, next_hit.b, b)
         passing = passing & _is_back(tracer, Hit(t, prim, b), d)
     return Hit(t, prim, b)
+
+
+def _seen(tracer, o, d, u, active):
+    """What `closest_front` sees, backs too."""
+    return closest(tracer, o, d, active, CUTOFF) if u is None else closest_through(tracer, o, d, u, active)[0]
 
 
 def _is_back(tracer, hit, d):

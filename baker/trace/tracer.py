@@ -131,14 +131,20 @@ class Tracer:
         """The surfaces seen through the pixel centres of an image of this size (px)."""
         return next(self.surfaces([camera], width, height))
 
-    def surfaces(self, cameras: Sequence[Camera], width: int, height: int) -> Iterator[Surface]:
-        """The same for each of the cameras; those of small images share launches."""
+    def surfaces(
+        self, cameras: Sequence[Camera], width: int, height: int, by_chance: bool = False
+    ) -> Iterator[Surface]:
+        """The same for each of the cameras; those of small images share launches.
+
+        They see through what is mostly clear, or, `by_chance`, through anything that lets light pass as often as it
+        does.
+        """
         together = max(LAUNCH_POINTS // (width * height), 1)
         y, x = (np.mgrid[0:height, 0:width] + 0.5).reshape(2, -1)
         for first in range(0, len(cameras), together):
             some = cameras[first : first + together]
             rays = [pixel_rays(camera, width, height, x, y) for camera in some]
-            hits = self._first_hits(*(np.concatenate(part) for part in zip(*rays, strict=True)))
+            hits = self._first_hits(*(np.concatenate(part) for part in zip(*rays, strict=True)), by_chance)
             for camera, *columns in zip(some, *(np.split(c, len(some)) for c in hits.values()), strict=True):
                 yield surface_of(camera, dict(zip(hits, columns, strict=True)), width, height)
 
@@ -150,12 +156,13 @@ class Tracer:
         return surface_of(camera, self._first_hits(origin, direction), width, height)
 
     def seen(self, origin: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, ...]:
-        """What cameras see along rays from `origin` (N, 3) along unit `direction` (N, 3), as `Surface` describes it.
+        """What cameras see along rays from `origin` (N, 3) along unit `direction` (N, 3), as `Surface` describes it:
+        through what lets light pass, as often as it does.
 
         Position, normal, shading_normal and geometric_normal (N, 3) float32, and where (N,) bool the ray meets a
         diffuse surface.
         """
-        hits = self._first_hits(origin, direction)
+        hits = self._first_hits(origin, direction, by_chance=True)
         names = "position", "normal", "shading_normal", "geometric_normal"
         return *(hits[name] for name in names), hits["valid"] & hits["diffuse"]
 
@@ -267,11 +274,11 @@ class Tracer:
         kernel = partial(paths.punctual, filtered=True, dims=True)
         return self.launched(kernel, position, normal, geometric_normal)["light"]
 
-    def _first_hits(self, origin: np.ndarray, direction: np.ndarray) -> dict[str, np.ndarray]:
+    def _first_hits(self, origin: np.ndarray, direction: np.ndarray, by_chance: bool = False) -> dict[str, np.ndarray]:
         """The columns of `paths.first_hits`, with `position` in place of triangle and distance."""
         from . import paths
 
-        hits = self.launched(paths.first_hits, origin, direction)
+        hits = self.launched(partial(paths.first_hits, by_chance=by_chance), origin, direction)
         met = origin + hits.pop("distance")[:, None].astype(np.float64) * direction
         return hits | {"position": onto_planes(met, self.corners(hits.pop("triangle")))}
 

@@ -1,5 +1,7 @@
 """Surface points behind the pixels of cameras."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scenes
@@ -10,7 +12,7 @@ from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.baker.views.importance import ImportanceField
 from gsgi.baker.views.surface_points import SurfacePoints, Triangles
 from gsgi.runtime.camera import Camera, look_at
-from gsgi.runtime.scene import Scene
+from gsgi.runtime.scene import Filter, Material, Mesh, Scene
 
 COUNT = 1 << 15
 
@@ -41,6 +43,26 @@ def test_points_lie_anywhere_behind_their_pixels_and_no_two_are_the_same(tmp_pat
     assert inside.mean() > 0.999  # but for rounding
     for part in (x[inside] % 1, y[inside] % 1):
         assert np.abs(np.histogram(part, 4, (0, 1))[0] / inside.sum() - 0.25).max() < 0.02
+
+
+def test_points_lie_on_what_lets_light_through_as_often_as_paths_meet_it(tmp_path):
+    """Two sheets of paper before a wall, which both let 0.6 of the light through."""
+    paper = Material("paper", double_sided=True, stand_in=True, filter=Filter(transmission=0.6))
+
+    def sheet(z: float, material: int = 0) -> Mesh:
+        corners = [(-1, -1, z), (1, -1, z), (1, 1, z), (-1, 1, z)]
+        return replace(scenes.quad(corners), material=material)
+
+    scene = Scene((sheet(0), sheet(0.5, 1), sheet(0.8, 1)), (scenes.WHITE, paper))
+    camera = look_at(np.array([0, 0, 1.5]), np.zeros(3), np.array([0, 1.0, 0]), 0.5, 0.01)
+    seen = SeenSurface(CachedTracer(scene, Cache(tmp_path)), [camera])
+    position, *_, of, place = seen.surface(COUNT, np.random.default_rng(0), seen.shares())
+    share = [np.isclose(position[:, 2], z, atol=1e-5).mean() for z in (0.8, 0.5, 0)]
+    assert sum(share) == 1
+    np.testing.assert_allclose(share[0], 0.4, atol=0.02)  # so many of the rays, whose footprints differ somewhat
+    assert min(share) > 0.15
+    again, *_ = seen.behind(of, place)
+    np.testing.assert_array_equal(again, position)
 
 
 def test_a_place_that_shows_no_surface_gets_the_middle_of_its_pixel(tmp_path):
