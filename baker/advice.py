@@ -52,10 +52,13 @@ def advise(plan: Plan, evaluation: Evaluation) -> Advice | None:
     size = None if budget is None else file_bytes(plan.settings.operator, budget, plan.scene, len(plan.groups))
     turns = [f"{option} (at most {size} bytes)" if size else option] if option else []
     turns += [more]
-    found = [f"SSIM {view.final.ssim:.4f} (ceiling {view.final.ssim_ceiling:.4f})"]
-    if view.mottle is not None:
-        found.insert(1 if unlike else 0, f"mottle {view.mottle:.1%}")
-    text = f"{named(view)} differs visibly from path tracing, {', '.join(found)}: try {' or '.join(turns)}"
+    found = f"SSIM {view.final.ssim:.4f} (ceiling {view.final.ssim_ceiling:.4f})"
+    if unlike:
+        wrong = f"differs visibly from path tracing, {found}"
+        wrong += "" if view.mottle is None else f", mottle {view.mottle:.1%}"
+    else:
+        wrong = f"is blotched by {view.mottle:.1%} where its light is smooth (mottle), {found}"
+    text = f"{named(view)} {wrong}: try {' or '.join(turns)}"
     return Advice(text, view.name, option, budget, size, samples)
 
 

@@ -1,5 +1,6 @@
 """How well a bake matches path tracing in views that were not fitted, and from the scene's own cameras."""
 
+import shlex
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import islice
@@ -63,7 +64,7 @@ class ViewEvaluation:
     Each is compared at the view's own exposure, as an eye there adapts. `mottle` is the share of `mottle.mottle`; None
     if too little is smooth. `leak` is that of `leak.leak`; None if too little is dark. `of_scene` marks a camera of the
     scene, `noisy` a reference too noisy to tell anything: such a view is no part of a mean, except that of the loss,
-    and is not the worst.
+    and is not the worst. `flags` are those with which `gsgi render` shows it; "" for a mean.
     """
 
     name: str
@@ -74,6 +75,7 @@ class ViewEvaluation:
     leak: float | None = None
     of_scene: bool = False
     noisy: bool = False
+    flags: str = ""
 
 
 @dataclass(frozen=True)
@@ -270,7 +272,15 @@ def _evaluated(
     final = compare_frame(truth.lit(image), truth, exposure(truth.final, baked.tone_scale))
     leaked = None if around is None else leak(image, truth, around)
     hopeless = tells_nothing(truth, indirect.ssim_ceiling)
-    return ViewEvaluation(name, loss, indirect, final, mottle(image, truth), leaked, of_scene, hopeless)
+    flags = f"--camera {shlex.quote(name)}" if of_scene else _flags(camera)
+    return ViewEvaluation(name, loss, indirect, final, mottle(image, truth), leaked, of_scene, hopeless, flags)
+
+
+def _flags(camera: Camera) -> str:
+    """The flags of `gsgi render` for a camera that was placed."""
+    forward = -camera.world_from_view[:3, 2]
+    eye, target = (",".join(f"{x:.5g}" for x in point) for point in (camera.position, camera.position + forward))
+    return f"--eye={eye} --target={target} --fov {np.degrees(camera.yfov):.3g} --size 512x512"
 
 
 def _target(reference: Reference, tone_scale: float) -> Target:

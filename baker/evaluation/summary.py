@@ -23,7 +23,9 @@ def summary(evaluation: Evaluation) -> list[str]:
     lines += [_group_line(group) for group in evaluation.groups]
     if evaluation.worst:
         worst = evaluation.worst
-        lines.append(f"worst view: {named(worst)}, SSIM of the frame {worst.final.ssim:.4f}{_shares(worst)}")
+        lines.append(
+            f"worst view: {named(worst)}, SSIM of the frame {worst.final.ssim:.4f}{_shares(worst)}{_look(worst)}"
+        )
     return lines
 
 
@@ -36,6 +38,11 @@ def _group_line(group: GroupError) -> str:
 def named(view: ViewEvaluation) -> str:
     """The view's name, marked if it is of a camera of the scene."""
     return f"{view.name} (camera of the scene)" if view.of_scene else view.name
+
+
+def _look(view: ViewEvaluation) -> str:
+    """How to look at a view that was placed."""
+    return f"; to look at it: gsgi render {view.flags}" if view.flags and not view.of_scene else ""
 
 
 def _line(view: ViewEvaluation) -> str:

@@ -74,7 +74,8 @@ def test_the_next_quality_and_its_bytes():
 def test_mottle_comes_first_where_it_alone_falls_short():
     found = advised(view(mottle=0.02), view(ssim=0.994, mottle=0.03, name="placed 2"), view(ssim=0.98))
     assert found.text.startswith(
-        "placed 2 differs visibly from path tracing, mottle 3.0%, SSIM 0.9940 (ceiling 0.9950): try --quality high"
+        "placed 2 is blotched by 3.0% where its light is smooth (mottle), SSIM 0.9940 (ceiling 0.9950): "
+        "try --quality high"
     )
 
 

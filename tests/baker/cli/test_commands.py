@@ -3,6 +3,7 @@
 import base64
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -128,7 +129,7 @@ def bakes(baked, tmp_path_factory) -> dict[str, Path]:
 
 
 @pytest.mark.parametrize("operator", OPERATORS)
-def test_a_bake_reports_what_it_reached(bakes, operator):
+def test_a_bake_reports_what_it_reached(bakes, operator, gl):
     baked = bakes[operator]
     report = json.loads((baked / "bake.json").read_text())
     assert report["operator"] == operator
@@ -155,8 +156,13 @@ def test_a_bake_reports_what_it_reached(bakes, operator):
     own, worst = report["held_out"]["scene_views"], report["held_out"]["worst"]
     assert [(view["name"], view["of_scene"]) for view in own] == [("front", True), ("corner", True)]
     assert worst["final"]["ssim"] == min(view["final"]["ssim"] for view in (*views, *own))
+    assert [view["flags"] for view in own] == ["--camera front", "--camera corner"]
+    for view in views:
+        assert re.fullmatch(r"--eye=\S+ --target=\S+ --fov \d\S* --size 512x512", view["flags"])
+        assert main.run(["render", CORNELL, "-o", str(baked / "view.png"), *view["flags"].split(), "-q"]) == 0
     log = (baked / "bake.log").read_text()
     assert f"worst view: {worst['name']}" in log
+    assert (worst["flags"] in log) != worst["of_scene"]
     assert f"advice: {report['advice']['text']}\n" in log  # 64 Gaussians are few
     assert report["advice"]["bytes"] > report["bytes"]
     assert "irradiance" in log
