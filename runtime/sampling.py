@@ -213,9 +213,9 @@ class _Level:
 
 def bent(light: np.ndarray, relief: np.ndarray) -> np.ndarray:
     """Sums of w c of the fine level with the `relief` in them, arrays of one shape; see surface/weight.glsl."""
-    both, half = light + relief, np.maximum(np.float32(0.5) * light, 0)
+    lit = np.maximum(light, 0)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(both < np.minimum(half, light), half * half / (2 * half - both), both)
+        return np.where(relief < np.float32(-0.5) * lit, np.float32(-0.25) * lit * lit / relief, light + relief)
 
 
 def _packed(table: np.ndarray) -> list[np.ndarray]:

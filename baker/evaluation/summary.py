@@ -42,7 +42,7 @@ def named(view: ViewEvaluation) -> str:
 
 def _look(view: ViewEvaluation) -> str:
     """How to look at a view that was placed."""
-    return f"; to look at it: gsgi render {view.flags}" if view.flags and not view.of_scene else ""
+    return f"; `gsgi render` shows it with {view.flags}" if view.flags and not view.of_scene else ""
 
 
 def _line(view: ViewEvaluation) -> str:

@@ -16,9 +16,8 @@ float facing(float cosine, int sharpness) {
 // Sum w c of the fine level with its relief: the sum of both down to half of the light, and from there on a curve that
 // never reaches 0. Channels that end before others leave stains of the others' colour in what normal maps turn away.
 vec3 bent(vec3 light, vec3 relief) {
-    vec3 both = light + relief, half_light = max(0.5 * light, 0.0);
-    vec3 curve = half_light * half_light / (2.0 * half_light - both);
-    return mix(both, curve, lessThan(both, min(half_light, light)));
+    vec3 l = max(light, 0.0);
+    return mix(light + relief, -0.25 * l * l / relief, lessThan(relief, -0.5 * l));
 }
 
 // Combines the sums of both levels at one point: light of the coarse level fills the gap between the fine level's

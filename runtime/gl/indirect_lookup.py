@@ -36,6 +36,7 @@ class IndirectLookup:
         check_operator(bake)
         self.ctx, self.sh_counts, self.source = ctx, sh_counts(bake), lookup_source(bake)
         self._bake, self._weights, self._released = bake, factors_of(bake, {}), False
+        self._last_unit = ctx.info["GL_MAX_COMBINED_TEXTURE_IMAGE_UNITS"] - 3  # that can be the first of three
         state = HostState(ctx)
         with state.kept():
             self.textures = LookupTextures(ctx, lookup_tables(bake))
@@ -68,9 +69,8 @@ class IndirectLookup:
         Raises ValueError for units that the driver does not have, and RuntimeError after release().
         """
         self._check_not_released()
-        last = self.ctx.info["GL_MAX_COMBINED_TEXTURE_IMAGE_UNITS"] - 3
-        if not 0 <= unit <= last:
-            raise ValueError(f"unit: expected the first of three texture units, 0 to {last}, got {unit!r}")
+        if not 0 <= unit <= self._last_unit:
+            raise ValueError(f"unit: expected the first of three texture units, 0 to {self._last_unit}, got {unit!r}")
         return {f"gsgi_{name}": number for name, number in self.textures.use(unit).items()}
 
     def release(self) -> None:

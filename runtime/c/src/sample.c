@@ -100,8 +100,8 @@ static totals level_sums(const gsgi_bake* bake, int l, uint32_t sharpness, const
 
 /* One channel of w c with the relief, as bent() of glsl/surface/weight.glsl has it. */
 static float with_relief(float light, float relief) {
-    const float both = light + relief, half = fmaxf(0.5f * light, 0.0f);
-    return both < fminf(half, light) ? half * half / (2.0f * half - both) : both;
+    const float l = fmaxf(light, 0.0f);
+    return relief < -0.5f * l ? -0.25f * l * l / relief : light + relief;
 }
 
 /* Write `given` at the length 1; false if it has none that could be 1. */
