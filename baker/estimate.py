@@ -9,7 +9,7 @@ import numpy as np
 
 from gsgi.baker.trace.tracer import PASS_SAMPLES, Sampling
 
-from .evaluation import bias, group_error, held_out, moving
+from .evaluation import bias, films, group_error, held_out, moving
 from .evaluation.monitor import entries
 from .plan import Plan
 
@@ -88,7 +88,7 @@ class Rates:
             + compared * bias.PATHS
             + views * self.prepared,
             "evaluation": views * self.evaluated
-            + each * moving.paths(plan)
+            + each * (moving.paths(plan) + films.paths(plan))
             + self.whole * len(plan.groups) * group_error.PATHS,
         }
 

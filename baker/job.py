@@ -8,7 +8,7 @@ from gsgi.runtime.file import codec
 
 from . import bake as baking
 from .deadline import Clock
-from .evaluation import bias, group_error, held_out, moving
+from .evaluation import bias, films, group_error, held_out, moving
 from .evaluation.preview import Preview
 from .plan import Plan
 from .plan_table import summary
@@ -58,9 +58,11 @@ def run(
     if evaluate:
         with progress.stage("evaluation"):
             cameras, baked, shown = held_out.cameras(plan), codec.decode(result.data), references | of_scene
+            compared = plan, shown, cameras, baked, held_out.known_light(plan, progress)
             evaluation = replace(
                 held_out.evaluate(references, cameras, baked, of_scene, plan.triangles, found),
-                moving=moving.measure(plan, shown, cameras, baked, held_out.known_light(plan, progress)),
+                moving=moving.measure(*compared),
+                films=films.measure(*compared),
                 groups=group_error.measure(plan, shown, baked),
             )
     stages, warnings = dict(progress.seconds), tuple(progress.warnings)

@@ -26,7 +26,7 @@ from .group_error import GroupError
 from .leak import Surroundings, leak, reach
 from .metrics import mean_psnr, psnr, squared_error
 from .mottle import mottle
-from .moving import MovingError
+from .place_error import PlaceError
 
 if TYPE_CHECKING:
     from gsgi.baker.plan import Plan
@@ -84,8 +84,8 @@ class Evaluation:
 
     The mean PSNR is that of the mean squared error. The worst view has the lowest SSIM of the full frame. The scene's
     views were fitted, so they are no part of the mean. Mean and worst are None if there is no view that is not noisy.
-    `bias` is that of the references; None if it was not measured. `moving` is the error in free space, where things
-    move; None if it was not measured. `groups` are the errors of each light group alone.
+    `bias` is that of the references, `moving` the error in free space, where things move, and `films` that on what lets
+    light through; None if they were not measured. `groups` are the errors of each light group alone.
     """
 
     views: list[ViewEvaluation]
@@ -93,7 +93,8 @@ class Evaluation:
     scene_views: list[ViewEvaluation]
     worst: ViewEvaluation | None
     bias: Bias | None = None
-    moving: MovingError | None = None
+    moving: PlaceError | None = None
+    films: PlaceError | None = None
     groups: list[GroupError] = field(default_factory=list)
 
 

@@ -15,11 +15,9 @@ def summary(evaluation: Evaluation) -> list[str]:
         found = evaluation.bias
         lines.append(f"references: {found.bias:+.2%} of whole paths' light (+- {found.standard_error:.2%})")
     if evaluation.moving:
-        found = evaluation.moving
-        lines.append(
-            f"things that move: B is off by {found.median:.1%} RMS or less in half of the places before these views, "
-            f"and by {found.worst_tenth:.1%} or more in a tenth"
-        )
+        lines.append(f"things that move: {evaluation.moving.told('before these views')}")
+    if evaluation.films:
+        lines.append(f"what lets light through: {evaluation.films.told('that these views see of it')}")
     lines += [_group_line(group) for group in evaluation.groups]
     if evaluation.worst:
         worst = evaluation.worst

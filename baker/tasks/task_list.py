@@ -1,10 +1,11 @@
 """All tasks of a bake, and what each of them costs."""
 
+from collections.abc import Callable
 from functools import partial
 
 from gsgi.baker import job
 from gsgi.baker.estimate import Rates
-from gsgi.baker.evaluation import bias, group_error, held_out, moving
+from gsgi.baker.evaluation import bias, films, group_error, held_out, moving
 from gsgi.baker.plan import Plan
 from gsgi.baker.progress import Progress
 from gsgi.runtime.errors import UsageError
@@ -44,9 +45,11 @@ def _references(plan: Plan) -> list[Task]:
     if gathers:
         compare = partial(job.trace_references, plan)
         traced.append(Task("bias", "references", keys(traced), compare, bias.PATHS, True))
-    before, most = keys(traced), moving.paths(plan)
-    if most:
-        traced.append(Task("moving", "references", before, partial(_trace_moving, plan), most, not gathers))
+    before = keys(traced)
+    for name, error in (("moving", moving), ("films", films)):
+        if most := error.paths(plan):
+            trace = partial(_trace_error, plan, error.trace)
+            traced.append(Task(name, "references", before, trace, most, not gathers))
     return [*traced, *_group_references(plan, before)]
 
 
@@ -65,9 +68,9 @@ def _trace_reference(plan: Plan, view: held_out.View, progress: Progress) -> Non
         held_out.reference(plan, view, known, advance)
 
 
-def _trace_moving(plan: Plan, progress: Progress) -> None:
+def _trace_error(plan: Plan, trace: Callable[..., None], progress: Progress) -> None:
     references, of_scene, _ = job.trace_references(plan, progress)
-    moving.trace(plan, references | of_scene, held_out.cameras(plan), held_out.known_light(plan, progress))
+    trace(plan, references | of_scene, held_out.cameras(plan), held_out.known_light(plan, progress))
 
 
 def _trace_alone(plan: Plan, name: str, progress: Progress) -> None:

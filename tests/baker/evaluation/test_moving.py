@@ -11,13 +11,15 @@ from gsgi_files import constant
 from gsgi.baker.cache.store import Cache
 from gsgi.baker.evaluation import moving
 from gsgi.baker.evaluation.held_out import Evaluation
-from gsgi.baker.evaluation.moving import MovingError, measure
+from gsgi.baker.evaluation.moving import measure
+from gsgi.baker.evaluation.place_error import PlaceError
 from gsgi.baker.evaluation.summary import summary
 from gsgi.baker.surface import chunks
 from gsgi.baker.surface.samples import Sampler
 from gsgi.baker.surface.seen_surface import SeenSurface
 from gsgi.baker.trace.cached_tracer import CachedTracer
 from gsgi.baker.trace.irradiance_cache import KnownLight
+from gsgi.baker.trace.local_light import free_blocks
 from gsgi.baker.trace.reference import Reference
 from gsgi.runtime.gaussians import OverBlend
 
@@ -34,7 +36,7 @@ def test_noise_of_the_paths_hardly_counts(off):
     rng = np.random.default_rng(1)
     truth = np.full((POINTS, 3), 5.0)
     a, b = (truth * (1 + 0.2 * rng.normal(size=(POINTS, 1))) for _ in range(2))
-    found = moving._error(places(), truth * (1 + off * rng.choice([-1, 1], truth.shape)), a, b)
+    found = PlaceError.of(free_blocks(places()), truth * (1 + off * rng.choice([-1, 1], truth.shape)), a, b)
     assert found.median == pytest.approx(off, abs=0.03)
     assert off - 0.01 <= found.worst_tenth <= np.hypot(off, 0.2 / 4) + 0.05
 
@@ -44,7 +46,7 @@ def test_places_count_by_their_own_light():
     position = places()
     dark = position[:, :1] < 0.25
     truth = np.where(dark, 0.001, 1.0) * np.ones((1, 3))
-    found = moving._error(position, np.where(dark, 2, 1) * truth, truth, truth)
+    found = PlaceError.of(free_blocks(position), np.where(dark, 2, 1) * truth, truth, truth)
     assert found.median == 0
     assert 0.8 < found.worst_tenth <= 1  # a place on the border is bright in part
 
@@ -53,7 +55,7 @@ def test_a_dark_side_counts_by_the_light_of_all_sides():
     """Light comes from above; where normals point down, there is a fiftieth, and the bake has twice that."""
     up = np.random.default_rng(1).random((POINTS, 1)) < 0.5
     truth = np.where(up, 1.0, 0.02) * np.ones((1, 3))
-    found = moving._error(places(), np.where(up, 1, 2) * truth, truth, truth)
+    found = PlaceError.of(free_blocks(places()), np.where(up, 1, 2) * truth, truth, truth)
     assert 0.02 < found.median <= found.worst_tenth < 0.06
 
 
@@ -63,7 +65,7 @@ def test_light_that_may_be_noise_is_black():
     dark = position[:, :1] < 0.25
     stray = np.random.default_rng(2).choice([0.0, 1e-4], (2, POINTS, 1), p=[0.99, 0.01])
     a, b = (np.where(dark, half, 1.0) * np.ones((1, 3)) for half in stray)
-    assert moving._error(position, np.where(dark, 1e-3, 1.0) * np.ones((1, 3)), a, b).worst_tenth < 1
+    assert PlaceError.of(free_blocks(position), np.where(dark, 1e-3, 1.0) * np.ones((1, 3)), a, b).worst_tenth < 1
 
 
 def plan(cache: Cache) -> SimpleNamespace:
@@ -126,7 +128,7 @@ def test_tracing_ahead_leaves_nothing_to_trace(tmp_path, monkeypatch):
 
 
 def test_the_log_has_a_line():
-    assert summary(Evaluation([], None, [], None, moving=MovingError(0.051, 0.3))) == [
+    assert summary(Evaluation([], None, [], None, moving=PlaceError(0.051, 0.3))) == [
         "things that move: B is off by 5.1% RMS or less in half of the places before these views, and by 30.0% or more "
         "in a tenth"
     ]
