@@ -15,8 +15,8 @@ export class GsgiLoader extends Loader<IndirectLight> {
 
 /**
  * The light of a bake. While it is in a scene, all standard, physical, Lambert, Phong and toon materials of the meshes
- * there show it. Removing it, or dispose(), leaves all materials as they were. Throws RangeError for the operator
- * `over`.
+ * there show it, those with `userData.gsgiMoves` as what moves, and was not in the scene when it was baked. Removing it, or
+ * dispose(), leaves all materials as they were. Throws RangeError for the operator `over`.
  */
 export class IndirectLight extends Object3D {
     /** `tables`: those of lookupTables(bake), which the light keeps and changes. */

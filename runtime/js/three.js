@@ -53,6 +53,8 @@ function inWorker(data) {
 /**
  * The light of a bake. While it is in a scene, all standard, physical, Lambert, Phong and toon materials of the meshes
  * there show it: those that are shared, cloned or added later too, and those that have an onBeforeCompile of their own.
+ * Those with `userData.gsgiMoves` are of what moves, and was not in the scene when it was baked: close to a wall the others
+ * have the light of the wall.
  *
  * `intensity` is a factor, and `visible` turns it off, without compiling anything; `weights` are factors on the light of
  * each light group that the file has: `light.weights = { lamps: 0.2, sun: [1, 0.9, 0.8] }`. The bake moves, turns and grows with
@@ -187,6 +189,7 @@ class Patch {
     #slots = []; // uniforms of each light
     #renderers = new Set();
     #hook; // the material's onBeforeCompile while it shows a light
+    #moves; // whether it is that of things that move
     #undo = [];
 
     static of(material) {
@@ -200,9 +203,10 @@ class Patch {
 
     /** Shows `light` in the frame of the scene `root` that is about to be drawn. */
     show(light, root) {
-        const known = this.#lights.includes(light);
+        const known = this.#lights.includes(light), moves = !!this.#material.userData.gsgiMoves;
         if (!known) this.#lights.push(light);
-        const changed = !known || this.#material.onBeforeCompile !== this.#hook;
+        const changed = !known || moves !== this.#moves || this.#material.onBeforeCompile !== this.#hook;
+        this.#moves = moves;
         if (changed) this.#install();
         this.#lights.forEach((each, i) => {
             const { uniforms, root: home } = each.look, slot = (this.#slots[i] ??= {});
@@ -241,7 +245,7 @@ class Patch {
         this.#undo = [
             override(material, "onBeforeCompile", () => this.#hook),
             override(material, "customProgramCacheKey", (before) => () =>
-                `${before.call(Object.create(material, { onBeforeCompile: own }))} gsgi ${lights}`),
+                `${before.call(Object.create(material, { onBeforeCompile: own }))} gsgi ${lights} ${this.#moves}`),
         ];
         material.needsUpdate = true;
     }
@@ -265,8 +269,9 @@ gsgi_n=vec4(nonPerturbedNormal,0)*viewMatrix,gsgi_m=vec4(normal,0)*viewMatrix;`;
         lights.forEach((counts, i) => {
             const own = `gsgi${i}_`, world = `${own}from_world`, intensity = `${own}intensity`;
             functions += `${lookupSource(counts, own)}uniform mat4 ${world};uniform float ${intensity};\n`;
+            const [read, flat] = this.#moves ? ["_free", ""] : ["", `mat3(${world})*gsgi_n.xyz,`];
             sum += `if(${intensity}>0.)irradiance+=PI*${intensity}*
-${own}indirect((${world}*gsgi_x).xyz,mat3(${world})*gsgi_n.xyz,mat3(${world})*gsgi_m.xyz);`;
+${own}indirect${read}((${world}*gsgi_x).xyz,${flat}mat3(${world})*gsgi_m.xyz);`;
         });
         shader.fragmentShader = shader.fragmentShader
             .replace("void main() {", `${functions}void main() {`)

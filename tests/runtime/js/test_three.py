@@ -34,6 +34,7 @@ def found(tmp_path_factory):
     both = replace(constant(EVEN + OTHER), groups=tuple(groups))
     files = {"groups": both, "even": constant(EVEN), "other": constant(OTHER), "spot": spot, "over": example(3)}
     files["bumpy"] = BUMPY
+    files["levels"] = replace(files["even"], coarse=files["other"].coarse)
     for name, bake in files.items():
         (folder / f"{name}.gsgi").write_bytes(codec.encode(bake))
     (folder / "damaged.gsgi").write_bytes(codec.encode(files["even"])[:-1])
@@ -65,6 +66,11 @@ def test_hooks_clones_and_shared_materials(found):
     np.testing.assert_allclose(found["copiedHook"], [*EVEN[:2], 0.75], rtol=2e-3)
     np.testing.assert_allclose(found["clone"], EVEN, rtol=2e-3)  # three.js leaves the hook behind
     np.testing.assert_allclose(found["shared"], [EVEN] * 2, rtol=2e-3)
+
+
+def test_what_moves_has_the_light_of_free_space(found):
+    for shown, light in zip(found["moves"], (EVEN, OTHER, EVEN), strict=True):
+        np.testing.assert_allclose(shown, light, rtol=2e-3)
 
 
 def test_intensity_and_visibility(found):
@@ -119,7 +125,7 @@ def test_files_are_decoded_in_a_worker_where_there_is_one(found):
 
 def test_files_that_cannot_be_shown_are_errors(found):
     over, damaged, missing = found["errors"]
-    assert over.startswith("RangeError: over.gsgi: only light of")
+    assert over.startswith("RangeError: over.gsgi: this needs light of")
     assert damaged.startswith("FormatError: damaged.gsgi: byte ")
     assert "404" in missing
 

@@ -72,6 +72,13 @@ await post(async () => {
         found.without[name] = shown(scene);
     }
 
+    // Things that move, whose material says so, also while the light is there.
+    const levels = await load("levels.gsgi"), thing = new THREE.MeshLambertMaterial(), hall = sceneOf(mesh(thing), levels);
+    found.moves = [false, true, false].map((moves) => {
+        thing.userData.gsgiMoves = moves;
+        return shown(hall);
+    });
+
     // A material with its own hook, its clones, those that copy the hook, and those added later.
     const own = new THREE.MeshLambertMaterial(), hook = (shader) => {
         shader.fragmentShader = shader.fragmentShader.replace("#include <opaque_fragment>",
