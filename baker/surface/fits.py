@@ -49,7 +49,8 @@ class SurfaceFits:
         start = time.perf_counter()
         with self.progress.stage("fit", plan.fit_steps, "iterations") as advance:
             if (more := plan.gaussians(budget)) > budget:
-                self.progress.say(f"light varies more than shapes: at most {more} Gaussians instead of {budget}")
+                most = f"at most {more} Gaussians, where shapes alone call for {budget}"
+                self.progress.say(f"light varies more than shapes: {most}")
             coarse = self.coarse(budget, free)
             fine = self._fine_count(budget, coarse)
             kept = self._with_unlit(surface[~in_gaps(surface)])
