@@ -38,15 +38,14 @@ def measure(
         return None
     position, normal, _ = points
     light = sample(baked, position, normal)
-    return PlaceError.of(Blocks.of(position, normal), light, *halves(plan, SEED, known, *points))
+    return PlaceError.of(Blocks.of(position, normal), light, *halves(plan, SEED, known, points))
 
 
 def trace(
     plan: "Plan", references: Mapping[str, Reference], cameras: Mapping[str, Camera], known: KnownLight | None = None
 ) -> None:
     """Trace what `measure` compares a bake with, so that it is in the plan's cache."""
-    if (points := _points(plan, references, cameras)) is not None:
-        halves(plan, SEED, known, *points)
+    halves(plan, SEED, known, _points(plan, references, cameras))
 
 
 def paths(plan: "Plan") -> int:

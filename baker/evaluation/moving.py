@@ -38,16 +38,16 @@ def measure(
     points = _points(plan, references, cameras)
     if points is None:
         return None
-    light = sample(baked, *points, free=True)
-    return PlaceError.of(free_blocks(points[0]), light, *halves(plan, SEED, known, *points))
+    position, normal, _ = points
+    light = sample(baked, position, normal, free=True)
+    return PlaceError.of(free_blocks(position), light, *halves(plan, SEED, known, points))
 
 
 def trace(
     plan: "Plan", references: Mapping[str, Reference], cameras: Mapping[str, Camera], known: KnownLight | None = None
 ) -> None:
     """Trace what `measure` compares a bake with, so that it is in the plan's cache."""
-    if (points := _points(plan, references, cameras)) is not None:
-        halves(plan, SEED, known, *points)
+    halves(plan, SEED, known, _points(plan, references, cameras))
 
 
 def paths(plan: "Plan") -> int:
@@ -57,8 +57,10 @@ def paths(plan: "Plan") -> int:
 
 def _points(
     plan: "Plan", references: Mapping[str, Reference], cameras: Mapping[str, Camera]
-) -> tuple[np.ndarray, np.ndarray] | None:
-    """Positions (P, 3), m, on lines of sight to pixels of the references, and random unit normals (P, 3), float32."""
+) -> tuple[np.ndarray, ...] | None:
+    """Positions (P, 3), m, on lines of sight to pixels of the references, and random unit normals (P, 3), float32, as
+    normals and as geometric normals.
+    """
     if not paths(plan):
         return None
     rng, parts = np.random.default_rng(plan.settings.seed + SEED), [np.empty((0, 3))]
@@ -68,4 +70,5 @@ def _points(
     position = np.concatenate(parts)[:POINTS]
     normal = random_directions(len(position), rng)
     inside = in_box(plan.triangles.box, position)
-    return (position[inside].astype(np.float32), normal[inside].astype(np.float32)) if inside.any() else None
+    position, normal = (array[inside].astype(np.float32) for array in (position, normal))
+    return (position, normal, normal) if inside.any() else None

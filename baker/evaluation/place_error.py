@@ -51,14 +51,20 @@ class PlaceError:
 
 
 def halves(
-    plan: "Plan", seed: int, known: KnownLight | None, position: np.ndarray, normal: np.ndarray, geometric_normal=None
+    plan: "Plan", seed: int, known: KnownLight | None, points: tuple[np.ndarray, ...] | None
 ) -> list[np.ndarray]:
-    """Two halves (P, 3) of the truth at points (P, 3), whose paths end in `known` light or are whole.
+    """Two halves (P, 3) of the truth at points, whose paths end in `known` light or are whole; none without points.
 
-    `seed` is that of the paths, less the bake's.
+    The points are position, normal and geometric normal, (P, 3) each. `seed` is that of the paths, less the bake's.
     """
+    if points is None:
+        return []
+    position, normal, geometric_normal = points
     ends = (known.unguided.a, known.unguided.b) if known else (None, None)
-    seed += plan.settings.seed
-    points = position, normal, Sampling(SAMPLES)
-    how = {"geometric_normal": geometric_normal}
-    return [plan.tracer.at_points(*points, seed + half, known=end, **how).mean for half, end in enumerate(ends)]
+    return [
+        plan.tracer.at_points(
+            position, normal, Sampling(SAMPLES), plan.settings.seed + seed + half,
+            known=end, geometric_normal=geometric_normal,
+        ).mean
+        for half, end in enumerate(ends)
+    ]  # fmt: skip

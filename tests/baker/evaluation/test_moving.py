@@ -84,11 +84,11 @@ def test_in_a_furnace_all_is_known():
     truth = {"view": reference(made)}
     assert measure(made, truth, CAMERA, constant([2, 2, 2])).worst_tenth < 0.02
     assert measure(made, truth, CAMERA, constant([2.4, 2.4, 2.4])).median == pytest.approx(0.2, abs=0.01)
-    position, normal = moving._points(made, truth, CAMERA)
+    position, normal, _ = moving._points(made, truth, CAMERA)
     assert len(position) == len(normal) == moving.POINTS
     assert (np.abs(position) < 1).all()
     made.triangles.box = np.array([[0.0, -1, -1], [1, 1, 1]])
-    inside, normal = moving._points(made, truth, CAMERA)
+    inside, normal, _ = moving._points(made, truth, CAMERA)
     assert (inside[:, 0] >= 0).all()
     assert 0 < len(inside) == len(normal) < moving.POINTS
     made.triangles.box += 5
