@@ -3,6 +3,7 @@
 Space is glTF's: right-handed, +Y up, the camera looks down -Z. Image row 0 is the top; pixel centres lie at +0.5.
 """
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -46,6 +47,13 @@ class Camera:
     def position(self) -> np.ndarray:
         """Position in world space, (3,) float64, m."""
         return self.world_from_view[:3, 3]
+
+    def flags(self, length: float) -> str:
+        """The options of `gsgi render` for this camera, without its roll, to a hundred-thousandth of `length`, m."""
+        digits = max(5 - math.floor(math.log10(length or 1.0)), 0)
+        eye, back = self.position, self.world_from_view[:3, 2]
+        points = (",".join(f"{x + 0.0:.{digits}f}" for x in p.round(digits)) for p in (eye, eye - length * back))
+        return "--eye {} --target {} --fov {:.6g}".format(*points, math.degrees(self.yfov))
 
     def clip_from_view(self, aspect: float) -> np.ndarray:
         """OpenGL projection matrix (4, 4) float64 for `aspect` = width / height; zfar may be infinite."""

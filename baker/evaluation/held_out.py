@@ -273,15 +273,9 @@ def _evaluated(
     final = compare_frame(truth.lit(image), truth, exposure(truth.final, baked.tone_scale))
     leaked = None if around is None else leak(image, truth, around)
     hopeless = tells_nothing(truth, indirect.ssim_ceiling)
-    flags = f"--camera {shlex.quote(name)}" if of_scene else _flags(camera)
+    far = float(truth.surface.depth.max())
+    flags = f"--camera {shlex.quote(name)}" if of_scene else f"{camera.flags(far)} --size 512x512"
     return ViewEvaluation(name, loss, indirect, final, mottle(image, truth), leaked, of_scene, hopeless, flags)
-
-
-def _flags(camera: Camera) -> str:
-    """The flags of `gsgi render` for a camera that was placed."""
-    forward = -camera.world_from_view[:3, 2]
-    eye, target = (",".join(f"{x:.5g}" for x in point) for point in (camera.position, camera.position + forward))
-    return f"--eye={eye} --target={target} --fov {np.degrees(camera.yfov):.3g} --size 512x512"
 
 
 def _target(reference: Reference, tone_scale: float) -> Target:

@@ -11,7 +11,8 @@ vec3 gsgi_read(vec3 position, vec3 normal, vec3 mapped, bool free) {
 
 // B, linear Rec.709 radiance for albedo 1: add albedo * B to the radiance of a surface. `position`: world space, m;
 // `normal`: world space, towards the side that is seen, before any normal map; `mapped`: after it, where there is one.
-// Lengths of normals do not matter, but those of length 0 get no light. For files whose light does not follow normal maps both functions are the same.
+// Lengths of normals do not matter, but those of length 0 get no light. For files whose light does not follow normal
+// maps both functions are the same.
 vec3 gsgi_indirect(vec3 position, vec3 normal, vec3 mapped) {
     return gsgi_read(position, normal, mapped, false);
 }

@@ -1,6 +1,5 @@
 """A camera that flies: keys move it and the mouse turns it."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -22,12 +21,7 @@ class FlyCamera:
 
     def flags(self) -> str:
         """The options of `gsgi render` for this camera, without its roll, to a hundred-thousandth of the diagonal."""
-        digits = max(5 - math.floor(math.log10(self._diagonal or 1.0)), 0)
-        eye, back = self.camera.position, self.camera.world_from_view[:3, 2]
-        points = (
-            ",".join(f"{x + 0.0:.{digits}f}" for x in p.round(digits)) for p in (eye, eye - self._diagonal * back)
-        )
-        return "--eye {} --target {} --fov {:.6g}".format(*points, math.degrees(self.camera.yfov))
+        return self.camera.flags(self._diagonal)
 
     def turn(self, dx: float, dy: float) -> None:
         """Look around by a mouse movement to the right (`dx`) and down (`dy`), px."""

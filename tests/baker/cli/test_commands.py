@@ -158,7 +158,7 @@ def test_a_bake_reports_what_it_reached(bakes, operator, gl):
     assert worst["final"]["ssim"] == min(view["final"]["ssim"] for view in (*views, *own))
     assert [view["flags"] for view in own] == ["--camera front", "--camera corner"]
     for view in views:
-        assert re.fullmatch(r"--eye=\S+ --target=\S+ --fov \d\S* --size 512x512", view["flags"])
+        assert re.fullmatch(r"--eye \S+ --target \S+ --fov \d\S* --size 512x512", view["flags"])
         assert main.run(["render", CORNELL, "-o", str(baked / "view.png"), *view["flags"].split(), "-q"]) == 0
     log = (baked / "bake.log").read_text()
     assert f"worst view: {worst['name']}" in log
