@@ -1,6 +1,6 @@
 """Path-traced frames with partly transparent surfaces, blended as the renderer blends them."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cached_property
 
@@ -33,16 +33,19 @@ class BlendedView:
         behind = _behind(scene)
         self.solid = (tracer if behind is scene else Tracer(behind)).surface(camera, width, height)
 
-    def final(self, samples: int, seed: int, denoised: bool, advance=None) -> np.ndarray:
-        """The full light (H, W, 3) float32 by `samples` paths per pixel and surface, with B `denoised` or as traced.
+    def final(
+        self, samples: int, seed: int, indirect: Callable[[reference.Reference], np.ndarray], advance=None
+    ) -> np.ndarray:
+        """The full light (H, W, 3) float32 by `samples` paths per pixel and surface.
 
-        `advance(points)` is called with a total of `2 * width * height` for each surface that a pixel may show, which
-        are 1 + BLENDED_MOST if the scene has blended ones.
+        Of each surface's reference, it takes the `indirect` light B (H, W, 3), denoised or not. `advance(points)` is
+        called with a total of `2 * width * height` for each surface that a pixel may show, which are 1 + BLENDED_MOST
+        if the scene has blended ones.
         """
 
         def light(surface: Surface, seed) -> np.ndarray:
             truth = reference.on_surface(self._tracer, surface, samples, seed, advance)
-            return truth.lit(truth.clean if denoised else truth.indirect)
+            return truth.lit(indirect(truth))
 
         result, passes, count = np.zeros_like(self.solid.albedo), np.float32(1), 0
         for surface, opacity, through in self._layers():

@@ -55,6 +55,15 @@ class Reference:
         """B from all samples, denoised if the denoiser is installed."""
         return self._denoised(self.indirect)
 
+    @property
+    def lost(self) -> float:
+        """The share of B that the denoiser has left out; below 0 where it has added some.
+
+        What few paths bring, each much of it, comes as fireflies, which it takes for noise.
+        """
+        traced = float(self.indirect[self.valid].sum(dtype=np.float64))
+        return 1 - float(self.clean[self.valid].sum(dtype=np.float64)) / traced if traced > 0 else 0.0
+
     @cached_property
     def clean_halves(self) -> tuple[np.ndarray, np.ndarray]:
         """B from each half of the samples, denoised if the denoiser is installed."""

@@ -1,8 +1,16 @@
 """`gsgi reference`: one layer of one path-traced image."""
 
 import argparse
+from typing import TYPE_CHECKING
 
 from gsgi.baker.cli import options as shared
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from gsgi.baker.trace.reference import Reference
+
+LOST_MAX = 0.05  # share of B that the denoiser may leave out unsaid
 
 
 def add(commands) -> None:
@@ -76,11 +84,19 @@ def _traced(options: argparse.Namespace, scene, camera, progress, advance):
     view = BlendedView(tracer, scene, camera, *options.size)
     surface, paths = view.solid, (options.samples, options.seed)
     warn_unless_seen(surface.depth, progress)
+
+    def indirect(truth: "Reference") -> "np.ndarray":
+        if not options.denoise:
+            return truth.indirect
+        if (lost := truth.lost) > LOST_MAX:
+            few = "which few paths brought as bright dots: trace more of them (--samples)"
+            progress.warn(f"the denoiser has left out {lost:.0%} of the indirect light, {few}")
+        return truth.clean
+
     if options.layer == "final":
-        return view.final(*paths, options.denoise, advance)
+        return view.final(*paths, indirect, advance)
     if options.layer == "indirect":
-        truth = reference.on_surface(tracer, surface, *paths, advance)
-        return truth.clean if options.denoise else truth.indirect
+        return indirect(reference.on_surface(tracer, surface, *paths, advance))
     if options.layer == "primary":
         return reference.primary(tracer, surface)
     return {"albedo": surface.albedo, "normal": surface.shading_normal, "depth": surface.depth}[options.layer]

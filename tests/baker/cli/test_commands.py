@@ -408,6 +408,15 @@ def test_a_reference_traces_no_more_than_its_layer_needs(monkeypatch, capsys, tm
     assert read_image(tmp_path / "x.exr").any()
 
 
+@pytest.mark.parametrize("layer", ["indirect", "final"])
+def test_a_denoiser_that_leaves_light_out_is_reported(monkeypatch, capsys, tmp_path, layer):
+    command = ["reference", CORNELL, "-o", str(tmp_path / "x.exr"), "--size", "16x16", "--samples", "2", "--denoise"]
+    for lost in (0.04, 0.31):
+        monkeypatch.setattr("gsgi.baker.trace.reference.Reference.lost", lost)
+        assert main.run([*command, "--layer", layer]) == 0
+        assert ("left out 31% of the indirect light" in capsys.readouterr().err) == (lost == 0.31)
+
+
 @pytest.mark.parametrize("command", [["render"], ["reference", "--samples", "2"]])
 def test_a_camera_that_sees_nothing_is_said(capsys, tmp_path, gl, command):
     where = ["-o", str(tmp_path / "x.png"), "--size", "16x16", "--eye", "0,1,3", "--target"]

@@ -31,7 +31,7 @@ def wall(left: float, right: float, material: int, reach: float = 3.0):
 def traced(scene: Scene, samples: int = 2) -> np.ndarray:
     advanced = []
     view = BlendedView(Tracer(scene), scene, AHEAD, SIZE, SIZE)
-    frame = view.final(samples, 0, False, advanced.append)
+    frame = view.final(samples, 0, lambda truth: truth.indirect, advanced.append)
     assert sum(advanced) == 2 * (1 + BLENDED_MOST * bool(scene.blended)) * SIZE**2
     return frame
 

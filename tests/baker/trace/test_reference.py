@@ -1,6 +1,9 @@
-"""References: which paths their pixels take."""
+"""References: which paths their pixels take, and what the denoiser leaves of their light."""
+
+from dataclasses import replace
 
 import numpy as np
+import pytest
 import scenes
 
 from gsgi.baker.trace import reference
@@ -35,3 +38,13 @@ def test_a_reference_takes_these_paths():
     for half, image in zip(halves, (truth.indirect_a, truth.indirect_b), strict=True):
         assert half.mean.any()
         assert (half.mean == image[seen][some]).all()
+
+
+@pytest.mark.parametrize(("share", "least", "most"), [(0.0, -0.02, 0.02), (0.5, 0.3, 0.6)])
+def test_the_light_that_the_denoiser_leaves_out_is_known(share, least, most):
+    traced = reference.trace(Tracer(scenes.spot_room()), scenes.inside_camera(), 64, 64, 2, seed=0)
+    rng = np.random.default_rng(0)
+    # This share of the light comes in one pixel of 100, the rest in all.
+    bright = rng.random((2, 64, 64, 1)) < 0.01
+    a, b = np.float32((1 - share) * rng.gamma(4, 0.25, (2, 64, 64, 3)) + share * 100 * bright)
+    assert least < replace(traced, indirect_a=a, indirect_b=b).lost < most
