@@ -23,6 +23,7 @@ class Neighbours:
 
         K is `count`, or S where there are fewer.
         """
+        count = min(count, self._tree.n)
         with uninterrupted():
-            found = self._tree.query(position, k=min(count, self._tree.n), workers=-1)
-        return tuple(column.reshape(len(position), -1) for column in found)
+            found = self._tree.query(position, k=count, workers=-1)
+        return tuple(column.reshape(len(position), count) for column in found)

@@ -10,7 +10,7 @@ from surface_cases import gaussians, samples_of
 from gsgi.baker.fitting.rotations import rotation_to
 from gsgi.baker.surface.layers import Layer, Points
 from gsgi.baker.surface.lookup import look_up
-from gsgi.baker.surface.samples import SurfaceSamples
+from gsgi.baker.surface.samples import SurfaceSamples, joined
 from gsgi.baker.surface.spots import MEMBERS, OFF, false_spots, without_spots
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.constants import SH_C0
@@ -132,3 +132,43 @@ def test_dark_gaps_in_bright_surroundings_are_none():
 
 def test_a_level_without_holes_has_none():
     assert len(false_spots(points(), glanced(DARK), *level(0.0), COARSE, BLEND, 100).position) == 0
+
+
+def test_a_leak_through_a_floor_is_found_and_cut():
+    above, fitted = level(0.0)
+    above = above[np.abs(above.position[:, 0]) > 0.3]
+    # Below, a wall 1,000 times as bright faces +x. Its only Gaussian leans upwards and reaches the floor.
+    below = np.random.default_rng(3).uniform(-1, 1, (5000, 3)).astype(np.float32) * np.float32([0, 0.3, 0.5])
+    below -= np.float32([0, 0.35, 0])
+    side = np.tile(np.float32([1, 0, 0]), (len(below), 1))
+    lit = samples_of(np.full((len(below), 3), 1000 * DARK), below, side)
+    leaning = np.float32([[0.95, 0.31, 0]]) / np.hypot(0.95, 0.31)
+    bright = Gaussians(
+        np.float32([[0, -0.3, 0]]), rotation_to(leaning), np.float32([[0.3, 0.3, 0.1]]), np.ones(1, np.float32),
+        np.full((1, 1, 3), 1000 * DARK / SH_C0, np.float32), np.zeros((1, 2), np.float32),
+    )  # fmt: skip
+    columns = zip(vars(fitted).values(), vars(bright).values(), strict=True)
+    both = Gaussians(*(np.concatenate(pair) if pair[0] is not None else None for pair in columns))
+    surface = joined([above, lit])
+    position, normal = on_floor(20_000, 2)
+    inside = np.hypot(position[:, 0], position[:, 2]) < 0.1
+    before = look_up(both, COARSE, BLEND, position, normal)[0].mean(axis=1)
+    assert before[inside].min() > 3 * DARK
+
+    found = false_spots(points(), glanced(DARK, 0.2), surface, both, COARSE, BLEND, 100)
+    assert len(found.position)
+    assert not found.radius.any()  # it is no hole
+    assert np.abs(found.position[:, 0]).max() < 0.3
+    traced = samples_of(np.full((len(found.position), 3), DARK), found.position, found.normal)
+    triangles = Triangles(Scene((scenes.floor(1.0),), (scenes.WHITE,)))
+    closed = without_spots(found, traced, surface, surface[:0], both, COARSE, BLEND, len(both), triangles)
+    after = look_up(closed, COARSE, BLEND, position, normal)[0].mean(axis=1)
+    np.testing.assert_allclose(after[inside], DARK, rtol=0.3)
+    wall = look_up(closed, COARSE, BLEND, below, side)[0].mean(axis=1)
+    assert np.median(wall) > 500 * DARK
+
+
+def test_light_around_an_edge_is_no_leak():
+    samples, fitted = level(0.0)
+    found = false_spots(points(), glanced(DARK), samples[samples.position[:, 0] > 0], fitted, COARSE, BLEND, 100)
+    assert len(found.position) == 0
