@@ -25,7 +25,6 @@ GREY = 0.5  # times its mean over the channels is added to light for that: what 
 VARIES = 0.5  # standard deviation of the light of neighbours, relative to its mean
 SIGNIFICANT = 3.0  # standard deviations of the noise, by which a sample is darker than its neighbours
 LEAK = 0.003  # of the light on the bright side of a wall: less on a black side is within tolerance
-SPACE_LEAK = 0.02  # the same in free space, where things move: black there must not smudge a bright wall
 NEIGHBOURS = 8  # samples over whose light is averaged, as far as they see each other
 AT_ONCE = 1 << 16  # samples for which that is done; bounds memory
 
@@ -51,7 +50,8 @@ def seen_light(surface: SurfaceSamples, free: SurfaceSamples, triangles: Triangl
     Those of the `surface` come first. Where light varies among neighbours on the same surface, they may lie on both
     sides of a wall. Where all is black, or so dark that it may be no more than noise, the level is not below LEAK of
     the light nearby, so that a black room does not take the Gaussians of the bright one beside it. In free space it is
-    nowhere below SPACE_LEAK of it: otherwise black Gaussians fill the space behind bright walls, and smudge them. On
+    nowhere below that light nearby: to keep it out of the black space behind, a fit would dim the bright wall, or
+    smudge it with black Gaussians, while hardly anybody looks at the back of a thing that stands against a wall. On
     surfaces it is not below what is `seen` around: people look into a gap from where they see the bright wall beside
     it, while blocks shrink to the gap where its samples are dense. Of the noise relative to that level and the noise of
     all blocks around, the lower counts: the latter takes in that of light behind a wall, the former that of darker
@@ -74,7 +74,7 @@ def seen_light(surface: SurfaceSamples, free: SurfaceSamples, triangles: Triangl
     noise[varies] = np.maximum(noise[varies], np.sqrt(variance[varies]))
     nearby = np.maximum(nearby_light(samples.position, bright), 0)
     level[black] = np.hypot(level[black], LEAK * nearby[black])
-    least = np.concatenate([surface.seen, SPACE_LEAK * nearby[len(surface) :]])
+    least = np.concatenate([surface.seen, nearby[len(surface) :]])
     level = np.maximum(level, least)
     return LocalLight(level, noise)
 

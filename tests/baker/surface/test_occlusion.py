@@ -14,7 +14,7 @@ from gsgi.baker.surface import occlusion
 from gsgi.baker.surface.coarse import coarse_level
 from gsgi.baker.surface.fit import fit_surface
 from gsgi.baker.surface.lookup import look_up
-from gsgi.baker.surface.occlusion import LEAK, SPACE_LEAK, VARIES, Occlusion, seen_light
+from gsgi.baker.surface.occlusion import LEAK, VARIES, Occlusion, seen_light
 from gsgi.baker.surface.samples import SurfaceSamples, joined
 from gsgi.baker.trace.local_light import UNSEEN, local_light
 from gsgi.baker.views.directions import random_directions
@@ -210,7 +210,7 @@ def test_black_space_behind_a_wall_counts_by_the_light_in_front():
     level = seen_light(surface, free, TRIANGLES).level
     alone = seen_light(surface, surface[:0], TRIANGLES).level
     behind, far = ((free.position[:, 0] > a) & (free.position[:, 0] < b) for a, b in ((0.0, 0.02), (0.8, 1.0)))
-    assert level[len(surface) :][behind].min() > 0.2 * SPACE_LEAK * BRIGHT
+    assert level[len(surface) :][behind].min() > 0.2 * BRIGHT
     np.testing.assert_allclose(level[len(surface) :][far], DARK, rtol=0.2)
     dark = surface.position[:, 0] > 0.5
     np.testing.assert_allclose(level[: len(surface)][dark], alone[dark], rtol=0.2)
