@@ -26,6 +26,7 @@ def quick():
     with pytest.MonkeyPatch.context() as patch:
         place_quickly(patch.setattr)
         patch.setattr(budget, "SAMPLES_FEWEST", 1 << 12)
+        patch.setattr(budget, "KNOWN_MOST", 1 << 12)
         patch.setattr(chunks, "CHUNK", 1 << 11)
         patch.setattr(held_out, "SIZE", 64)
         patch.setattr(held_out, "SAMPLES", 256)

@@ -34,6 +34,7 @@ def test_between_two_hours_both_are_blended(sample):
 def test_each_hour_has_its_light(sample, tmp_path, monkeypatch, gl):
     monkeypatch.setenv("GSGI_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(budget, "SAMPLES_FEWEST", 1 << 12)
+    monkeypatch.setattr(budget, "KNOWN_MOST", 1 << 12)
     monkeypatch.setattr(chunks, "CHUNK", 1 << 11)
     sample.main(tmp_path, TINY)
     day = Image.open(tmp_path / "day.gif")

@@ -38,6 +38,7 @@ def baked(tmp_path_factory) -> Path:
         patch.setenv("GSGI_CACHE", str(folder / "cache"))
         place_quickly(patch.setattr)
         patch.setattr(budget, "SAMPLES_FEWEST", 1 << 12)
+        patch.setattr(budget, "KNOWN_MOST", 1 << 12)
         patch.setattr(chunks, "CHUNK", 1 << 11)
         arguments = ["bake", CORNELL, "-o", str(folder / "c.gsgi"), *TINY, *QUIET, *LIGHT, "--group", "day=sun"]
         assert main.run(arguments) == 0

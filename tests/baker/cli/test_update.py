@@ -13,6 +13,7 @@ from traced_paths import counted
 
 import gsgi
 from gsgi.baker.cli import main
+from gsgi.baker.surface import chunks
 from gsgi.baker.update import record
 from gsgi.runtime.file import codec
 from gsgi.runtime.gaussians import Bake
@@ -87,6 +88,7 @@ def test_where_nothing_can_be_kept_one_line_says_why(folder, capsys, monkeypatch
 
 def test_light_groups_are_kept_and_follow_an_edit(tmp_path, monkeypatch):
     make_small(monkeypatch.setattr)
+    monkeypatch.setattr(chunks, "CHUNK", 1 << 12)
     scene = edit(SCENES / "cornell.glb", tmp_path / "edited", recoloured(0, (0.2, 0.5, 0.9)))
     light = ["--group", "lamp=ceiling*", "--no-evaluate", "--quiet", "--budget", "256"]
     paths = counted(monkeypatch)

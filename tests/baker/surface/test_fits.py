@@ -32,6 +32,7 @@ def plan() -> Plan:
 @pytest.fixture(autouse=True)
 def few_samples(monkeypatch):
     monkeypatch.setattr(budget, "SAMPLES_FEWEST", 1 << 12)
+    monkeypatch.setattr(budget, "KNOWN_MOST", 1 << 12)
     monkeypatch.setattr(chunks, "CHUNK", 1 << 11)
 
 

@@ -24,6 +24,7 @@ def ground(ground_of):
 def made(ground):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(budget, "SAMPLES_FEWEST", 1 << 14)
+        patch.setattr(budget, "KNOWN_MOST", 1 << 14)
         patch.setattr(budget, "FREE_PER_GAUSSIAN", 64)
         patch.setattr(gaussians, "FACTORS_QUICK", (1, 4))
         patch.setattr(study, "ROUNDS_QUICK", 1)

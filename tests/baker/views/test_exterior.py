@@ -3,12 +3,20 @@
 import numpy as np
 import pytest
 import scenes
+from small_tasks import place_quickly
 
 from gsgi.baker.views.coverage import seen_by
 from gsgi.baker.views.exterior import INSIDE_MIN
 from gsgi.baker.views.placement import HELD_OUT, place
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.scene import Scene
+
+
+@pytest.fixture(scope="module", autouse=True)
+def quick():
+    with pytest.MonkeyPatch.context() as patch:
+        place_quickly(patch.setattr)
+        yield
 
 
 def outside(meshes, size: int = 48) -> np.ndarray:
