@@ -19,7 +19,8 @@ pytest_plugins = ["pytester"]
 LONG = (
     "baker/cli/test_resume.py",
     "baker/cli/test_commands.py",
-    "baker/views/test_placement.py",
+    "baker/cli/test_update.py",
+    "baker/tasks/test_tasks.py",
     "hard_cases/test_cases.py",
 )
 
