@@ -90,7 +90,9 @@ class Baker:
         loss, psnr = self.held_out.of(read) if self.held_out else (None, None)
         count = len(read.gaussians) + len(read.coarse or ())
         if self.held_out:
-            self.progress.say(f"  {count} Gaussians, {len(data)} bytes: held-out loss {loss:.4f}, PSNR {psnr:.2f} dB")
+            self.progress.say(
+                f"  {count} Gaussians, {len(data)} bytes: held-out loss {loss:.4f}, {psnr:.2f} dB of linear light"
+            )
         if fit.coverage is not None:
             self.progress.say(
                 f"  {fit.coverage:.2%} of the surface has Gaussians of its own, the rest the coarse level"

@@ -14,13 +14,16 @@ from .metrics import compare_linear, ssim
 class Comparison:
     """PSNR (dB), SSIM and FLIP of an image.
 
-    `ssim_ceiling` is the SSIM between the two denoised halves of the reference. No image can be shown to be closer.
+    `psnr` is of linear light, without the noise of the reference; `shown_psnr` is of what a display shows, against the
+    denoised reference. `ssim_ceiling` is the SSIM between the two denoised halves of the reference. No image can be
+    shown to be closer.
     """
 
     psnr: float
     ssim: float
     ssim_ceiling: float
     flip: float
+    shown_psnr: float
 
 
 def compare_frame(frame: np.ndarray, reference: Reference, exposure: float | None = None) -> Comparison:
@@ -47,7 +50,8 @@ def _compare(image, reference: Reference, lit, exposure: float | None, valid: np
     exposure = auto_exposure(lit(reference.indirect)) if exposure is None else exposure
     clean = lit(reference.clean)
     difference = compare_linear(image, lit(reference.indirect_a), lit(reference.indirect_b), clean, exposure, valid)
-    return Comparison(difference.psnr, difference.ssim, _ceiling(reference, lit, exposure, valid), difference.flip)
+    ceiling = _ceiling(reference, lit, exposure, valid)
+    return Comparison(difference.psnr, difference.ssim, ceiling, difference.flip, difference.shown_psnr)
 
 
 def _ceiling(reference: Reference, lit, exposure: float, valid: np.ndarray | None) -> float:

@@ -299,4 +299,5 @@ def _mean_share(shares: list[float | None]) -> float | None:
 
 def _mean_comparison(views: list[Comparison]) -> Comparison:
     ssim, ceiling, flip = (float(np.mean([getattr(v, n) for v in views])) for n in ("ssim", "ssim_ceiling", "flip"))
-    return Comparison(mean_psnr([view.psnr for view in views]), ssim, ceiling, flip)
+    psnr, shown = (mean_psnr([getattr(view, name) for view in views]) for name in ("psnr", "shown_psnr"))
+    return Comparison(psnr, ssim, ceiling, flip, shown)

@@ -18,31 +18,34 @@ PSNR_MAX = 100.0  # dB; an image whose squared error is smaller counts as exact
 
 @dataclass(frozen=True)
 class Difference:
-    """PSNR (dB, higher is better), SSIM (1 for equal images), FLIP (0 for equal images)."""
+    """PSNR (dB, higher is better), SSIM (1 for equal images), FLIP (0 for equal images), and the PSNR of what a display
+    shows."""
 
     psnr: float
     ssim: float
     flip: float
+    shown_psnr: float
 
 
 def compare_linear(image, a, b, clean, exposure: float | None = None, valid=None) -> Difference:
     """Compare linear images (H, W, 3) float32 with a reference.
 
     `a` and `b` are its halves and `clean` is their denoised mean (pass the same image three times for an exact
-    reference). PSNR is of exposed linear light with peak 1; SSIM and FLIP are display-referred. The default exposure
-    depends only on the reference: it takes the log-average of `clean` to mid-grey. Only pixels in `valid` (H, W) bool
-    count, or all pixels if it is None.
+    reference). `psnr` is of exposed linear light with peak 1, which few bright pixels may rule; the rest is
+    display-referred. The default exposure depends only on the reference: it takes the log-average of `clean` to
+    mid-grey. Only pixels in `valid` (H, W) bool count, or all pixels if it is None.
     """
     exposure = auto_exposure(clean) if exposure is None else exposure
     shown, expected = tone_map(image, exposure), tone_map(clean, exposure)
     error = squared_error(image, a, b, exposure, valid)
-    return Difference(psnr(error), ssim(shown, expected, valid), flip(shown, expected, valid))
+    pictures = shown, expected, valid
+    return Difference(psnr(error), ssim(*pictures), flip(*pictures), _psnr(*pictures))
 
 
 def compare_display(image, reference) -> Difference:
     """Compare display-referred images (H, W, 3) float32 in [0, 1], such as PNG images."""
-    error = float(np.mean((image - reference).astype(np.float64) ** 2))
-    return Difference(psnr(error), ssim(image, reference), flip(image, reference))
+    found = _psnr(image, reference)
+    return Difference(found, ssim(image, reference), flip(image, reference), found)
 
 
 def squared_error(image, a, b, exposure: float, valid=None) -> float:
@@ -82,6 +85,11 @@ def flip(image: np.ndarray, reference: np.ndarray, valid: np.ndarray | None = No
     reference, image = (np.ascontiguousarray(x, np.float32) for x in (reference, image))
     errors, _, _ = flip_evaluator.evaluate(reference, image, "LDR", applyMagma=False)
     return _mean(errors, valid)
+
+
+def _psnr(image: np.ndarray, reference: np.ndarray, valid: np.ndarray | None = None) -> float:
+    """PSNR, dB, of display-referred images."""
+    return psnr(_mean(np.square((image - reference).astype(np.float64)), valid))
 
 
 def _mean(values: np.ndarray, valid: np.ndarray | None) -> float:

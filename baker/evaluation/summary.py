@@ -52,7 +52,7 @@ def _line(view: ViewEvaluation) -> str:
 
 
 def _told(found: Comparison) -> str:
-    psnr = f"PSNR {found.psnr:.2f} dB" if found.psnr < PSNR_MAX else "error below the reference's noise"
+    psnr = f"PSNR {found.shown_psnr:.2f} dB" if found.psnr < PSNR_MAX else "error below the reference's noise"
     return f"{psnr}, SSIM {found.ssim:.4f} (ceiling {found.ssim_ceiling:.4f}), FLIP {found.flip:.4f}"
 
 

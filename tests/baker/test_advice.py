@@ -19,7 +19,7 @@ DETAIL, DRAFT, MEDIUM, HIGH = 16000, 900, 3600, 14400  # of the scene, and Gauss
 
 
 def view(ssim=0.99, ceiling=0.995, mottle=0.01, name="placed 1", **marks) -> ViewEvaluation:
-    score = Comparison(40.0, ssim, ceiling, 0.05)
+    score = Comparison(40.0, ssim, ceiling, 0.05, 40.0)
     return ViewEvaluation(name, 0.01, score, score, mottle, **marks)
 
 

@@ -37,6 +37,17 @@ def test_noise_of_the_halves_does_not_count_as_error():
     assert naive < clean - 8
 
 
+def test_a_few_bright_pixels_do_not_rule_what_a_display_shows():
+    truth = picture(shape=(64, 64, 3))
+    image = truth.copy()
+    truth[:2, :2], image[:2, :2] = 1000, 900
+    found = metrics.compare_linear(image, truth, truth, truth, exposure=1.0)
+    assert found.psnr < 0
+    assert found.shown_psnr > 60
+    shown = metrics.compare_display(image, truth)
+    assert shown.shown_psnr == shown.psnr
+
+
 def test_a_mean_psnr_is_of_the_mean_squared_error():
     assert metrics.mean_psnr([20.0, 20.0]) == pytest.approx(20)
     assert metrics.mean_psnr([10.0, 100.0]) == pytest.approx(10 + 10 * np.log10(2), abs=1e-6)
