@@ -48,6 +48,16 @@ class Spots(Points):
 
     radius: np.ndarray
 
+    @property
+    def holes(self) -> np.ndarray:
+        """Which points (P,) bool are the middles of holes."""
+        return self.radius > 0
+
+    @property
+    def leak(self) -> bool:
+        """Whether there are leaks among the spots."""
+        return len(self.radius) > MEMBERS * np.count_nonzero(self.holes)
+
 
 def false_spots(
     points: Points, glance: Callable[[Points], Layer], surface: SurfaceSamples, gaussians: Gaussians, coarse: Gaussians,
@@ -120,12 +130,12 @@ def without_spots(
     spots: Spots, samples: SurfaceSamples, surface: SurfaceSamples, free: SurfaceSamples, gaussians: Gaussians,
     coarse: Gaussians, blend: SurfaceBlend, most: int, triangles: Triangles,
 ) -> Gaussians:  # fmt: skip
-    """The Gaussians with one more in each hole, cut at occluders, in the best light for all samples: those of the
-    `surface`, in `free` space, and these `samples` in the `spots`.
+    """The Gaussians with one more in each hole, cut at occluders if they leak, in the best light for all samples: those
+    of the `surface`, in `free` space, and these `samples` in the `spots`.
 
     There are at most so many: those that fewest samples see make room.
     """
-    middle = spots.radius > 0
+    middle = spots.holes
     position, radius = spots.position[middle], spots.radius[middle]
     _, near = Neighbours(samples.position).nearest(position, 1)
     more = Gaussians(
@@ -143,8 +153,10 @@ def without_spots(
     seen_most = np.sort(np.argsort(-optimiser.share(gaussians), kind="stable")[: most - len(more)])
     columns = zip(vars(gaussians).values(), vars(more).values(), strict=True)
     both = Gaussians(*(np.concatenate([before[seen_most], after]) for before, after in columns))
-    occlusion = Occlusion(surface, triangles, blend, most)
-    return in_best_light(cut_where_better(as_bumpy_as(samples, both), optimiser, occlusion)[0], optimiser)
+    both = as_bumpy_as(samples, both)
+    if spots.leak:
+        both, _ = cut_where_better(both, optimiser, Occlusion(surface, triangles, blend, most))
+    return in_best_light(both, optimiser)
 
 
 def _covered_around(
