@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from .evaluation.held_out import SSIM_GOOD, Evaluation, ViewEvaluation
-from .evaluation.summary import named
+from .evaluation.summary import look, named
 from .plan import Plan, file_bytes
 from .settings import BUDGET_MAX, QUALITIES
 from .surface_detail import gaussians_for
@@ -58,7 +58,8 @@ def advise(plan: Plan, evaluation: Evaluation) -> Advice | None:
         wrong += "" if view.mottle is None else f", mottle {view.mottle:.1%}"
     else:
         wrong = f"is blotched by {view.mottle:.1%} where its light is smooth (mottle), {found}"
-    text = f"{named(view)} {wrong}: try {' or '.join(turns)}"
+    shown = "" if view is evaluation.worst else look(view)  # of the worst, the line before has told it
+    text = f"{named(view)} {wrong}: try {' or '.join(turns)}{shown}"
     return Advice(text, view.name, option, budget, size, samples)
 
 

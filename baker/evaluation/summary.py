@@ -22,7 +22,7 @@ def summary(evaluation: Evaluation) -> list[str]:
     if evaluation.worst:
         worst = evaluation.worst
         lines.append(
-            f"worst view: {named(worst)}, SSIM of the frame {worst.final.ssim:.4f}{_shares(worst)}{_look(worst)}"
+            f"worst view: {named(worst)}, SSIM of the frame {worst.final.ssim:.4f}{_shares(worst)}{look(worst)}"
         )
     return lines
 
@@ -38,8 +38,8 @@ def named(view: ViewEvaluation) -> str:
     return f"{view.name} (camera of the scene)" if view.of_scene else view.name
 
 
-def _look(view: ViewEvaluation) -> str:
-    """How to look at a view that was placed."""
+def look(view: ViewEvaluation) -> str:
+    """How to look at a view that was placed; "" for a camera of the scene, which has a name."""
     return f"; `gsgi render` shows it with {view.flags}" if view.flags and not view.of_scene else ""
 
 

@@ -79,6 +79,13 @@ def test_mottle_comes_first_where_it_alone_falls_short():
     )
 
 
+def test_a_view_that_is_not_the_worst_can_be_looked_at():
+    found = advised(view(0.98), view(0.99, mottle=0.03, name="placed 2", flags="--eye 1,2,3"))
+    assert found.text.endswith("(4 times the paths); `gsgi render` shows it with --eye 1,2,3")
+    found = advised(view(0.98), view(0.99, mottle=0.03, name="hall", flags="--camera hall", of_scene=True))
+    assert found.text.endswith("(4 times the paths)")
+
+
 def test_the_next_quality_has_more_where_light_calls_for_more():
     found = advised(view(ssim=0.9), by_light=1.5)
     assert (found.option, found.gaussians) == ("--quality high", 1.5 * HIGH)
