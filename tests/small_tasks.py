@@ -29,6 +29,14 @@ def place_quickly(put: Callable[[object, str, object], object] = setattr) -> Non
         put(module, name, value)
 
 
+def sample_little(put: Callable[[object, str, object], object] = setattr) -> None:
+    """Few samples, few points of known light, and small chunks of both, by `put(module, name, value)`."""
+    for module, name, value in (
+        (budget, "SAMPLES_FEWEST", 1 << 12), (budget, "KNOWN_MOST", 1 << 12), (chunks, "CHUNK", 1 << 11),
+    ):  # fmt: skip
+        put(module, name, value)
+
+
 def make_small(put: Callable[[object, str, object], object] = setattr) -> None:
     """Few samples and small views, by `put(module, name, value)`."""
     place_quickly(put)

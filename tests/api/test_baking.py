@@ -8,12 +8,11 @@ import pytest
 from command_flags import flags
 from edits import edit, recoloured
 from repository import SCENES
-from small_tasks import place_quickly
+from small_tasks import place_quickly, sample_little
 
 import gsgi
 from gsgi.baker.cli.main import run
 from gsgi.baker.evaluation import held_out
-from gsgi.baker.surface import budget, chunks
 from gsgi.baker.trace import device
 
 CORNELL = SCENES / "cornell.glb"
@@ -25,9 +24,7 @@ FLAGS = flags(budget=64, views=2, view_size=24, samples=64, bounces=2, iteration
 def quick():
     with pytest.MonkeyPatch.context() as patch:
         place_quickly(patch.setattr)
-        patch.setattr(budget, "SAMPLES_FEWEST", 1 << 12)
-        patch.setattr(budget, "KNOWN_MOST", 1 << 12)
-        patch.setattr(chunks, "CHUNK", 1 << 11)
+        sample_little(patch.setattr)
         patch.setattr(held_out, "SIZE", 64)
         patch.setattr(held_out, "SAMPLES", 256)
         yield

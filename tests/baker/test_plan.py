@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import scenes
-from small_tasks import place_quickly
+from small_tasks import place_quickly, sample_little
 
 from gsgi.baker import memory
 from gsgi.baker import plan as planning
@@ -18,7 +18,6 @@ from gsgi.baker.plan import PIXELS, PIXELS_PER_GAUSSIAN, SIZE_MAX, SIZE_MIN, Pla
 from gsgi.baker.plan_table import decisions, summary
 from gsgi.baker.progress import Progress
 from gsgi.baker.settings import EFFECTS, ERROR, OPERATORS, QUALITIES, SAMPLES, Settings
-from gsgi.baker.surface import budget, chunks
 from gsgi.baker.surface.budget import GUIDED_NOISE, SAMPLES_LEAST
 from gsgi.baker.surface.lookup import look_up
 from gsgi.baker.surface_detail import PER_CONTRAST, gaussians_for
@@ -79,9 +78,7 @@ def few_views():
 
 @pytest.fixture(autouse=True)
 def few_samples(monkeypatch):
-    monkeypatch.setattr(budget, "SAMPLES_FEWEST", 1 << 12)
-    monkeypatch.setattr(budget, "KNOWN_MOST", 1 << 12)
-    monkeypatch.setattr(chunks, "CHUNK", 1 << 11)
+    sample_little(monkeypatch.setattr)
 
 
 @pytest.fixture(scope="module")

@@ -10,14 +10,14 @@ from gsgi.baker.cache.store import Cache
 from gsgi.baker.cli.console import Console
 from gsgi.baker.evaluation.comparison import compare_indirect
 from gsgi.baker.evaluation.held_out import draw, known_light, noisy, references
-from gsgi.baker.evaluation.metrics import compare_linear, mean_psnr, psnr
+from gsgi.baker.evaluation.metrics import compare_linear, mean_psnr
 from gsgi.baker.evaluation.monitor import FitMonitor
 from gsgi.baker.plan import Plan, make_plan
 from gsgi.baker.progress import Progress
 from gsgi.baker.settings import Settings
 from gsgi.baker.surface.fits import SurfaceFits
 from gsgi.baker.trace.reference import Reference
-from gsgi.runtime.display import auto_exposure, tone_map
+from gsgi.runtime.display import auto_exposure
 from gsgi.runtime.file import codec
 from gsgi.runtime.file.header import read_header
 from gsgi.runtime.file.levels import _Reader
@@ -61,17 +61,11 @@ def format() -> list[dict]:
                 "scene": file.stem, "level": level, "gaussians": len(getattr(bake, name)), "bytes": len(data),
                 "bytes_per_gaussian": round(sum(size for size, _ in streams(data)[level].values()), 2),
                 "psnr": round(mean_psnr([each.psnr for each in found]), 1),
-                "shown_psnr": round(mean_psnr([shown_psnr(before, after) for before, after, _ in pairs]), 1),
+                "shown_psnr": round(mean_psnr([each.shown_psnr for each in found]), 1),
                 "ssim": round(float(np.mean([each.ssim for each in found])), 5), "ssim_lost": round(np.mean(lost), 5),
                 **{name: f"{size:.2f} ({entropy:.2f})" for name, (size, entropy) in streams(data)[level].items()},
             })  # fmt: skip
     return rows
-
-
-def shown_psnr(before: np.ndarray, after: np.ndarray) -> float:
-    """PSNR of B (H, W, 3) after the exposure of `before` and the tone curve."""
-    exposure = auto_exposure(before)
-    return psnr(float(np.mean((tone_map(after, exposure) - tone_map(before, exposure)) ** 2)))
 
 
 def fitted(file) -> tuple[Plan, Bake, Mapping[str, Reference]]:

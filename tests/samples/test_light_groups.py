@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from PIL import Image
 from repository import SAMPLES
+from small_tasks import sample_little
 
 import gsgi
-from gsgi.baker.surface import budget, chunks
 
 SAMPLE = SAMPLES / "10_light_groups.py"
 TINY = gsgi.Settings(budget=100, views=2, size=24, samples=64, bounces=1, iterations=10)
@@ -33,9 +33,7 @@ def test_between_two_hours_both_are_blended(sample):
 
 def test_each_hour_has_its_light(sample, tmp_path, monkeypatch, gl):
     monkeypatch.setenv("GSGI_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr(budget, "SAMPLES_FEWEST", 1 << 12)
-    monkeypatch.setattr(budget, "KNOWN_MOST", 1 << 12)
-    monkeypatch.setattr(chunks, "CHUNK", 1 << 11)
+    sample_little(monkeypatch.setattr)
     sample.main(tmp_path, TINY)
     day = Image.open(tmp_path / "day.gif")
     assert (day.n_frames, day.size) == (sample.FRAMES, (160, 120))

@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 from command_flags import flags
 from repository import SCENES
-from small_tasks import place_quickly
+from small_tasks import place_quickly, sample_little
 
 from gsgi.baker import estimate
 from gsgi.baker.cli import main
-from gsgi.baker.surface import budget, chunks
 from gsgi.runtime.file.reader import read_bake
 from gsgi.runtime.image import read_image
 from gsgi.runtime.light_groups import group_names
@@ -37,9 +36,7 @@ def baked(tmp_path_factory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("GSGI_CACHE", str(folder / "cache"))
         place_quickly(patch.setattr)
-        patch.setattr(budget, "SAMPLES_FEWEST", 1 << 12)
-        patch.setattr(budget, "KNOWN_MOST", 1 << 12)
-        patch.setattr(chunks, "CHUNK", 1 << 11)
+        sample_little(patch.setattr)
         arguments = ["bake", CORNELL, "-o", str(folder / "c.gsgi"), *TINY, *QUIET, *LIGHT, "--group", "day=sun"]
         assert main.run(arguments) == 0
         first = (folder / "c.gsgi").read_bytes()

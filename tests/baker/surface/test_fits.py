@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from repository import SCENES
+from small_tasks import sample_little
 
 from gsgi.baker.bake import bake
 from gsgi.baker.cache.store import Cache
@@ -13,7 +14,7 @@ from gsgi.baker.over.rasterise import set_thread_count
 from gsgi.baker.plan import Plan, make_plan
 from gsgi.baker.progress import Progress, Silent
 from gsgi.baker.settings import Settings
-from gsgi.baker.surface import budget, chunks, samples, spots, unlit
+from gsgi.baker.surface import budget, samples, spots, unlit
 from gsgi.baker.surface.fits import SurfaceFits
 from gsgi.runtime.file import codec
 from gsgi.runtime.gaussians import SurfaceBlend
@@ -31,9 +32,7 @@ def plan() -> Plan:
 
 @pytest.fixture(autouse=True)
 def few_samples(monkeypatch):
-    monkeypatch.setattr(budget, "SAMPLES_FEWEST", 1 << 12)
-    monkeypatch.setattr(budget, "KNOWN_MOST", 1 << 12)
-    monkeypatch.setattr(chunks, "CHUNK", 1 << 11)
+    sample_little(monkeypatch.setattr)
 
 
 def test_the_same_bytes_each_time_whatever_the_number_of_threads(plan):

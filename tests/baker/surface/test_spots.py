@@ -168,7 +168,16 @@ def test_a_leak_through_a_floor_is_found_and_cut():
     assert np.median(wall) > 500 * DARK
 
 
-def test_light_around_an_edge_is_no_leak():
+def test_light_that_no_sample_around_has_is_no_leak_if_paths_bring_it():
     samples, fitted = level(0.0)
-    found = false_spots(points(), glanced(DARK), samples[samples.position[:, 0] > 0], fitted, COARSE, BLEND, 100)
-    assert len(found.position) == 0
+    lit = (fitted.position[:, 0] < 0)[:, None, None]
+    fitted = replace(fitted, sh=np.where(lit, BRIGHT / DARK * fitted.sh, fitted.sh))
+    samples = samples[samples.position[:, 0] > 0]  # none on the bright side
+
+    def as_read(there: Points) -> Layer:
+        light = look_up(fitted, COARSE, BLEND, there.position, there.normal)[0]
+        return Layer(light, light, *(np.full(len(light), 32, np.uint8),) * 2, 0)
+
+    task = samples, fitted, COARSE, BLEND, 100
+    assert len(false_spots(points(), glanced(DARK), *task).position)
+    assert len(false_spots(points(), as_read, *task).position) == 0
