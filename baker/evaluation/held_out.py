@@ -23,7 +23,7 @@ from gsgi.runtime.gaussians import Bake, OverBlend
 from .bias import Bias
 from .comparison import Comparison, compare_frame, compare_indirect, indirect_ceiling
 from .group_error import GroupError
-from .leak import Surroundings, leak, reach
+from .leak import Reach, Surroundings, leak
 from .metrics import mean_psnr, psnr, squared_error
 from .mottle import mottle
 from .place_error import PlaceError
@@ -226,8 +226,8 @@ def evaluate(
     `triangles` of the scene are given. `bias` is that of the references.
     """
     own_truths, around = of_scene or {}, None
-    if triangles is not None and (references or own_truths) and (far := reach(baked)):
-        around = Surroundings.of([*references.values(), *own_truths.values()], triangles, far)
+    if triangles is not None and (references or own_truths):
+        around = Surroundings.of([*references.values(), *own_truths.values()], triangles, Reach(baked.gaussians))
     views = [_evaluated(name, cameras[name], truth, baked, around, False) for name, truth in references.items()]
     own = [_evaluated(name, cameras[name], truth, baked, around, True) for name, truth in own_truths.items()]
     worst = min((v for v in (*views, *own) if not v.noisy), key=lambda view: view.final.ssim, default=None)

@@ -9,14 +9,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gsgi.baker.trace.irradiance_cache import cell_keys
+from gsgi.baker.trace.irradiance_cache import LEVELS_MOST, cell_keys
 from gsgi.baker.trace.local_light import UNSEEN
 from gsgi.baker.trace.reference import Reference
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.display import luminance
-from gsgi.runtime.gaussians import Bake
+from gsgi.runtime.gaussians import Gaussians
 
-DEVIATIONS, LARGE = 3.0, 0.99  # the reach, in standard deviations of a Gaussian larger than this share of the others
+DEVIATIONS = 3.0  # of a Gaussian: the reach
 DARK = 0.1  # of the light of the bright side: points with less are dark
 WORST = 0.01  # share of the dark points that counts
 FEWEST = 0.01  # share of a view's points that must be dark
@@ -25,10 +25,24 @@ PATCHES = 8  # across the reach: the edge of the patches of surface whose mean l
 BELOW = 0.1  # sine of the angle below a surface from which it hides what is there, though rays start a little off it
 
 
-def reach(baked: Bake) -> float:
-    """How far, m, the larger of a bake's Gaussians carry light; 0 without Gaussians."""
-    longest = baked.gaussians.scale.max(axis=1)
-    return DEVIATIONS * float(np.quantile(longest, LARGE)) if len(longest) else 0.0
+class Reach:
+    """How far the Gaussians at a place carry light. A scene-wide length would do for no scene that has a street and the
+    things on a desk in a house beside it."""
+
+    def __init__(self, gaussians: Gaussians):
+        from scipy.spatial import cKDTree
+
+        longest = DEVIATIONS * gaussians.scale.max(axis=1, initial=0.0)
+        octave = np.floor(np.log2(np.maximum(longest, np.finfo(np.float32).tiny)))
+        self.trees = [(2.0**each, cKDTree(gaussians.position[octave == each])) for each in np.unique(octave)]
+
+    def at(self, position: np.ndarray) -> np.ndarray:
+        """That of the longest Gaussian that covers each of points (N, 3), m, rounded down to a power of two; 0 where
+        none does."""
+        reach = np.zeros(len(position))
+        for length, tree in self.trees:  # from the shortest to the longest
+            reach[np.isfinite(tree.query(position, distance_upper_bound=length)[0])] = length
+        return reach
 
 
 @dataclass(frozen=True)
@@ -36,23 +50,30 @@ class Surroundings:
     """Patches of all surfaces that some reference shows: position (P, 3), m, and unit normal (P, 3) of a point of each,
     and the mean luminance (P,) of its B.
 
-    `reach`, m, is how far a patch counts.
+    `reach` tells how far from a point patches count.
     """
 
     triangles: Triangles
-    reach: float
+    reach: Reach
     position: np.ndarray
     normal: np.ndarray
     light: np.ndarray
 
     @staticmethod
-    def of(references: Sequence[Reference], triangles: Triangles, reach: float) -> "Surroundings":
-        """The patches of what `references` show, with an edge of `reach` / PATCHES, m."""
+    def of(references: Sequence[Reference], triangles: Triangles, reach: Reach) -> "Surroundings":
+        """The patches of what `references` show, with an edge of a PATCHES-th of the reach there."""
         parts = [(r.surface.position, r.surface.geometric_normal, luminance(r.clean)) for r in references]
         valid = [reference.valid for reference in references]
         columns = ([a[v] for a, v in zip(column, valid, strict=True)] for column in zip(*parts, strict=True))
         position, normal, light = (np.concatenate(column) for column in columns)
-        key = cell_keys(position, normal, position.min(axis=0, initial=np.inf), reach / PATCHES, 0)
+        far = reach.at(position)
+        position, normal, light, far = (array[far > 0] for array in (position, normal, light, far))
+        origin, least = position.min(axis=0, initial=np.inf), far.min(initial=np.inf)
+        level = np.minimum(np.log2(far / least).astype(int), LEVELS_MOST - 1)
+        key = np.zeros(len(position), np.uint64)
+        for each in np.unique(level):
+            at = level == each
+            key[at] = cell_keys(position[at], normal[at], origin, least / PATCHES, int(each))
         _, first, of, count = np.unique(key, return_index=True, return_inverse=True, return_counts=True)
         mean = np.bincount(of, light, len(first)) / count
         return Surroundings(triangles, reach, position[first], normal[first], mean)
@@ -67,11 +88,11 @@ class Surroundings:
 
         least = np.maximum(light, UNSEEN * self.light.mean()) / DARK  # light of patches that are far brighter
         octave = np.floor(np.log2(np.maximum(self.light, np.finfo(float).tiny)))
-        result = np.zeros(len(position))
+        far, result = self.reach.at(position), np.zeros(len(position))
         for each in np.unique(octave)[::-1]:  # most points have found a patch before the many darker ones are asked
             patches = np.flatnonzero(octave == each)
-            asks = np.flatnonzero((result == 0) & (least < self.light[patches].max()))
-            near = cKDTree(self.position[patches]).query_ball_point(position[asks], self.reach)
+            asks = np.flatnonzero((result == 0) & (far > 0) & (least < self.light[patches].max()))
+            near = cKDTree(self.position[patches]).query_ball_point(position[asks], far[asks])
             found = np.concatenate([np.empty(0, np.int64), *(np.asarray(some, np.int64) for some in near)])
             at, patch = np.repeat(asks, [len(some) for some in near]), patches[found]
             darker = least[at] < self.light[patch]

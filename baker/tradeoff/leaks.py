@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gsgi.baker.evaluation.leak import Surroundings, leak, reach
+from gsgi.baker.evaluation.leak import Reach, Surroundings, leak
 from gsgi.baker.trace.reference import Reference
 from gsgi.runtime.gaussians import Bake
 
@@ -33,5 +33,5 @@ class DarkPoints:
 def dark_points(ground: Ground, baked: Bake) -> Sequence[DarkPoints]:
     """Those of each reference: points are dark beside light within the reach of the default bake's Gaussians."""
     references = list(ground.references.values())
-    around = Surroundings.of(references, ground.plan.triangles, reach(baked))
+    around = Surroundings.of(references, ground.plan.triangles, Reach(baked.gaussians))
     return [DarkPoints(around) for _ in references]

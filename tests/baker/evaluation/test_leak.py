@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scenes
 
-from gsgi.baker.evaluation.leak import DARK, WORST, Surroundings, leak, reach
+from gsgi.baker.evaluation.leak import DARK, DEVIATIONS, WORST, Reach, Surroundings, leak
 from gsgi.baker.views.surface_points import Triangles
 from gsgi.runtime.scene import Scene
 
@@ -41,9 +41,16 @@ STEP = np.where(X < 0, LIGHT, 0.0)
 LEAKY = np.where((X > 0) & (X < BELOW), LEAKED, STEP)
 
 
+class Everywhere:
+    """A reach of REACH, m, at all points."""
+
+    def at(self, position: np.ndarray) -> np.ndarray:
+        return np.full(len(position), REACH)
+
+
 def measured(shown: np.ndarray, truth: SimpleNamespace, *meshes) -> float | None:
     triangles = Triangles(Scene((FLOOR, *meshes), (scenes.WHITE,)))
-    return leak(image(shown), truth, Surroundings.of([truth], triangles, REACH))
+    return leak(image(shown), truth, Surroundings.of([truth], triangles, Everywhere()))
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.05])
@@ -84,7 +91,7 @@ def test_the_brightest_patch_is_that_which_rays_find():
     normal = np.zeros_like(position)
     normal[:400, 1], normal[400:, 0] = 1, rng.choice([-1, 1], 400)
     light = 10 ** rng.uniform(-4, 2, 800)
-    found = Surroundings(triangles, REACH, position, normal, light).bright_side(position, normal, light)
+    found = Surroundings(triangles, Everywhere(), position, normal, light).bright_side(position, normal, light)
 
     near = np.linalg.norm(position[:, None] - position, axis=2) <= REACH
     at, patch = np.nonzero(near & (light[:, None] < DARK * light))
@@ -96,7 +103,22 @@ def test_the_brightest_patch_is_that_which_rays_find():
     assert np.array_equal(found, expected)
 
 
-def test_large_gaussians_reach_further_than_the_rest():
-    scale = np.repeat(np.float32([[0.1, 0.02, 0.3], [0.2, 0.1, 0.1]]), [1, 999], axis=0)
-    assert reach(SimpleNamespace(gaussians=SimpleNamespace(scale=scale))) == pytest.approx(0.6)
-    assert reach(SimpleNamespace(gaussians=SimpleNamespace(scale=scale[:0]))) == 0
+def test_light_is_carried_as_far_as_the_longest_gaussian_that_covers_a_point():
+    centre = np.float32([[0, 0, 0], [0, 0, 0], [10, 0, 0]])
+    scale = np.float32([[0.1, 0.02, 0.1], [0.01, 1.001 / DEVIATIONS, 0.1], [0.5, 4.001 / DEVIATIONS, 0.1]])
+    reach = Reach(SimpleNamespace(position=centre, scale=scale))
+    points = np.float32([[0, 0, 0], [0.9, 0, 0], [1.1, 0, 0], [6.1, 0, 0], [10, 0, 3.9], [10, 0, 4.1]])
+    assert reach.at(points).tolist() == [1, 1, 0, 4, 4, 0]
+    assert Reach(SimpleNamespace(position=centre[:0], scale=scale[:0])).at(points).tolist() == [0] * 6
+
+
+@pytest.mark.parametrize(("longest", "leaked"), [((0, 0, 0), LEAKED / LIGHT), ((100, 0, 0), None)])
+def test_only_gaussians_that_cover_a_point_leak_there(longest, leaked):
+    """The lit part of the floor is further away than the short Gaussians there carry light."""
+    lit = np.where(X < -REACH, LIGHT, 0.0)
+    gaussians = SimpleNamespace(position=np.float32([[0, 0, 0], longest]), scale=np.float32([[0.15] * 3, [0.5] * 3]))
+    gaussians.position[0, 0] = 0.2
+    triangles, truth = Triangles(Scene((FLOOR, WALL), (scenes.WHITE,))), reference(lit)
+    shown = np.where((X > 0) & (X < BELOW), LEAKED, lit)
+    found = leak(image(shown), truth, Surroundings.of([truth], triangles, Reach(gaussians)))
+    assert found is None if leaked is None else found == pytest.approx(leaked)
