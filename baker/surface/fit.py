@@ -209,9 +209,11 @@ def finished(
     return in_best_light(Gaussians(*(column[seen] for column in vars(last).values())), optimiser)
 
 
-def in_best_light(gaussians: Gaussians, optimiser: SurfaceOptimiser) -> Gaussians:
-    """The Gaussians with shapes as the file has them, and the best light for these."""
-    return optimiser.solve(codec.stored_shapes(gaussians))
+def in_best_light(
+    gaussians: Gaussians, optimiser: SurfaceOptimiser, fixed: np.ndarray | None = None
+) -> Gaussians:  # fmt: skip
+    """The Gaussians with shapes as the file has them, and the best light for these; `fixed` (N,) bool keep theirs."""
+    return optimiser.solve(codec.stored_shapes(gaussians), fixed=fixed)
 
 
 def start(samples: SurfaceSamples, count: int, rng: np.random.Generator, beside: Gaussians | None = None) -> Gaussians:

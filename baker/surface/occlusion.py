@@ -26,6 +26,7 @@ VARIES = 0.5  # standard deviation of the light of neighbours, relative to its m
 SIGNIFICANT = 3.0  # standard deviations of the noise, by which a sample is darker than its neighbours
 LEAK = 0.003  # of the light on the bright side of a wall: less on a black side is within tolerance
 NEIGHBOURS = 8  # samples over whose light is averaged, as far as they see each other
+FACED = 64  # samples among which a Gaussian that faces none of so few finds one
 AT_ONCE = 1 << 16  # samples for which that is done; bounds memory
 
 BENT = 0.2  # a normal map that bends a normal by more changes light as an occluder may
@@ -109,7 +110,8 @@ class Occlusion:
         """The Gaussians, turned and cut where they would carry light across an occluder, and which (N,) bool were."""
         if not (len(gaussians) and len(self._position)):
             return gaussians, np.zeros(len(gaussians), bool)
-        home, which = self._homes(gaussians), np.arange(len(gaussians))
+        home = self._homes(gaussians)
+        which = np.flatnonzero(home >= 0)
         if self._facing:
             of, _, *ends = self._unlike(gaussians, home, which)
             which = np.unique(of[self._triangles.blocked(*ends)])
@@ -120,14 +122,21 @@ class Occlusion:
         return _cut_round(gaussians, found), np.isin(np.arange(len(gaussians)), found.of)
 
     def _homes(self, gaussians: Gaussians) -> np.ndarray:
-        """The sample (N,) at the centre of each Gaussian: among those near it, that at which it weighs most."""
-        _, near = self._neighbours.nearest(gaussians.position, NEIGHBOURS)
-        of = np.repeat(np.arange(len(gaussians)), near.shape[1])
-        away = np.square(_offset(gaussians, of, self._position[near.ravel()])).sum(axis=1)
-        if self._facing:
-            facing = axes(gaussians.rotation)[of, :, 2] * self._normal[near.ravel()]
-            away[facing.sum(axis=1) <= 0] = np.inf  # is not read there
-        return near[np.arange(len(gaussians)), away.reshape(near.shape).argmin(axis=1)]
+        """The sample (N,) at the centre of each Gaussian: among those near it that it faces, that at which it weighs
+        most; -1 where all near it are on another side, such as the back of a sheet."""
+        home = np.full(len(gaussians), -1)
+        for count in (NEIGHBOURS, FACED):
+            lost = np.flatnonzero(home < 0)
+            _, near = self._neighbours.nearest(gaussians.position[lost], count)
+            of = np.repeat(lost, near.shape[1])
+            away = np.square(_offset(gaussians, of, self._position[near.ravel()])).sum(axis=1)
+            if self._facing:
+                facing = axes(gaussians.rotation[lost])[:, None, :, 2] * self._normal[near]
+                away[facing.sum(axis=2).ravel() <= 0] = np.inf  # is not read there
+            away = away.reshape(near.shape)
+            nearest = near[np.arange(len(lost)), away.argmin(axis=1)]
+            home[lost] = np.where(np.isfinite(away.min(axis=1)), nearest, -1)
+        return home
 
     def _across(self, gaussians: Gaussians, home: np.ndarray, which: np.ndarray) -> "_Across":
         """For the Gaussians `which` (M,): samples that they reach whose light differs from that at home, behind an

@@ -148,6 +148,8 @@ def without_spots(
         relief=np.zeros((len(position), *gaussians.relief.shape[1:]), np.float32),
     )
     surface = joined([surface, samples])
+    occlusion = Occlusion(surface, triangles, blend, most)
+    more, _ = occlusion.cut(more)
     samples = joined([surface, free])
     optimiser = SurfaceOptimiser(samples, coarse, blend, seen_light(surface, free, triangles))
     seen_most = np.sort(np.argsort(-optimiser.share(gaussians), kind="stable")[: most - len(more)])
@@ -155,8 +157,8 @@ def without_spots(
     both = Gaussians(*(np.concatenate([before[seen_most], after]) for before, after in columns))
     both = as_bumpy_as(samples, both)
     if spots.leak:
-        both, _ = cut_where_better(both, optimiser, Occlusion(surface, triangles, blend, most))
-    return in_best_light(both, optimiser)
+        return in_best_light(cut_where_better(both, optimiser, occlusion)[0], optimiser)
+    return in_best_light(both, optimiser, np.arange(len(both)) < len(seen_most))
 
 
 def _covered_around(

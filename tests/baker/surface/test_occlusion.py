@@ -79,6 +79,18 @@ def test_a_bright_gaussian_ends_at_the_wall_and_stays_long_beside_it(turn):
     assert beside > 0.7 * max(weight(one, -0.1, z=z) for z in (-0.2, 0.2))
 
 
+@pytest.mark.parametrize("below", [occlusion.NEIGHBOURS, occlusion.FACED])
+def test_a_gaussian_on_a_sheet_stays_on_its_side_among_samples_of_the_back(below):
+    """Turned round, it would carry the light of a sunlit room into the dark one behind a wall without thickness."""
+    back = np.zeros((below, 3), np.float32), np.tile(np.float32([0, -1, 0]), (below, 1))
+    samples = joined([on_floor(dark=BRIGHT), samples_of(np.full((below, 3), DARK), *back)])
+    one = gaussian((0, 0.001, 0))
+    cut, which = Occlusion(samples, OPEN, BLEND, 50).cut(one)
+    assert not which.any()
+    assert weight(cut, 0) == weight(one, 0) > 0.5
+    assert weight(cut, 0, normal=(0, -1, 0)) == 0
+
+
 def test_red_light_ends_where_a_wall_parts_it_from_a_dimmer_blue():
     """The red one has less than three times the luminance of the blue one."""
     samples, one = on_floor(), gaussian((-0.1, 0, 0))

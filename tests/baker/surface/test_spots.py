@@ -93,6 +93,29 @@ def test_a_bright_spot_is_found_and_closed(holed):
     np.testing.assert_allclose(after[~inside], DARK, rtol=0.1)
 
 
+def test_a_hole_beside_a_wall_is_closed_without_darkening_what_is_behind():
+    """A wall without thickness at x = 0 parts a dark half of the floor, where a strip is open, from a bright one."""
+    samples, fitted = level(0.0)
+    lit, covers = samples.position[:, 0] < 0, fitted.position[:, 0]
+    samples = samples_of(np.where(lit, BRIGHT, DARK)[:, None] * np.ones(3), samples.position, samples.normal)
+    samples = samples[lit | (samples.position[:, 0] > 0.1)]
+    light = np.where(covers < 0, BRIGHT, DARK)[:, None, None] / np.float32(DARK)
+    fitted = replace(fitted, sh=(fitted.sh * light).astype(np.float32))
+    fitted = Gaussians(*(column[(covers < -0.2) | (covers > 0.3)] for column in vars(fitted).values()))
+    rim = points()
+    rim = rim.at((rim.position[:, 0] > 0) & (rim.position[:, 0] < 0.1) & (np.abs(rim.position[:, 2]) < 0.9))
+    found = false_spots(rim, glanced(DARK), samples, fitted, COARSE, BLEND, 10)
+    assert found.holes.sum() > 1
+    traced = samples_of(np.full((len(found.position), 3), DARK), found.position, found.normal)
+    triangles = Triangles(Scene((scenes.floor(), *scenes.thin_wall()), (scenes.WHITE,)))
+    closed = without_spots(found, traced, samples, samples[:0], fitted, COARSE, BLEND, 1000, triangles)
+    position, normal = on_floor(20_000, 2)
+    behind = position[:, 0] < -0.002
+    before, after = (look_up(each, COARSE, BLEND, position, normal)[0].mean(axis=1) for each in (fitted, closed))
+    np.testing.assert_allclose(after[behind], before[behind], rtol=0.01)
+    assert after[~behind].mean() < before[~behind].mean()
+
+
 def test_there_are_no_more_than_asked_for_and_the_widest_come_first(holed):
     samples, fitted = holed
     task = samples, fitted, COARSE, BLEND
