@@ -49,6 +49,7 @@ SCENE = SAMPLES / "scenes" / "cornell.glb"
 WIDTH = 0.5  # m, of the view of the orthographic lens
 BACK = 0.558  # m, from the origin to the square on the back wall
 TEXEL = 60, 170, 210  # of the normal map
+SCALES = "2", float("nan"), float("inf"), -1.0, None  # of light, that cannot be
 
 
 def output(size: tuple[int, int], bits: int, first: GraphicsOutput | None = None) -> GraphicsOutput:
@@ -173,6 +174,7 @@ def frames(first: GraphicsOutput, gi: str, half_gi: str, bumpy_gi: str) -> dict[
     host.frame.set_size(*LARGER)
     host.look(*LARGER)
     result["resized"] = difference(host, light)
+    light.remove()
 
     host = Host(first)
     host.region.dimensions = 0, 0.5, 0, 1
@@ -224,6 +226,29 @@ def frames(first: GraphicsOutput, gi: str, half_gi: str, bumpy_gi: str) -> dict[
     return result
 
 
+def tasks() -> int:
+    """How many tasks are there besides the host's."""
+    return len(taskMgr.getTasksNamed("gsgi baked light"))
+
+
+def life(first: GraphicsOutput, gi: str) -> dict[str, np.ndarray]:
+    """The frames of a host before there was light and after its room is gone, and the tasks that ran, step by step."""
+    host, running = Host(first), []
+    card(host)
+    light = BakedLight(gi, host.room)
+    running.append(tasks())
+    light.attach(host.camera)
+    running.append(tasks())
+    host.draw()
+    host.room.remove_node()
+    left = host.draw()
+    light.detach(host.camera)
+    light.detach(host.camera)
+    light.remove()
+    running.append(tasks())
+    return {"room removed": left, "light removed": host.draw(), "tasks": np.array(running)}
+
+
 def message(call) -> str:
     """Type and text of the error that `call` raises."""
     try:
@@ -233,7 +258,7 @@ def message(call) -> str:
     return "none"
 
 
-def errors(first: GraphicsOutput, gi: str, over_gi: str) -> dict[str, str]:
+def errors(first: GraphicsOutput, gi: str, over_gi: str) -> dict[str, str | list[str]]:
     """What mistakes say."""
     host, display = Host(first), Host(first, bits=8)
     light = BakedLight(gi, host.room)
@@ -242,6 +267,8 @@ def errors(first: GraphicsOutput, gi: str, over_gi: str) -> dict[str, str]:
         "no camera": message(lambda: light.attach(host.room)),
         "over": message(lambda: BakedLight(over_gi, host.room)),
         "axes": message(lambda: BakedLight(gi, host.room, y_up=True)),
+        "no scene": message(lambda: BakedLight(gi, NodePath("nothing").find("there"))),
+        "scales": [message(lambda scale=scale: BakedLight(gi, host.room, scale=scale)) for scale in SCALES],
     }
 
 
@@ -249,4 +276,6 @@ if __name__ == "__main__":
     *files, out, config = [*sys.argv[1:], ""][:6]
     load_prc_file_data("", "\n".join(["load-display p3headlessgl", *config.split(";")]))
     context = output((1, 1), 8)
-    np.savez(out, **frames(context, *files[:2], files[3]), **errors(context, files[0], files[2]))
+    np.savez(
+        out, **frames(context, *files[:2], files[3]), **errors(context, files[0], files[2]), **life(context, files[0])
+    )

@@ -1,9 +1,12 @@
 """The light of a bake in the frames of Panda3D's cameras."""
 
+from math import inf
+from numbers import Real
 from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
+from direct.task import Task
 from direct.task.TaskManagerGlobal import taskMgr
 from panda3d.core import (
     CS_default,
@@ -14,6 +17,7 @@ from panda3d.core import (
     Material,
     MaterialAttrib,
     NodePath,
+    PythonTask,
     RenderState,
     ShaderAttrib,
 )
@@ -43,13 +47,16 @@ class BakedLight:
     (Assimp) leaves them. `scale`: radiance in the frame per radiance in the bake, for lights in other units than
     glTF's. panda3d-gltf makes point and spot lights 4 pi / 683 and directional ones 1 / 683 times as bright as glTF.
 
-    Raises FileError or FormatError for the file, UnsupportedError for one of the `over` operator, and ValueError if
-    most of its Gaussians lie outside the scene.
+    There is no light while the scene is removed. Raises FileError or FormatError for the file, UnsupportedError for one
+    of the `over` operator, and ValueError for an empty NodePath, for a scale that is not a number from 0 on, and if
+    most of the Gaussians lie outside the scene.
     """
 
     def __init__(self, gi: str | Path | Bake, scene: NodePath, y_up: bool = False, scale: float = 1.0):
         bake = gi if isinstance(gi, Bake) else read_bake(gi)
         check_operator(bake)
+        if scene.is_empty():
+            raise ValueError("scene: expected the NodePath of a model, got an empty one")
         self.scene, self.scale = scene, scale
         self._bake_from_scene = LMatrix4.ident_mat() if y_up else LMatrix4.convert_mat(CS_default, CS_yup_right)
         self._check_place(bake)
@@ -68,7 +75,18 @@ class BakedLight:
         white = Material()
         white.base_color = 1, 1, 1, 1
         self._white = RenderState.make(MaterialAttrib.make(white))  # of nodes without a material
-        self._task = taskMgr.add(self._follow, "gsgi baked light", sort=_BEFORE_DRAWING)
+        self._task: PythonTask | None = None  # while a camera is attached
+
+    @property
+    def scale(self) -> float:
+        """Radiance in the frame per radiance in the bake, to read and to set."""
+        return self._scale
+
+    @scale.setter
+    def scale(self, scale: float) -> None:
+        if not (isinstance(scale, Real) and 0 <= scale < inf):
+            raise ValueError(f"scale: expected a number from 0 on, got {scale!r}")
+        self._scale = float(scale)
 
     @property
     def weights(self) -> Factors:
@@ -101,32 +119,38 @@ class BakedLight:
             )
         if camera not in self._cameras:
             self._cameras.append(camera)
+        self._task = self._task or taskMgr.add(self._follow, "gsgi baked light", sort=_BEFORE_DRAWING)
         self._follow()
 
     def detach(self, camera: NodePath) -> None:
-        """Leave the frames of `camera` as they were before attach()."""
-        self._cameras.remove(camera)
+        """Leave the frames of `camera` as they were before attach(). Calling it twice is harmless."""
+        if camera in self._cameras:
+            self._cameras.remove(camera)
         self._follow()
+        if self._task and not self._cameras:
+            taskMgr.remove(self._task)
+            self._task = None
 
     def remove(self) -> None:
         """Detach all cameras and free the memory. Calling it twice is harmless."""
-        self._cameras.clear()
-        self._follow()
-        taskMgr.remove(self._task)
+        for camera in list(self._cameras):
+            self.detach(camera)
 
     def _follow(self, task=None) -> int:
         """Give each display region of the cameras a layer, and each layer the state of this frame."""
-        shown = [r for camera in self._cameras if not camera.is_empty() for r in camera.node().display_regions]
-        shown = [region for region in shown if _is_linear(region.window)]
+        cameras = [] if self.scene.is_empty() else [camera for camera in self._cameras if not camera.is_empty()]
+        shown = [r for camera in cameras for r in camera.node().display_regions if _is_linear(r.window)]
         for region in set(self._layers).difference(shown):
             self._layers.pop(region).remove()
+        if not shown:
+            return Task.cont
         shading, unlit = self._shading(self.scale), self._shading(0.0)
         for region in shown:
             if region not in self._layers:
                 check_glsl(region.window)
                 self._layers[region] = Layer(region, self._adding)
             self._layers[region].follow(shading, unlit)
-        return 1  # Task.cont
+        return Task.cont
 
     def _shading(self, scale: float) -> RenderState:
         bake_from_world = self.scene.get_net_transform().get_inverse().get_mat() * self._bake_from_scene

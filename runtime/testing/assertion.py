@@ -46,7 +46,8 @@ class ScreenshotAssertion:
         image is linear and has an .exr. Equal pixels pass at once. Other images pass if the mean FLIP error is at most
         `max_flip` and a share of at most `max_ratio` of the pixels differs by more than `max_difference`. For uint8
         that is a fraction of the whole range; for floats, of the golden value or the mean of all golden values,
-        whichever is greater. A golden image that is missing or cannot be read fails. With --gsgi-update, an image that
+        whichever is greater. A value that is not finite where the golden image has another fails, and so does a golden
+        image that is missing or cannot be read. With --gsgi-update, an image that
         would fail becomes the golden image. Raises UsageError for an invalid image or name, and FileError for a golden
         image that cannot be written.
         """

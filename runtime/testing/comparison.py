@@ -41,8 +41,9 @@ class Difference:
         return {"FLIP mean": (self.flip, tolerance.flip), "pixels off": (self.ratio, tolerance.ratio)}
 
     def passes(self, tolerance: Tolerance) -> bool:
-        """Whether the difference is within the tolerance."""
-        return all(value <= limit for value, limit in self.figures(tolerance).values())
+        """Whether the difference is within the tolerance. One of infinity never is."""
+        within = all(value <= limit for value, limit in self.figures(tolerance).values())
+        return within and np.isfinite(self.largest)
 
 
 def as_image(image) -> np.ndarray:

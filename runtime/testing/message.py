@@ -40,10 +40,11 @@ def differs(
     unit = "of the range" if actual.dtype == np.uint8 else "of the golden value"
     x, y = difference.tile
     right, bottom = min(x + TILE, actual.shape[1]), min(y + TILE, actual.shape[0])
+    largest = percent(difference.largest) if np.isfinite(difference.largest) else "infinite (never allowed)"
     hashes = " / ".join(pixel_hash(image)[:HASH_LENGTH] for image in (actual, expected))
     rows = {
         "driver": driver.key,
-        "difference": f"max {percent(difference.largest)}, mean {percent(difference.mean)} {unit}",
+        "difference": f"max {largest}, mean {percent(difference.mean)} {unit}",
         "pixels off": f"{percent(difference.ratio)} by more than {percent(tolerance.difference)}"
         f" ({_verdict(difference.ratio, tolerance.ratio, percent)})",
         "FLIP": f"mean {number(difference.flip)} ({_verdict(difference.flip, tolerance.flip, number)})",

@@ -128,8 +128,11 @@ class World:
         """Let `seconds` pass with an eye at (3,), m: sectors come into memory, fade, and go.
 
         Raises FileError or FormatError for a sector whose file is not the one of the manifest, once: later calls do
-        without that sector.
+        without that sector. Raises ValueError for an eye that is no place, and for time that does not pass.
         """
+        if not seconds >= 0:
+            raise ValueError(f"seconds: expected a number from 0 on, got {seconds}")
+        eye = _checked(eye)
         if self._loader is None:
             self._loader = Loader(self._read)
         if (loaded := self._loader.finished()) is not None:
@@ -153,9 +156,9 @@ class World:
     def settle(self, eye: np.ndarray | None = None) -> None:
         """Load at once what is wanted around an eye at (3,), m, or what fits in any place, at its full weight.
 
-        For tools that need no frame rate. Raises what update() does.
+        For tools that need no frame rate. Raises what update() does for files and the eye.
         """
-        wanted = self._wanted(self._boxes.mean(axis=(0, 1)) if eye is None else eye)
+        wanted = self._wanted(self._boxes.mean(axis=(0, 1)) if eye is None else _checked(eye))
         for number in set(self._resident) - set(wanted):
             del self._resident[number]
         for number in wanted:
@@ -203,7 +206,6 @@ class World:
 
     def _wanted(self, eye: np.ndarray) -> list[int]:
         """The sectors that are to be in memory, the nearest first: as many as the budget holds."""
-        eye = np.asarray(eye, np.float64)
         outside = np.maximum(np.maximum(self._boxes[:, 0] - eye, eye - self._boxes[:, 1]), 0)
         middle = np.linalg.norm(self._boxes.mean(axis=1) - eye, axis=1)
         # Several boxes are at distance 0 where the eye is on a border: then their middles decide.
@@ -230,6 +232,17 @@ class World:
             raise found
         self._blend = found.bake.blend
         self._resident[number] = found
+
+
+def _checked(eye: np.ndarray) -> np.ndarray:
+    """An eye as (3,) float64, m. Raises ValueError for one that is no place."""
+    try:
+        place = np.asarray(eye, np.float64)
+    except (TypeError, ValueError):
+        place = np.full(1, np.nan)
+    if place.shape != (3,) or not np.isfinite(place).all():
+        raise ValueError(f"eye: expected three finite numbers, m, got {eye}")
+    return place
 
 
 def _aged(sector: Resident, clock: float) -> Resident:

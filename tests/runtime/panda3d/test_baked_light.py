@@ -21,7 +21,7 @@ from gsgi.runtime.gl.renderer import DeferredRenderer
 
 pytest.importorskip("panda3d", reason="the extra `panda3d` is not installed")
 pytest.importorskip("gltf", reason="the extra `panda3d` is not installed")
-from panda3d_frames import BACK, FOV_Y, LARGER, SCENE, SIZE, TEXEL, WIDTH
+from panda3d_frames import BACK, FOV_Y, LARGER, SCALES, SCENE, SIZE, TEXEL, WIDTH
 
 HALF = 0.5
 # The oldest context that Panda3D asks for, and one of the core profile.
@@ -163,6 +163,15 @@ def test_mistakes_are_named(drawn):
     assert str(drawn["no camera"]).startswith("ValueError: camera: ")
     assert "operator" in str(drawn["over"])
     assert str(drawn["axes"]).startswith("ValueError: scene: ")
+    assert str(drawn["no scene"]).startswith("ValueError: scene: ")
+    for scale, found in zip(SCALES, drawn["scales"], strict=True):
+        assert str(found) == f"ValueError: scale: expected a number from 0 on, got {scale!r}"
+
+
+def test_a_room_may_be_removed_before_its_light(drawn):
+    np.testing.assert_array_equal(drawn["room removed"], drawn["light removed"])
+    assert drawn["room removed"].max() > 0
+    assert drawn["tasks"].tolist() == [0, 1, 0]
 
 
 def test_an_old_driver_is_named(tmp_path):

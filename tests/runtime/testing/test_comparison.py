@@ -77,6 +77,7 @@ def test_what_is_not_finite_differs_from_all_but_itself(value):
         difference = compare(*pair, 1e6)
         assert difference.largest == np.inf
         assert difference.ratio == pytest.approx(1 / 2000)
+        assert not difference.passes(Tolerance(1, 1e6, 1))
 
 
 def test_flip_is_that_of_the_metrics():
