@@ -129,6 +129,24 @@ static bool is_attached(const gsgi__gl* gl, GLuint framebuffer, GLuint texture) 
     return false;
 }
 
+/* Whether light can be added to the framebuffer, which is left bound for drawing. */
+static gsgi_result check_target(const gsgi_light* light, GLuint framebuffer) {
+    const gsgi__gl* gl = &light->context->gl;
+    const GLenum at = GL_COLOR_ATTACHMENT0;
+    GLint object = 0, type = 0;
+    if (!gl->IsFramebuffer(framebuffer))
+        return refuse(light, "framebuffer", "OpenGL has none of that name, or none that was ever bound");
+    gl->BindFramebuffer(GL_DRAW_FRAMEBUFFER, framebuffer);
+    if (gl->CheckFramebufferStatus(GL_DRAW_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE)
+        return refuse(light, "framebuffer", "it is not complete: has it attachments?");
+    gl->GetFramebufferAttachmentParameteriv(GL_DRAW_FRAMEBUFFER, at, GL_FRAMEBUFFER_ATTACHMENT_OBJECT_TYPE, &object);
+    if (!object) return refuse(light, "framebuffer", "it has nothing at GL_COLOR_ATTACHMENT0");
+    gl->GetFramebufferAttachmentParameteriv(GL_DRAW_FRAMEBUFFER, at, GL_FRAMEBUFFER_ATTACHMENT_COMPONENT_TYPE, &type);
+    if (type == GL_INT || type == GL_UNSIGNED_INT)
+        return refuse(light, "framebuffer", "it holds integers; needed is linear radiance");
+    return GSGI_OK;
+}
+
 gsgi_result gsgi__check_addition(gsgi_light* light, GLuint framebuffer, GLuint albedo_name) {
     const gsgi__camera* c = &light->camera;
     gsgi__checked* checked = &light->checked;
@@ -136,6 +154,7 @@ gsgi_result gsgi__check_addition(gsgi_light* light, GLuint framebuffer, GLuint a
     gsgi_result result;
     if (albedo_name && albedo_name == checked->albedo && framebuffer == checked->framebuffer) return GSGI_OK;
     if (albedo_name == 0) return refuse(light, "albedo", "0 is no texture");
+    if (framebuffer && (result = check_target(light, framebuffer))) return result;
     if (light->context->gl.texture_levels) {
         if ((result = read_format(light, "albedo", albedo_name, &albedo))) return result;
         if (albedo.kind == KIND_DEPTH || albedo.kind == KIND_INTEGER || albedo.channels < 3)

@@ -25,6 +25,10 @@ static gsgi_result check_options(const gsgi_light_options* o, const gsgi_callbac
     if (!(first >= 0.0f && first <= 1.0f && last >= 0.0f && last <= 1.0f && first != last))
         return gsgi__fail(callbacks, GSGI_INVALID_ARGUMENT,
                           "depth_range: needed are two different numbers from 0 to 1");
+    for (int k = 0; k < 3; ++k)
+        if (!(o->box_low[k] <= o->box_high[k]))
+            return gsgi__fail(callbacks, GSGI_INVALID_ARGUMENT,
+                              "box_low, box_high: needed are the lowest and the highest corner");
     return GSGI_OK;
 }
 

@@ -216,7 +216,7 @@ function start({ renderer, description, light, scene, depth, blended, dim, unsha
 
     function read() {
         const given = Object.fromEntries(new URLSearchParams(location.hash.slice(1)));
-        if (given.exposure) given.exposure = Number(given.exposure) || null;
+        if ("exposure" in given) given.exposure = Number(given.exposure) > 0 ? Number(given.exposure) : null;
         given.weights = {};
         for (const name of description.groups) {
             const weight = Number(given[`weight.${name}`] ?? 1);
@@ -246,6 +246,7 @@ function start({ renderer, description, light, scene, depth, blended, dim, unsha
     element("about").textContent = description.about + (unshadowed ? ` ${unshadowed} lights throw no shadows here.` : "");
     addEventListener("resize", resize);
     addEventListener("hashchange", read);
+    canvas.addEventListener("webglcontextrestored", () => { renderer.shadowMap.needsUpdate = true; draw(); });
     place(settings.camera);
     apply();
     automatic = autoExposure(renderer, renderRadiance);
@@ -265,6 +266,7 @@ try {
     await page.shown;
     await loaded.loadImages(page.drawSoon);
     element("bar").hidden = true;
+    loaded.renderer.shadowMap.needsUpdate = true; // holes that images cut
     page.render();
     document.documentElement.dataset.loaded = Math.round(performance.now());
 } catch (error) {

@@ -106,6 +106,27 @@ def test_an_addition_that_cannot_be_right_is_named(gl, context, host, message, h
     light.destroy()
 
 
+@pytest.mark.parametrize("how", ["none of that name", "it is not complete", "it holds integers", "it has nothing at"])
+def test_a_target_that_cannot_be_right_is_named_and_leaves_no_error(gl, context, host, how):
+    light, textures = Light(context, SURFACE, Encoding()), host.textures(gl, Encoding())
+    drawn(gl, light, textures)
+    load, bare = gl.mglo._context.load_opengl_function, ctypes.c_uint()
+    ctypes.CFUNCTYPE(None, ctypes.c_int, ctypes.c_void_p)(load("glGenFramebuffers"))(1, ctypes.byref(bare))
+    ctypes.CFUNCTYPE(None, ctypes.c_uint, ctypes.c_uint)(load("glBindFramebuffer"))(0x8D40, bare)
+    gl.error  # noqa: B018
+    name = {
+        "none of that name": 9999,
+        "it is not complete": bare.value,
+        "it holds integers": gl.framebuffer([gl.texture(SIZE, 4, dtype="u1")]).glo,
+        "it has nothing at": gl.framebuffer(depth_attachment=gl.depth_texture(SIZE)).glo,
+    }[how]
+    assert light.add(name, gl.texture(SIZE, 4).glo) == INVALID_ARGUMENT
+    assert context.messages[-1].startswith("framebuffer: ")
+    assert how in context.messages[-1]
+    assert gl.error == "GL_NO_ERROR"
+    light.destroy()
+
+
 def test_another_viewport_is_checked_again(gl, context, host):
     light, textures = Light(context, SURFACE, Encoding()), host.textures(gl, Encoding())
     drawn(gl, light, textures)
@@ -134,6 +155,16 @@ def test_options_that_there_are_not_are_named(context):
         assert context.library.functions.gsgi_light_create(*arguments) == INVALID_ARGUMENT
         assert context.messages[-1].startswith(f"{field}: 9 is none of ")
         context.library.close(bake_)
+
+
+@pytest.mark.parametrize("corner", [-1.0, np.nan])
+def test_a_box_has_a_lowest_and_a_highest_corner(context, corner):
+    bake_, light = context.library.opened(SURFACE), ctypes.c_void_p()
+    options = LightOptions(box_low=(0, 0, 0), box_high=(1, corner, 1))
+    arguments = context.handle, bake_, ctypes.byref(options), ctypes.byref(light)
+    assert context.library.functions.gsgi_light_create(*arguments) == INVALID_ARGUMENT
+    assert context.messages[-1].startswith("box_low, box_high: ")
+    context.library.close(bake_)
 
 
 def test_a_context_needs_functions(library, gl):

@@ -41,7 +41,7 @@ def open_page(folder, settings: list[dict], *flags: str, **more) -> dict:
     """What pages/page.js reads of the page in `folder`."""
     query = urlencode({"width": WIDTH, "height": HEIGHT, "settings": json.dumps(settings), **more})
     found = visit(f"pages/page.html?{query}", {"pages": PAGES, "site": folder}, *flags)
-    for picture in found.get("pictures", ()):
+    for picture in (*found.get("pictures", ()), *(found[name]["picture"] for name in found if name == "restored")):
         pixels = np.frombuffer(base64.b64decode(picture["rgb"]), np.uint8)
         picture["pixels"] = pixels.reshape(picture["height"], picture["width"], 3)
     return found
@@ -165,6 +165,19 @@ def test_one_flies_and_then_orbits_from_there(found):
     np.testing.assert_allclose(turned["ahead"][1], flown["ahead"][1], atol=1e-6)
     for key in ("position", "ahead"):
         np.testing.assert_allclose(orbiting[key], turned[key], atol=1e-3)
+
+
+def test_a_lost_context_comes_back_with_its_shadows(made):
+    lost = open_page(made[2], [{"gi": "off", "exposure": EXPOSURE}], loses=1)
+    assert lost["restored"]["drawn"] > 0
+    np.testing.assert_array_equal(lost["restored"]["picture"]["pixels"], lost["pictures"][0]["pixels"])
+
+
+def test_an_exposure_that_cannot_be_is_left_out(made):
+    given = [open_page(made[2], [], hash=f"exposure={exposure}")["exposure"] for exposure in ("0.25", "", -1, "x")]
+    assert given[0] == 0.25
+    assert given[1] > 0
+    assert given[2:] == given[1:2] * 2
 
 
 def test_a_browser_without_webgl_says_so(made):

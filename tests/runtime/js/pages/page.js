@@ -1,10 +1,10 @@
 // Opens the exported page in a frame of WxH pixels, and reads its picture with each of the settings that are asked for.
-// The address: page.html?width=W&height=H&settings=[{"gi": "on"}, ...]
+// The address: page.html?width=W&height=H&settings=[{"gi": "on"}, ...]&hash=...
 import { post } from "./post.js";
 
 const given = Object.fromEntries(new URLSearchParams(location.search));
 const frame = document.createElement("iframe");
-Object.assign(frame, { src: "/site/index.html", width: given.width, height: given.height });
+Object.assign(frame, { src: `/site/index.html#${given.hash ?? ""}`, width: given.width, height: given.height });
 
 /** Pixels of the canvas, RGB, row 0 on top, as base64. */
 function picture({ renderer, render }) {
@@ -45,6 +45,20 @@ async function moves({ camera, set }, { document, PointerEvent, KeyboardEvent })
     return found;
 }
 
+/** How many times the page draws by itself once its context, which was lost, is back; and its picture then. */
+async function restored(gsgi) {
+    const canvas = gsgi.renderer.domElement, lost = gsgi.renderer.getContext().getExtension("WEBGL_lose_context");
+    const heard = (name) => new Promise((done) => canvas.addEventListener(name, done, { once: true }));
+    const gone = heard("webglcontextlost"), back = heard("webglcontextrestored");
+    lost.loseContext();
+    await gone;
+    setTimeout(() => lost.restoreContext(), 0);
+    await back;
+    const before = gsgi.renderer.info.render.frame;
+    await new Promise((done) => setTimeout(done, 1000));
+    return { drawn: gsgi.renderer.info.render.frame - before, picture: picture(gsgi) };
+}
+
 await post(async () => {
     document.body.append(frame);
     const page = () => frame.contentDocument?.documentElement?.dataset.loaded;
@@ -57,6 +71,7 @@ await post(async () => {
         found.pictures.push(picture(gsgi));
         found.milliseconds.push(gsgi.measure(Number(given.frames ?? 3)));
     }
+    if (given.loses) found.restored = await restored(gsgi);
     if (given.moves) found.poses = await moves(gsgi, frame.contentWindow);
     found.groups = [...frame.contentDocument.querySelectorAll("#groups label")].map((each) => each.textContent.trim());
     found.title = frame.contentDocument.title;
