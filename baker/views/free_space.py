@@ -26,9 +26,10 @@ INDOORS = 0.25  # share of the fronts: with less in rooms, a scene lies in the o
 
 # Of TRIED places those that are enclosed tell whether the winding of double-sided surfaces means something. Inside
 # bodies nearly all that is seen are backs, even where bodies run into each other. If more than MIXED of the places see
-# a share of backs from DOUBLE_BACKS_MAX to this, and less than half as many see fewer backs, walls of rooms are wound
-# outwards.
-TRIED, INSIDE, MIXED = 512, 0.9, 0.2
+# a share of backs from DOUBLE_BACKS_MAX to this, and not FRONTS times as many see fewer backs, walls of rooms are wound
+# outwards, or are sheets, of which each room but one sees the backs. In rooms that are wound well, at most an eighth as
+# many see some backs as see hardly any.
+TRIED, INSIDE, MIXED, FRONTS = 512, 0.9, 0.2, 2
 
 VOID = 0.4  # from this share of downward rays without a hit, a viewpoint is in the void beside a building
 BELOW = -0.5  # a unit direction with a smaller y points down
@@ -178,7 +179,7 @@ class FreeSpace:
         around = look_around(self._triangles, start[met] + away[met] * line[met, None])
         backs = around.double_backs[around.open < 1 - ENCLOSED]
         fronts, mixed = backs <= DOUBLE_BACKS_MAX, (backs > DOUBLE_BACKS_MAX) & (backs < INSIDE)
-        return np.count_nonzero(mixed) <= max(2 * np.count_nonzero(fronts), MIXED * len(backs))
+        return np.count_nonzero(mixed) <= max(np.count_nonzero(fronts) / FRONTS, MIXED * len(backs))
 
     def _nowhere_enclosed(self, points: SurfacePoints, rng: np.random.Generator) -> bool:
         """Whether hardly any of the points, on fronts, lie in a room: what they see around them is mostly surface."""

@@ -135,6 +135,16 @@ def test_a_table_without_ground_is_looked_at_from_all_sides(double_sided):
     assert (stand[:, 1] > 0.05).any()
 
 
+def test_rooms_parted_by_sheets_are_looked_at_from_inside():
+    """Of five rooms side by side, the second and the fourth see the backs of both sheets that part them from others."""
+    at, front = np.float32([-0.6, -0.2, 0.2, 0.6]), (-1, 1, -1, 1)
+    sheets = [scenes.quad([(x, -1, s), (x, -1, -s), (x, 1, -s), (x, 1, s)]) for x, s in zip(at, front, strict=True)]
+    assert [sheet.normal[0, 0] for sheet in sheets] == list(front)
+    house = Scene((*scenes.box(), *sheets), (Material(double_sided=True),))
+    rooms = np.searchsorted(at, every(place(Triangles(house), {}, SIZE, seed=0))[:, 0])
+    assert np.bincount(rooms, minlength=5).min() > 0.1 * len(rooms)
+
+
 @pytest.mark.parametrize("outwards", [range(6), (0, 2, 4)], ids=["as the cube it was", "here and there"])
 def test_a_room_with_walls_that_are_wound_outwards_is_looked_at_from_inside(outwards):
     walls = [scenes.box(inward=number not in outwards)[number] for number in range(6)]
