@@ -60,7 +60,7 @@ def _bounces(plan: Plan) -> str:
     most = s.bounces == BOUNCES_MAX
     rest = "the most that are traced" if most else f"further bounces add {plan.lost or 0:.2%} of the picture"
     if s.bounces == plan.pilot.bounces(s.bounce_fraction):
-        return f"{rest}: this scene absorbs little light" if most else rest
+        return f"{rest}: light goes a long way here, between bright surfaces or into gaps" if most else rest
     return "as requested" if plan.lost is None else f"as requested; {rest}"
 
 

@@ -75,7 +75,7 @@ def abilities(checks: Sequence[Check]) -> dict[str, bool]:
 
 def _check(name: str, code: str, needed_for: str, advice: str) -> Check:
     try:
-        run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=TIMEOUT)
+        run = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, timeout=TIMEOUT)
     except subprocess.TimeoutExpired:
         return Check(
             name, False, needed_for, f"no answer within {TIMEOUT} s", "try again when this machine is less busy"

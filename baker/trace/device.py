@@ -58,7 +58,7 @@ def unavailable() -> str | None:
     if not gpu_name():
         return "the NVIDIA driver finds no GPU, or there is none"
     try:
-        probe = subprocess.run([sys.executable, "-c", _PROBE], capture_output=True, text=True, timeout=TIMEOUT)
+        probe = subprocess.run([sys.executable, "-P", "-c", _PROBE], capture_output=True, text=True, timeout=TIMEOUT)
     except subprocess.TimeoutExpired:
         return f"a test of OptiX did not end within {TIMEOUT:.0f} s"
     if probe.returncode == 0 and probe.stdout.strip().endswith("True"):

@@ -42,7 +42,7 @@ def works(path: Path) -> bool:
     """
     environment = os.environ | {"DRJIT_LIBLLVM_PATH": str(path)}
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-    with subprocess.Popen([sys.executable, "-c", _PROBE], env=environment, **pipes) as probe:
+    with subprocess.Popen([sys.executable, "-P", "-c", _PROBE], env=environment, **pipes) as probe:
         try:
             output, errors = _outcome(probe, path)
         except subprocess.TimeoutExpired:

@@ -281,7 +281,9 @@ def test_the_table_says_who_chose_the_bounces(small):
     most = replace(of(small, bounces=BOUNCES_MAX), lost=0.0)
     assert reason(most, "bounces") == "as requested; the most that are traced"
     white = replace(most, pilot=replace(small.pilot, lost={BOUNCES_MAX: 0.0}))
-    assert reason(white, "bounces") == "the most that are traced: this scene absorbs little light"
+    assert reason(white, "bounces") == (
+        "the most that are traced: light goes a long way here, between bright surfaces or into gaps"
+    )
 
 
 def test_a_scene_beyond_single_precision_is_refused():

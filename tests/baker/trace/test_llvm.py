@@ -16,6 +16,14 @@ def test_what_is_chosen_works(monkeypatch):
     assert versions[chosen] >= llvm.VERSION_MIN
 
 
+def test_modules_in_the_current_folder_do_not_count(monkeypatch, tmp_path):
+    """The probe took a user's re.py for Python's, and LLVM for missing."""
+    (tmp_path / "re.py").write_text("raise SystemExit(1)", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("DRJIT_LIBLLVM_PATH", raising=False)
+    assert llvm.select().exists()
+
+
 def test_a_library_that_is_none_does_not_work():
     assert not llvm.works(Path("/nonexistent.so"))
     assert not llvm.works(Path(__file__))

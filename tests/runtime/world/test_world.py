@@ -180,10 +180,10 @@ def test_what_a_sector_reaches_is_a_box_around_all_its_light(path):
 @pytest.mark.parametrize("eye", [None, [0, 0], [0, np.nan, 0], [0, 0, np.inf], "abc"])
 def test_an_eye_that_is_no_place_is_refused(path, eye):
     with World(path) as world:
-        with pytest.raises(ValueError, match="^eye: expected three finite numbers"):
+        with pytest.raises(ValueError, match=r"^eye: expected three finite numbers"):
             world.update(eye, FRAME)
         if eye is not None:
-            with pytest.raises(ValueError, match="^eye: "):
+            with pytest.raises(ValueError, match=r"^eye: "):
                 world.settle(eye)
 
 
@@ -191,7 +191,7 @@ def test_an_eye_that_is_no_place_is_refused(path, eye):
 def test_time_passes(path, seconds):
     with settled(path) as world:
         before = world.sample(MIDDLE[None], np.float32([[0, 1, 0]]))
-        with pytest.raises(ValueError, match="^seconds: expected a number from 0 on"):
+        with pytest.raises(ValueError, match=r"^seconds: expected a number from 0 on"):
             world.update(MIDDLE, seconds)
         world.update(MIDDLE, np.inf)
         np.testing.assert_array_equal(world.sample(MIDDLE[None], np.float32([[0, 1, 0]])), before)
