@@ -489,8 +489,8 @@ GSGI_API gsgi_result gsgi_light_draw_mapped(gsgi_light* light, uint32_t depth, u
 
 /* Add albedo * B of the last draw to GL_COLOR_ATTACHMENT0 of `framebuffer` (to the back buffer of framebuffer 0), in
  * the viewport of that draw. It holds linear radiance. Alpha and other attachments do not change. `albedo` is a 2D
- * texture of the size of the draw's, and none of the framebuffer's attachments. A framebuffer that does not exist, is not
- * complete or holds integers is GSGI_INVALID_ARGUMENT; like textures, it is checked when another one is given. */
+ * texture of the size of the draw's, and none of the framebuffer's attachments. A framebuffer that does not exist, is
+ * not complete or holds integers is GSGI_INVALID_ARGUMENT; like textures, it is checked when another one is given. */
 GSGI_API gsgi_result gsgi_light_add(gsgi_light* light, uint32_t framebuffer, uint32_t albedo);
 
 typedef struct gsgi_stats {
