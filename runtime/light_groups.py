@@ -167,7 +167,7 @@ def factors_of(bake: Bake, weights: Weights) -> dict[str, tuple[float, float, fl
             listed = f"it has {', '.join(map(repr, known))}" if known else "it was baked without groups"
             raise ValueError(f"weights: the bake has no light group {name!r}: {listed}")
         try:
-            value = np.array(weight, np.float64)
+            value = np.array(weight, np.float64) if not isinstance(weight, str) else np.full(1, np.nan)
         except (TypeError, ValueError):
             value = np.full(1, np.nan)
         if value.shape not in ((), (3,)) or not ((value >= 0) & (value <= MAX_LIGHT)).all():

@@ -110,7 +110,7 @@ _OVER = [
 ]
 _SURFACE = [
     *[("cutoff", value) for value in (0, 1, -0.1, 2, np.nan)],
-    *[("floor", value) for value in (0, 1.1e6, -0.1, np.inf, np.nan)],
+    *[("floor", value) for value in (0, 1e-39, 1.1e6, -0.1, np.inf, np.nan)],
     *[("sharpness", value) for value in (0, 65, 255)],
     *[("operator", 0), ("near", 0.1), ("dilation", 0.1), ("alpha_min", 0.1), ("alpha_max", 0.1), ("near", np.nan)],
     *[("fine.sh_degree", 1), ("fine.sh_degree", 4), ("coarse.sh_degree", 3), ("coarse.sh_degree", 1)],

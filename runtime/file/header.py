@@ -53,7 +53,7 @@ SH_DEGREE_MAX = {OverBlend: 3, SurfaceBlend: 2}
 # Of both levels together. It fits the addressing of a 32-bit reader and bounds what a hostile file can ask for.
 GAUSSIAN_COUNT_MAX = 1 << 24
 SHARPNESS_MAX = 64
-FLOOR_MAX = 1e6
+FLOOR_MIN, FLOOR_MAX = 2.0**-126, 1e6  # what is less, some machines take for 0
 
 
 def version(data: bytes) -> int:
@@ -76,7 +76,8 @@ def read_header(data: bytes) -> tuple[np.ndarray, dict[str, Span], list[Span], S
             raise FormatError(f"byte {_offset(field)} ({field}): expected {expected}, got {got}")
 
     magic = header["magic"].item()
-    expect(magic == MAGIC, "magic", repr(MAGIC), repr(magic))
+    world = ": is it the manifest of a world, where one file of light is asked for?" if magic[:1] == b"{" else ""
+    expect(magic == MAGIC, "magic", repr(MAGIC), f"{magic!r}{world}")
     expect(header["version"] == VERSION, "version", f"{VERSION}", header["version"])
     expect(header["header_bytes"] == HEADER.itemsize, "header_bytes", f"{HEADER.itemsize}", header["header_bytes"])
     check_counts(header, expect)
@@ -190,7 +191,7 @@ def _check_over(header: np.ndarray, expect) -> None:
 
 def _check_surface(header: np.ndarray, expect) -> None:
     expect(0 < header["cutoff"] < 1, "cutoff", "more than 0, less than 1", header["cutoff"])
-    expect(0 < header["floor"] <= FLOOR_MAX, "floor", f"more than 0, at most {FLOOR_MAX:g}", header["floor"])
+    expect(FLOOR_MIN <= header["floor"] <= FLOOR_MAX, "floor", f"2^-126 to {FLOOR_MAX:g}", header["floor"])
     expect(1 <= header["sharpness"] <= SHARPNESS_MAX, "sharpness", f"1 to {SHARPNESS_MAX}", header["sharpness"])
     basis = header["coarse"]["basis"]
     expect(basis == 0, "coarse.basis", "0, since only fine Gaussians have slopes", basis)

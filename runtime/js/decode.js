@@ -70,7 +70,7 @@ function readBlend(bytes, surface) {
     expect(numbers.every((each) => each >= 0 && each < Infinity), BLEND);
     if (surface) {
         expect(!(near + dilation + alphaMin + alphaMax) &&
-            cutoff && cutoff < 1 && floor && floor <= 1e6 && sharpness && sharpness <= 64, BLEND);
+            cutoff && cutoff < 1 && floor >= 2 ** -126 && floor <= 1e6 && sharpness && sharpness <= 64, BLEND);
         return { sharpness, cutoff, floor };
     }
     expect(!(sharpness + cutoff + floor) && alphaMin && alphaMin < alphaMax && alphaMax < 1, BLEND);

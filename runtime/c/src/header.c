@@ -3,6 +3,7 @@
 #include "header.h"
 #include "level.h"
 
+#include <float.h>
 #include <math.h>
 
 #define FORMAT_VERSION 6
@@ -141,8 +142,7 @@ static gsgi_result check_surface(const gsgi__header* h, const gsgi_callbacks* ca
     EXPECT(h->alpha_min == 0, 40, "alpha_min", "0, since surface has none", h->alpha_min);
     EXPECT(h->alpha_max == 0, 44, "alpha_max", "0, since surface has none", h->alpha_max);
     EXPECT(0 < h->cutoff && h->cutoff < 1, 48, "cutoff", "more than 0, less than 1", h->cutoff);
-    EXPECT(0 < h->weight_floor && h->weight_floor <= FLOOR_MAX, 52, "floor", "more than 0, at most 1e+06",
-           h->weight_floor);
+    EXPECT(FLT_MIN <= h->weight_floor && h->weight_floor <= FLOOR_MAX, 52, "floor", "2^-126 to 1e+06", h->weight_floor);
     EXPECT(1 <= h->sharpness && h->sharpness <= SHARPNESS_MAX, 13, "sharpness", "1 to 64", h->sharpness);
     EXPECT_IN(1, h->levels[1].basis == 0, 5, "basis", "0, since only fine Gaussians have slopes", h->levels[1].basis);
     return GSGI_OK;

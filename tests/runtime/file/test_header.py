@@ -86,6 +86,12 @@ def test_an_error_names_the_place_in_the_file_itself(name, field, place):
         codec.decode(changed(stored(name), field, -1))
 
 
+def test_the_manifest_of_a_world_is_told_from_light():
+    manifest = b'{"format": "gsgi-world"}'.ljust(200)
+    with pytest.raises(FormatError, match=r"\(magic\): expected b'GSGI', got .*: is it the manifest of a world"):
+        codec.decode(manifest)
+
+
 @pytest.mark.parametrize(
     "change",
     [
