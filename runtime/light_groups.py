@@ -167,13 +167,14 @@ def factors_of(bake: Bake, weights: Weights) -> dict[str, tuple[float, float, fl
             listed = f"it has {', '.join(map(repr, known))}" if known else "it was baked without groups"
             raise ValueError(f"weights: the bake has no light group {name!r}: {listed}")
         try:
-            value = np.array(weight, np.float64) if not isinstance(weight, str) else np.full(1, np.nan)
-        except (TypeError, ValueError):
-            value = np.full(1, np.nan)
-        if value.shape not in ((), (3,)) or not ((value >= 0) & (value <= MAX_LIGHT)).all():
+            value = np.array(weight)
+        except ValueError:  # of several lengths
+            value = np.array(None)
+        is_number = value.dtype.kind in "biuf" and value.shape in ((), (3,))
+        if not is_number or not ((value >= 0) & (value <= MAX_LIGHT)).all():
             expected = f"one or three numbers from 0 to {MAX_LIGHT:g}"
             raise ValueError(f"weights: {name!r}: expected {expected}, got {weight!r}")
-        factors[name] = tuple(np.broadcast_to(value, 3).tolist())
+        factors[name] = tuple(np.broadcast_to(value.astype(np.float64), 3).tolist())
     return factors
 
 

@@ -86,6 +86,8 @@ class Surroundings:
         """
         from scipy.spatial import cKDTree
 
+        if not len(self.light):
+            return np.zeros(len(position))
         least = np.maximum(light, UNSEEN * self.light.mean()) / DARK  # light of patches that are far brighter
         octave = np.floor(np.log2(np.maximum(self.light, np.finfo(float).tiny)))
         far, result = self.reach.at(position), np.zeros(len(position))

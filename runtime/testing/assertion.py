@@ -47,9 +47,8 @@ class ScreenshotAssertion:
         `max_flip` and a share of at most `max_ratio` of the pixels differs by more than `max_difference`. For uint8
         that is a fraction of the whole range; for floats, of the golden value or the mean of all golden values,
         whichever is greater. A value that is not finite where the golden image has another fails, and so does a golden
-        image that is missing or cannot be read. With --gsgi-update, an image that
-        would fail becomes the golden image. Raises UsageError for an invalid image or name, and FileError for a golden
-        image that cannot be written.
+        image that is missing or cannot be read. With --gsgi-update, an image that would fail becomes the golden image.
+        Raises UsageError for an invalid image or name, and FileError for a golden image that cannot be written.
         """
         __tracebackhide__ = True
         actual = as_image(image)

@@ -1,6 +1,7 @@
 """Difference between an image and its golden image."""
 
 import hashlib
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,7 +44,7 @@ class Difference:
     def passes(self, tolerance: Tolerance) -> bool:
         """Whether the difference is within the tolerance. One of infinity never is."""
         within = all(value <= limit for value, limit in self.figures(tolerance).values())
-        return within and np.isfinite(self.largest)
+        return within and math.isfinite(self.largest)
 
 
 def as_image(image) -> np.ndarray:

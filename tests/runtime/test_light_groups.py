@@ -184,6 +184,8 @@ def test_all_groups_off_is_dark():
     [
         ({"lamp": 1}, "^weights: the bake has no light group 'lamp': it has 'base', 'lamps', 'sky'$"),
         ({"lamps": "2"}, "^weights: 'lamps': expected one or three numbers from 0 to 1e.*, got '2'$"),
+        ({"lamps": ("1", "2", "3")}, "^weights: 'lamps': expected one or three numbers from 0 to 1e"),
+        ({"lamps": (1, (2, 3), 4)}, "^weights: 'lamps': expected one or three numbers from 0 to 1e"),
         ({"lamps": -1}, "^weights: 'lamps': expected one or three numbers from 0 to 1e"),
         ({"lamps": np.nan}, "^weights: 'lamps': expected one or three numbers"),
         ({"lamps": (1, 2)}, r"^weights: 'lamps': .* got \(1, 2\)$"),

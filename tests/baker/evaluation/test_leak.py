@@ -112,6 +112,12 @@ def test_light_is_carried_as_far_as_the_longest_gaussian_that_covers_a_point():
     assert Reach(SimpleNamespace(position=centre[:0], scale=scale[:0])).at(points).tolist() == [0] * 6
 
 
+def test_nothing_leaks_without_gaussians():
+    truth, triangles = reference(STEP), Triangles(Scene((FLOOR, WALL), (scenes.WHITE,)))
+    nobody = Reach(SimpleNamespace(position=np.zeros((0, 3), np.float32), scale=np.zeros((0, 3), np.float32)))
+    assert leak(image(LEAKY), truth, Surroundings.of([truth], triangles, nobody)) is None
+
+
 @pytest.mark.parametrize(("longest", "leaked"), [((0, 0, 0), LEAKED / LIGHT), ((100, 0, 0), None)])
 def test_only_gaussians_that_cover_a_point_leak_there(longest, leaked):
     """The lit part of the floor is further away than the short Gaussians there carry light."""
