@@ -41,7 +41,8 @@ def open_page(folder, settings: list[dict], *flags: str, **more) -> dict:
     """What pages/page.js reads of the page in `folder`."""
     query = urlencode({"width": WIDTH, "height": HEIGHT, "settings": json.dumps(settings), **more})
     found = visit(f"pages/page.html?{query}", {"pages": PAGES, "site": folder}, *flags)
-    for picture in (*found.get("pictures", ()), *(found[name]["picture"] for name in found if name == "restored")):
+    restored = [found["restored"]["picture"]] if "restored" in found else []
+    for picture in [*found.get("pictures", ()), *restored]:
         pixels = np.frombuffer(base64.b64decode(picture["rgb"]), np.uint8)
         picture["pixels"] = pixels.reshape(picture["height"], picture["width"], 3)
     return found

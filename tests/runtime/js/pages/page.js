@@ -45,7 +45,7 @@ async function moves({ camera, set }, { document, PointerEvent, KeyboardEvent })
     return found;
 }
 
-/** How many times the page draws by itself once its context, which was lost, is back; and its picture then. */
+/** How many times the page draws by itself, within ten seconds, once its lost context is back; and its picture then. */
 async function restored(gsgi) {
     const canvas = gsgi.renderer.domElement, lost = gsgi.renderer.getContext().getExtension("WEBGL_lose_context");
     const heard = (name) => new Promise((done) => canvas.addEventListener(name, done, { once: true }));
@@ -54,9 +54,9 @@ async function restored(gsgi) {
     await gone;
     setTimeout(() => lost.restoreContext(), 0);
     await back;
-    const before = gsgi.renderer.info.render.frame;
-    await new Promise((done) => setTimeout(done, 1000));
-    return { drawn: gsgi.renderer.info.render.frame - before, picture: picture(gsgi) };
+    const drawn = () => gsgi.renderer.info.render.frame - before, before = gsgi.renderer.info.render.frame;
+    for (let i = 0; i < 100 && !drawn(); ++i) await new Promise((done) => setTimeout(done, 100));
+    return { drawn: drawn(), picture: picture(gsgi) };
 }
 
 await post(async () => {
