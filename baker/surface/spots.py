@@ -130,8 +130,9 @@ def without_spots(
     spots: Spots, samples: SurfaceSamples, surface: SurfaceSamples, free: SurfaceSamples, gaussians: Gaussians,
     coarse: Gaussians, blend: SurfaceBlend, most: int, triangles: Triangles,
 ) -> Gaussians:  # fmt: skip
-    """The Gaussians with one more in each hole, cut at occluders if they leak, in the best light for all samples: those
-    of the `surface`, in `free` space, and these `samples` in the `spots`.
+    """The Gaussians with one more in each hole that ends at occluders. Without leaks all others keep their light. Else
+    all are cut at occluders and get the best light for all samples: those of the `surface`, in `free` space, and these
+    `samples` in the `spots`.
 
     There are at most so many: those that fewest samples see make room.
     """

@@ -42,6 +42,7 @@ def works(path: Path) -> bool:
     """
     environment = os.environ | {"DRJIT_LIBLLVM_PATH": str(path)}
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    # -P: a file in the current folder may have the name of a module.
     with subprocess.Popen([sys.executable, "-P", "-c", _PROBE], env=environment, **pipes) as probe:
         try:
             output, errors = _outcome(probe, path)

@@ -27,8 +27,8 @@ INDOORS = 0.25  # share of the fronts: with less in rooms, a scene lies in the o
 # Of TRIED places those that are enclosed tell whether the winding of double-sided surfaces means something. Inside
 # bodies nearly all that is seen are backs, even where bodies run into each other. If more than MIXED of the places see
 # a share of backs from DOUBLE_BACKS_MAX to this, and not FRONTS times as many see fewer backs, walls of rooms are wound
-# outwards, or are sheets, of which each room but one sees the backs. In rooms that are wound well, at most an eighth as
-# many see some backs as see hardly any.
+# outwards, or are sheets, whose backs are seen from one of the two rooms that they part. In rooms that are wound well,
+# at most an eighth as many places see some backs as see hardly any.
 TRIED, INSIDE, MIXED, FRONTS = 512, 0.9, 0.2, 2
 
 VOID = 0.4  # from this share of downward rays without a hit, a viewpoint is in the void beside a building

@@ -113,9 +113,8 @@ gsgi_result gsgi__check_surfaces(gsgi_light* light, GLuint depth_name, GLuint no
     return GSGI_OK;
 }
 
-/* Whether the texture is a colour attachment of the framebuffer, which is left bound for drawing. */
-static bool is_attached(const gsgi__gl* gl, GLuint framebuffer, GLuint texture) {
-    gl->BindFramebuffer(GL_DRAW_FRAMEBUFFER, framebuffer);
+/* Whether the texture is a colour attachment of the framebuffer that is bound for drawing. */
+static bool is_attached(const gsgi__gl* gl, GLuint texture) {
     for (int i = 0; i < gl->color_attachments; ++i) {
         const GLenum attachment = GL_COLOR_ATTACHMENT0 + (GLenum)i;
         GLint type = 0, name = 0;
@@ -164,7 +163,7 @@ gsgi_result gsgi__check_addition(gsgi_light* light, GLuint framebuffer, GLuint a
         if (c->width > albedo.width - c->x || c->height > albedo.height - c->y)
             return refuse(light, "albedo", "the viewport does not lie within it");
     }
-    if (framebuffer && is_attached(&light->context->gl, framebuffer, albedo_name))
+    if (framebuffer && is_attached(&light->context->gl, albedo_name))
         return refuse(light, "framebuffer",
                       "albedo is one of its attachments, and cannot be read while it is drawn to: "
                       "make a framebuffer of the radiance alone");

@@ -216,7 +216,8 @@ function start({ renderer, description, light, scene, depth, blended, dim, unsha
 
     function read() {
         const given = Object.fromEntries(new URLSearchParams(location.hash.slice(1)));
-        if ("exposure" in given) given.exposure = Number(given.exposure) > 0 ? Number(given.exposure) : null;
+        const exposure = Number(given.exposure);
+        if ("exposure" in given) given.exposure = exposure > 0 ? exposure : null;
         given.weights = {};
         for (const name of description.groups) {
             const weight = Number(given[`weight.${name}`] ?? 1);
